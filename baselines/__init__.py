@@ -1,0 +1,1 @@
+"""Controllers: feedforward and feedback, each with predict(observation, ...)."""

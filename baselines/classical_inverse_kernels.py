@@ -1,0 +1,108 @@
+"""The classical inverse of the RDPI model: itself a weighted sum of plays, with b_i and s_i.
+
+Its parameters are packed as the plant's (:mod:`rdpi_gym.plant.play`), so with a given rate it runs
+on the plant's own kernel :func:`rdpi_gym.plant.play.given_rate_block`, from µm to V.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant.rdpi import RDPI
+
+
+def pack_inverse(models: Sequence[RDPI], ts_s: float) -> Array:
+    """Pack the inverse's parameters: 1/a_0, b_i, thresholds at rest s_i (µm), a_0 δ2, rate pole.
+
+    Parameters
+    ----------
+    models
+        One model a lane, all with the same n.
+    ts_s
+        Sampling time (s).
+
+    Returns
+    -------
+    float64[2n + 4, B]
+
+    Examples
+    --------
+    >>> pack_inverse([RDPI.from_law([1.0, 1.0], 2.0, 0.0)], 1e-4).ravel().tolist()
+    [1.0, -0.5, 2.0, 0.0, 0.0, 0.0]
+
+    Notes
+    -----
+    c_i = a_0 + ... + a_i, b_i = -a_i / (c_i c_{i-1}), s_i = Σ_{j<i} c_j (r_{j+1} - r_j); with Eq. 8
+    the gaps do not depend on the rate, so it enters every s_i as a_0 δ2 |v| and the inverse exists.
+    """
+    columns = []
+    for model in models:
+        c = np.cumsum(model.weights)
+        b = -np.asarray(model.weights[1:]) / (c[1:] * c[:-1])
+        s = np.cumsum(c[:-1] * np.diff([0.0, *model.thresholds_V]))
+        columns.append([1.0 / c[0], *b, *s, c[0] * model.delta2_s, model.rate_pole(ts_s), 0.0])
+    return np.ascontiguousarray(np.array(columns, dtype=np.float64).T)
+
+
+def inverse_memory(model: RDPI, memory_V: ArrayLike) -> Array:
+    """State of the inverse that belongs to the plant's play states.
+
+    Parameters
+    ----------
+    model
+        The RDPI parameters.
+    memory_V
+        ξ_i (V), ``(n,)``.
+
+    Returns
+    -------
+    float64[n]
+        η_i = c_i ξ_i + Σ_{j>i} a_j ξ_j (µm).
+
+    Examples
+    --------
+    >>> inverse_memory(RDPI.from_law([1.0, 0.5, 0.5], 2.0, 0.0), [1.0, 2.0]).tolist()
+    [2.5, 4.0]
+    """
+    xi = np.asarray(memory_V, dtype=np.float64)
+    a = np.asarray(model.weights[1:])
+    c = np.cumsum(model.weights)[1:]
+    behind = np.cumsum((a * xi)[::-1])[::-1] - a * xi
+    return np.asarray(c * xi + behind, dtype=np.float64)
+
+
+@njit(cache=True)
+def classical_own_rate(y_r: Array, p: Array, state: Array, ts: float, u: Array) -> None:
+    """Inverse at the rate of its own command, one sample old, literal or low-passed as `p` says.
+
+    Parameters
+    ----------
+    y_r : float64[T, B]
+        Reference (µm), offset removed.
+    p, state : float64[2n + 4, B], float64[n + 2, B]
+        As :func:`pack_inverse`; rows of the state: u(k-1) (V), v(k-1) (V/s), η_i (µm).
+    ts : float
+        Sampling time (s).
+    u : float64[T, B]
+        Filled with the command (V).
+    """
+    n = (p.shape[0] - 4) // 2
+    for t in range(y_r.shape[0]):
+        for b in range(y_r.shape[1]):
+            shift = p[2 * n + 1, b] * abs(state[1, b])
+            command = p[0, b] * y_r[t, b]
+            for i in range(n):
+                s = p[n + 1 + i, b] + shift
+                eta = max(y_r[t, b] - s, min(y_r[t, b] + s, state[2 + i, b]))
+                state[2 + i, b] = eta
+                command += p[1 + i, b] * eta
+            last = command if np.isnan(state[0, b]) else state[0, b]
+            pole = p[2 * n + 2, b]
+            state[1, b] = pole * state[1, b] + (1.0 - pole) * ((command - last) / ts)
+            state[0, b] = command
+            u[t, b] = command

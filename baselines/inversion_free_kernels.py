@@ -1,0 +1,75 @@
+"""The inversion-free compensator, Eq. 6 and 7, over (time, batch) blocks.
+
+Parameters and state are laid out as the plant's own (:mod:`rdpi_gym.plant.play`): the compensator
+is the model restructured, so it runs on the parameters that :func:`rdpi_gym.plant.pack` returns.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.arrays import Array
+
+
+@njit(cache=True)
+def _command(y_r: float, b: int, p: Array, state: Array) -> float:
+    n = (p.shape[0] - 4) // 2
+    omega = 0.0
+    for i in range(n):
+        omega += p[1 + i, b] * state[2 + i, b]  # Eq. 7, one sample old
+    return float((y_r - p[2 * n + 3, b] - omega) / p[0, b])  # Eq. 6
+
+
+@njit(cache=True)
+def _slide(u: float, v: float, b: int, p: Array, state: Array) -> None:
+    n = (p.shape[0] - 4) // 2
+    for i in range(n):
+        r = p[n + 1 + i, b] + p[2 * n + 1, b] * abs(v)
+        state[2 + i, b] = max(u - r, min(u + r, state[2 + i, b]))
+
+
+@njit(cache=True)
+def inversion_free_own_rate(y_r: Array, p: Array, state: Array, ts: float, u: Array) -> None:
+    """Eq. 6 with the rate of its own command: literal, or low-passed where `p` says so.
+
+    Parameters
+    ----------
+    y_r : float64[T, B]
+        Reference (µm).
+    p, state : float64[2n + 4, B], float64[n + 2, B]
+        Packed parameters and state; the state is moved to the end of the block.
+    ts : float
+        Sampling time (s).
+    u : float64[T, B]
+        Filled with the command (V).
+    """
+    pole_row = p.shape[0] - 2
+    for t in range(y_r.shape[0]):
+        for b in range(y_r.shape[1]):
+            command = _command(y_r[t, b], b, p, state)
+            last = command if np.isnan(state[0, b]) else state[0, b]
+            pole = p[pole_row, b]
+            v = pole * state[1, b] + (1.0 - pole) * ((command - last) / ts)
+            state[0, b], state[1, b] = command, v
+            _slide(command, v, b, p, state)
+            u[t, b] = command
+
+
+@njit(cache=True)
+def inversion_free_given_rate(y_r: Array, v: Array, p: Array, state: Array, u: Array) -> None:
+    """Eq. 6 with thresholds given through a rate.
+
+    Parameters
+    ----------
+    y_r, v : float64[T, B]
+        Reference (µm) and the rate that sets the thresholds (V/s).
+    p, state : float64[2n + 4, B], float64[n + 2, B]
+        Packed parameters and state; the play states are moved to the end of the block.
+    u : float64[T, B]
+        Filled with the command (V).
+    """
+    for t in range(y_r.shape[0]):
+        for b in range(y_r.shape[1]):
+            u[t, b] = _command(y_r[t, b], b, p, state)
+            _slide(u[t, b], v[t, b], b, p, state)

@@ -1,0 +1,1 @@
+"""Piezo micro- and nano-positioning under hysteresis."""

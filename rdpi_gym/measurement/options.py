@@ -1,0 +1,194 @@
+"""What a user says about a data file: columns, units, sampling time, what to leave out."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from rdpi_gym.errors import InputError
+
+COLUMNS = ("t", "u", "y", "reference", "temperature", "period")
+"""Names of the columns: t (s), u (V), y (µm), reference (µm), temperature (°C), period (index)."""
+
+_LENGTH_UM = {"m": 1e6, "mm": 1e3, "um": 1.0, "nm": 1e-3}
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "t": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "u": {"V": 1.0, "mV": 1e-3, "kV": 1e3},
+    "y": _LENGTH_UM,
+    "reference": _LENGTH_UM,
+    "temperature": {"C": 1.0, "degC": 1.0, "°C": 1.0},
+    "period": {},
+}
+"""Factor to s, V, µm, °C for every unit that a column may have; µ may be written u."""
+
+
+def unknown_name(where: str, name: str, known: Iterable[str]) -> InputError:
+    """Build the error for a name that is not among those known, with the close match.
+
+    Examples
+    --------
+    >>> str(unknown_name("dataset.toml", "titel", ["title", "units"]))
+    "dataset.toml: 'titel' is unknown (did you mean 'title'?); known are title, units"
+    """
+    names = list(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    guess = f" (did you mean {close[0]!r}?)" if close else ""
+    return InputError(f"{where}: {name!r} is unknown{guess}; known are {', '.join(names)}")
+
+
+def unit_factor(column: str, unit: str, where: str = "--units") -> float:
+    """Give the factor from a unit of a column to s, V, µm or °C.
+
+    Raises
+    ------
+    InputError
+        Unknown column, or a unit that it cannot have.
+
+    Examples
+    --------
+    >>> unit_factor("y", "nm"), unit_factor("t", "µs")
+    (0.001, 1e-06)
+    """
+    if column not in UNITS:
+        raise unknown_name(where, column, UNITS)
+    known = UNITS[column]
+    plain = unit.replace("µ", "u").replace("μ", "u")  # micro sign and Greek mu
+    if plain not in known:
+        right = f"known are {', '.join(known)}" if known else f"{column} is an index without unit"
+        raise InputError(f"{where}: unit {unit!r} of {column} is unknown; {right}")
+    return known[plain]
+
+
+def check_columns(columns: Mapping[str, str | int], where: str) -> None:
+    """Refuse unknown column names, positions below 0 and a column that is named twice.
+
+    Raises
+    ------
+    InputError
+        Naming `where` and the column.
+    """
+    taken: dict[str | int, str] = {}
+    for name, source in columns.items():
+        if name not in COLUMNS:
+            raise unknown_name(where, name, COLUMNS)
+        # TOML brings any type here, whatever the annotation promises
+        is_position = type(source) is int and source >= 0
+        if not is_position and not (isinstance(source, str) and source):
+            raise InputError(
+                f"{where}: {name} = {source!r}; give a header name or a position from 0 on"
+            )
+        if source in taken:
+            raise InputError(
+                f"{where}: {taken[source]} and {name} both name column {source}; give two columns"
+            )
+        taken[source] = name
+
+
+def check_skip(seconds: float | None, where: str) -> None:
+    """Refuse a stretch to leave out (s) that is not finite or below 0.
+
+    Raises
+    ------
+    InputError
+        Naming `where` and the value.
+    """
+    if seconds is not None and not (math.isfinite(seconds) and seconds >= 0):
+        raise InputError(f"{where} is {seconds}; give seconds, 0 or above")
+
+
+@dataclass(frozen=True)
+class DataOptions:
+    """What the command line says about DATA; it overrides a ``dataset.toml``.
+
+    Parameters
+    ----------
+    columns
+        Header name or zero-based position of a column, by our name (`COLUMNS`).
+    units
+        Unit of a column in the file, by our name (`UNITS`).
+    sampling_time_s
+        Sampling time (s) of records without a time column.
+    validate
+        Pattern (``*``, ``?``, ``[abc]``) of the names of validation records.
+    skip_s
+        Seconds left out at the start of each record.
+
+    Raises
+    ------
+    InputError
+        Unknown columns or units, a sampling time that is not above 0, a skip below 0.
+
+    Examples
+    --------
+    >>> DataOptions(columns=parse_columns("t=time,u=2"), units=parse_units("y=m")).columns
+    {'t': 'time', 'u': 2}
+    """
+
+    columns: Mapping[str, str | int] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    sampling_time_s: float | None = None
+    validate: str | None = None
+    skip_s: float | None = None
+
+    def __post_init__(self) -> None:
+        check_columns(self.columns, "--columns")
+        for column, unit in self.units.items():
+            unit_factor(column, unit)
+        ts_s = self.sampling_time_s
+        if ts_s is not None and not (math.isfinite(ts_s) and ts_s > 0):
+            raise InputError(f"--sampling-time is {ts_s}; give seconds above 0, for example 5e-3")
+        check_skip(self.skip_s, "--skip")
+
+
+def _parse_pairs(text: str, option: str, example: str) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for part in text.split(","):
+        name, _, value = (piece.strip() for piece in part.partition("="))
+        if not name or not value:
+            raise InputError(f"{option} {text!r}: {part!r} is not NAME=VALUE; write {example}")
+        if name in pairs:
+            raise InputError(f"{option} {text!r}: {name} is given twice; give it once")
+        pairs[name] = value
+    return pairs
+
+
+def parse_columns(text: str) -> dict[str, str | int]:
+    """Read ``t=time,u=voltage,y=disp`` or zero-based positions, ``t=1,u=3,y=2``.
+
+    Raises
+    ------
+    InputError
+        Not NAME=VALUE, an unknown name, a name or column given twice.
+
+    Examples
+    --------
+    >>> parse_columns("t=time,u=voltage,y=2")
+    {'t': 'time', 'u': 'voltage', 'y': 2}
+    """
+    columns: dict[str, str | int] = {
+        name: int(value) if value.isascii() and value.isdigit() else value
+        for name, value in _parse_pairs(text, "--columns", "t=time,u=voltage,y=disp").items()
+    }
+    check_columns(columns, "--columns")
+    return columns
+
+
+def parse_units(text: str) -> dict[str, str]:
+    """Read ``y=m,t=ms``.
+
+    Raises
+    ------
+    InputError
+        Not NAME=UNIT, an unknown column or unit.
+
+    Examples
+    --------
+    >>> parse_units("y=m, t=ms")
+    {'y': 'm', 't': 'ms'}
+    """
+    units = _parse_pairs(text, "--units", "y=m,t=ms")
+    for column, unit in units.items():
+        unit_factor(column, unit)
+    return units

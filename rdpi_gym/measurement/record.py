@@ -1,0 +1,227 @@
+"""What a measurement is: one record of an experiment, and a data set of records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.errors import InputError
+
+BoolArray = NDArray[np.bool_]
+Role = Literal["train", "validation", "test"]
+ROLES: tuple[Role, ...] = get_args(Role)
+_CONSTANT_U_V = 1e-9  # below this a voltage is constant: no amplifier moves by a nanovolt
+
+
+def _empty_mask() -> BoolArray:
+    return np.ones(0, dtype=np.bool_)
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One measured record, uniformly sampled; `t_s` is the clock of the experiment.
+
+    Parameters
+    ----------
+    name
+        Name of the record: its file name without the ending.
+    t_s, u_V, y_um
+        Time (s), voltage (V) and displacement (µm), each of shape (N,).
+    ts_s
+        Sampling time (s).
+    reference_um, temperature_C, period
+        Reference (µm), temperature (°C), index of the repetition; each (N,) or None.
+    role
+        ``train``, ``validation`` or ``test``.
+    error_mask
+        (N,) bool; False where a sample is simulated but left out of the error. By default all
+        samples count.
+    note
+        What the experimenter wrote about the record.
+    source
+        The file it was read from.
+    remarks
+        What was left out, resampled, how much the sampling jitters: one sentence each.
+
+    Raises
+    ------
+    InputError
+        Arrays of different lengths, a sampling time that is not above 0, an unknown role.
+
+    Examples
+    --------
+    >>> t = np.arange(100) * 1e-3
+    >>> record = Record("sine", t, np.sin(60 * t), 8 * np.sin(60 * t), ts_s=1e-3)
+    >>> record.is_quiet, int(record.error_mask.sum())
+    (False, 100)
+    """
+
+    name: str
+    t_s: Array
+    u_V: Array  # noqa: N815 - the unit is written as it is
+    y_um: Array
+    ts_s: float
+    reference_um: Array | None = None
+    temperature_C: Array | None = None  # noqa: N815
+    period: NDArray[np.int64] | None = None
+    role: Role = "train"
+    error_mask: BoolArray = field(default_factory=_empty_mask)
+    note: str = ""
+    source: str = ""
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        samples = self.t_s.size
+        if self.error_mask.size == 0:
+            object.__setattr__(self, "error_mask", np.ones(samples, dtype=np.bool_))
+        for key in ("t_s", "u_V", "y_um", "reference_um", "temperature_C", "period", "error_mask"):
+            column = getattr(self, key)
+            if column is not None and column.shape != (samples,):
+                raise InputError(
+                    f"record {self.name}: {key} has shape {column.shape}; "
+                    f"give one value for each of the {samples} times"
+                )
+        if not self.ts_s > 0:
+            raise InputError(
+                f"record {self.name}: ts_s is {self.ts_s}; give a sampling time above 0 s"
+            )
+        if self.role not in ROLES:
+            raise InputError(
+                f"record {self.name}: role {self.role!r} is unknown; give {', '.join(ROLES)}"
+            )
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether the voltage never changes: such a record tells noise floor and drift.
+
+        Examples
+        --------
+        >>> t = np.arange(50) * 0.1
+        >>> Record("rest", t, np.full(50, 2.0), np.zeros(50), ts_s=0.1).is_quiet
+        True
+        """
+        largest = float(np.max(np.abs(self.u_V), initial=1.0))
+        return bool(np.ptp(self.u_V) <= _CONSTANT_U_V * largest)
+
+
+def hold_out_quarter(record: Record) -> tuple[Record, Record]:
+    """Split one record into a training and a validation part, each still simulated whole.
+
+    Both results hold the arrays of `record` in full, so that a simulation carries its memory
+    through; only `error_mask` (and `role`) differ: the last quarter of the samples that count
+    belongs to the second, the others to the first.
+
+    Returns
+    -------
+    tuple of Record
+        The training part and the validation part.
+
+    Examples
+    --------
+    >>> t = np.arange(100) * 1e-3
+    >>> train, validation = hold_out_quarter(Record("sine", t, np.sin(t), np.sin(t), ts_s=1e-3))
+    >>> int(train.error_mask.sum()), int(validation.error_mask.sum()), validation.t_s.size
+    (75, 25, 100)
+    """
+    counted = np.flatnonzero(record.error_mask)
+    held_out = counted[counted.size - counted.size // 4 :]
+    validation = np.zeros_like(record.error_mask)
+    validation[held_out] = True
+    return (
+        replace(record, role="train", error_mask=record.error_mask & ~validation),
+        replace(record, role="validation", error_mask=validation),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Records that were measured on one plant.
+
+    `records` holds every record as it was read. What a fit works with are `train` and
+    `validation`: simulate each of their records whole and count the error where its `error_mask`
+    is True. Where no record has the role ``validation``, both hold the same records, the last
+    quarter of each counting only in `validation`. Quiet records (constant voltage) are in neither.
+
+    Parameters
+    ----------
+    title
+        What the data set is.
+    records
+        The records.
+    remarks
+        What else was left out or decided, one sentence each.
+
+    Examples
+    --------
+    >>> t = np.arange(100) * 1e-3
+    >>> sine = Record("sine", t, np.sin(60 * t), 8 * np.sin(60 * t), ts_s=1e-3)
+    >>> rest = Record("rest", t, np.zeros(100), np.zeros(100), ts_s=1e-3)
+    >>> data = Dataset("an example", (sine, rest))
+    >>> [r.name for r in data.train], [r.name for r in data.quiet]
+    (['sine'], ['rest'])
+    >>> print(data.describe())
+    an example
+      sine (train): 100 samples, 0.001 s apart, t = 0 to 0.099 s
+      rest (quiet): 100 samples, 0.001 s apart, t = 0 to 0.099 s
+      no validation record: the last quarter of each record is held out for validation
+    """
+
+    title: str
+    records: tuple[Record, ...]
+    remarks: tuple[str, ...] = ()
+
+    def _moving(self, role: Role) -> tuple[Record, ...]:
+        return tuple(r for r in self.records if r.role == role and not r.is_quiet)
+
+    @property
+    def holds_out_quarters(self) -> bool:
+        """Whether train and validation are parts of the same records (none is for validation)."""
+        return not self._moving("validation")
+
+    @property
+    def train(self) -> tuple[Record, ...]:
+        """Records to fit, `error_mask` True where their error counts."""
+        records = self._moving("train")
+        if self.holds_out_quarters:
+            return tuple(hold_out_quarter(r)[0] for r in records)
+        return records
+
+    @property
+    def validation(self) -> tuple[Record, ...]:
+        """Records to check a fit on, `error_mask` True where their error counts."""
+        if self.holds_out_quarters:
+            return tuple(hold_out_quarter(r)[1] for r in self._moving("train"))
+        return self._moving("validation")
+
+    @property
+    def test(self) -> tuple[Record, ...]:
+        """Records with the role ``test``: in neither `train` nor `validation`."""
+        return self._moving("test")
+
+    @property
+    def quiet(self) -> tuple[Record, ...]:
+        """Records of constant voltage."""
+        return tuple(r for r in self.records if r.is_quiet)
+
+    def describe(self) -> str:
+        """Say what was read and what was left out, one line a fact."""
+        lines = [self.title]
+        for r in self.records:
+            kind = "quiet" if r.is_quiet else r.role
+            lines.append(
+                f"  {r.name} ({kind}): {r.t_s.size} samples, {r.ts_s:.6g} s apart, "
+                f"t = {r.t_s[0]:.6g} to {r.t_s[-1]:.6g} s"
+            )
+            lines += [f"    {remark}" for remark in r.remarks]
+            if r.note:
+                lines.append(f"    note: {r.note}")
+        if self.train and self.holds_out_quarters:
+            lines.append(
+                "  no validation record: the last quarter of each record is held out for validation"
+            )
+        lines += [f"  {remark}" for remark in self.remarks]
+        return "\n".join(lines)

@@ -1,0 +1,169 @@
+"""A plant's description: hysteresis, ranges and test bench, saved and loaded as versioned JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from rdpi_gym.errors import InputError
+from rdpi_gym.files import read_json, write_json
+from rdpi_gym.plant.bench import Converter, Sensor
+from rdpi_gym.plant.rdpi import RDPI
+
+FORMAT, VERSION = "rdpi-plant", 1
+
+
+@dataclass(frozen=True)
+class PlantModel:
+    """Everything that is fixed about a plant; :class:`~rdpi_gym.plant.Plant` runs it.
+
+    Parameters
+    ----------
+    hysteresis
+        The RDPI parameters.
+    name
+        What tables call it.
+    command_range_V
+        Lowest and highest command (V) that the amplifier takes.
+    reference_um
+        Centre and amplitude (µm) of the references that suit its stroke.
+    offset_um
+        Displacement (µm) added to the model's output.
+    sensor, converter
+        The test bench; none by default.
+    note
+        Where the parameters come from.
+    identification
+        What a fit says of itself (standard errors, largest rate); not used by the physics.
+
+    Raises
+    ------
+    InputError
+        An empty or reversed range, a reference amplitude that is not above zero, a value that is
+        not finite.
+
+    Examples
+    --------
+    >>> model = PlantModel(RDPI.from_law([1.0, 0.5], 2.0, 0.0), "demo", (-10.0, 10.0), (0.0, 5.0))
+    >>> PlantModel.from_dict(model.to_dict()) == model
+    True
+    """
+
+    hysteresis: RDPI
+    name: str
+    command_range_V: tuple[float, float]
+    reference_um: tuple[float, float]
+    offset_um: float = 0.0
+    sensor: Sensor = field(default_factory=Sensor)
+    converter: Converter = field(default_factory=Converter)
+    note: str = ""
+    identification: Mapping[str, Any] = field(default_factory=dict, compare=False)
+
+    def __post_init__(self) -> None:
+        low, high = self.command_range_V
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise InputError(
+                f"command_range_V is ({low}, {high}); give the lowest and the highest command, for example (0, 100)"
+            )
+        centre, amplitude = self.reference_um
+        if not (math.isfinite(centre) and math.isfinite(amplitude) and amplitude > 0):
+            raise InputError(
+                f"reference_um is ({centre}, {amplitude}); give a centre and an amplitude above 0 µm"
+            )
+        if not math.isfinite(self.offset_um):
+            raise InputError(f"offset_um is {self.offset_um}; give a finite displacement (µm)")
+
+    def with_hysteresis(self, hysteresis: RDPI, name: str | None = None) -> PlantModel:
+        """Return the same bench and ranges around another hysteresis, under `name` if given."""
+        return replace(self, hysteresis=hysteresis, name=self.name if name is None else name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plant as a JSON object of format ``rdpi-plant``."""
+        document = dataclasses.asdict(self)
+        return {"format": FORMAT, "version": VERSION, **document}
+
+    def save(self, path: Path | str) -> Path:
+        """Write the plant as JSON to `path`, whole or not at all."""
+        return write_json(path, self.to_dict())
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any], source: str = "plant") -> PlantModel:
+        """Build a plant from the JSON object that :meth:`to_dict` returns.
+
+        Parameters
+        ----------
+        document
+            The object.
+        source
+            Named in errors.
+
+        Raises
+        ------
+        InputError
+            A key is missing or unknown, or a value is not what the plant needs.
+        """
+        body = {k: v for k, v in document.items() if k not in ("format", "version")}
+        built = _build(cls, body, source)
+        assert isinstance(built, cls)
+        return built
+
+    @classmethod
+    def load(cls, path: Path | str) -> PlantModel:
+        """Read a plant from a JSON file.
+
+        Raises
+        ------
+        InputError
+            The file is missing, cut off, foreign, or holds values that no plant has.
+        """
+        return cls.from_dict(read_json(path, FORMAT, VERSION), str(path))
+
+
+_PARTS: dict[str, type] = {"hysteresis": RDPI, "sensor": Sensor, "converter": Converter}
+
+
+def _build(kind: type, body: Any, source: str) -> Any:
+    if not isinstance(body, Mapping):
+        raise InputError(f"{source} is {type(body).__name__}; expected a JSON object")
+    fields = {f.name: f for f in dataclasses.fields(kind)}
+    unknown = sorted(set(body) - set(fields))
+    if unknown:
+        raise InputError(
+            f"{source} has the unknown key {unknown[0]!r}; known are {', '.join(fields)}"
+        )
+    values: dict[str, Any] = {}
+    for key, value in body.items():
+        where = f"{source}, {key}"
+        if key in _PARTS and kind is PlantModel:
+            values[key] = _build(_PARTS[key], value, where)
+        elif isinstance(value, list | tuple):
+            values[key] = tuple(_number(x, where) for x in value)
+        elif key in ("name", "note"):
+            values[key] = str(value)
+        elif key == "identification":
+            values[key] = value
+        else:
+            values[key] = None if value is None else _number(value, where)
+    try:
+        return kind(**values)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise InputError(f"{source}: {error}") from None
+        required = [
+            name
+            for name, f in fields.items()
+            if f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+        ]
+        raise InputError(
+            f"{source} needs the keys {', '.join(required)} with values of the right length"
+        ) from None
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{where} is {value!r}; expected a number")
+    return float(value)

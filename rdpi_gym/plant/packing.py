@@ -1,0 +1,80 @@
+"""Parameters as kernels read them: one column a lane, rows as play.py states them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant.rdpi import RDPI
+
+
+def check_ts(ts_s: float) -> float:
+    """Return `ts_s` (s) as a float, or refuse one that is not finite and above zero.
+
+    Raises
+    ------
+    InputError
+        With the value found.
+
+    Examples
+    --------
+    >>> check_ts(5e-5)
+    5e-05
+    """
+    value = float(ts_s)
+    if not (np.isfinite(value) and value > 0):
+        raise InputError(f"ts_s is {ts_s}; give a sampling time above 0 s, for example 5e-5")
+    return value
+
+
+def pack(models: Sequence[RDPI], ts_s: float, offsets_um: Sequence[float]) -> Array:
+    """Pack RDPI parameters for the kernels of :mod:`rdpi_gym.plant.play`.
+
+    Parameters
+    ----------
+    models
+        One model a lane, all with the same number n of plays.
+    ts_s
+        Sampling time (s); it sets the pole of a band-limited rate.
+    offsets_um
+        Added to each lane's displacement (µm).
+
+    Returns
+    -------
+    float64[2n + 4, B]
+
+    Raises
+    ------
+    InputError
+        The models differ in n, or Ts is not above zero.
+
+    Examples
+    --------
+    >>> pack([RDPI.from_law([1.0, 0.5], 2.0, 0.0)], 1e-4, [0.0]).ravel().tolist()
+    [1.0, 0.5, 2.0, 0.0, 0.0, 0.0]
+    """
+    check_ts(ts_s)
+    if len({model.n for model in models}) != 1:
+        counts = sorted({model.n for model in models})
+        raise InputError(
+            f"lanes with {counts} play operators; all lanes of one plant need the same n"
+        )
+    columns = [
+        [*m.weights, *m.thresholds_V, m.delta2_s, m.rate_pole(ts_s), float(offset)]
+        for m, offset in zip(models, offsets_um, strict=True)
+    ]
+    return np.ascontiguousarray(np.array(columns, dtype=np.float64).T)
+
+
+def empty_state(n: int, lanes: int) -> Array:
+    """State of `lanes` plants with `n` plays that have never been moved: float64[n + 2, lanes].
+
+    Examples
+    --------
+    >>> empty_state(5, 3).shape
+    (7, 3)
+    """
+    return np.zeros((n + 2, lanes))
