@@ -1,0 +1,205 @@
+"""What every signal is: a displacement in µm at any time in s, with its exact derivative."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.errors import InputError
+from rdpi_gym.signals.checks import set_number
+
+# A sample that falls on a jump or a corner up to rounding belongs to what comes after it, so that
+# k * 1e-3 and 10 k * 1e-4 see the same value. In units of one cycle, hold or grid interval.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal(ABC):
+    """A reference or an excitation, defined at any time.
+
+    Its value is ``w(t) (offset_um + amplitude_um shape(t))``: `shape` is what the subclass defines,
+    about -1 to 1, and w the smooth start, the quintic ``10 s³ - 15 s⁴ + 6 s⁵`` of
+    ``s = t / smooth_start_s``, twice continuously differentiable. With a smooth start the signal
+    begins at 0 µm, where a plant at rest is. Before t = 0 the value at 0 is held.
+
+    Signals are frozen and compare by value; `dataclasses.replace` makes a changed one. A signal of
+    your own defines `name`, ``_shape(t)`` and ``_shape_rate(t)`` (1/s).
+
+    Parameters
+    ----------
+    amplitude_um
+        Factor on the shape (µm), 0 or more.
+    offset_um
+        Displacement about which the shape moves (µm).
+    smooth_start_s
+        Duration of the smooth start (s); 0 starts at once.
+
+    Raises
+    ------
+    InputError
+        A field is not finite or outside its range.
+
+    Examples
+    --------
+    >>> from rdpi_gym.signals import Sine
+    >>> sine = Sine(amplitude_um=10.0, frequency_hz=50.0)
+    >>> sine([0.0, 0.005, 0.015])
+    array([  0.,  10., -10.])
+    >>> round(float(sine.derivative(0.0)), 3)
+    3141.593
+    """
+
+    name: ClassVar[str]
+
+    amplitude_um: float = 1.0
+    offset_um: float = 0.0
+    smooth_start_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        set_number(self, "amplitude_um", minimum=0.0)
+        set_number(self, "offset_um")
+        set_number(self, "smooth_start_s", minimum=0.0)
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """Return the displacement (µm) at times `t` (s), in the shape of `t`.
+
+        Raises
+        ------
+        InputError
+            A time is NaN or infinite.
+        """
+        held = np.maximum(_times(t), 0.0)
+        value = self.offset_um + self.amplitude_um * self._shape(held)
+        if self.smooth_start_s > 0.0:
+            value = value * smoothstep(held / self.smooth_start_s)
+        return np.asarray(value)
+
+    def derivative(self, t: ArrayLike) -> Array:
+        """Return the exact derivative (µm/s) at times `t` (s), in the shape of `t`.
+
+        It is the right-sided one at corners. At a jump it is that of the signal after the jump:
+        `has_derivative` says whether there are jumps. Before t = 0 it is zero.
+
+        Raises
+        ------
+        InputError
+            A time is NaN or infinite.
+        """
+        time = _times(t)
+        held = np.maximum(time, 0.0)
+        rate = self.amplitude_um * self._shape_rate(held)
+        if self.smooth_start_s > 0.0:
+            s = held / self.smooth_start_s
+            value = self.offset_um + self.amplitude_um * self._shape(held)
+            rate = smoothstep(s) * rate + smoothstep_rate(s) / self.smooth_start_s * value
+        return np.where(time < 0.0, 0.0, rate)
+
+    def preview(self, t: ArrayLike, ts_s: float, samples: int) -> Array:
+        """Return what comes: the displacements (µm) at ``t + ts_s``, ... ``t + samples ts_s``.
+
+        Parameters
+        ----------
+        t
+            Times (s), any shape.
+        ts_s
+            Sampling time (s), above 0.
+        samples
+            How many samples ahead, 0 or more.
+
+        Returns
+        -------
+        ndarray
+            Shape of `t` with a last axis of length `samples`.
+
+        Raises
+        ------
+        InputError
+            `ts_s` is not above 0, `samples` is no whole number of 0 or more, or a time is not finite.
+
+        Examples
+        --------
+        >>> from rdpi_gym.signals import Sawtooth
+        >>> Sawtooth(frequency_hz=1.0).preview([0.0, 0.1], ts_s=0.1, samples=3)
+        array([[0.2, 0.4, 0.6],
+               [0.4, 0.6, 0.8]])
+        """
+        if not 0.0 < ts_s < np.inf:
+            raise InputError(f"ts_s is {ts_s!r}; give a sampling time above 0 s, for example 5e-5")
+        if samples < 0 or samples != int(samples):
+            raise InputError(f"samples is {samples!r}; give a whole number, 0 or more")
+        return self(_times(t)[..., np.newaxis] + ts_s * np.arange(1, samples + 1))
+
+    @property
+    def has_derivative(self) -> bool:
+        """Whether the signal is continuous, so that `derivative` tells all of its change."""
+        return True
+
+    @property
+    def period_s(self) -> float | None:
+        """Time after which the signal repeats (s), once its smooth start is over; None: never."""
+        return None
+
+    def with_seed(self, seed: int) -> Self:
+        """Return the signal drawn anew from `seed`; one without randomness is returned as it is.
+
+        Examples
+        --------
+        >>> from rdpi_gym.signals import Multisine, Sine
+        >>> Multisine().with_seed(7).seed
+        7
+        >>> Sine().with_seed(7) == Sine()
+        True
+        """
+        if any(field.name == "seed" for field in fields(self)):
+            return replace(self, seed=seed)  # type: ignore[call-arg]  # checked just above
+        return self
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the signal as plain JSON values, which `signal_from_dict` reads back exactly.
+
+        Examples
+        --------
+        >>> from rdpi_gym.signals import Constant
+        >>> Constant(offset_um=3.0).to_dict()["signal"]
+        'constant'
+        """
+        values = {field.name: _plain(getattr(self, field.name)) for field in fields(self)}
+        return {"signal": self.name} | values
+
+    @abstractmethod
+    def _shape(self, t: Array) -> Array:
+        """Return the shape, about -1 to 1, at times `t` (s), none below 0."""
+
+    @abstractmethod
+    def _shape_rate(self, t: Array) -> Array:
+        """Return the right-sided derivative of the shape (1/s) at times `t` (s), none below 0."""
+
+
+def smoothstep(s: Array) -> Array:
+    """Return the quintic from 0 at s = 0 to 1 at s = 1, constant outside, C2 everywhere."""
+    s = np.clip(s, 0.0, 1.0)
+    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+
+
+def smoothstep_rate(s: Array) -> Array:
+    """Return the derivative of `smoothstep` with respect to s."""
+    s = np.clip(s, 0.0, 1.0)
+    return 30.0 * s**2 * (1.0 - s) ** 2
+
+
+def _times(t: ArrayLike) -> Array:
+    time = np.asarray(t, dtype=np.float64)
+    if not np.isfinite(time).all():
+        raise InputError("a time is NaN or infinite; give finite times in s")
+    return time
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Signal):
+        return value.to_dict()
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value

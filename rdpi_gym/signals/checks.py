@@ -1,0 +1,85 @@
+"""Checks of a signal's fields: one line that names the field, its value and what would be right."""
+
+from __future__ import annotations
+
+import math
+import numbers
+import reprlib
+from typing import Any
+
+import numpy as np
+
+from rdpi_gym.errors import InputError
+
+
+def refuse(signal: Any, field: str, wanted: str) -> InputError:
+    """Return the error for a field of `signal` that is not as `wanted` says."""
+    return InputError(
+        f"{signal.name}: {field} is {reprlib.repr(getattr(signal, field))}; give {wanted}"
+    )
+
+
+def set_number(
+    signal: Any,
+    field: str,
+    *,
+    above: float = -math.inf,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+) -> None:
+    """Store a field as a float after checking that it is finite and within its bounds.
+
+    Raises
+    ------
+    InputError
+        The field is no number, not finite, not above `above`, or outside `minimum` to `maximum`.
+    """
+    value = getattr(signal, field)
+    real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    if not real or not math.isfinite(value) or not (value > above and minimum <= value <= maximum):
+        bounds = [
+            f"{word} {bound:g}"
+            for word, bound in (("above", above), ("at least", minimum), ("at most", maximum))
+            if math.isfinite(bound)
+        ]
+        raise refuse(signal, field, " ".join(["a finite number", " and ".join(bounds)]).strip())
+    object.__setattr__(signal, field, float(value))
+
+
+def set_positive(signal: Any, *fields: str) -> None:
+    """Store fields as floats after checking that they are finite and above zero."""
+    for field in fields:
+        set_number(signal, field, above=0.0)
+
+
+def set_integer(signal: Any, field: str, *, minimum: int, maximum: int | None = None) -> None:
+    """Store a field as an int after checking that it is a whole number within its bounds.
+
+    Raises
+    ------
+    InputError
+        The field is no whole number or outside its bounds.
+    """
+    value = getattr(signal, field)
+    whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if not whole or value < minimum or (maximum is not None and value > maximum):
+        limit = "" if maximum is None else f" and at most {maximum}"
+        raise refuse(signal, field, f"a whole number of at least {minimum}{limit}")
+    object.__setattr__(signal, field, int(value))
+
+
+def set_numbers(signal: Any, field: str, *, count: int) -> None:
+    """Store a field as a tuple of floats after checking that there are `count` of them or more.
+
+    Raises
+    ------
+    InputError
+        The field is no flat list of at least `count` finite numbers.
+    """
+    try:
+        values = np.asarray(getattr(signal, field), dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    if values.ndim != 1 or values.size < count or not np.isfinite(values).all():
+        raise refuse(signal, field, f"a flat list of at least {count} finite numbers")
+    object.__setattr__(signal, field, tuple(values.tolist()))

@@ -1,0 +1,162 @@
+"""Signals of one frequency: sine, triangle, sawtooth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.signals.base import ROUNDING, Signal
+from rdpi_gym.signals.checks import set_number, set_positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class Periodic(Signal):
+    """A signal with a frequency and a phase.
+
+    Parameters
+    ----------
+    frequency_hz
+        Frequency (Hz), above 0.
+    phase_rad
+        Phase at t = 0 (rad); 2π is one period.
+    """
+
+    frequency_hz: float = 1.0
+    phase_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        set_positive(self, "frequency_hz")
+        set_number(self, "phase_rad")
+
+    @property
+    def period_s(self) -> float:
+        """One over the frequency (s)."""
+        return 1.0 / self.frequency_hz
+
+    def _cycles(self, t: Array) -> Array:
+        return self.frequency_hz * t + self.phase_rad / (2.0 * np.pi)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sine(Periodic):
+    """``sin(2π frequency_hz t + phase_rad)``.
+
+    Examples
+    --------
+    >>> Sine(amplitude_um=40.0, frequency_hz=80.0).period_s
+    0.0125
+    """
+
+    name: ClassVar[str] = "sine"
+
+    def _shape(self, t: Array) -> Array:
+        return np.sin(2.0 * np.pi * self.frequency_hz * t + self.phase_rad)
+
+    def _shape_rate(self, t: Array) -> Array:
+        omega = 2.0 * np.pi * self.frequency_hz
+        return omega * np.cos(omega * t + self.phase_rad)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Triangle(Periodic):
+    """A triangle of constant rate that starts upwards at 0, as the sine does.
+
+    Examples
+    --------
+    >>> Triangle(frequency_hz=1.0)([0.0, 0.25, 0.5, 0.75])
+    array([ 0.,  1.,  0., -1.])
+    """
+
+    name: ClassVar[str] = "triangle"
+
+    def _shape(self, t: Array) -> Array:
+        return ramps(self._cycles(t) + 0.25, rise=0.5)
+
+    def _shape_rate(self, t: Array) -> Array:
+        return self.frequency_hz * ramps_rate(self._cycles(t) + 0.25, rise=0.5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sawtooth(Periodic):
+    """A ramp that returns at once, or within a part of the period; it starts upwards at 0.
+
+    Parameters
+    ----------
+    flyback_fraction
+        Part of the period that the return takes, 0 to below 1; at 0 the return is a jump.
+
+    Examples
+    --------
+    >>> Sawtooth(frequency_hz=1.0)([0.0, 0.25, 0.5, 0.75])
+    array([ 0. ,  0.5, -1. , -0.5])
+    >>> Sawtooth().has_derivative, Sawtooth(flyback_fraction=0.1).has_derivative
+    (False, True)
+    """
+
+    name: ClassVar[str] = "sawtooth"
+    flyback_fraction: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        set_number(self, "flyback_fraction", minimum=0.0, maximum=0.999)
+
+    @property
+    def has_derivative(self) -> bool:
+        """Whether the return takes time."""
+        return self.flyback_fraction > 0.0
+
+    def _shape(self, t: Array) -> Array:
+        rise = 1.0 - self.flyback_fraction
+        return ramps(self._cycles(t) + 0.5 * rise, rise)
+
+    def _shape_rate(self, t: Array) -> Array:
+        rise = 1.0 - self.flyback_fraction
+        return self.frequency_hz * ramps_rate(self._cycles(t) + 0.5 * rise, rise)
+
+
+def ramps(cycles: Array, rise: float, turnaround: float = 0.0) -> Array:
+    """Return periodic ramps between -1 and 1, at -1 where `cycles` is whole.
+
+    Parameters
+    ----------
+    cycles
+        Time in periods.
+    rise
+        Part of the period in which it rises, above 0; at 1 it returns by a jump.
+    turnaround
+        Part of the period that each turnaround takes, at constant acceleration; at most the
+        shorter of the two ramps. 0: sharp corners.
+    """
+    if rise == 1.0:
+        part = np.maximum(cycles - np.floor(cycles + ROUNDING), 0.0)
+        return 2.0 * part - 1.0
+    part = cycles - np.floor(cycles)
+    sharp = np.interp(part, [0.0, rise, 1.0], [-1.0, 1.0, -1.0])
+    if turnaround == 0.0:
+        return sharp
+    # A parabola cuts each corner; the ramps are steeper by 1 / (1 - turnaround), so that the
+    # vertices of the parabolas lie at -1 and 1.
+    curvature = 2.0 / (rise * (1.0 - rise) * turnaround)
+    top: Array = np.maximum(0.5 * turnaround - np.abs(part - rise), 0.0)
+    bottom: Array = np.maximum(0.5 * turnaround - np.abs(part - np.rint(part)), 0.0)
+    return (sharp + 0.5 * curvature * (bottom**2 - top**2)) / (1.0 - turnaround)
+
+
+def ramps_rate(cycles: Array, rise: float, turnaround: float = 0.0) -> Array:
+    """Return the right-sided derivative of `ramps` (per period)."""
+    if rise == 1.0:
+        return np.full_like(cycles, 2.0)
+    part = cycles + ROUNDING - np.floor(cycles + ROUNDING)
+    up, down = 2.0 / rise, -2.0 / (1.0 - rise)
+    if turnaround == 0.0:
+        return np.where(part < rise, up, down)
+    half, middle = 0.5 * turnaround, 0.5 * (up + down)
+    corners = [0.0, half, rise - half, rise + half, 1.0 - half, 1.0]
+    rate: Array = np.interp(
+        cycles - np.floor(cycles), corners, [middle, up, up, down, down, middle]
+    )
+    return rate / (1.0 - turnaround)

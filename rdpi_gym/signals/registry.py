@@ -1,0 +1,107 @@
+"""Signals by name and from JSON values."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from rdpi_gym.errors import InputError
+from rdpi_gym.signals.base import Signal
+from rdpi_gym.signals.broadband import BandLimitedNoise, Multisine
+from rdpi_gym.signals.combine import Combination, Sequence, Sum
+from rdpi_gym.signals.loops import NestedLoops
+from rdpi_gym.signals.measured import Measured
+from rdpi_gym.signals.periodic import Sawtooth, Sine, Triangle
+from rdpi_gym.signals.processes import LaplaceProcess, WienerProcess
+from rdpi_gym.signals.raster import Raster, RasterSlowRamp, RasterSlowStairs
+from rdpi_gym.signals.steps import Constant, RandomSteps, Steps
+from rdpi_gym.signals.sweeps import Chirp, DecayingSine
+
+_CLASSES: tuple[type[Signal], ...] = (
+    *(Constant, Sine, Triangle, Sawtooth, Steps, RandomSteps),
+    *(Raster, RasterSlowRamp, RasterSlowStairs, Chirp, DecayingSine, NestedLoops),
+    *(Multisine, BandLimitedNoise, WienerProcess, LaplaceProcess, Sum, Sequence, Measured),
+)
+
+SIGNALS: Mapping[str, type[Signal]] = MappingProxyType({cls.name: cls for cls in _CLASSES})
+"""Every signal by its name."""
+
+
+def make_signal(name: str, **fields: Any) -> Signal:
+    """Make a signal by its name.
+
+    Parameters
+    ----------
+    name
+        A name in `SIGNALS`.
+    fields
+        The fields of that signal; those left out have their defaults. The ``parts`` of a ``sum`` or
+        ``sequence`` may be signals or what `Signal.to_dict` returns.
+
+    Raises
+    ------
+    InputError
+        The name or a field is unknown, a field that has no default is missing, or a value is bad.
+
+    Examples
+    --------
+    >>> make_signal("sine", amplitude_um=10.0, frequency_hz=50.0)
+    Sine(amplitude_um=10.0, offset_um=0.0, smooth_start_s=0.0, frequency_hz=50.0, phase_rad=0.0)
+    >>> make_signal("sin")
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.errors.InputError: unknown signal 'sin'; did you mean 'sine'? The signals are ...
+    """
+    if name not in SIGNALS:
+        raise InputError(
+            f"unknown signal {name!r}{_closest(name, SIGNALS)} The signals are {', '.join(SIGNALS)}"
+        )
+    cls = SIGNALS[name]
+    declared = {field.name: field for field in dataclasses.fields(cls)}
+    for given in fields:
+        if given not in declared:
+            raise InputError(
+                f"{name}: unknown field {given!r}{_closest(given, declared)} "
+                f"Its fields are {', '.join(declared)}"
+            )
+    for field in declared.values():
+        if field.default is dataclasses.MISSING and field.name not in fields:
+            raise InputError(f"{name}: the field {field.name} is missing; it has no default")
+    if issubclass(cls, Combination) and isinstance(fields["parts"], Iterable):
+        parts = [
+            signal_from_dict(part) if isinstance(part, Mapping) else part
+            for part in fields["parts"]
+        ]
+        fields = fields | {"parts": parts}
+    return cls(**fields)
+
+
+def signal_from_dict(document: Mapping[str, Any]) -> Signal:
+    """Make a signal from what `Signal.to_dict` returned, or from the same in JSON.
+
+    Raises
+    ------
+    InputError
+        The document is no object with the key ``signal``, or `make_signal` refuses it.
+
+    Examples
+    --------
+    >>> signal = make_signal("chirp", stop_hz=200.0)
+    >>> signal_from_dict(signal.to_dict()) == signal
+    True
+    """
+    if not isinstance(document, Mapping) or not isinstance(document.get("signal"), str):
+        raise InputError(
+            'a signal is a JSON object with its name under "signal", for example '
+            '{"signal": "sine", "frequency_hz": 10.0}'
+        )
+    fields = dict(document)
+    return make_signal(fields.pop("signal"), **fields)
+
+
+def _closest(name: str, known: Iterable[str]) -> str:
+    close = difflib.get_close_matches(name, list(known), 1)
+    return f"; did you mean {close[0]!r}?" if close else "."
