@@ -62,11 +62,11 @@ class Record:
 
     name: str
     t_s: Array
-    u_V: Array  # noqa: N815 - the unit is written as it is
+    u_V: Array
     y_um: Array
     ts_s: float
     reference_um: Array | None = None
-    temperature_C: Array | None = None  # noqa: N815
+    temperature_C: Array | None = None
     period: NDArray[np.int64] | None = None
     role: Role = "train"
     error_mask: BoolArray = field(default_factory=_empty_mask)

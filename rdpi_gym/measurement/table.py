@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rdpi_gym.arrays import Array
 from rdpi_gym.errors import InputError
 
+REQUIRED = ("t", "u", "y")
 _MEANING = {
     "t": "time in s",
     "u": "voltage in V",
@@ -73,12 +74,11 @@ def label(kind: str, column: str, source: str | int) -> str:
 def select(
     columns: Mapping[str, str | int],
     names: Sequence[str],
-    *,
-    has_sampling_time: bool,
+    time_needed: bool,
     where: str,
     kind: str,
 ) -> dict[str, str | int]:
-    """Choose the column that each of our names is read from.
+    """Choose what each of our columns is read from.
 
     Parameters
     ----------
@@ -86,8 +86,8 @@ def select(
         What the user says, by our name; a name that is missing there stands for itself.
     names
         The names that the file offers.
-    has_sampling_time
-        Whether the record may come without a time column.
+    time_needed
+        Whether a file without a time column is refused.
     where, kind
         File (and line), and what it calls a column, for the error line.
 
@@ -100,21 +100,31 @@ def select(
     ------
     InputError
         A column that is needed, or that the user named, is missing or stands there twice.
+
+    Examples
+    --------
+    >>> select({"y": "disp"}, ["t", "u", "disp"], True, "run.csv, line 1", "column")
+    {'t': 't', 'u': 'u', 'y': 'disp'}
     """
     chosen: dict[str, str | int] = {}
     for name, meaning in _MEANING.items():
         source = columns.get(name, name)
         if isinstance(source, int):
             chosen[name] = source
+        elif source in chosen.values():
+            other = next(key for key, value in chosen.items() if value == source)
+            raise InputError(
+                f"{where}, {kind} {source}: read as {other}, so {name} needs a column of its own; "
+                f"name it with --columns {name}=..."
+            )
         elif names.count(source) > 1:
-            raise InputError(f"{where}: {kind} {source} is there twice; rename one")
+            raise InputError(f"{where}, {kind} {source}: it is there twice; rename one")
         elif source in names:
             chosen[name] = source
-        elif name in columns or name in ("u", "y") or (name == "t" and not has_sampling_time):
-            offered = f"it has {', '.join(names)}" if names else "it names none"
-            time = ", or give --sampling-time 5e-3" if name == "t" else ""
+        elif name in columns or (name in REQUIRED and (name != "t" or time_needed)):
+            otherwise = " or give --sampling-time 5e-3" if name == "t" else ""
             raise InputError(
-                f"{where}: {kind} {label('', name, source).strip()} is missing ({meaning}); "
-                f"{offered}; say which one it is with --columns {name}=...{time}"
+                f"{where}, {label(kind, name, source)}: missing ({meaning}); the file has "
+                f"{', '.join(names) or 'none'}; name it with --columns {name}=...{otherwise}"
             )
     return chosen

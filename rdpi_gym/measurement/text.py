@@ -1,12 +1,8 @@
-"""Text files: comma, semicolon, tab or blanks between values, with or without a header."""
+"""Text files of numbers: comma, semicolon, tab or blanks between them, with or without header."""
 
 from __future__ import annotations
 
-import codecs
-import csv
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -14,28 +10,16 @@ import numpy as np
 
 from rdpi_gym.arrays import Array
 from rdpi_gym.errors import InputError
-from rdpi_gym.measurement.table import Table, label, select
-
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
-
-
-@dataclass(frozen=True)
-class _Layout:
-    """How the lines of one file are written."""
-
-    delimiter: str | None  # None: blanks
-    header: tuple[str, ...]  # empty without one
-    header_line: int
-    width: int  # values in a line
+from rdpi_gym.measurement.encoding import read_lines
+from rdpi_gym.measurement.layout import Layout, find_layout, is_number, split_cells
+from rdpi_gym.measurement.table import REQUIRED, Table, label, select
 
 
-def read_text(
-    path: Path, columns: Mapping[str, str | int], *, has_sampling_time: bool = False
-) -> Table:
-    """Read a text file of numbers.
+def read_text(path: Path, columns: Mapping[str, str | int], *, time_needed: bool = True) -> Table:
+    r"""Read a text file of numbers.
 
-    Lines that begin with ``#`` or ``%`` are comments; the last one before the first value may
-    hold the header. Decimal commas are understood where the comma is not between the values.
+    Lines that begin with ``#`` or ``%`` are comments. Decimal commas are understood where no
+    comma stands between the values.
 
     Parameters
     ----------
@@ -43,118 +27,149 @@ def read_text(
         The file, UTF-8, or UTF-16 with a byte-order mark.
     columns
         Header name or zero-based position by our name; see `rdpi_gym.measurement.parse_columns`.
-    has_sampling_time
-        Whether the file may come without a time column.
+    time_needed
+        Whether a file without a time column is refused.
 
     Raises
     ------
     InputError
-        Wrong encoding, a missing column, a value that is no number: file, line and column.
+        Wrong encoding, a missing column, a cell that is no number: file, line and column.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.csv"
+    ...     _ = path.write_text("% a comment\nt;volt;y\n0;1,5;2\n")
+    ...     table = read_text(path, {"u": "volt"})
+    >>> table.columns["u"], table.where("u", 0).endswith("run.csv, line 3, column volt (u)")
+    (array([1.5]), True)
     """
-    lines = _decode(path).replace("\r\n", "\n").replace("\r", "\n").split("\n")
     numbers: list[int] = []
     rows: list[str] = []
     comment, comment_line = "", 0
+    lines = read_lines(path)
     for number, line in enumerate(lines, 1):
         text = line.lstrip()
-        if not text:
-            continue
-        if text[0] not in "#%":
+        if text and text[0] not in "#%":
             numbers.append(number)
             rows.append(line)
-        elif not rows:
+        elif text and not rows:
             comment, comment_line = text.lstrip("#% "), number
+    header_rows = 0
+    if rows:
+        layout, header_rows = find_layout(rows, numbers[0], comment, comment_line)
+        numbers, rows = numbers[header_rows:], rows[header_rows:]
     if not rows:
-        raise InputError(f"{path}, line {len(lines)}: the file ends without a value; give a record")
-
-    layout = _layout(rows, numbers[0])
-    if layout.header:
-        numbers, rows = numbers[1:], rows[1:]
-    elif set(_cells(comment, _delimiter(comment))) & {"u", "y", *map(str, columns.values())}:
-        names = tuple(_cells(comment, _delimiter(comment)))
-        layout = _Layout(layout.delimiter, names, comment_line, layout.width)
-    sources = _sources(path, columns, layout, numbers, has_sampling_time)
-    labels = {name: label("column", name, source) for name, source in sources.items()}
+        raise InputError(
+            f"{path}, line {len(lines)}: the file ends before its first value; "
+            "give lines of numbers, t,u,y"
+        )
+    sources = _sources(path, layout, numbers[0], columns, time_needed)
     indices = {
         name: layout.header.index(source) if isinstance(source, str) else source
         for name, source in sources.items()
     }
-    values = _values(path, rows, numbers, layout, indices, labels)
+    labels = {name: label("column", name, source) for name, source in sources.items()}
+    values = _values(path, layout, numbers, rows, indices, labels)
     return Table(
         source=path,
-        columns={name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(indices)},
+        columns={name: values[:, k].copy() for k, name in enumerate(indices)},
         labels=labels,
         lines=np.array(numbers),
     )
 
 
-def _decode(path: Path) -> str:
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror})") from error
-    is_utf16 = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    try:
-        text = raw.decode("utf-16" if is_utf16 else "utf-8-sig")
-    except UnicodeDecodeError as error:
-        # the decoder counts from behind a UTF-8 byte-order mark
-        position = raw.index(error.object) + error.start
-        line_start = raw.rfind(b"\n", 0, position) + 1
+def _sources(
+    path: Path,
+    layout: Layout,
+    first_line: int,
+    columns: Mapping[str, str | int],
+    time_needed: bool,
+) -> dict[str, str | int]:
+    names, width = layout.header, layout.width
+    by_name = [
+        name
+        for name in REQUIRED
+        if not isinstance(columns.get(name), int) and (name != "t" or time_needed)
+    ]
+    if by_name and not names:
         raise InputError(
-            f"{path}, line {raw.count(b'\n', 0, position) + 1}, column "
-            f"{position - line_start + 1} (byte {position}): "
-            f"not {'UTF-16' if is_utf16 else 'UTF-8'} text; save the file as UTF-8"
-        ) from None
-    if "\0" in text:
-        line, column = _line_and_column(text, text.index("\0"))
-        raise InputError(
-            f"{path}, line {line}, column {column}: a NUL character, so this is no UTF-8 text; "
-            "save the file as UTF-8, or as UTF-16 with its byte-order mark"
+            f"{path}, line {first_line}, column 0: a number where a header was expected; give the "
+            f"zero-based positions, for example --columns t=0,u=1,y=2 (missing: "
+            f"{', '.join(by_name)})"
         )
-    return text
+    sources = select(columns, names, time_needed, f"{path}, line {layout.header_line}", "column")
+    is_shifted = width != len(names) if layout.delimiter is None else width > len(names)
+    if is_shifted and any(isinstance(source, str) for source in sources.values()):
+        raise InputError(
+            f"{path}, line {first_line}: {width} values under {len(names)} names (line "
+            f"{layout.header_line}); give one name for each column, or positions with --columns "
+            "t=0,u=1,y=2; where decimal commas are meant, put semicolons between the values"
+        )
+    for name, source in sources.items():
+        if isinstance(source, int) and source >= max(width, len(names)):
+            raise InputError(
+                f"{path}, line {first_line}, {label('column', name, source)}: "
+                f"there are {width} columns; give a position from 0 to {width - 1}"
+            )
+    return sources
 
 
-def _line_and_column(text: str, position: int) -> tuple[int, int]:
-    return text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
-
-
-def _delimiter(line: str) -> str | None:
-    if ";" in line:
-        return ";"
-    if "\t" in line and not any(" " in cell.strip() for cell in line.split("\t")):
-        return "\t"
-    if "," in line:
-        cells = line.split()
-        if len(cells) > 1 and all(_DECIMAL_COMMA.fullmatch(cell) for cell in cells):
-            return None
-        return ","
-    return None
-
-
-def _cells(line: str, delimiter: str | None) -> list[str]:
-    if delimiter is None:
-        return [cell.strip("\"'") for cell in line.split()]
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
-
-
-def _is_number(cell: str) -> bool:
+def _values(
+    path: Path,
+    layout: Layout,
+    numbers: Sequence[int],
+    rows: Sequence[str],
+    indices: Mapping[str, int],
+    labels: Mapping[str, str],
+) -> Array:
+    plain = rows
+    if layout.delimiter != "," and any("," in row for row in rows):
+        cells = (split_cells(row, layout.delimiter) for row in rows)
+        wanted = [row[k] for row in cells for k in indices.values() if k < len(row)]
+        # points and commas in one file: neither is safely the decimal sign
+        if not any("." in cell for cell in wanted):
+            plain = [row.replace(",", ".") for row in rows]
+    width = max(layout.width, len(layout.header))
+    for number, row in zip(numbers, rows, strict=True):
+        if row.count('"') % 2:
+            raise InputError(f"{path}, line {number}: a quotation mark is not closed; close it")
+        many = len(row.split()) if layout.delimiter is None else row.count(layout.delimiter) + 1
+        if many > width and len(found := split_cells(row, layout.delimiter)) > width:
+            raise InputError(
+                f"{path}, line {number}, column {width}: {len(found)} values where {width} were "
+                "expected; perhaps two lines ran together"
+            )
     try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return "_" not in cell
+        return np.loadtxt(
+            plain,
+            dtype=np.float64,
+            comments=None,
+            delimiter=layout.delimiter,
+            usecols=list(indices.values()),
+            quotechar='"',
+            ndmin=2,
+        )
+    except ValueError as error:
+        _refuse_cell(path, layout, numbers, plain, indices, labels, str(error))
 
 
-def _layout(rows: Sequence[str], first_line: int) -> _Layout:
-    delimiter = _delimiter(rows[1] if len(rows) > 1 else rows[0])
-    first = _cells(rows[0], delimiter)
-    filled = [cell for cell in first if cell]
-    # a damaged first row of values still holds numbers, a header may hold a name like "2"
-    if 2 * sum(map(_is_number, filled)) >= len(filled):
-        return _Layout(delimiter, (), first_line, len(first))
-    if _delimiter(rows[0]) != delimiter and len(first) == 1:
-        first = _cells(rows[0], _delimiter(rows[0]))
-    while first and not first[-1]:
-        first.pop()
-    width = len(_cells(rows[1], delimiter)) if len(rows) > 1 else len(first)
-    return _Layout(delimiter, tuple(first), first_line, width)
+def _refuse_cell(
+    path: Path,
+    layout: Layout,
+    numbers: Sequence[int],
+    rows: Sequence[str],
+    indices: Mapping[str, int],
+    labels: Mapping[str, str],
+    reason: str,
+) -> NoReturn:
+    for number, row in zip(numbers, rows, strict=True):
+        cells = split_cells(row, layout.delimiter)
+        for name, index in indices.items():
+            where = f"{path}, line {number}, {labels[name]}"
+            if index >= len(cells) or not cells[index]:
+                raise InputError(f"{where}: no value; perhaps the file was cut off here")
+            if not is_number(cells[index]) or "," in cells[index]:
+                raise InputError(f"{where}: {cells[index]!r} is not a number; give one, as in 1.25")
+    raise InputError(f"{path} cannot be read as lines of numbers ({reason})")

@@ -1,0 +1,27 @@
+"""Measurements: read, check and split records of voltage and displacement."""
+
+from rdpi_gym.measurement.checking import MIN_SAMPLES
+from rdpi_gym.measurement.loading import load
+from rdpi_gym.measurement.options import COLUMNS, UNITS, DataOptions, parse_columns, parse_units
+from rdpi_gym.measurement.published import DATA_HINT, measured_data
+from rdpi_gym.measurement.record import Dataset, Record, Role, hold_out_quarter
+from rdpi_gym.measurement.sampling import JITTER
+from rdpi_gym.measurement.writing import write_csv
+
+__all__ = [
+    "COLUMNS",
+    "DATA_HINT",
+    "JITTER",
+    "MIN_SAMPLES",
+    "UNITS",
+    "DataOptions",
+    "Dataset",
+    "Record",
+    "Role",
+    "hold_out_quarter",
+    "load",
+    "measured_data",
+    "parse_columns",
+    "parse_units",
+    "write_csv",
+]

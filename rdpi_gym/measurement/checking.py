@@ -1,0 +1,199 @@
+"""From the columns of a file to a record: units, what is left out, and every check of the data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.errors import InputError
+from rdpi_gym.measurement.options import unit_factor
+from rdpi_gym.measurement.record import Record
+from rdpi_gym.measurement.sampling import JITTER, to_uniform
+from rdpi_gym.measurement.table import Table
+
+MIN_SAMPLES = 16
+"""Fewest samples of a record, and fewest that count in its error."""
+
+
+def make_record(
+    table: Table,
+    name: str,
+    *,
+    units: Mapping[str, str],
+    sampling_time_s: float | None = None,
+    skip_s: float = 0.0,
+    note: str = "",
+) -> Record:
+    """Turn the columns of a file into a record.
+
+    Parameters
+    ----------
+    table
+        What a reader found.
+    name
+        Name of the record.
+    units
+        Unit of a column in the file, by our name; s, V, µm, °C by default.
+    sampling_time_s
+        Sampling time (s) where the file has no time column.
+    skip_s
+        Seconds left out at the start.
+    note
+        What the experimenter wrote about it.
+
+    Raises
+    ------
+    InputError
+        NaN or infinity, time that does not increase, fewer than 16 samples, a sampling time that
+        contradicts the time column, a period that is no whole number: file, line and column.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> t = np.arange(40.0)
+    >>> columns = {"t": t, "u": np.sin(t), "y": np.cos(t)}
+    >>> table = Table(Path("run.npz"), columns, {name: f"variable {name}" for name in columns})
+    >>> record = make_record(table, "run", units={"t": "ms", "y": "nm"}, skip_s=0.01)
+    >>> record.t_s.size, record.ts_s, record.remarks
+    (30, 0.001, ('left out: the first 0.01 s (10 samples)',))
+    """
+    if table.rows < MIN_SAMPLES:
+        raise InputError(
+            f"{table.where('u', max(table.rows - 1, 0))}: the record ends after {table.rows} samples; "
+            f"give {MIN_SAMPLES} or more"
+        )
+    columns = {
+        key: values * unit_factor(key, units[key]) if key in units else values
+        for key, values in table.columns.items()
+    }
+    t_s = _times(table, columns.pop("t", None), sampling_time_s)
+    step = float(t_s[-1] - t_s[0]) / (table.rows - 1)
+    # a thousandth of a step keeps rounding from moving the first sample that is kept
+    first = int(np.searchsorted(t_s, t_s[0] + skip_s - 1e-3 * step))
+    if table.rows - first < MIN_SAMPLES:
+        raise InputError(
+            f"{table.where('u', table.rows - 1)}: {table.rows - first} samples are left after the "
+            f"first {skip_s:g} s of {t_s[-1] - t_s[0]:g} s; skip less, {MIN_SAMPLES} are needed"
+        )
+    _check_finite(table, columns, first)
+    if "period" in columns:
+        _check_whole(table, columns["period"], first)
+    kept = {key: values[first:] for key, values in columns.items()}
+    grid = to_uniform(t_s[first:], kept, str(table.source))
+    if grid.measured.sum() < MIN_SAMPLES:
+        raise InputError(
+            f"{table.where('t', first)}: {int(grid.measured.sum())} samples are left at the median "
+            f"step of {grid.ts_s:g} s; give {MIN_SAMPLES} or more, evenly sampled"
+        )
+    skipped = (f"left out: the first {skip_s:g} s ({first} samples)",) if first else ()
+    period = grid.columns.get("period")
+    return Record(
+        name=name,
+        t_s=grid.t_s,
+        u_V=grid.columns["u"],
+        y_um=grid.columns["y"],
+        ts_s=grid.ts_s,
+        reference_um=grid.columns.get("reference"),
+        temperature_C=grid.columns.get("temperature"),
+        period=None if period is None else period.astype(np.int64),
+        error_mask=grid.measured,
+        note=note,
+        source=str(table.source),
+        remarks=skipped + grid.remarks,
+    )
+
+
+def mask_out(record: Record, stretches_s: Sequence[tuple[float, float]], where: str) -> Record:
+    """Leave stretches of a record out of its error; they are still simulated.
+
+    Parameters
+    ----------
+    record
+        The record.
+    stretches_s
+        From and to (s) on the clock of the record, both included.
+    where
+        Who says so, for the error line.
+
+    Raises
+    ------
+    InputError
+        A stretch behind the record's end or between two samples, or fewer than 16 samples left.
+
+    Examples
+    --------
+    >>> t = np.arange(40.0)
+    >>> masked = mask_out(Record("run", t, t, t, ts_s=1.0), [(5.0, 9.0)], "dataset.toml")
+    >>> int(masked.error_mask.sum()), masked.remarks
+    (35, ('left out of the error, still simulated: 5 to 9 s (5 samples)',))
+    """
+    t_s, mask, remarks = record.t_s, record.error_mask.copy(), record.remarks
+    rounding = 1e-3 * record.ts_s
+    for start, end in stretches_s:
+        inside = (t_s >= start - rounding) & (t_s <= end + rounding)
+        # a stretch before the first sample was skipped already; others are mistakes
+        if not inside.any() and end > t_s[0]:
+            raise InputError(
+                f"{where}: {start:g} to {end:g} s holds no sample of record {record.name}; "
+                f"its time runs from {t_s[0]:g} to {t_s[-1]:g} s"
+            )
+        mask &= ~inside
+        remarks += (
+            f"left out of the error, still simulated: {start:g} to {end:g} s "
+            f"({int(inside.sum())} samples)",
+        )
+    if mask.sum() < MIN_SAMPLES:
+        raise InputError(
+            f"{where}: {int(mask.sum())} samples of record {record.name} are left in the error; "
+            f"mask less, {MIN_SAMPLES} are needed"
+        )
+    return replace(record, error_mask=mask, remarks=remarks)
+
+
+def _times(table: Table, t_s: Array | None, sampling_time_s: float | None) -> Array:
+    if t_s is None:
+        if sampling_time_s is None:
+            raise InputError(f"{table.at(0)}: no time column; give --sampling-time 5e-3")
+        return sampling_time_s * np.arange(table.rows, dtype=np.float64)
+    _check_finite(table, {"t": t_s}, 0)
+    back = np.flatnonzero(np.diff(t_s) <= 0)
+    if back.size:
+        row = int(back[0]) + 1
+        raise InputError(
+            f"{table.where('t', row)}: time goes from {t_s[row - 1]:.9g} to {t_s[row]:.9g} s; "
+            "it must increase from sample to sample"
+        )
+    mean = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    if sampling_time_s is not None and abs(mean / sampling_time_s - 1) > JITTER:
+        raise InputError(
+            f"{table.where('t', 0)}: time steps by {mean:.6g} s on average where --sampling-time "
+            f"says {sampling_time_s:g} s; leave the option out or correct it"
+        )
+    return t_s
+
+
+def _check_finite(table: Table, columns: Mapping[str, Array], first: int) -> None:
+    bad = [
+        (first + int(np.argmin(finite)), name)
+        for name, values in columns.items()
+        if not (finite := np.isfinite(values[first:])).all()
+    ]
+    if bad:
+        row, name = min(bad)
+        raise InputError(
+            f"{table.where(name, row)}: {columns[name][row]:g} is no finite number; "
+            "mend or remove this sample"
+        )
+
+
+def _check_whole(table: Table, period: Array, first: int) -> None:
+    bad = np.flatnonzero(period[first:] != np.round(period[first:]))
+    if bad.size:
+        row = first + int(bad[0])
+        raise InputError(
+            f"{table.where('period', row)}: {period[row]:g} is no index of a repetition; "
+            "give whole numbers"
+        )

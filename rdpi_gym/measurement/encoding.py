@@ -1,0 +1,66 @@
+"""Bytes of a text file to lines: UTF-8, or UTF-16 with its byte-order mark, nothing guessed."""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+
+from rdpi_gym.errors import InputError
+
+_MARKS = (
+    (codecs.BOM_UTF8, "UTF-8"),
+    (codecs.BOM_UTF16_LE, "UTF-16-LE"),
+    (codecs.BOM_UTF16_BE, "UTF-16-BE"),
+)
+
+
+def read_lines(path: Path) -> list[str]:
+    r"""Read the lines of a text file, whatever ends them (``\n``, ``\r\n`` or ``\r``).
+
+    Parameters
+    ----------
+    path
+        The file, UTF-8 with or without a byte-order mark, or UTF-16 with one.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is in another encoding: line, column and byte are named.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.csv"
+    ...     _ = path.write_bytes(codecs.BOM_UTF8 + b"t,u,y\r\n0,1,2")
+    ...     read_lines(path)
+    ['t,u,y', '0,1,2']
+    """
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror})") from error
+    mark, encoding = next((pair for pair in _MARKS if raw.startswith(pair[0])), (b"", "UTF-8"))
+    try:
+        text = raw[len(mark) :].decode(encoding)
+    except UnicodeDecodeError as error:
+        before = error.object[: error.start].decode(encoding)
+        raise InputError(
+            f"{path}, {_place(before)} (byte {len(mark) + error.start}): "
+            f"not {encoding} text; save the file as UTF-8"
+        ) from None
+    if "\0" in text:
+        raise InputError(
+            f"{path}, {_place(text[: text.index(chr(0))])}: a NUL character, so this is no UTF-8 "
+            "text; save the file as UTF-8, or as UTF-16 with its byte-order mark"
+        )
+    return _lines(text)
+
+
+def _lines(text: str) -> list[str]:
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _place(text_before: str) -> str:
+    lines = _lines(text_before)
+    return f"line {len(lines)}, column {len(lines[-1]) + 1}"

@@ -1,0 +1,183 @@
+"""DATA: a file is one record, a folder of files a data set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from rdpi_gym.errors import InputError
+from rdpi_gym.measurement.binary import read_matlab, read_npz
+from rdpi_gym.measurement.checking import make_record, mask_out
+from rdpi_gym.measurement.options import DataOptions
+from rdpi_gym.measurement.record import Dataset, Record, Role
+from rdpi_gym.measurement.settings import SETTINGS_FILE, RecordSettings, Settings, read_settings
+from rdpi_gym.measurement.table import Table
+from rdpi_gym.measurement.text import read_text
+
+_READERS = {
+    ".csv": read_text,
+    ".txt": read_text,
+    ".dat": read_text,
+    ".tsv": read_text,
+    ".mat": read_matlab,
+    ".npz": read_npz,
+}
+_ABOUT = ("readme", "license", "licence", "copying", "changelog", "notes")
+
+
+def load(path: Path | str, options: DataOptions | None = None) -> Dataset:
+    r"""Read a measurement: one file, or a folder in which every data file is a record.
+
+    Text (``.csv``, ``.txt``, ``.dat``, ``.tsv``), MATLAB (``.mat``, v5 and v7.3) and NumPy
+    (``.npz``) files hold ``t`` (s), ``u`` (V), ``y`` (µm) and optionally ``reference`` (µm),
+    ``temperature`` (°C) and ``period``. A ``dataset.toml`` in the folder says more; it also holds
+    for one file of the folder that is read alone. Validation records are those that it names,
+    or whose name begins with ``validation``; with none, those that ``options.validate`` matches;
+    else the last quarter of each record.
+
+    Parameters
+    ----------
+    path
+        File or folder.
+    options
+        What the user says; it overrides the ``dataset.toml``.
+
+    Raises
+    ------
+    InputError
+        Whatever is wrong, with file, line and column.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.csv"
+    ...     _ = path.write_text("u,y\n" + "\n".join(f"{k},{8 * k}" for k in range(40)))
+    ...     data = load(path, DataOptions(sampling_time_s=5e-3))
+    >>> print(data.describe())
+    run.csv
+      run (train): 40 samples, 0.005 s apart, t = 0 to 0.195 s
+      no validation record: the last quarter of each record is held out for validation
+    """
+    options = options or DataOptions()
+    source = Path(path)
+    remarks: list[str] = []
+    if source.is_dir():
+        folder, files = source, _data_files(source, remarks)
+        siblings = files
+    elif source.is_file():
+        _reader_ending(source)
+        folder, files = source.parent, [source]
+        siblings = _data_files(folder, [])
+    else:
+        raise InputError(f"{source} does not exist; give a data file or a folder of data files")
+    settings = Settings()
+    toml = folder / SETTINGS_FILE
+    if toml.is_file():
+        settings = read_settings(toml, [file.stem for file in siblings])
+        if files != siblings:
+            remarks.append(f"{toml} holds for this file too")
+
+    tables = [_read(file, settings, options) for file in files]
+    records = [_record(table, settings, options, toml) for table in tables]
+    if all(record.is_quiet for record in records):
+        rest = f" (and in {len(records) - 1} more records)" if len(records) > 1 else ""
+        raise InputError(
+            f"{tables[0].where('u', 0)}: u stays at {records[0].u_V[0]:g} V in all samples{rest}, "
+            "so nothing moves the actuator; give a record in which u changes"
+        )
+    moving = [record.name for record in records if not record.is_quiet]
+    roles = _roles(moving, settings.records, options.validate, remarks)
+    return Dataset(
+        title=settings.title or source.resolve().name,
+        records=tuple(replace(r, role=roles.get(r.name, r.role)) for r in records),
+        remarks=tuple(remarks),
+    )
+
+
+def _reader_ending(file: Path) -> str:
+    ending = file.suffix.lower()
+    if ending not in _READERS:
+        raise InputError(
+            f"{file}: files that end in {ending or 'nothing'!r} are not read; "
+            f"give a folder or one of {', '.join(_READERS)}"
+        )
+    return ending
+
+
+def _data_files(folder: Path, remarks: list[str]) -> list[Path]:
+    try:
+        listed = sorted(folder.iterdir())
+    except OSError as error:
+        raise InputError(f"{folder} cannot be read ({error.strerror})") from error
+    files: dict[str, Path] = {}
+    for file in listed:
+        if file.suffix.lower() not in _READERS or file.name.startswith(".") or file.is_dir():
+            continue
+        if file.suffix.lower() == ".txt" and file.stem.lower().startswith(_ABOUT):
+            remarks.append(f"left out: {file.name}, by its name no record")
+        elif file.stem in files:
+            raise InputError(
+                f"{file} and {files[file.stem].name} are both record {file.stem!r}; rename one"
+            )
+        else:
+            files[file.stem] = file
+    if not files:
+        raise InputError(f"{folder}: no data file in this folder; give {', '.join(_READERS)}")
+    return list(files.values())
+
+
+def _read(file: Path, settings: Settings, options: DataOptions) -> Table:
+    columns = {**settings.columns, **options.columns}
+    time_needed = options.sampling_time_s is None or "t" in columns
+    return _READERS[_reader_ending(file)](file, columns, time_needed=time_needed)
+
+
+def _record(table: Table, settings: Settings, options: DataOptions, toml: Path) -> Record:
+    name = table.source.stem
+    own = settings.records.get(name, RecordSettings())
+    said = settings.skip_s if own.skip_s is None else own.skip_s
+    record = make_record(
+        table,
+        name,
+        units={**settings.units, **options.units},
+        sampling_time_s=options.sampling_time_s,
+        skip_s=said if options.skip_s is None else options.skip_s,
+        note=own.note,
+    )
+    return mask_out(record, own.mask_s, f"{toml}, [records.{name}] mask_s")
+
+
+def _roles(
+    names: Sequence[str],
+    settings: Mapping[str, RecordSettings],
+    pattern: str | None,
+    remarks: list[str],
+) -> dict[str, Role]:
+    """Give every record that moves its role: its name, then PATTERN, then what the folder says."""
+    said = {name: own.role for name in names if (own := settings.get(name)) and own.role}
+    by_name: dict[str, Role] = {
+        name: "validation" if name.lower().startswith("validation") else "train" for name in names
+    }
+    roles = {**by_name, **said}
+    if pattern is None:
+        return roles
+    named = [name for name in names if by_name[name] == roles[name] == "validation"]
+    if named:
+        remarks.append(f"--validate {pattern!r} was not needed: {', '.join(named)} is named so")
+        return roles
+    matched = {name for name in names if fnmatchcase(name, pattern)}
+    if not matched:
+        raise InputError(
+            f"--validate {pattern!r} matches no record with changing u; they are {', '.join(names)}"
+        )
+    for name in names:
+        if name in matched:
+            roles[name] = "validation"
+        elif roles[name] == "validation":
+            roles[name] = "train"
+    if changed := [name for name in said if said[name] != roles[name]]:
+        remarks.append(f"--validate {pattern!r} overrides {SETTINGS_FILE} for {', '.join(changed)}")
+    return roles

@@ -1,0 +1,38 @@
+"""Where the published measurements are that this project is tested on; none of them ships."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+DATA_HINT = (
+    "The measured data are published: PICMA in the GitHub repository yan9a/DiscreteBacklashOperator "
+    "(Y. N. Aye, W. T. Ang, 2018), FSM in merijnfloren/fsm-benchmark-data and at "
+    "nonlinearbenchmark.org; put a copy into a folder with subfolders picma and fsm and let the "
+    "environment variable RDPI_DATA name it"
+)
+"""One sentence that tells a user where the data come from and how to point the tools at them."""
+
+
+def measured_data(name: str) -> Path | None:
+    """Find the folder of a published measurement.
+
+    Parameters
+    ----------
+    name
+        ``picma`` or ``fsm``.
+
+    Returns
+    -------
+    Path or None
+        The folder of that name below the one that ``RDPI_DATA`` names, by default
+        ``../shared/data`` beside the project's checkout; None where it is absent (say `DATA_HINT`).
+
+    Examples
+    --------
+    >>> measured_data("no such measurement") is None
+    True
+    """
+    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
+    folder = Path(os.environ.get("RDPI_DATA") or beside) / name
+    return folder if folder.is_dir() else None

@@ -1,0 +1,112 @@
+"""From the times that were written down to a uniform grid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.errors import InputError
+from rdpi_gym.measurement.record import BoolArray
+
+JITTER = 0.01
+"""Largest deviation of a time step from the mean step, over it, that counts as uniform."""
+_WORTH_SAYING = 1e-4
+_GAP_STEPS = 5.0  # a longer step is a hole in the record, not jitter
+_LARGEST_GROWTH = 10
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A record on uniform times.
+
+    Parameters
+    ----------
+    t_s
+        Times (s), (M,).
+    ts_s
+        Sampling time (s).
+    columns
+        The other columns, each (M,).
+    measured
+        (M,) bool; False inside a hole of the record, where values are only interpolated.
+    remarks
+        What was done.
+    """
+
+    t_s: Array
+    ts_s: float
+    columns: Mapping[str, Array]
+    measured: BoolArray
+    remarks: tuple[str, ...]
+
+
+def to_uniform(t_s: Array, columns: Mapping[str, Array], where: str) -> Grid:
+    """Put a record on uniform times.
+
+    Where every step is within 1 % of the mean step, the samples stay as they are and the times
+    become the uniform grid between the first and the last one. Else the columns are interpolated
+    linearly at the median step (``period`` keeps its last value).
+
+    Parameters
+    ----------
+    t_s
+        Times (s), (N,), strictly increasing.
+    columns
+        Other columns by our name, each (N,).
+    where
+        File, for the error line.
+
+    Raises
+    ------
+    InputError
+        A hole so long that the grid would have more than ten times the samples.
+
+    Examples
+    --------
+    >>> grid = to_uniform(np.array([0.0, 1.0, 2.0, 4.0]), {"u": np.array([0.0, 1, 2, 4])}, "run.csv")
+    >>> grid.t_s.tolist(), grid.columns["u"].tolist()
+    ([0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 2.0, 3.0, 4.0])
+    """
+    samples = t_s.size
+    steps = np.diff(t_s)
+    median = float(np.median(steps))
+    even = np.linspace(t_s[0], t_s[-1], samples)
+    ts_s = float(t_s[-1] - t_s[0]) / (samples - 1)
+    jitter = float(np.max(np.abs(steps - ts_s))) / ts_s
+    # small deviations of one sign would add up to a clock that is wrong by whole samples
+    if jitter <= JITTER and np.max(np.abs(t_s - even)) <= ts_s / 2:
+        said = f"time steps jitter by up to {100 * jitter:.2g} % of the mean step: taken as even"
+        everywhere = np.ones(samples, dtype=np.bool_)
+        return Grid(even, ts_s, columns, everywhere, (said,) if jitter > _WORTH_SAYING else ())
+
+    length = (t_s[-1] - t_s[0]) / median
+    if length > _LARGEST_GROWTH * samples:
+        k = int(np.argmax(steps))
+        raise InputError(
+            f"{where}: time jumps from {t_s[k]:g} to {t_s[k + 1]:g} s where the median step is "
+            f"{median:g} s; put what follows into a file of its own"
+        )
+    grid = t_s[0] + median * np.arange(int(np.floor(length * (1 + 1e-12))) + 1)
+    last = np.clip(np.searchsorted(t_s, grid, side="right") - 1, 0, samples - 2)
+    holes = steps > _GAP_STEPS * median
+    from_sample = np.minimum(grid - t_s[last], t_s[last + 1] - grid)
+    measured = ~(holes[last] & (from_sample > median / 2))
+    remarks: tuple[str, ...] = (
+        f"time steps differ by up to {100 * jitter:.3g} % from the mean step: resampled at "
+        f"the median step, {median:.6g} s, by linear interpolation, {samples} samples became {grid.size}",
+    )
+    if holes.any():
+        remarks += (
+            f"left out of the error: {int(np.sum(~measured))} samples interpolated across "
+            f"{int(np.sum(holes))} gap(s) longer than {_GAP_STEPS:g} steps",
+        )
+    resampled = {
+        name: values[np.searchsorted(t_s, grid, side="right") - 1]
+        if name == "period"
+        else np.interp(grid, t_s, values)
+        for name, values in columns.items()
+    }
+    return Grid(grid, median, resampled, measured, remarks)

@@ -1,0 +1,173 @@
+"""`dataset.toml`: what a folder says about its records."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rdpi_gym.errors import InputError
+from rdpi_gym.measurement.encoding import read_lines
+from rdpi_gym.measurement.options import check_columns, check_skip, unit_factor, unknown_name
+from rdpi_gym.measurement.record import ROLES, Role
+
+SETTINGS_FILE = "dataset.toml"
+_KEYS = ("title", "skip_s", "columns", "units", "records")
+_RECORD_KEYS = ("role", "skip_s", "mask_s", "note")
+
+
+@dataclass(frozen=True)
+class RecordSettings:
+    """What a folder says about one record.
+
+    Parameters
+    ----------
+    role
+        ``train``, ``validation``, ``test``, or None: by its name.
+    skip_s
+        Seconds left out at its start, or None: as the folder says.
+    mask_s
+        Stretches (s, from and to) left out of the error, still simulated.
+    note
+        What the experimenter wrote about it.
+    """
+
+    role: Role | None = None
+    skip_s: float | None = None
+    mask_s: tuple[tuple[float, float], ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a folder says about its records.
+
+    Parameters
+    ----------
+    title
+        What the data set is.
+    skip_s
+        Seconds left out at the start of each record.
+    columns, units
+        As `DataOptions` has them.
+    records
+        What it says about single records, by name.
+    """
+
+    title: str = ""
+    skip_s: float = 0.0
+    columns: Mapping[str, str | int] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    records: Mapping[str, RecordSettings] = field(default_factory=dict)
+
+
+def read_settings(path: Path, record_names: Iterable[str]) -> Settings:
+    r"""Read a ``dataset.toml``.
+
+    Parameters
+    ----------
+    path
+        The file.
+    record_names
+        Records in its folder: no other may be named.
+
+    Raises
+    ------
+    InputError
+        No TOML, an unknown key (named, with the close match), a value of the wrong kind.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "dataset.toml"
+    ...     _ = path.write_text('title = "steps"\n[records.run]\nmask_s = [[1, 2.5]]\n')
+    ...     read_settings(path, ["run"]).records["run"].mask_s
+    ((1.0, 2.5),)
+    """
+    try:
+        document = tomllib.loads("\n".join(read_lines(path)))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not TOML: {error}") from None
+    _refuse_unknown(str(path), document, _KEYS)
+    where = f"{path}, [columns]"
+    columns = _table(document, "columns", str(path))
+    check_columns(columns, where)
+    units = {
+        column: _text({column: unit}, column, f"{path}, [units]")
+        for column, unit in _table(document, "units", str(path)).items()
+    }
+    for column, unit in units.items():
+        unit_factor(column, unit, f"{path}, [units]")
+    names = list(record_names)
+    records = _table(document, "records", str(path))
+    _refuse_unknown(f"{path}, [records]", records, names)
+    return Settings(
+        title=_text(document, "title", str(path)),
+        skip_s=_skip(document, str(path)) or 0.0,
+        columns=columns,
+        units=units,
+        records={
+            name: _record(_table(records, name, f"{path}, [records]"), f"{path}, [records.{name}]")
+            for name in records
+        },
+    )
+
+
+def _record(entry: Mapping[str, Any], where: str) -> RecordSettings:
+    _refuse_unknown(where, entry, _RECORD_KEYS)
+    role = entry.get("role")
+    if role is not None and role not in ROLES:
+        raise InputError(f"{where}: role = {role!r}; give {', '.join(ROLES)}")
+    stretches = entry.get("mask_s", [])
+    pairs = stretches if isinstance(stretches, list) else [stretches]
+    for pair in pairs:
+        is_pair = isinstance(pair, list) and len(pair) == 2 and all(map(_is_number, pair))
+        if not is_pair or not pair[0] < pair[1]:
+            raise InputError(
+                f"{where}: mask_s = {stretches!r}; give stretches from and to in seconds, "
+                "as in [[36.9, 37.5]]"
+            )
+    return RecordSettings(
+        role=role,
+        skip_s=_skip(entry, where),
+        mask_s=tuple((float(start), float(end)) for start, end in pairs),
+        note=_text(entry, "note", where),
+    )
+
+
+def _refuse_unknown(where: str, table: Mapping[str, Any], known: Iterable[str]) -> None:
+    names = list(known)
+    for key in table:
+        if key not in names:
+            raise unknown_name(where, key, names)
+
+
+def _table(document: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
+    value = document.get(key, {})
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: {key} = {value!r}; give a table, [{key}]")
+    return value
+
+
+def _text(document: Mapping[str, Any], key: str, where: str) -> str:
+    value = document.get(key, "")
+    if not isinstance(value, str):
+        raise InputError(f'{where}: {key} = {value!r}; give text, {key} = "..."')
+    return value
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _skip(document: Mapping[str, Any], where: str) -> float | None:
+    value = document.get("skip_s")
+    if value is None:
+        return None
+    if not _is_number(value):
+        raise InputError(f"{where}: skip_s = {value!r}; give seconds, as in skip_s = 1.0")
+    check_skip(value, f"{where}: skip_s")
+    return float(value)

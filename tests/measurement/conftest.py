@@ -1,0 +1,53 @@
+"""Files of a small record: 40 samples of a 1 Hz sine at 50 Hz, 8 µm/V."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rdpi_gym.errors import InputError
+from rdpi_gym.measurement import DataOptions, load
+
+Write = Callable[[str, str], Path]
+Lines = Callable[..., list[str]]
+Refusal = Callable[..., str]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def write_text(name: str, text: str) -> Path:
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write_text
+
+
+@pytest.fixture
+def sine_lines() -> Lines:
+    """Header and rows; row k (from 0) is line k + 2."""
+
+    def lines(samples: int = 40, start_s: float = 0.0, amplitude_V: float = 1.0) -> list[str]:
+        t = 0.02 * np.arange(samples)
+        u = amplitude_V * np.sin(2 * np.pi * t)
+        rows = np.column_stack((start_s + t, u, 8 * u))
+        return ["t,u,y", *(",".join(f"{value:.6f}" for value in row) for row in rows)]
+
+    return lines
+
+
+@pytest.fixture
+def refusal() -> Refusal:
+    """The one line that a bad file is refused with."""
+
+    def message(path: Path, options: DataOptions | None = None) -> str:
+        with pytest.raises(InputError) as caught:
+            load(path, options)
+        line = str(caught.value)
+        assert "\n" not in line
+        return line
+
+    return message

@@ -1,0 +1,143 @@
+"""What the command line says about DATA."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from rdpi_gym.cli.data_options import (
+    ColumnsOption,
+    DataArgument,
+    SamplingTimeOption,
+    SkipOption,
+    UnitsOption,
+    ValidateOption,
+    data_options,
+)
+from rdpi_gym.errors import InputError
+from rdpi_gym.measurement import DataOptions, load, parse_columns, parse_units
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "factor"),
+    [
+        ("t", "s", 1.0),
+        ("t", "ms", 1e-3),
+        ("t", "us", 1e-6),
+        ("t", "µs", 1e-6),
+        ("t", "μs", 1e-6),
+        ("u", "V", 1.0),
+        ("u", "mV", 1e-3),
+        ("u", "kV", 1e3),
+        ("y", "m", 1e6),
+        ("y", "mm", 1e3),
+        ("y", "um", 1.0),
+        ("y", "µm", 1.0),
+        ("y", "nm", 1e-3),
+    ],
+)
+def test_units(write, sine_lines, column, unit, factor) -> None:
+    path = write("run.csv", "\n".join(sine_lines()))
+    plain = load(path).records[0]
+    read = load(path, DataOptions(units=parse_units(f"{column}={unit}"))).records[0]
+    name = {"t": "t_s", "u": "u_V", "y": "y_um"}[column]
+    assert getattr(read, name) == pytest.approx(factor * getattr(plain, name), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("y=furlong", "--units: unit 'furlong' of y is unknown; known are m, mm, um, nm"),
+        ("t=h", "--units: unit 'h' of t is unknown; known are s, ms, us"),
+        ("u=W", "--units: unit 'W' of u is unknown; known are V, mV, kV"),
+        ("period=s", "--units: unit 's' of period is unknown; period is an index without unit"),
+        ("disp=m", "--units: 'disp' is unknown; known are t, u, y"),
+        ("y", "--units 'y': 'y' is not NAME=VALUE; write y=m,t=ms"),
+        ("y=m,y=nm", "y is given twice"),
+        ("", "--units '': '' is not NAME=VALUE"),
+    ],
+)
+def test_units_that_are_refused(text, message) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_units(text)
+    assert message in str(caught.value)
+
+
+def test_columns() -> None:
+    assert parse_columns("t=time, u = voltage ,y=a=b,reference=4") == {
+        "t": "time",
+        "u": "voltage",
+        "y": "a=b",
+        "reference": 4,
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("temprature=T", "--columns: 'temprature' is unknown (did you mean 'temperature'?)"),
+        ("u=1,y=1", "--columns: u and y both name column 1; give two columns"),
+        ("u=", "'u=' is not NAME=VALUE; write t=time,u=voltage,y=disp"),
+        ("u=a,u=b", "u is given twice"),
+    ],
+)
+def test_columns_that_are_refused(text, message) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_columns(text)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"sampling_time_s": 0.0}, "--sampling-time is 0.0; give seconds above 0"),
+        ({"sampling_time_s": float("inf")}, "--sampling-time is inf"),
+        ({"skip_s": -1.0}, "--skip is -1.0; give seconds, 0 or above"),
+        ({"skip_s": float("nan")}, "--skip is nan"),
+    ],
+)
+def test_times_that_are_refused(options, message) -> None:
+    with pytest.raises(InputError) as caught:
+        DataOptions(**options)
+    assert message in str(caught.value)
+
+
+def test_a_subcommand_with_all_options(write, sine_lines) -> None:
+    seen: list[object] = []
+    app = typer.Typer()
+
+    @app.command()
+    def describe(
+        data: DataArgument,
+        columns: ColumnsOption = None,
+        units: UnitsOption = None,
+        sampling_time: SamplingTimeOption = None,
+        validate: ValidateOption = None,
+        skip: SkipOption = None,
+    ) -> None:
+        options = data_options(columns, units, sampling_time, validate, skip)
+        seen.append(options)
+        print(load(data, options).describe())
+
+    rows = [line.split(",", 1)[1] for line in sine_lines()[1:]]
+    path = write("run.csv", "\n".join(rows))
+    words = f"{path} --columns u=0,y=1 --units y=nm --sampling-time 0.01 --validate r* --skip 0.1"
+    result = CliRunner().invoke(app, words.split())
+    assert result.exit_code == 0, result.output
+    assert seen == [DataOptions({"u": 0, "y": 1}, {"y": "nm"}, 0.01, "r*", 0.1)]
+    assert "run (validation): 30 samples, 0.01 s apart, t = 0.1 to 0.39 s" in result.output
+    assert data_options() == DataOptions()
+
+
+def test_reading_loads_no_heavy_library() -> None:
+    code = (
+        "import sys, rdpi_gym.cli.data_options; assert 'rdpi_gym.measurement' not in sys.modules;"
+        "import rdpi_gym.measurement;"
+        "print([m for m in ('pandas', 'scipy', 'h5py', 'torch') if m in sys.modules])"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (result.stdout.strip(), result.stderr) == ("[]", "")

@@ -1,0 +1,156 @@
+"""`dataset.toml`: what it says holds, what it says wrongly is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rdpi_gym.measurement import DataOptions, load
+
+
+@pytest.fixture
+def folder(tmp_path, write, sine_lines):
+    for name, start_s in (("one", 0.0), ("two", 10.0), ("validation", 20.0)):
+        write(f"{name}.csv", "\n".join(sine_lines(start_s=start_s)))
+    return tmp_path
+
+
+def test_everything_that_it_may_say(folder, write) -> None:
+    text = (folder / "one.csv").read_text().replace("t,u,y", "time,u,y")
+    write("one.csv", text)
+    for name in ("two", "validation"):
+        write(f"{name}.csv", (folder / f"{name}.csv").read_text().replace("t,u,y", "time,u,y"))
+    write(
+        "dataset.toml",
+        """\
+        title = "three runs"
+        skip_s = 0.1
+        [columns]
+        t = "time"
+        [units]
+        y = "nm"
+        [records.one]
+        role = "test"
+        skip_s = 0.2
+        note = "door was open"
+        [records.two]
+        role = "validation"
+        mask_s = [[10.2, 10.3], [10.5, 10.52]]
+        """,
+    )
+    data = load(folder)
+    one, two, validation = data.records
+    assert data.title == "three runs"
+    assert [r.role for r in data.records] == ["test", "validation", "validation"]
+    assert [r.name for r in data.test] == ["one"]
+    assert (one.note, two.note) == ("door was open", "")
+    np.testing.assert_allclose([one.t_s[0], two.t_s[0], validation.t_s[0]], [0.2, 10.1, 20.1])
+    np.testing.assert_allclose(one.y_um, 8e-3 * one.u_V, atol=1e-8)
+    # both ends of a stretch are masked: 10.20 to 10.30 s and 10.50 to 10.52 s at 50 Hz
+    left_out = two.t_s[~two.error_mask]
+    np.testing.assert_allclose(left_out, [*np.arange(10.2, 10.31, 0.02), 10.5, 10.52])
+    assert one.error_mask.all()
+    told = data.describe()
+    for sentence in (
+        "three runs",
+        "one (test): 30 samples, 0.02 s apart, t = 0.2 to 0.78 s",
+        "left out: the first 0.2 s (10 samples)",
+        "left out: the first 0.1 s (5 samples)",
+        "left out of the error, still simulated: 10.2 to 10.3 s (6 samples)",
+        "left out of the error, still simulated: 10.5 to 10.52 s (2 samples)",
+        "note: door was open",
+    ):
+        assert sentence in told
+
+
+def test_the_command_line_overrides_it(folder, write) -> None:
+    write(
+        "dataset.toml",
+        'skip_s = 0.1\n[units]\ny = "nm"\n[columns]\ny = "u"\n[records.one]\nskip_s = 0.3\n',
+    )
+    data = load(folder, DataOptions(columns={"y": "y"}, units={"y": "mm"}, skip_s=0.0))
+    assert [r.t_s.size for r in data.records] == [40, 40, 40]
+    np.testing.assert_allclose(data.records[0].y_um, 8e3 * data.records[0].u_V, atol=1e-2)
+
+
+def test_it_holds_for_one_file_of_its_folder(folder, write) -> None:
+    write(
+        "dataset.toml",
+        'skip_s = 0.1\n[units]\ny = "nm"\n[records.two]\nrole = "test"\nmask_s = [[10.2, 10.3]]\n',
+    )
+    data = load(folder / "two.csv")
+    (two,) = data.records
+    assert (two.role, two.t_s.size, int(two.error_mask.sum())) == ("test", 35, 29)
+    assert f"{folder / 'dataset.toml'} holds for this file too" in data.describe()
+
+
+def test_a_mask_before_what_was_kept_is_no_mistake(folder, write) -> None:
+    write("dataset.toml", "[records.one]\nmask_s = [[0.0, 0.1]]\n")
+    one = load(folder, DataOptions(skip_s=0.2)).records[0]
+    assert one.error_mask.all()
+    assert one.remarks[-1].endswith("0 to 0.1 s (0 samples)")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("titel = 'x'", ": 'titel' is unknown (did you mean 'title'?); known are title, skip_s"),
+        ("sampling_time_s = 1", ": 'sampling_time_s' is unknown; known are"),
+        ("[unit]\ny = 'm'", ": 'unit' is unknown (did you mean 'units'?)"),
+        ("[columns]\nv = 'u'", ", [columns]: 'v' is unknown"),
+        ("[columns]\nu = -1", ", [columns]: u = -1; give a header name or a position"),
+        ("[columns]\nu = true", ", [columns]: u = True; give"),
+        ("[columns]\nu = 'a'\ny = 'a'", ", [columns]: u and y both name column a"),
+        ("[units]\nz = 'm'", ", [units]: 'z' is unknown"),
+        ("[units]\ny = 'inch'", ", [units]: unit 'inch' of y is unknown; known are m, mm, um, nm"),
+        ("[units]\ny = 3", ", [units]: y = 3; give text"),
+        (
+            "[records.tow]",
+            ", [records]: 'tow' is unknown (did you mean 'two'?); known are one, two, validation",
+        ),
+        ("[records.one]\nroles = 'test'", ", [records.one]: 'roles' is unknown (did you mean"),
+        ("[records.one]\nrole = 'learn'", ", [records.one]: role = 'learn'; give train, valid"),
+        ("[records.one]\nskip_s = -1", ", [records.one]: skip_s is -1; give seconds, 0 or above"),
+        ("[records.one]\nskip_s = '1'", ", [records.one]: skip_s = '1'; give seconds"),
+        ("[records.one]\nnote = 1", ", [records.one]: note = 1; give text"),
+        ("[records.one]\nmask_s = [1, 2]", ", [records.one]: mask_s = [1, 2]; give stretches"),
+        ("[records.one]\nmask_s = 3", ", [records.one]: mask_s = 3; give stretches"),
+        ("[records.one]\nmask_s = [[2, 1]]", ", [records.one]: mask_s = [[2, 1]]; give stretches"),
+        ("[records.one]\nmask_s = [[7, 8]]", "mask_s: 7 to 8 s holds no sample of record one"),
+        ("[records.one]\nmask_s = [[0, 0.6]]", "mask_s: 9 samples of record one are left"),
+        ("records.one = 1", ", [records]: one = 1; give a table"),
+        ("units = 'm'", ": units = 'm'; give a table"),
+        ("title = 3", ": title = 3; give text"),
+        ("skip_s = nan", ": skip_s is nan; give seconds"),
+        ("skip_s = [1]", ": skip_s = [1]; give seconds"),
+        ("title = 'x'\nskip_s 1.0", ": not TOML: "),
+    ],
+)
+def test_what_it_says_wrongly(folder, write, refusal, text, message) -> None:
+    line = refusal(write("dataset.toml", text).parent)
+    assert f"dataset.toml{message}" in line or f"dataset.toml, [records.one] {message}" in line
+
+
+def test_not_toml_names_its_line_and_column(folder, write, refusal) -> None:
+    write("dataset.toml", "title = 'x'\nskip_s 1.0\n")
+    assert "(at line 2, column 8)" in refusal(folder)
+
+
+def test_wrong_encoding_of_it(folder, refusal) -> None:
+    (folder / "dataset.toml").write_bytes("title = 'Länge'".encode("latin-1"))
+    assert "dataset.toml, line 1, column 11 (byte 10): not UTF-8 text" in refusal(folder)
+
+
+def test_files_that_are_no_records(folder, write) -> None:
+    write("README.txt", "one and two were measured on Monday")
+    write("truth.json", "{}")
+    write(".hidden.csv", "")
+    (folder / "raw.csv").mkdir()
+    data = load(folder)
+    assert [r.name for r in data.records] == ["one", "two", "validation"]
+    assert "left out: README.txt, by its name no record" in data.describe()
+
+
+def test_two_files_of_one_name(folder, write, refusal) -> None:
+    write("one.dat", "")
+    assert "one.dat and one.csv are both record 'one'; rename one" in refusal(folder)

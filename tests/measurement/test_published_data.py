@@ -1,0 +1,76 @@
+"""The published PICMA records, read in place, and how a user is told about them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rdpi_gym.measurement import DATA_HINT, DataOptions, load, measured_data
+
+
+@pytest.fixture
+def picma() -> Path:
+    folder = measured_data("picma")
+    for name in ("dataset.toml", "identification.csv", "validation.csv"):
+        if folder is None or not (folder / name).is_file():
+            pytest.skip(f"picma/{name} is absent. {DATA_HINT}")
+    return folder
+
+
+def test_picma_records(picma) -> None:
+    data = load(picma)
+    (train,) = data.train
+    (validation,) = data.validation
+    assert (train.name, validation.name) == ("identification", "validation")
+    assert (train.t_s.size, validation.t_s.size) == (8027 - 200, 14155 - 200)
+    assert train.reference_um is None
+    assert validation.reference_um is not None
+    for record in (train, validation):
+        assert record.t_s[0] == pytest.approx(1.0, abs=1e-12)
+        assert record.ts_s == pytest.approx(5e-3, rel=1e-9)
+        assert record.error_mask.all()
+        assert record.u_V.min() >= 0
+        assert record.u_V.max() <= 3.61
+        assert record.remarks == ("left out: the first 1 s (200 samples)",)
+    assert data.describe().count("left out: the first 1 s (200 samples)") == 2
+    assert "PICMA" in data.title
+
+
+def test_picma_start_up_is_left_out(picma) -> None:
+    whole = load(picma, DataOptions(skip_s=0.0))
+    for record, kept in zip(whole.records, load(picma).records, strict=True):
+        assert record.y_um[:60].min() < kept.y_um.min() - 3.0  # the first 0.3 s
+        np.testing.assert_allclose(record.y_um[200:], kept.y_um)
+
+
+def test_picma_voltage_steps_where_the_compensator_was_switched_on(picma) -> None:
+    """Before 37.16 s the voltage is linear in the reference, after it a feedforward runs."""
+    (validation,) = load(picma).validation
+    jump = np.abs(np.diff(validation.u_V))
+    assert validation.t_s[1 + int(np.argmax(jump))] == pytest.approx(37.16, abs=5.1e-3)
+    before = validation.t_s < 37.0
+    assert validation.reference_um is not None
+    u, reference = validation.u_V[before], validation.reference_um[before]
+    line = np.polyval(np.polyfit(reference, u, 1), reference)
+    assert np.abs(u - line).max() < 1e-3 * np.ptp(u)
+
+
+def test_one_picma_file_is_read_with_what_its_folder_says(picma) -> None:
+    data = load(picma / "identification.csv")
+    assert data.records[0].t_s[0] == pytest.approx(1.0, abs=1e-12)
+    assert "dataset.toml holds for this file too" in data.describe()
+    assert data.holds_out_quarters
+
+
+def test_where_the_data_are_looked_for(tmp_path, monkeypatch) -> None:
+    (tmp_path / "picma").mkdir()
+    monkeypatch.setenv("RDPI_DATA", str(tmp_path))
+    assert measured_data("picma") == tmp_path / "picma"
+    assert measured_data("fsm") is None
+
+
+def test_the_hint_names_sources_and_variable() -> None:
+    for word in ("yan9a/DiscreteBacklashOperator", "merijnfloren/fsm-benchmark-data", "RDPI_DATA"):
+        assert word in DATA_HINT

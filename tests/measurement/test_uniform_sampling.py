@@ -1,0 +1,78 @@
+"""Uniform within 1 % stays as it is; anything else is resampled, and said so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rdpi_gym.measurement.sampling import to_uniform
+
+
+def test_even_steps_pass_without_a_word() -> None:
+    t = 5.0 + 1e-3 * np.arange(1000)
+    u = np.sin(t)
+    grid = to_uniform(t, {"u": u}, "run.csv")
+    assert grid.remarks == ()
+    assert grid.columns["u"] is u
+    np.testing.assert_allclose(grid.t_s, t, rtol=1e-14)
+
+
+@pytest.mark.parametrize("jitter", [0.002, 0.0049])
+def test_jitter_within_one_percent_is_taken_as_even(jitter) -> None:
+    shift = np.where(np.arange(1000) % 2, jitter, -jitter)  # a step deviates by twice that
+    u = np.arange(1000.0)
+    grid = to_uniform(1e-3 * (np.arange(1000) + shift), {"u": u}, "run.csv")
+    np.testing.assert_array_equal(grid.columns["u"], u)
+    assert grid.ts_s == pytest.approx(1e-3, rel=1e-4)
+    assert "jitter by up to" in grid.remarks[0]
+
+
+def test_jitter_above_one_percent_is_resampled() -> None:
+    t = 1e-3 * np.arange(1000)
+    t[500] += 1.5e-5
+    grid = to_uniform(t, {"u": t**2}, "run.csv")
+    assert grid.remarks == (
+        "time steps differ by up to 1.5 % from the mean step: "
+        "resampled at the median step, 0.001 s, by linear interpolation, 1000 samples became 1000",
+    )
+    assert grid.columns["u"][500] != t[500] ** 2
+    np.testing.assert_allclose(np.diff(grid.t_s), 1e-3, rtol=1e-9)
+
+
+def test_a_clock_that_drifts_by_samples_is_resampled() -> None:
+    steps = np.r_[np.full(500, 1.0), np.full(501, 1.009)]
+    grid = to_uniform(np.cumsum(steps), {"u": np.cumsum(steps)}, "run.csv")
+    assert "resampled" in grid.remarks[0]
+    np.testing.assert_allclose(grid.columns["u"], grid.t_s, rtol=1e-12)
+
+
+@given(st.lists(st.floats(0.5, 3.0), min_size=20, max_size=60), st.floats(-5, 5))
+def test_a_straight_line_survives_resampling(steps, slope) -> None:
+    t = np.cumsum(steps)
+    grid = to_uniform(t, {"u": 2.0 + slope * t}, "run.csv")
+    assert grid.t_s[0] == t[0]
+    assert grid.t_s[-1] == pytest.approx(t[-1], abs=grid.ts_s)
+    if any("resampled" in remark for remark in grid.remarks):
+        np.testing.assert_allclose(grid.columns["u"], 2.0 + slope * grid.t_s, atol=1e-9)
+
+
+def test_a_gap_is_bridged_but_does_not_count() -> None:
+    t = np.r_[np.arange(50), np.arange(70, 120)].astype(float)
+    grid = to_uniform(t, {"u": t, "period": (t > 60).astype(float)}, "run.csv")
+    assert grid.t_s.size == 120
+    np.testing.assert_array_equal(np.flatnonzero(~grid.measured), np.arange(50, 70))
+    np.testing.assert_array_equal(grid.columns["u"], np.arange(120.0))
+    np.testing.assert_array_equal(grid.columns["period"], np.arange(120) >= 70)
+    assert grid.remarks[1].startswith("left out of the error: 20 samples interpolated across 1 gap")
+
+
+def test_records_may_differ_in_sampling_time(tmp_path) -> None:
+    from rdpi_gym.measurement import load
+
+    for name, ts_s in (("fast", 1e-4), ("slow", 1e-2)):
+        rows = (f"{ts_s * k:.6f},{np.sin(k):.6f},{np.cos(k):.6f}" for k in range(40))
+        (tmp_path / f"{name}.csv").write_text("t,u,y\n" + "\n".join(rows))
+    data = load(tmp_path)
+    assert [(r.name, round(r.ts_s, 9)) for r in data.records] == [("fast", 1e-4), ("slow", 1e-2)]
