@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from baselines.limits import limited
 from rdpi_gym.arrays import Array
 from rdpi_gym.plant.rdpi import RDPI
 
@@ -77,7 +78,16 @@ def inverse_memory(model: RDPI, memory_V: ArrayLike) -> Array:
 
 
 @njit(cache=True)
-def classical_own_rate(y_r: Array, p: Array, state: Array, ts: float, u: Array) -> None:
+def classical_own_rate(
+    y_r: Array,
+    p: Array,
+    state: Array,
+    ts: float,
+    u: Array,
+    low: float = -np.inf,
+    high: float = np.inf,
+    step: float = np.inf,
+) -> None:
     """Inverse at the rate of its own command, one sample old, literal or low-passed as `p` says.
 
     Parameters
@@ -90,6 +100,8 @@ def classical_own_rate(y_r: Array, p: Array, state: Array, ts: float, u: Array) 
         Sampling time (s).
     u : float64[T, B]
         Filled with the command (V).
+    low, high, step : float
+        Range of the command and its largest change in one sample (V).
     """
     n = (p.shape[0] - 4) // 2
     for t in range(y_r.shape[0]):
@@ -101,6 +113,7 @@ def classical_own_rate(y_r: Array, p: Array, state: Array, ts: float, u: Array) 
                 eta = max(y_r[t, b] - s, min(y_r[t, b] + s, state[2 + i, b]))
                 state[2 + i, b] = eta
                 command += p[1 + i, b] * eta
+            command = limited(command, state[0, b], low, high, step)
             last = command if np.isnan(state[0, b]) else state[0, b]
             pole = p[2 * n + 2, b]
             state[1, b] = pole * state[1, b] + (1.0 - pole) * ((command - last) / ts)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from baselines.limits import limited
 from rdpi_gym.arrays import Array
 
 
@@ -30,7 +31,16 @@ def _slide(u: float, v: float, b: int, p: Array, state: Array) -> None:
 
 
 @njit(cache=True)
-def inversion_free_own_rate(y_r: Array, p: Array, state: Array, ts: float, u: Array) -> None:
+def inversion_free_own_rate(
+    y_r: Array,
+    p: Array,
+    state: Array,
+    ts: float,
+    u: Array,
+    low: float = -np.inf,
+    high: float = np.inf,
+    step: float = np.inf,
+) -> None:
     """Eq. 6 with the rate of its own command: literal, or low-passed where `p` says so.
 
     Parameters
@@ -43,11 +53,13 @@ def inversion_free_own_rate(y_r: Array, p: Array, state: Array, ts: float, u: Ar
         Sampling time (s).
     u : float64[T, B]
         Filled with the command (V).
+    low, high, step : float
+        Range of the command and its largest change in one sample (V).
     """
     pole_row = p.shape[0] - 2
     for t in range(y_r.shape[0]):
         for b in range(y_r.shape[1]):
-            command = _command(y_r[t, b], b, p, state)
+            command = limited(_command(y_r[t, b], b, p, state), state[0, b], low, high, step)
             last = command if np.isnan(state[0, b]) else state[0, b]
             pole = p[pole_row, b]
             v = pole * state[1, b] + (1.0 - pole) * ((command - last) / ts)
@@ -57,7 +69,16 @@ def inversion_free_own_rate(y_r: Array, p: Array, state: Array, ts: float, u: Ar
 
 
 @njit(cache=True)
-def inversion_free_given_rate(y_r: Array, v: Array, p: Array, state: Array, u: Array) -> None:
+def inversion_free_given_rate(
+    y_r: Array,
+    v: Array,
+    p: Array,
+    state: Array,
+    u: Array,
+    low: float = -np.inf,
+    high: float = np.inf,
+    step: float = np.inf,
+) -> None:
     """Eq. 6 with thresholds given through a rate.
 
     Parameters
@@ -65,11 +86,14 @@ def inversion_free_given_rate(y_r: Array, v: Array, p: Array, state: Array, u: A
     y_r, v : float64[T, B]
         Reference (µm) and the rate that sets the thresholds (V/s).
     p, state : float64[2n + 4, B], float64[n + 2, B]
-        Packed parameters and state; the play states are moved to the end of the block.
+        Packed parameters and state; u(k-1) and the play states are moved to the end of the block.
     u : float64[T, B]
         Filled with the command (V).
+    low, high, step : float
+        Range of the command and its largest change in one sample (V).
     """
     for t in range(y_r.shape[0]):
         for b in range(y_r.shape[1]):
-            u[t, b] = _command(y_r[t, b], b, p, state)
-            _slide(u[t, b], v[t, b], b, p, state)
+            command = limited(_command(y_r[t, b], b, p, state), state[0, b], low, high, step)
+            state[0, b] = u[t, b] = command
+            _slide(command, v[t, b], b, p, state)

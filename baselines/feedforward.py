@@ -1,0 +1,155 @@
+"""Feedforward: the command from the reference alone, over blocks or a sample at a time."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from baselines.base import Controller
+from baselines.stability import spectral_radius
+from rdpi_gym.arrays import Array
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import RDPI, Plant, PlantModel
+
+
+class Feedforward(Controller):
+    """A compensator; its memory has the kernels' rows, u(k-1), v(k-1), n play states, then r(k-1).
+
+    A subclass says by :meth:`compensator_model` which RDPI model it is built on, packs it, states
+    what the plays remember at rest, and fills blocks.
+
+    Parameters
+    ----------
+    belief, layout
+        As :class:`baselines.base.Controller`.
+    """
+
+    def __init__(self, belief: PlantModel, layout: ObservationLayout) -> None:
+        super().__init__(belief, layout)
+        self.model = self.compensator_model(belief.hysteresis)
+        self._parameters = self._packed()
+        plant = Plant(belief, layout.ts_s)
+        plant.reset(u0_V=self.limits.rest_V)
+        rest = self._rest_memory(plant.memory[:, 0])
+        self._rest = np.concatenate([[self.limits.rest_V, 0.0], rest, [0.0]])
+
+    def compensator_model(self, hysteresis: RDPI) -> RDPI:
+        """Return the RDPI model that the compensator is built on, from the belief's."""
+        return hysteresis
+
+    @abstractmethod
+    def _packed(self) -> Array:
+        """Return the kernel's parameters of one lane, float64[2n + 4, 1]."""
+
+    @abstractmethod
+    def _rest_memory(self, plays_V: Array) -> Array:
+        """Return the compensator's play states where the plant's are ξ_i (V), float64[n]."""
+
+    @abstractmethod
+    def _fill(self, reference_um: Array, parameters: Array, state: Array, u: Array) -> None:
+        """Fill u, float64[T, B], with commands within the limits; move the kernel's rows on."""
+
+    def loop_polynomial(self) -> Array:
+        """Return the characteristic polynomial of the loop while all plays slide, in z.
+
+        Highest power first; a constant where nothing is fed back.
+        """
+        return np.ones(1)
+
+    def stable_where(self) -> str:
+        """Say where :meth:`loop_polynomial` has its roots within the unit circle."""
+        return "everywhere"
+
+    def warning(self) -> str | None:
+        """Return one line where the loop does not decay at this Ts with this belief, else None."""
+        radius = spectral_radius(self.loop_polynomial())
+        if radius < 1.0:
+            return None
+        return (
+            f"outside its stability limit: pole magnitude {radius:.3g} at Ts = {self.layout.ts_s:g} s "
+            f"with belief {self.belief.name}; stable {self.stable_where()}"
+        )
+
+    def start(self, reference_um: Array) -> Array:
+        """Return the memory at rest; see :meth:`baselines.base.Controller.start`."""
+        state = np.repeat(self._rest[:, None], len(reference_um), axis=1)
+        state[-1] = reference_um
+        return state
+
+    def next_command(
+        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
+    ) -> Array:
+        """Answer r(k+1); see :meth:`baselines.base.Controller.next_command`."""
+        command: Array = self._advance(reference_um[1:], state)[0]
+        return command
+
+    def command_block(self, reference_um: Array, state: Array | None = None) -> Array:
+        """Return the commands that answer a reference, row by row.
+
+        Parameters
+        ----------
+        reference_um
+            r(k) (µm), ``(T, B)``.
+        state
+            Memory to go on from, as :meth:`start` returns it, moved on in place; None: at rest at
+            the command nearest 0 V, where r(0) has been held. Splitting a block changes nothing.
+
+        Returns
+        -------
+        float64[T, B]
+            u(k) (V), within the limits.
+
+        Raises
+        ------
+        InputError
+            The reference has another shape or is not finite.
+
+        Examples
+        --------
+        >>> from baselines import make_controller
+        >>> from rdpi_gym.plant import Plant, named_plant
+        >>> plant = named_plant("P5-static")
+        >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-3)
+        >>> reference = 10.0 * np.sin(np.arange(100.0) / 10.0)[:, None]
+        >>> u = make_controller("classical-static", plant, layout).command_block(reference)
+        >>> bool(np.abs(Plant(plant, 1e-3).simulate(u) - reference).max() < 1e-12)
+        True
+        """
+        block = np.ascontiguousarray(reference_um, dtype=np.float64)
+        if block.ndim != 2 or block.size == 0:
+            raise InputError(
+                f"a reference of shape {block.shape}; give (samples, lanes), at least one of each"
+            )
+        if not np.isfinite(block).all():
+            sample, lane = np.argwhere(~np.isfinite(block))[0]
+            raise InputError(
+                f"sample {sample} of lane {lane} of the reference is {block[sample, lane]}; references are finite displacements"
+            )
+        return self._advance(block, self.start(block[0]) if state is None else state)
+
+    def _advance(self, reference_um: Array, state: Array) -> Array:
+        lanes = reference_um.shape[1]
+        if self._parameters.shape[1] != lanes:
+            self._parameters = np.repeat(self._parameters[:, :1], lanes, axis=1)
+        u = np.empty_like(reference_um)
+        self._fill(reference_um, self._parameters, state, u)
+        state[-1] = reference_um[-1]
+        return u
+
+    def _reference_rate(self, reference_um: Array, state: Array) -> Array:
+        """Rate of the reference over A (V/s), by backward difference."""
+        v = np.empty_like(reference_um)
+        _differences(reference_um, state[-1], self.layout.ts_s * self.model.A, v)
+        return v
+
+
+@njit(cache=True)
+def _differences(x: Array, before: Array, interval: float, rate: Array) -> None:
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            rate[t, b] = (x[t, b] - (x[t - 1, b] if t else before[b])) / interval

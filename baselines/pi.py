@@ -1,0 +1,96 @@
+"""``pi`` and ``pi-<feedforward>``: feedback of the measured error, alone or on a feedforward."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from baselines.base import Controller
+from baselines.feedforward import Feedforward
+from baselines.limits import limited
+from baselines.pi_tuning import simc_gains
+from rdpi_gym.arrays import Array
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.plant import PlantModel
+
+
+@njit(cache=True)
+def _feed_back(
+    error: Array,
+    state: Array,
+    proportional: float,
+    integral: float,
+    low: float,
+    high: float,
+    step: float,
+    u: Array,
+) -> None:
+    for b in range(error.shape[0]):
+        collected = state[1, b] + integral * error[b]
+        wanted = u[b] + proportional * error[b] + collected
+        u[b] = limited(wanted, state[0, b], low, high, step)
+        # Anti-windup: where the error drives further into the limit, nothing is collected.
+        if (wanted - u[b]) * error[b] <= 0.0:
+            state[1, b] = collected
+        state[0, b] = u[b]
+
+
+class PI(Controller):
+    """u(k+1) = feedforward + kp e(k) + ki Ts Σ e, e = r - measured, with anti-windup at the limits.
+
+    Alone it starts from the command at rest. On a feedforward it works on the error that this
+    leaves. The gains come from the belief: :func:`baselines.pi_tuning.simc_gains`.
+
+    Parameters
+    ----------
+    belief, layout
+        As :class:`baselines.base.Controller`.
+    feedforward
+        Class of the feedforward; None: feedback alone.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> plant = named_plant("P5")
+    >>> controller = PI(plant, ObservationLayout.for_plant(plant, ts_s=1e-4))
+    >>> round(controller.gains.integral_V_um_s)
+    1638
+    """
+
+    def __init__(
+        self,
+        belief: PlantModel,
+        layout: ObservationLayout,
+        feedforward: type[Feedforward] | None = None,
+    ) -> None:
+        super().__init__(belief, layout)
+        self.gains = simc_gains(belief.hysteresis, layout.ts_s)
+        self.feedforward = None if feedforward is None else feedforward(belief, layout)
+        self._per_sample = (self.gains.proportional_V_um, self.gains.integral_V_um_s * layout.ts_s)
+
+    def start(self, reference_um: Array) -> Array:
+        """Return the memory at rest: last command, integral, then the feedforward's rows."""
+        own = np.zeros((2, len(reference_um)))
+        own[0] = self.limits.rest_V
+        if self.feedforward is None:
+            return own
+        return np.concatenate([own, self.feedforward.start(reference_um)])
+
+    def next_command(
+        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
+    ) -> Array:
+        """Answer e(k) and r(k+1); see :meth:`baselines.base.Controller.next_command`."""
+        if self.feedforward is None:
+            u = np.full(len(observation), self.limits.rest_V)
+        else:
+            u = self.feedforward.next_command(observation, reference_um, state[2:])
+        error = reference_um[0] - self.layout.measured_um(observation)
+        _feed_back(error, state, *self._per_sample, *self.limits, u)
+        return u
+
+    def warning(self) -> str | None:
+        """Return the feedforward's warning; the feedback itself has its margin by design."""
+        return None if self.feedforward is None else self.feedforward.warning()

@@ -1,0 +1,1 @@
+"""What is scored, how, and the tables: tracking, the paper, identification, speed."""

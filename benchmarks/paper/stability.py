@@ -1,0 +1,286 @@
+"""Where a compensator on its own rate is stable, and the model's zero: found by simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from baselines.stability import (
+    classical_polynomial,
+    inversion_free_polynomial,
+    spectral_radius,
+)
+from benchmarks.paper.readings import Chain, Reading
+from benchmarks.paper.tracking import PERIODS, Sine
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant import RDPI, empty_state, pack
+from rdpi_gym.plant.play import rdpi_block
+
+SLIDE_V_S = 1000.0
+"""Rate (V/s) of the ramps on which all plays slide."""
+MARGIN = 0.02
+"""Relative distance from the limit at which both sides are tried."""
+LOOP_TS_S = (5e-5, 1.2e-3)
+"""Sampling times (s) between which the growth of a disturbance is followed."""
+_KICK_UM = 1e-8
+_FIT_SAMPLES = 8
+_LONG_SAMPLES = 6000
+_LAST_BITS = 1e-15
+
+
+def _ramp(reading: Reading, hysteresis: RDPI, ts_s: float, samples: int) -> Array:
+    """Return y_r, u and y, [3, K, 2], on a ramp that all plays slide on; lane 1 is kicked once."""
+    chain = Chain(reading, hysteresis, ts_s, lanes=2)
+    start = chain.slide(SLIDE_V_S)
+    k = np.arange(1, samples + 1)
+    y_r = np.repeat((start + hysteresis.A * SLIDE_V_S * ts_s * k)[:, None], 2, axis=1)
+    y_r[0, 1] += _KICK_UM
+    u, y = chain.advance(y_r, np.zeros_like(y_r))
+    return np.stack([y_r, u, y])
+
+
+@dataclass(frozen=True)
+class SlidingLoop:
+    """What becomes of a small disturbance of the command while all plays slide.
+
+    Parameters
+    ----------
+    ts_s
+        Sampling time (s).
+    b, c
+        Coefficients of z² + b z + c = 0, fitted to the simulated disturbance.
+    """
+
+    ts_s: float
+    b: float
+    c: float
+
+    @property
+    def growth(self) -> float:
+        """Factor by which the disturbance grows from sample to sample: the larger |z|."""
+        return spectral_radius(np.array([1.0, self.b, self.c]))
+
+
+def sliding_loop(reading: Reading, hysteresis: RDPI, ts_s: float) -> SlidingLoop:
+    """Kick the reference of a slide by 1e-8 µm and fit the loop's polynomial to what follows.
+
+    Parameters
+    ----------
+    reading
+        A compensator that runs on its own rate, unfiltered.
+    hysteresis
+        The model.
+    ts_s
+        Sampling time (s).
+
+    Examples
+    --------
+    >>> from benchmarks.paper.readings import READINGS
+    >>> from rdpi_gym.plant import PAPER_III_B
+    >>> loop = sliding_loop(READINGS["literal"], PAPER_III_B, ts_s=2.6e-4)
+    >>> round(loop.c, 4), round(PAPER_III_B.g * PAPER_III_B.delta2_s / 2.6e-4, 4)
+    (0.9686, 0.9686)
+    """
+    _, u, _ = _ramp(reading, hysteresis, ts_s, _FIT_SAMPLES)
+    d = u[:, 1] - u[:, 0]
+    # the kick enters at the first sample; from the third on the loop is on its own
+    (b, c), *_ = np.linalg.lstsq(np.column_stack([d[2:-1], d[1:-2]]), -d[3:], rcond=None)
+    return SlidingLoop(ts_s, float(b), float(c))
+
+
+def predicted_loop(reading: Reading, hysteresis: RDPI, ts_s: float) -> SlidingLoop:
+    """Return the polynomial that the sliding loop has by the equations.
+
+    Examples
+    --------
+    >>> from benchmarks.paper.readings import READINGS
+    >>> from rdpi_gym.plant import PAPER_III_B
+    >>> round(predicted_loop(READINGS["literal"], PAPER_III_B, ts_s=2.6e-4).growth, 4)
+    0.9842
+    """
+    inverse = reading.structure == "closed-form"
+    polynomial = classical_polynomial if inverse else inversion_free_polynomial
+    _, b, c = polynomial(hysteresis, ts_s)
+    return SlidingLoop(ts_s, float(b), float(c))
+
+
+def limit_s(reading: Reading, hysteresis: RDPI) -> float:
+    """Find the sampling time (s) at which a disturbance neither grows nor decays.
+
+    Examples
+    --------
+    >>> from benchmarks.paper.readings import READINGS
+    >>> from rdpi_gym.plant import PAPER_III_B
+    >>> round(1e3 * limit_s(READINGS["literal"], PAPER_III_B), 3)
+    0.252
+    """
+    delta2 = hysteresis.delta2_s
+    return float(
+        brentq(
+            lambda ts: np.log(sliding_loop(reading, hysteresis, ts).growth),
+            0.2 * delta2,
+            5.0 * delta2,
+            xtol=1e-6 * delta2,
+        )
+    )
+
+
+@dataclass(frozen=True)
+class Side:
+    """A long slide on one side of the limit, after a kick of 1e-8 µm.
+
+    Parameters
+    ----------
+    ts_s
+        Sampling time (s).
+    growth
+        Of a small disturbance, per sample.
+    max_error_um, rms_error_um
+        Largest and RMS error over the last third of the slide (µm).
+    max_rate_V_s
+        Largest rate of the command there (V/s).
+    ripple_um
+        Peak to peak of the error there (µm): zero where the disturbance has decayed.
+    """
+
+    ts_s: float
+    growth: float
+    max_error_um: float
+    rms_error_um: float
+    max_rate_V_s: float
+    ripple_um: float
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A stability limit: predicted, found, and both sides of it.
+
+    Parameters
+    ----------
+    plant, reading
+        What was simulated.
+    predicted_s, found_s
+        The limit (s) from the loop's polynomial, and the one found by simulation.
+    above, below
+        Long slides at a sampling time 2 % above and below the limit found.
+    loops, predicted_loops
+        Fitted and predicted loops over a range of sampling times.
+    """
+
+    plant: str
+    reading: Reading
+    predicted_s: float
+    found_s: float
+    above: Side
+    below: Side
+    loops: tuple[SlidingLoop, ...]
+    predicted_loops: tuple[SlidingLoop, ...]
+
+
+def _side(reading: Reading, hysteresis: RDPI, ts_s: float) -> Side:
+    y_r, u, y = _ramp(reading, hysteresis, ts_s, _LONG_SAMPLES)[:, -_LONG_SAMPLES // 3 :, 1]
+    error = y_r - y
+    return Side(
+        ts_s,
+        sliding_loop(reading, hysteresis, ts_s).growth,
+        float(np.abs(error).max()),
+        float(np.sqrt(np.mean(error**2))),
+        float(np.abs(np.diff(u)).max() / ts_s),
+        float(np.ptp(error)),
+    )
+
+
+def stability_limit(plant: str, hysteresis: RDPI, reading: Reading) -> Limit:
+    """Find a limit, look at both sides of it, and follow the growth over the sampling time.
+
+    Parameters
+    ----------
+    plant, hysteresis
+        Name and parameters of the model.
+    reading
+        A compensator that runs on its own rate, unfiltered.
+    """
+    found = limit_s(reading, hysteresis)
+    range_s = np.geomspace(*LOOP_TS_S, 30).tolist()
+    return Limit(
+        plant,
+        reading,
+        reading.stable_from_ts_s(hysteresis),
+        found,
+        _side(reading, hysteresis, found * (1.0 + MARGIN)),
+        _side(reading, hysteresis, found * (1.0 - MARGIN)),
+        tuple(sliding_loop(reading, hysteresis, ts) for ts in range_s),
+        tuple(predicted_loop(reading, hysteresis, ts) for ts in range_s),
+    )
+
+
+def zero_rad_s(hysteresis: RDPI) -> float:
+    """Measure the model's right-half-plane zero (rad/s) on a ramp with a ripple in its rate.
+
+    While all plays slide, y = A u - S δ2 u̇ - c: A and S δ2 are regressed from the simulated
+    displacement on the command and its rate.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import PAPER_III_B
+    >>> round(zero_rad_s(PAPER_III_B))
+    6629
+    """
+    ts_s, samples = 1e-5, 2000
+    # the ripple is slow enough that u - δ2 u̇ keeps rising and no play sticks
+    t = ts_s * np.arange(samples)
+    v = SLIDE_V_S * (1.0 + 0.1 * np.sin(2.0 * np.pi * 200.0 * t))
+    u = ts_s * np.cumsum(v)
+    state = empty_state(hysteresis.n, 1)
+    state[1] = SLIDE_V_S
+    state[2:, 0] = -np.asarray(hysteresis.thresholds_V) - hysteresis.delta2_s * SLIDE_V_S
+    y = np.empty((samples, 1))
+    rdpi_block(u[:, None], pack([hysteresis], ts_s, [0.0]), state, ts_s, y)
+    (gain, lag, _), *_ = np.linalg.lstsq(
+        np.column_stack([u, -v, np.ones(samples)]), y[:, 0], rcond=None
+    )
+    return float(gain / lag)
+
+
+@dataclass(frozen=True)
+class Divergence:
+    """Two runs whose references differ by a relative 1e-15: how far their commands part.
+
+    Parameters
+    ----------
+    reading
+        The compensator.
+    t_s
+        Time (s), ``(K,)``.
+    command_V
+        Difference of the commands (V), ``(K,)``.
+    """
+
+    reading: Reading
+    t_s: Array
+    command_V: Array
+
+    @property
+    def largest_V(self) -> float:
+        """Largest difference over the last period (V)."""
+        return float(np.abs(self.command_V[-(len(self.command_V) // PERIODS) :]).max())
+
+
+def divergence(reading: Reading, sine: Sine) -> Divergence:
+    """Run a sine and a copy of it that is larger by a relative 1e-15.
+
+    Parameters
+    ----------
+    reading
+        The compensator.
+    sine
+        Reference and plant.
+    """
+    samples = PERIODS * sine.samples
+    y_r = sine.values(0, samples)[:, None] * np.array([1.0, 1.0 + _LAST_BITS])
+    rate = np.diff(y_r, axis=0, prepend=y_r[:1]) / sine.ts_s
+    u, _ = Chain(reading, sine.hysteresis, sine.ts_s, lanes=2).advance(y_r, rate)
+    t = sine.ts_s * np.arange(samples, dtype=np.float64)
+    return Divergence(reading, t, u[:, 1] - u[:, 0])

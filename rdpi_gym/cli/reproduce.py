@@ -1,0 +1,79 @@
+"""`rdpi reproduce`: the paper's figures and numbers, ours beside the paper's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rdpi_gym.cli.options import OutOption, SeedOption
+from rdpi_gym.errors import InputError
+
+
+def reproduce(
+    out: OutOption = Path("results/paper"),
+    seed: SeedOption = 0,
+    realisations: Annotated[
+        int,
+        typer.Option(
+            min=2, help="Realisations of each compensator whose own rate may make it chatter."
+        ),
+    ] = 16,
+) -> None:
+    """Recompute the paper's Fig. 3, 4, 5, 7, 8 and numbers for each reading of its Eq. 6.
+
+    Writes paper.md with its figures, paper.csv, sweep.csv and implementation.csv.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    from benchmarks.paper import (
+        implementation_rows,
+        paper_markdown,
+        paper_rows,
+        reproduce_paper,
+        sweep_rows,
+        to_csv,
+    )
+    from benchmarks.paper.cases import SWEEP_LABEL, TABLE_TS_S
+    from rdpi_gym.files import write_atomic
+    from rdpi_gym.report.paper_figures import write_paper_figures
+
+    _check_folder(out)
+    bar = Progress(
+        TextColumn("reproduce"),
+        BarColumn(bar_width=24),
+        TaskProgressColumn(),
+        TextColumn("{task.description}"),
+        console=Console(stderr=True),
+        disable=not Console(stderr=True).is_terminal,
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task("", total=1.0)
+        results = reproduce_paper(
+            seed,
+            realisations,
+            progress=lambda what, share: bar.update(task, description=what, completed=share),
+        )
+        bar.update(task, description="figures", completed=1.0)
+        write_paper_figures(out, results)
+    rows = paper_rows(results)
+    write_atomic(out / "paper.csv", to_csv(rows))
+    write_atomic(out / "sweep.csv", to_csv(sweep_rows(results)))
+    write_atomic(out / "implementation.csv", to_csv(implementation_rows(results)))
+    page = write_atomic(out / "paper.md", paper_markdown(results))
+    for row in rows:
+        if row.case == SWEEP_LABEL and row.ts_s == min(TABLE_TS_S) and row.reading != "none":
+            print(f"{row.reading}: {row.verdict}")
+    print(f"{page}: the paper's figures and numbers beside ours; {len(rows)} rows in paper.csv")
+
+
+def _check_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"--out {out} is no folder that can be written ({error.strerror}); name a new or an existing folder"
+        ) from error

@@ -1,0 +1,142 @@
+"""The page of `rdpi bench`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from benchmarks.tracking.evaluation import Evaluation
+from rdpi_gym.report import benchmark_figures as figures
+from rdpi_gym.report.page import Section, write_page
+
+_LOOK = (
+    "Colour says which inverse (grey: none, red: inversion-free, blue: classical, green: feedback alone), "
+    "the symbol at which rate, a dotted line or an open symbol that feedback is added."
+)
+
+
+_RANKING = {
+    "controller": "Controller",
+    "rmse_percent": "RMSE (%)",
+    "rmse_percent_low": "from (%)",
+    "rmse_percent_high": "to (%)",
+    "seed_0_rmse_percent": "RMSE, seed 0 (%)",
+    "optimality_gap": "Optimality gap",
+    "mean_rank": "Mean rank",
+    "command_total_variation": "Command variation",
+    "microseconds_per_sample": "µs per sample",
+    "failed": "Failed rows",
+    "warnings": "Warnings",
+}  # fmt: skip
+
+
+def write_benchmark_page(path: Path, results: Evaluation, method: str, measured: str) -> Path:
+    """Write the results as a self-contained page.
+
+    Parameters
+    ----------
+    path
+        The HTML file.
+    results
+        From :func:`benchmarks.tracking.evaluation.evaluate`.
+    method, measured
+        How the rows were scored, and how those on measured records were: plain text.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    best = results.ranking.iloc[0]
+    summary = "\n\n".join(
+        [
+            f"{len(results.order)} controllers, {len(results.rows)} scores. Smallest error: "
+            f"{best['controller']}, {best['rmse_percent']:.3g} % of the reference's peak to peak "
+            "(geometric mean of the RMSE over all cases and drawn truths).",
+            "\n".join(f"- {note}" for note in results.notes),
+        ]
+    )
+    sections = [
+        Section(
+            "Ranking",
+            "Controllers by the geometric mean of their RMSE over all cases, with the confidence "
+            "interval over the drawn truths; the bar marks the error where the belief is true.",
+            figures.ranking_figure(results.ranking),
+            results.ranking[list(_RANKING)].rename(columns=_RANKING),
+        ),
+        Section("What the numbers mean", method),
+        *_curves(results),
+        *_pairs(results),
+        Section(
+            "Every case",
+            "Mean over the drawn truths, half-width of its confidence interval, and the command's "
+            "total variation over the smallest that tracks. Every single row is in leaderboard.csv.",
+            table=results.by_case,
+        ),
+        _measured(results, measured),
+    ]
+    return write_page(path, "Tracking benchmark", summary, sections)
+
+
+def _curves(results: Evaluation) -> list[Section]:
+    frequency = figures.frequency_figures(results.by_case, results.order)
+    effort = figures.effort_figures(results.by_sampling_time, results.order)
+    sections = []
+    if frequency:
+        sections.append(
+            Section(
+                "Error against frequency",
+                f"Sines of full amplitude. {_LOOK} A click on an entry of the legend hides it, a "
+                "double click shows it alone.",
+                frequency,
+            )
+        )
+    if effort:
+        sections.append(
+            Section(
+                "Error against command effort",
+                "Geometric means over the references. To the left is the quieter command: one that "
+                "chatters, dithers or passes noise on stands to the right.",
+                effort,
+            )
+        )
+    return sections
+
+
+def _pairs(results: Evaluation) -> list[Section]:
+    by_case: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for row in results.rows:
+        if "trace" in row:
+            name = f"{row['plant']}, {row['reference']} {row['frequency_hz']:g} Hz, Ts = {1e6 * row['ts_s']:g} µs"
+            by_case.setdefault(name, {})[row["controller"]] = row["trace"]
+    if not by_case:
+        return []
+    drawn = {}
+    for name, traces in by_case.items():
+        ordered = {
+            controller: traces[controller] for controller in results.order if controller in traces
+        }
+        first = next(iter(ordered))
+        second = "none" if "none" in ordered else list(ordered)[-1]
+        drawn[name] = figures.pair_figure(ordered, first, second)
+    return [
+        Section(
+            "Traces of any pair",
+            "Choose a reference here and two controllers, A and B, in the figure: the first scored "
+            "period of the first seed.",
+            drawn,
+        )
+    ]
+
+
+def _measured(results: Evaluation, text: str) -> Section:
+    measured = results.measured
+    if measured.table.empty:
+        return Section("On real input", text)
+    return Section("On real input", text, figures.measured_figures(measured.traces), measured.table)

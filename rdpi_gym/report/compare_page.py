@@ -1,0 +1,134 @@
+"""The page of `rdpi compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rdpi_gym.diagnosis import FEW_HALF_CYCLES, Comparison
+from rdpi_gym.report import compare_figures, trace_figures
+from rdpi_gym.report.page import Section, write_page
+from rdpi_gym.report.thin import DISPLAY_SAMPLES
+
+MOST_RECORDS = 40
+"""Records whose traces stand on the page; of more, those with the largest errors."""
+_OPEN = f"Open circles rest on fewer than {FEW_HALF_CYCLES} half-cycles."
+_ALL_SAMPLES = 8 * DISPLAY_SAMPLES
+
+
+def write_compare_page(path: Path | str, comparison: Comparison) -> Path:
+    """Write a comparison as a self-contained page.
+
+    Parameters
+    ----------
+    path
+        The HTML file.
+    comparison
+        From :func:`rdpi_gym.diagnosis.compare`.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    found = comparison.findings
+    count = len({trace.name for trace in comparison.traces})
+    heads = [found[key] for key in ("far", "range", "overall") if key in found]
+    points = [f"- {text}" for key, text in found.items() if key not in ("far", "range", "overall")]
+    summary = "\n\n".join(
+        [
+            f"Model {comparison.model.name} against {count} "
+            f"record{'s' if count > 1 else ''} of {comparison.title}.",
+            *heads,
+            "\n".join(points),
+        ]
+    )
+    return write_page(
+        path, f"Model {comparison.model.name} against measurement", summary, _sections(comparison)
+    )
+
+
+def _sections(comparison: Comparison) -> list[Section]:
+    found = comparison.findings
+    order = comparison.records["rmse_um"].sort_values(ascending=False).index[:MOST_RECORDS]
+    # a record of which the last quarter is held out stands for two traces
+    names = [f"{trace.name} ({trace.role})" for trace in comparison.traces]
+    shown = {names[i]: comparison.traces[i] for i in sorted(order)}
+    samples = max(500, min(DISPLAY_SAMPLES, _ALL_SAMPLES // len(shown)))
+    chosen = (
+        f" Of {len(names)} traces the {len(shown)} with the largest errors are here."
+        if len(shown) < len(names)
+        else ""
+    )
+    return [
+        Section(
+            "Error by record",
+            f"{found['records']}\n\nEvery record has one free offset, removed over the samples "
+            "that count. Scatter is what the residual changes from sample to sample, over √2: the "
+            "most that white sensor noise can be. A gain ratio above 1 means that the measured "
+            "stroke is larger than the model's.",
+            compare_figures.record_errors(comparison.records) if len(names) > 1 else None,
+            comparison.records,
+        ),
+        Section(
+            "Time traces",
+            f"{found['drift']}\n\nDrag over a stretch to enlarge it, double-click to return."
+            f"{chosen}",
+            {name: trace_figures.time_traces(trace, samples) for name, trace in shown.items()},
+        ),
+        Section(
+            "Where the error is largest",
+            f"{found['largest']}\n\nShown for each record: the half-cycle of its largest "
+            "difference, the one before and the one after.",
+            {name: trace_figures.largest_error(trace, samples) for name, trace in shown.items()},
+        ),
+        Section(
+            "Loops",
+            f"{found['gain']}\n\nWhere the two loops part, the model's shape is wrong; on the right "
+            "the same difference, enlarged. Of a long record, loops are picked evenly over its length.",
+            {name: trace_figures.loops(trace, 2 * samples) for name, trace in shown.items()},
+        ),
+        Section(
+            "Error by direction",
+            f"{found['by_direction']}\n\nA line above zero means that the measured displacement "
+            "is above the model's there. Rising above falling: the measured loop is narrower than "
+            "the model's; below: wider. Both together away from zero: gain or curvature.",
+            compare_figures.error_by_command(comparison.by_command),
+            comparison.by_direction,
+        ),
+        Section(
+            "Error by frequency",
+            f"{found['by_frequency']}\n\nEvery stretch from one reversal of the command to the "
+            "next has a frequency (one over twice its duration); they are sorted into third-octave "
+            f"bands. {_OPEN}",
+            compare_figures.error_by_frequency(comparison.by_frequency)
+            if len(comparison.by_frequency)
+            else None,
+            comparison.by_frequency if len(comparison.by_frequency) else None,
+        ),
+        Section(
+            "Error by amplitude",
+            f"{found['by_amplitude']}\n\nThe amplitude of a stretch is half of the way between its "
+            "two reversals. An error that grows with amplitude at a constant percentage is one of "
+            f"gain. {_OPEN}",
+            compare_figures.error_by_amplitude(comparison.by_amplitude)
+            if len(comparison.by_amplitude)
+            else None,
+            comparison.by_amplitude if len(comparison.by_amplitude) else None,
+        ),
+        Section(
+            "Residual over command and rate",
+            f"{found['plane']}\n\nOrange: the measured displacement is above the model's, blue: "
+            "below, grey: no sample. The upper half is a rising command, the lower half a falling "
+            "one.",
+            compare_figures.residual_plane(comparison.plane),
+        ),
+        Section(
+            "What was left out",
+            "\n".join(f"- {line}" for line in comparison.left_out) or "Nothing.",
+        ),
+    ]

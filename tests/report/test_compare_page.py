@@ -1,0 +1,125 @@
+"""Every figure of a comparison can be drawn, from a short record to a large data set."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rdpi_gym.diagnosis import compare
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant import P5, Plant, named_plant
+from rdpi_gym.report.compare_figures import error_by_frequency, record_errors, residual_plane
+from rdpi_gym.report.compare_page import MOST_RECORDS, write_compare_page
+from rdpi_gym.report.trace_figures import largest_error, loops, time_traces
+
+
+def sine(name="sine", frequency_hz=5.0, periods=6.0, per_period=200, **keywords):
+    ts_s = 1.0 / (frequency_hz * per_period)
+    t = np.arange(round(periods * per_period)) * ts_s
+    u = 10.0 * np.sin(2 * np.pi * frequency_hz * t)
+    return Record(name, t, u, Plant(P5, ts_s).simulate(u), ts_s=ts_s, **keywords)
+
+
+def staircase():
+    u = np.repeat(np.arange(10.0), 100)
+    t = np.arange(u.size) * 1e-3
+    return Record("stairs", t, u, Plant(P5, 1e-3).simulate(u), ts_s=1e-3)
+
+
+def short():
+    t = np.arange(16) * 1e-2
+    return Record("short", t, t, 2.0 * t, ts_s=1e-2)
+
+
+def masked():
+    record = sine()
+    mask = np.ones(record.t_s.size, dtype=bool)
+    mask[100:300] = False
+    mask[-1] = False
+    return replace(record, error_mask=mask)
+
+
+CASES = {
+    "single short record": (short(),),
+    "one frequency, no validation record": (sine(),),
+    "steps and holds": (staircase(),),
+    "left-out stretches": (masked(),),
+    "validation only": (sine(role="validation"),),
+    "test records only": (sine(role="test"),),
+    "several frequencies": tuple(sine(f"{f} Hz", f) for f in (1.0, 10.0, 100.0)),
+    "names that look like markup": (sine("<b>a</b> & <script>"), sine("b", role="validation")),
+}
+
+
+@pytest.mark.parametrize("records", CASES.values(), ids=CASES.keys())
+def test_page_is_written(records, tmp_path):
+    comparison = compare(Dataset("a data set", records), named_plant("P5-static"))
+    page = write_compare_page(tmp_path / "report.html", comparison)
+    text = page.read_text(encoding="utf-8")
+    assert "<b>a</b>" not in text
+    for finding in comparison.findings.values():
+        assert finding[:20].replace("<", "&lt;") in text
+
+
+def test_many_long_records_stay_small(tmp_path):
+    records = tuple(sine(f"r{i}", periods=50.0, role="validation") for i in range(MOST_RECORDS + 5))
+    comparison = compare(Dataset("many", records), named_plant("P5-static"))
+    page = write_compare_page(tmp_path / "report.html", comparison)
+    assert page.stat().st_size < 12e6
+    assert f"Of {MOST_RECORDS + 5} traces the {MOST_RECORDS}" in page.read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def comparison():
+    return compare(
+        Dataset("two", (sine(periods=60.0), sine("held", role="validation"))),
+        named_plant("P5-static"),
+    )
+
+
+def test_traces_show_the_largest_error(comparison):
+    trace = comparison.traces[0]
+    worst = np.max(np.abs(trace.residual_um))
+    for figure in (time_traces(trace, 600), largest_error(trace)):
+        assert np.max(np.abs(figure.data[2].y)) == worst
+        assert figure.data[0].x.size <= 602
+
+
+def test_loops_are_whole_and_few(comparison):
+    trace = comparison.traces[0]
+    figure = loops(trace, 1200)
+    u = np.asarray(figure.data[0].x, dtype=float)
+    assert u.size <= 1200 + 60
+    pieces = np.split(u, np.flatnonzero(np.isnan(u)))
+    inner = [piece[~np.isnan(piece)] for piece in pieces[1:-2]]
+    assert len(inner) >= 5
+    for piece in inner:
+        assert np.ptp(piece) == pytest.approx(20.0, rel=1e-3)
+
+
+def test_every_axis_carries_its_unit(comparison):
+    trace = comparison.traces[0]
+    for figure in (
+        time_traces(trace),
+        loops(trace),
+        record_errors(comparison.records),
+        error_by_frequency(comparison.by_frequency),
+        residual_plane(comparison.plane),
+    ):
+        titles = [
+            axis.title.text
+            for axis in (*figure.select_xaxes(), *figure.select_yaxes())
+            if axis.title.text
+        ]
+        assert titles
+        for title in titles:
+            assert any(f"({unit}" in title for unit in ("µm", "V", "s", "Hz", "%")), title
+
+
+def test_left_out_stretches_are_shaded():
+    trace = compare(Dataset("one", (masked(),)), P5).traces[0]
+    assert trace.role == "train"
+    # 100 to 299; and the last: a quarter of the 999 that count is held out for validation
+    shapes = time_traces(trace).layout.shapes
+    spans = {(shape.x0, shape.x1) for shape in shapes}
+    assert spans == {(trace.t_s[100], trace.t_s[299]), (trace.t_s[-250], trace.t_s[-1])}

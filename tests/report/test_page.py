@@ -1,0 +1,142 @@
+"""A page is one file that fetches nothing, shows foreign names as text, and is whole or absent."""
+
+import json
+from html.parser import HTMLParser
+
+import pandas as pd
+import plotly.graph_objects as go
+import pytest
+
+from rdpi_gym.errors import InputError
+from rdpi_gym.report import page as page_module
+from rdpi_gym.report.page import Section, write_page
+from rdpi_gym.report.style import figure_text, styled
+
+NASTY = '</script><script>alert(1)</script><b onload="x">&amp; "name"'
+LOADING = {"src", "href", "srcset", "action", "data", "poster", "background"}
+
+
+class Reader(HTMLParser):
+    """Collects what a browser would: tags, their attributes, and the text of elements."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.text, self.scripts = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag == "script":
+            self.scripts.append("")
+
+    def handle_data(self, data):
+        if self.tags and self.lasttag == "script" and self.cdata_elem == "script":
+            self.scripts[-1] += data
+        else:
+            self.text.append(data)
+
+
+def small_figure(name="measured"):
+    return styled(go.Figure(go.Scatter(x=[0.0, 1.0], y=[0.0, 2.0], name=figure_text(name))))
+
+
+@pytest.fixture
+def written(tmp_path):
+    sections = [
+        Section(NASTY, f"{NASTY}\n\n- first {NASTY}\n- second", small_figure(NASTY)),
+        Section("Two figures", "Both.", [small_figure(), small_figure()]),
+        Section("A choice", "One of two.", {NASTY: small_figure(), "other": small_figure()}),
+        Section("A table", "Below.", table=pd.DataFrame({NASTY: [NASTY], "rmse_um": [0.125]})),
+        Section("Words only", "No figure."),
+    ]
+    return write_page(tmp_path / "report.html", NASTY, NASTY, sections).read_text(encoding="utf-8")
+
+
+def test_nothing_is_fetched(written):
+    for tag, attributes in Reader(written).tags:
+        assert tag not in {"iframe", "object", "embed", "img", "base", "form"}
+        for name in LOADING & attributes.keys():
+            assert attributes[name].startswith(("#", "data:,")), (tag, attributes)
+    assert "@import" not in page_module.CSS
+    assert "url(" not in page_module.CSS
+
+
+def test_browser_is_told_to_fetch_nothing(written):
+    policies = [
+        attributes["content"]
+        for tag, attributes in Reader(written).tags
+        if attributes.get("http-equiv") == "Content-Security-Policy"
+    ]
+    assert len(policies) == 1
+    assert policies[0].startswith("default-src 'none'")
+    assert "http" not in policies[0]
+
+
+def test_foreign_names_stay_text(written):
+    reader = Reader(written)
+    assert "alert(1)" in "".join(reader.text)
+    assert not any("onload" in attributes for _, attributes in reader.tags)
+    assert not any(script.strip().startswith("alert") for script in reader.scripts)
+    assert NASTY in reader.text
+
+
+def test_script_of_plotly_is_inside_once(written):
+    plotly = [script for script in Reader(written).scripts if "plotly.js v" in script[:200]]
+    assert len(plotly) == 1
+
+
+def test_page_without_figures_carries_no_plotly(tmp_path):
+    page = write_page(tmp_path / "a.html", "Words", "Only.", [Section("One", "Text.")])
+    assert page.stat().st_size < 30_000
+
+
+def test_every_figure_has_its_data_and_every_link_its_section(written):
+    tags = Reader(written).tags
+    identifiers = {attributes["id"] for _, attributes in tags if "id" in attributes}
+    boxes = [attributes for _, attributes in tags if attributes.get("class") == "figure"]
+    links = [attributes["href"][1:] for tag, attributes in tags if tag == "a"]
+    options = [attributes["value"] for tag, attributes in tags if tag == "option"]
+    assert len(boxes) == 5
+    assert {box["data-figure"] for box in boxes} <= identifiers
+    assert len(links) == 5
+    assert set(links) | set(options) <= identifiers
+    assert sum("hidden" in box for box in boxes) == 1
+
+
+def test_figure_data_cannot_end_the_script(written):
+    # each JSON block must still be JSON when read the way a browser reads it
+    blocks = [script for script in Reader(written).scripts if script.startswith("{")]
+    assert len(blocks) == 5
+    assert json.loads(blocks[0])["data"][0]["name"] == figure_text(NASTY)
+
+
+def test_paragraphs_and_lists(tmp_path):
+    page = write_page(tmp_path / "a.html", "T", "one\ntwo\n\nthree\n\n- a\n- b", [])
+    text = page.read_text(encoding="utf-8")
+    assert "<p>one two</p>" in text
+    assert "<p>three</p>" in text
+    assert "<ul><li>a</li><li>b</li></ul>" in text
+
+
+def test_same_input_gives_the_same_bytes(tmp_path):
+    pages = [
+        write_page(tmp_path / name, "T", "S", [Section("One", "Text.", small_figure())])
+        for name in ("a.html", "b.html")
+    ]
+    assert pages[0].read_bytes() == pages[1].read_bytes()
+
+
+def test_failure_leaves_the_old_page_and_no_part(tmp_path):
+    target = tmp_path / "report.html"
+    write_page(target, "Old", "Old.", [])
+    before = target.read_bytes()
+    with pytest.raises(AttributeError):
+        write_page(target, "New", "New.", [Section("One", "Text.", figure=object())])
+    assert target.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_folder_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_page(tmp_path / "taken" / "report.html", "T", "S", [])
