@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from baselines.base import Controller
 from baselines.stability import spectral_radius
@@ -15,6 +15,32 @@ from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.errors import InputError
 from rdpi_gym.plant import RDPI, Plant, PlantModel
+
+
+def checked_reference(reference_um: ArrayLike) -> Array:
+    """Return a reference (µm) as a contiguous float64[T, B].
+
+    Raises
+    ------
+    InputError
+        It has another shape, no sample or no lane, or is not finite.
+
+    Examples
+    --------
+    >>> checked_reference([[0, 1], [2, 3]]).shape
+    (2, 2)
+    """
+    block = np.ascontiguousarray(reference_um, dtype=np.float64)
+    if block.ndim != 2 or block.size == 0:
+        raise InputError(
+            f"a reference of shape {block.shape}; give (samples, lanes), at least one of each"
+        )
+    if not np.isfinite(block).all():
+        sample, lane = np.argwhere(~np.isfinite(block))[0]
+        raise InputError(
+            f"sample {sample} of lane {lane} of the reference is {block[sample, lane]}; references are finite displacements (µm)"
+        )
+    return block
 
 
 class Feedforward(Controller):
@@ -88,7 +114,7 @@ class Feedforward(Controller):
         command: Array = self._advance(reference_um[1:], state)[0]
         return command
 
-    def command_block(self, reference_um: Array, state: Array | None = None) -> Array:
+    def command_block(self, reference_um: ArrayLike, state: Array | None = None) -> Array:
         """Return the commands that answer a reference, row by row.
 
         Parameters
@@ -120,16 +146,7 @@ class Feedforward(Controller):
         >>> bool(np.abs(Plant(plant, 1e-3).simulate(u) - reference).max() < 1e-12)
         True
         """
-        block = np.ascontiguousarray(reference_um, dtype=np.float64)
-        if block.ndim != 2 or block.size == 0:
-            raise InputError(
-                f"a reference of shape {block.shape}; give (samples, lanes), at least one of each"
-            )
-        if not np.isfinite(block).all():
-            sample, lane = np.argwhere(~np.isfinite(block))[0]
-            raise InputError(
-                f"sample {sample} of lane {lane} of the reference is {block[sample, lane]}; references are finite displacements"
-            )
+        block = checked_reference(reference_um)
         return self._advance(block, self.start(block[0]) if state is None else state)
 
     def _advance(self, reference_um: Array, state: Array) -> Array:

@@ -153,11 +153,12 @@ def _learn(
     command, error = start_V.copy(), np.zeros_like(start_V)
     best, mark = np.full(lanes, np.inf), np.full(lanes, np.inf)
     gain, since = np.full(lanes, LEARNING_GAIN), np.zeros(lanes, dtype=np.int64)
+    done = np.zeros(lanes, dtype=bool)
     for _ in range(MOST_ITERATIONS):
         plant.reset(u0_V=start_V[0])
         e = reference_um - plant.simulate(u)
         rms = np.sqrt(np.mean(e[1:] ** 2, axis=0))  # sample 0 is given, no command changes it
-        better = rms < best
+        better = (rms < best) & ~done  # or a lane's result would depend on its neighbours
         best[better], command[:, better], error[:, better] = rms[better], u[:, better], e[:, better]
         moves = best < mark * (1.0 - PROGRESS)
         mark[moves] = best[moves]
@@ -165,7 +166,8 @@ def _learn(
         stuck = since >= PATIENCE
         gain[stuck] *= 0.5
         since[stuck] = 0
-        if np.all((gain < SMALLEST_GAIN) | (best <= enough_um)):
+        done |= (gain < SMALLEST_GAIN) | (best <= enough_um)
+        if done.all():
             break
         u[:, stuck], e[:, stuck] = command[:, stuck], error[:, stuck]
         learning_filter(e[1:], ahead, pole, smooth, learned[1:])

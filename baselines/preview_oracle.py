@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.base import Controller
 from baselines.classical_static import ClassicalStatic
+from baselines.feedforward import checked_reference
 from baselines.feedforwards import FEEDFORWARDS
 from baselines.preview_inversion import invert_ahead
 from rdpi_gym.arrays import Array
@@ -25,9 +26,9 @@ class PreviewOracle(Controller):
 
     :meth:`plan` inverts the belief iteratively (:mod:`baselines.preview_inversion`), once from the
     static inverse and once from the best feedforward that is within its stability limit, and keeps
-    the better for each lane: so on its belief it is never worse than one of those. The
-    right-half-plane zero forbids that to a causal compensator. What it learns is smooth, low-passed
-    at 4 kHz; it never dithers.
+    the better for each lane: so on its belief it is never worse than one of those. It may look
+    ahead, as the plant's right-half-plane zero asks; a causal compensator cannot. What it learns is
+    low-passed at 4 kHz, so it does not dither.
 
     Parameters
     ----------
@@ -74,11 +75,9 @@ class PreviewOracle(Controller):
         InputError
             The reference has another shape, less than two samples, or is not finite.
         """
-        reference = np.ascontiguousarray(reference_um, dtype=np.float64)
-        if reference.ndim != 2 or len(reference) < 2 or reference.shape[1] == 0:
-            raise InputError(
-                f"a reference of shape {reference.shape} to plan over; give (samples, lanes), two samples or more"
-            )
+        reference = checked_reference(reference_um)
+        if len(reference) < 2:
+            raise InputError("a reference of one sample to plan over; give two samples or more")
         self._plan = invert_ahead(
             self.belief,
             self.layout.ts_s,

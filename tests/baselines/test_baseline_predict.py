@@ -1,0 +1,258 @@
+"""predict: blocks and samples agree, lanes are independent, memory is the caller's, limits hold."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baselines import CONTROLLERS, FEEDFORWARDS, make_controller
+from baselines.static_gain import StaticGain
+from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import P5, P10, RDPI, Plant, PlantModel
+
+TS = 1e-3  # every literal loop is stable here, so traces are reproducible
+OFFSET = PlantModel(
+    P10.hysteresis.band_limited(300.0), "offset", (5.0, 70.0), (35.0, 15.0), offset_um=3.0
+)
+
+
+def references(layout, samples=150, lanes=3):
+    """Different sines that begin at the plant's rest, as float32 observations show them."""
+    plant = Plant(OFFSET if layout.centre_um else P10, TS)
+    low, high = layout.command_range_V
+    rest_V = min(max(0.0, low), high)
+    plant.reset(u0_V=rest_V)
+    rest = plant.simulate(np.array([rest_V]))[0]
+    t = np.arange(samples)[:, None]
+    start = np.minimum(t / 20.0, 1.0)
+    sines = layout.centre_um - rest + layout.scale_um * np.sin(t * np.linspace(0.1, 0.3, lanes))
+    shown = np.float32((rest + start * sines - layout.centre_um) / layout.scale_um)
+    return np.float64(shown) * layout.scale_um + layout.centre_um
+
+
+def play(controller, truth, layout, r):
+    """Run a controller; return commands and errors, float64[K, B], row 0 at rest."""
+    lanes = r.shape[1]
+    task = TrackingTask([truth] * lanes, layout)
+    observation = task.reset(r)
+    if hasattr(controller, "plan"):
+        controller.plan(r)
+    commands, errors, state = [task.command_V.copy()], [task.error_um.copy()], None
+    starts = np.ones(lanes, dtype=bool)
+    for _ in range(len(r) - 1):
+        action, state = controller.predict(observation, state, starts, deterministic=True)
+        starts = np.zeros(lanes, dtype=bool)
+        assert action.shape == (lanes, 1)
+        assert action.dtype == np.float32
+        assert np.all(np.abs(action) <= 1.0)
+        if layout.action == "command":
+            command = layout.place_to_V(np.float64(action[:, 0]))
+        else:
+            command = task.command_V + layout.action_scale_V * np.float64(action[:, 0])
+        observation = task.step(command)
+        commands.append(task.command_V.copy())
+        errors.append(task.error_um.copy())
+    return np.array(commands), np.array(errors)
+
+
+@pytest.mark.parametrize("name", FEEDFORWARDS)
+@pytest.mark.parametrize("belief", [P10, OFFSET], ids=["P10", "offset"])
+def test_samples_and_blocks_agree(name, belief):
+    layout = ObservationLayout.for_plant(belief, TS)
+    r = references(layout)
+    controller = make_controller(name, belief, layout)
+    commands, _ = play(controller, belief, layout, r)
+    state = controller.start(r[0])
+    block = controller.command_block(r[1:], state)
+    span = layout.command_range_V[1] - layout.command_range_V[0]
+    np.testing.assert_allclose(commands[1:], block, atol=1e-7 * span)  # actions are float32
+    split = controller.start(r[0])
+    parts = [controller.command_block(part, split) for part in np.split(r[1:], [1, 60])]
+    np.testing.assert_array_equal(np.concatenate(parts), block)
+    np.testing.assert_array_equal(split, state)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_lanes_equal_single_runs(name):
+    layout = ObservationLayout.for_plant(P10, TS)
+    r = references(layout)
+    truth = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))
+    together, _ = play(make_controller(name, P10, layout), truth, layout, r)
+    for b in range(r.shape[1]):
+        alone, _ = play(make_controller(name, P10, layout), truth, layout, r[:, b : b + 1])
+        np.testing.assert_allclose(together[:, b], alone[:, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_an_episode_that_begins_anew_repeats_and_leaves_the_other_lane_alone(name):
+    layout = ObservationLayout.for_plant(P5, TS)
+    controller = make_controller(name, P5, layout)
+    rng = np.random.default_rng(0)
+    shown = rng.uniform(-0.5, 0.5, (30, 2, layout.size)).astype(np.float32)
+    shown[15:, 0] = shown[:15, 0]
+    if hasattr(controller, "plan"):
+        controller.plan(rng.uniform(-5, 5, (40, 2)))
+    state, actions = None, []
+    for k, observation in enumerate(shown):
+        starts = np.array([k in (0, 15), k == 0])
+        action, state = controller.predict(observation, state, starts)
+        actions.append(action)
+    actions = np.array(actions)
+    np.testing.assert_array_equal(actions[15:, 0], actions[:15, 0])
+    state, plain = None, []
+    for observation in shown:
+        action, state = controller.predict(observation, state)
+        plain.append(action)
+    np.testing.assert_array_equal(actions[:, 1], np.array(plain)[:, 1])
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_memory_belongs_to_the_caller(name):
+    layout = ObservationLayout.for_plant(P5, TS)
+    controller = make_controller(name, P5, layout)
+    if hasattr(controller, "plan"):
+        controller.plan(np.linspace(0, 5, 40)[:, None])
+    rng = np.random.default_rng(1)
+    observation = rng.uniform(-0.5, 0.5, layout.size).astype(np.float32)
+    _, state = controller.predict(observation)
+    kept = state.copy()
+    first, later = controller.predict(observation, state)
+    controller.predict(-observation, state)
+    controller.predict(-observation)
+    again, _ = controller.predict(observation, state)
+    np.testing.assert_array_equal(state, kept)
+    np.testing.assert_array_equal(first, again)
+    assert first.shape == (1,)
+    assert not np.shares_memory(state, later)
+    copy = pickle.loads(pickle.dumps(controller))
+    np.testing.assert_array_equal(copy.predict(observation, state)[0], first)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_commands_stay_in_range_and_increments_in_theirs(name):
+    narrow = replace(P10, command_range_V=(-20.0, 25.0))
+    for options in ({}, {"action": "increment", "action_scale_V": 1.5}):
+        layout = ObservationLayout.for_plant(narrow, TS, **options)
+        r = references(ObservationLayout.for_plant(P10, TS))
+        commands, _ = play(make_controller(name, narrow, layout), narrow, layout, r)
+        assert commands.min() >= -20.0 - 1e-5
+        assert commands.max() <= 25.0 + 1e-5
+        if options:
+            assert np.abs(np.diff(commands, axis=0)).max() == pytest.approx(1.5, rel=1e-5)
+        else:
+            assert commands.max() == pytest.approx(25.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_increments_wide_enough_set_the_same_commands(name):
+    wide = ObservationLayout.for_plant(P10, TS, action="increment", action_scale_V=30.0)
+    plain = ObservationLayout.for_plant(P10, TS)
+    r = references(plain)
+    truth = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))
+    by_increment, _ = play(make_controller(name, P10, wide), truth, wide, r)
+    by_place, _ = play(make_controller(name, P10, plain), truth, plain, r)
+    np.testing.assert_allclose(by_increment, by_place, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", FEEDFORWARDS)
+def test_a_feedforward_knows_which_increments_were_applied(name):
+    layout = ObservationLayout.for_plant(P10, TS, action="increment", action_scale_V=1.5)
+    r = references(layout)
+    controller = make_controller(name, P10, layout)
+    block = controller.command_block(r[1:], controller.start(r[0]))
+    assert np.abs(np.diff(block, axis=0)).max() == pytest.approx(1.5)
+    applied, _ = play(controller, P10, layout, r)
+    np.testing.assert_allclose(applied[1:], block, atol=1e-5)
+
+
+def test_where_the_command_is_clipped_the_inversion_free_memory_is_the_plant_s():
+    narrow = replace(P10, command_range_V=(-20.0, 25.0))
+    layout = ObservationLayout.for_plant(narrow, TS)
+    r = references(ObservationLayout.for_plant(P10, TS))
+    controller = make_controller("inversion-free-literal", narrow, layout)
+    state = controller.start(r[0])
+    plant = Plant([narrow] * r.shape[1], TS)
+    plant.reset(u0_V=0.0)
+    plant.simulate(controller.command_block(r, state))
+    np.testing.assert_allclose(state[2:-1], plant.memory, atol=1e-12)
+
+
+def test_the_belief_is_read_and_the_offset_compensated():
+    layout = ObservationLayout.for_plant(OFFSET, TS)
+    r = references(layout)
+    for name in ("inversion-free-literal", "classical-literal", "classical-low-passed"):
+        _, errors = play(make_controller(name, OFFSET, layout), OFFSET, layout, r)
+        _, plain = play(make_controller("none", OFFSET, layout), OFFSET, layout, r)
+        assert np.sqrt(np.mean(errors**2)) < 0.5 * np.sqrt(np.mean(plain**2))
+
+
+def test_static_gain_is_the_chord_of_the_virgin_curve():
+    static = P10.with_hysteresis(P10.hysteresis.static())
+    layout = ObservationLayout.for_plant(static, TS)
+    controller = StaticGain(static, layout)
+    u = np.linspace(0.0, 40.0 / controller.gain_um_V, 200)
+    assert Plant(static, TS).simulate(u)[-1] == pytest.approx(40.0, rel=1e-12)
+
+
+def test_a_static_plant_is_inverted_exactly_by_the_static_inverse():
+    static = P10.with_hysteresis(P10.hysteresis.static())
+    layout = ObservationLayout.for_plant(static, TS)
+    r = references(layout)
+    u = make_controller("classical-static", static, layout).command_block(r)
+    np.testing.assert_allclose(Plant(static, TS, lanes=3).simulate(u), r, atol=1e-12 * 40.0)
+
+
+def test_a_model_without_plays_is_a_gain():
+    model = PlantModel(RDPI((2.0,), (), 0.0), "gain", (-9.0, 9.0), (0.0, 10.0))
+    layout = ObservationLayout.for_plant(model, TS)
+    r = references(layout)
+    for name in (*FEEDFORWARDS, "preview-oracle"):
+        commands, _ = play(make_controller(name, model, layout), model, layout, r)
+        np.testing.assert_allclose(commands[1:], r[1:] / 2.0, atol=1e-5)
+
+
+def test_bad_input_is_one_line():
+    layout = ObservationLayout.for_plant(P5, TS)
+    controller = make_controller("classical-static", P5, layout)
+    _, state = controller.predict(np.zeros((2, layout.size), dtype=np.float32))
+    correction = ObservationLayout.for_plant(P5, TS, action="correction")
+    bad = np.zeros((5, 2))
+    bad[3, 1] = np.nan
+    calls = {
+        "this layout shows 7 numbers": lambda: controller.predict(np.zeros(6)),
+        "a state of 2 episodes": lambda: controller.predict(np.zeros((3, layout.size)), state),
+        "action 'command' or 'increment'": lambda: make_controller("pi", P5, correction),
+        "sample 3 of lane 1": lambda: controller.command_block(bad),
+        "give (samples, lanes)": lambda: controller.command_block(np.zeros(5)),
+        "did you mean 'classical-static'": lambda: make_controller("clasic-static", P5, layout),
+        "no controller is named 'xyz'": lambda: make_controller("xyz", P5, layout),
+        "cannot be imported": lambda: make_controller("no_such_module:x", P5, layout),
+        "without predict": lambda: make_controller("math:pi", P5, layout),
+    }
+    for expected, call in calls.items():
+        with pytest.raises(InputError) as caught:
+            call()
+        assert expected in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_controller_of_one_s_own_by_module_and_attribute():
+    layout = ObservationLayout.for_plant(P5, TS)
+    made = make_controller("baselines.classical_static:ClassicalStatic", P5, layout)
+    assert type(made) is FEEDFORWARDS["classical-static"]
+
+
+def test_the_names():
+    feedforwards = ["none", "inversion-free-literal", "inversion-free-reference-rate"]
+    feedforwards += ["inversion-free-low-passed", "classical-literal", "classical-reference-rate"]
+    feedforwards += ["classical-low-passed", "classical-static"]
+    assert list(CONTROLLERS) == [
+        *feedforwards,
+        "pi",
+        *(f"pi-{name}" for name in feedforwards),
+        "preview-oracle",
+    ]

@@ -1,0 +1,157 @@
+"""The preview oracle: theory.md's yardsticks, and that no causal baseline beats it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baselines import CONTROLLERS, FEEDFORWARDS, make_controller
+from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import P5, P10, Plant
+from rdpi_gym.signals import make_signal
+
+
+def band_limited(model, hz=800.0):
+    return model.with_hysteresis(model.hysteresis.band_limited(hz))
+
+
+def rms(model, ts_s, u, r):
+    plant = Plant(model, ts_s, lanes=r.shape[1])
+    low, high = model.command_range_V
+    plant.reset(u0_V=min(max(0.0, low), high))
+    return np.sqrt(np.mean((r - plant.simulate(u))[1:] ** 2, axis=0))
+
+
+@pytest.mark.parametrize(("frequency_hz", "percent"), [(50, 0.01), (100, 0.03), (200, 0.09)])
+@pytest.mark.parametrize("model", [P5, P10], ids=["P5", "P10"])
+def test_periodic_yardsticks(model, frequency_hz, percent):
+    """theory.md, section 3, on the literal plants: last of six periods."""
+    ts_s = 2e-5
+    period = round(1 / frequency_hz / ts_s)
+    amplitude = model.reference_um[1]
+    r = amplitude * np.sin(2 * np.pi * np.arange(6 * period) / period)[:, None]
+    u = make_controller("preview-oracle", model, ObservationLayout.for_plant(model, ts_s)).plan(r)
+    plant = Plant(model, ts_s)
+    error = (r - plant.simulate(u))[-period:]
+    assert 100 * np.sqrt(np.mean(error**2)) / amplitude < percent
+    smooth = amplitude * 2 * np.pi * frequency_hz * ts_s / model.hysteresis.a0
+    assert np.abs(np.diff(u, axis=0)).max() < 2 * smooth  # it does not dither
+
+
+@pytest.mark.parametrize("model", [P5, P10], ids=["P5", "P10"])
+def test_where_the_sampled_plant_has_minimum_phase_it_nears_no_error(model):
+    plant, ts_s = band_limited(model), 5e-5
+    r = make_signal("sine", amplitude_um=10.0, frequency_hz=100.0, smooth_start_s=0.01)
+    reference = r(ts_s * np.arange(800))[:, None]
+    oracle = make_controller("preview-oracle", plant, ObservationLayout.for_plant(plant, ts_s))
+    assert rms(plant, ts_s, oracle.plan(reference), reference)[0] < 2e-5 * 10.0
+
+
+def benchmark_references(amplitude_um, ts_s, samples):
+    signals = [
+        make_signal("sine", amplitude_um=amplitude_um, frequency_hz=hz) for hz in (1.0, 10.0, 50.0)
+    ] + [
+        make_signal("sine", amplitude_um=amplitude_um, frequency_hz=200.0, smooth_start_s=0.02),
+        make_signal("triangle", amplitude_um=amplitude_um, frequency_hz=20.0),
+        make_signal("raster", amplitude_um=amplitude_um, frequency_hz=20.0, smooth_start_s=0.02),
+        make_signal("steps", amplitude_um=amplitude_um, hold_s=0.02),
+        make_signal("multisine", amplitude_um=amplitude_um, frequency_hz=10.0, smooth_start_s=0.02),
+        make_signal("nested-loops", amplitude_um=amplitude_um, frequency_hz=10.0),
+        make_signal("noise", amplitude_um=amplitude_um, high_hz=80.0, smooth_start_s=0.02),
+    ]
+    return np.stack([signal(ts_s * np.arange(samples)) for signal in signals], axis=1)
+
+
+@pytest.mark.parametrize("ts_s", [5e-5, 1e-3])
+@pytest.mark.parametrize("model", [P5, P10], ids=["P5", "P10"])
+def test_no_baseline_beats_it(model, ts_s):
+    plant = band_limited(model)
+    layout = ObservationLayout.for_plant(plant, ts_s)
+    r = benchmark_references(model.reference_um[1], ts_s, min(1600, round(0.4 / ts_s)))
+    scores = {}
+    for name in CONTROLLERS:
+        controller = make_controller(name, plant, layout)
+        if name == "preview-oracle":
+            controller.plan(r)
+        task = TrackingTask([plant] * r.shape[1], layout)
+        observation, state, errors = task.reset(r), None, []
+        for _ in range(len(r) - 1):
+            action, state = controller.predict(observation, state)
+            observation = task.step(layout.place_to_V(np.float64(action[:, 0])))
+            errors.append(task.error_um.copy())
+        scores[name] = np.sqrt(np.mean(np.array(errors) ** 2, axis=0))
+    oracle = scores.pop("preview-oracle")
+    best = np.min(list(scores.values()), axis=0)
+    assert np.all(oracle < best)
+    assert np.median(best / oracle) > 10.0
+
+
+@pytest.mark.parametrize("ts_s", [2e-5, 2e-4, 5e-3])
+def test_never_worse_than_a_stable_feedforward_on_its_belief(ts_s):
+    """Steps and a reference out of reach included; literal, band-limited and static belief."""
+    for model in (P5, band_limited(P10), P10.with_hysteresis(P10.hysteresis.static())):
+        narrow = replace(model, command_range_V=tuple(0.4 * v for v in model.command_range_V))
+        for belief in (model, narrow):
+            layout = ObservationLayout.for_plant(belief, ts_s)
+            r = benchmark_references(model.reference_um[1], ts_s, 400)
+            u = make_controller("preview-oracle", belief, layout).plan(r)
+            assert np.all(np.isfinite(u))
+            assert u.min() >= belief.command_range_V[0]
+            assert u.max() <= belief.command_range_V[1]
+            found = rms(belief, ts_s, u, r)
+            for name in FEEDFORWARDS:
+                causal = make_controller(name, belief, layout)
+                if causal.warning() is None:
+                    block = causal.command_block(r[1:], causal.start(r[0]))
+                    commands = np.concatenate([np.zeros((1, r.shape[1])), block])
+                    assert np.all(found <= rms(belief, ts_s, commands, r) * (1 + 1e-12))
+
+
+def test_it_inverts_effects_and_offset_of_its_belief_and_rests_at_the_range_s_edge():
+    belief = replace(band_limited(P10), offset_um=-2.0, command_range_V=(10.0, 90.0))
+    layout = replace(ObservationLayout.for_plant(belief, 1e-4), centre_um=45.0, scale_um=20.0)
+    plant = Plant(belief, 1e-4)
+    plant.reset(u0_V=10.0)
+    rest = plant.simulate(np.array([10.0]))[0]
+    t = 1e-4 * np.arange(1500)
+    ramp = np.minimum(t / 0.05, 1.0)[:, None]
+    r = rest + ramp * (45.0 - rest + 20.0 * np.sin(2 * np.pi * 40 * t)[:, None])
+    u = make_controller("preview-oracle", belief, layout).plan(r)
+    assert u[0] == 10.0
+    assert rms(belief, 1e-4, u, r)[0] < 1e-3
+
+
+def test_it_plays_the_plan_lane_by_lane_and_holds_its_end():
+    layout = ObservationLayout.for_plant(P5, 1e-3)
+    oracle = make_controller("preview-oracle", P5, layout)
+    r = 5.0 * np.sin(np.arange(20)[:, None] * np.array([0.2, 0.4]))
+    u = oracle.plan(r)
+    observation = np.zeros((2, layout.size), dtype=np.float32)
+    state, played = None, []
+    for _ in range(25):
+        action, state = oracle.predict(observation, state)
+        played.append(layout.place_to_V(np.float64(action[:, 0])))
+    expected = np.concatenate([u[1:], np.repeat(u[-1:], 6, axis=0)])
+    np.testing.assert_allclose(played, expected, atol=1e-5)
+    oracle.plan(r[:, :1])
+    np.testing.assert_allclose(
+        layout.place_to_V(np.float64(oracle.predict(observation)[0][:, 0])), u[1, 0], atol=1e-5
+    )
+
+
+def test_without_a_plan_it_says_so_in_one_line():
+    layout = ObservationLayout.for_plant(P5, 1e-3)
+    oracle = make_controller("preview-oracle", P5, layout)
+    with pytest.raises(InputError, match=r"call plan\(reference_um\)"):
+        oracle.predict(np.zeros(layout.size, dtype=np.float32))
+    oracle.plan(np.zeros((10, 3)))
+    with pytest.raises(InputError, match="3 lanes for 2 episodes"):
+        oracle.predict(np.zeros((2, layout.size), dtype=np.float32))
+    holed = np.zeros((10, 1))
+    holed[0] = np.nan
+    for bad in (np.zeros(10), np.zeros((1, 3)), np.zeros((0, 2)), holed):
+        with pytest.raises(InputError):
+            oracle.plan(bad)
