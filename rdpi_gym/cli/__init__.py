@@ -10,7 +10,17 @@ import typer
 
 from rdpi_gym.errors import InputError
 
-COMMANDS = ("bench", "reproduce", "fit", "compare")
+COMMANDS = (
+    "bench",
+    "reproduce",
+    "fit",
+    "compare",
+    "diagnose",
+    "add",
+    "discover",
+    "simulate",
+    "effects",
+)
 
 app = typer.Typer(
     name="rdpi",

@@ -12,6 +12,7 @@ from typing import Any
 from rdpi_gym.errors import InputError
 from rdpi_gym.files import read_json, write_json
 from rdpi_gym.plant.bench import Converter, Sensor
+from rdpi_gym.plant.effects.base import Effect, effect_from_dict, in_chain_order
 from rdpi_gym.plant.rdpi import RDPI
 
 FORMAT, VERSION = "rdpi-plant", 1
@@ -33,6 +34,8 @@ class PlantModel:
         Centre and amplitude (µm) of the references that suit its stroke.
     offset_um
         Displacement (µm) added to the model's output.
+    effects
+        Physical effects besides the hysteresis, each kind once; kept in the chain's order.
     sensor, converter
         The test bench; none by default.
     note
@@ -58,6 +61,7 @@ class PlantModel:
     command_range_V: tuple[float, float]
     reference_um: tuple[float, float]
     offset_um: float = 0.0
+    effects: tuple[Effect, ...] = ()
     sensor: Sensor = field(default_factory=Sensor)
     converter: Converter = field(default_factory=Converter)
     note: str = ""
@@ -76,6 +80,16 @@ class PlantModel:
             )
         if not math.isfinite(self.offset_um):
             raise InputError(f"offset_um is {self.offset_um}; give a finite displacement (µm)")
+        names = [effect.name for effect in self.effects]
+        if len(set(names)) != len(names):
+            raise InputError(f"effects {', '.join(names)}; a plant has each effect once at most")
+        object.__setattr__(self, "effects", in_chain_order(self.effects))
+
+    @property
+    def initial_extremum_V(self) -> float | None:
+        """Command (V) at which the plant last turned before a record; None: it never moved."""
+        extrema = [e.values["extremum_V"] for e in self.effects if e.slot == "memory"]
+        return extrema[0] if extrema else None
 
     def with_hysteresis(self, hysteresis: RDPI, name: str | None = None) -> PlantModel:
         """Return the same bench and ranges around another hysteresis, under `name` if given."""
@@ -84,6 +98,7 @@ class PlantModel:
     def to_dict(self) -> dict[str, Any]:
         """Return the plant as a JSON object of format ``rdpi-plant``."""
         document = dataclasses.asdict(self)
+        document["effects"] = [effect.to_dict() for effect in self.effects]
         return {"format": FORMAT, "version": VERSION, **document}
 
     def save(self, path: Path | str) -> Path:
@@ -138,7 +153,9 @@ def _build(kind: type, body: Any, source: str) -> Any:
     values: dict[str, Any] = {}
     for key, value in body.items():
         where = f"{source}, {key}"
-        if key in _PARTS and kind is PlantModel:
+        if key == "effects" and kind is PlantModel:
+            values[key] = _build_effects(value, where)
+        elif key in _PARTS and kind is PlantModel:
             values[key] = _build(_PARTS[key], value, where)
         elif isinstance(value, list | tuple):
             values[key] = tuple(_number(x, where) for x in value)
@@ -161,6 +178,16 @@ def _build(kind: type, body: Any, source: str) -> Any:
         raise InputError(
             f"{source} needs the keys {', '.join(required)} with values of the right length"
         ) from None
+
+
+def _build_effects(documents: Any, where: str) -> tuple[Effect, ...]:
+    if not isinstance(documents, list | tuple):
+        raise InputError(f"{where} is {type(documents).__name__}; expected a list of effects")
+    if not documents:
+        return ()
+    from rdpi_gym.plant.effects import CATALOGUE
+
+    return tuple(effect_from_dict(CATALOGUE, document, where) for document in documents)
 
 
 def _number(value: Any, where: str) -> float:

@@ -1,4 +1,4 @@
-"""The chain of stages with its state: converter, hysteresis, offset; simulate and step."""
+"""The chain with its state: converter, input effects, hysteresis, output effects, offset."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from rdpi_gym.arrays import Array
 from rdpi_gym.errors import InputError
 from rdpi_gym.plant.model import PlantModel
 from rdpi_gym.plant.packing import check_ts, empty_state, pack
-from rdpi_gym.plant.play import given_rate_block, rdpi_block
+from rdpi_gym.plant.play import given_rate_block, rate_block, rdpi_block
+from rdpi_gym.plant.stages import stages_of
 
 
 class Plant:
@@ -49,9 +50,13 @@ class Plant:
         self.models = tuple(models)
         self.ts_s = check_ts(ts_s)
         self.n = self.models[0].hysteresis.n
-        self._parameters = pack(
-            [m.hysteresis for m in self.models], self.ts_s, [m.offset_um for m in self.models]
-        )
+        hysteresis = [m.hysteresis for m in self.models]
+        self._stages = stages_of([m.effects for m in self.models], hysteresis, self.ts_s)
+        offsets = [m.offset_um for m in self.models]
+        # Behind the plays an effect sees the displacement without its offset.
+        self._offsets = np.array(offsets if self._stages else [0.0] * len(offsets))
+        inside = [0.0] * len(offsets) if self._stages else offsets
+        self._parameters = pack(hysteresis, self.ts_s, inside)
         holds = {m.converter.samples(self.ts_s) for m in self.models}
         if len(holds) != 1:
             raise InputError("lanes with different converter periods; give all lanes the same one")
@@ -86,15 +91,20 @@ class Plant:
             Command (V) at which the plant has been resting; the next sample's rate is taken from
             it. None: the next sample begins a record, v(0) = 0 (Eq. 4's initial condition).
         memory
-            Play states ξ_i (V), ``(n,)`` or ``(n, B)``; zero by default. With `u0_V` they are
-            moved to what a rest at that command allows.
+            Play states ξ_i (V), ``(n,)`` or ``(n, B)``; by default those of the model's initial
+            memory, zero without one. With `u0_V` they are moved to what a rest there allows.
         lanes
             Boolean mask ``(B,)`` of the lanes to reset; all by default.
         """
         mask = np.ones(self.lanes, dtype=bool) if lanes is None else np.asarray(lanes, dtype=bool)
         u0 = np.broadcast_to(np.nan if u0_V is None else np.asarray(u0_V, float), (self.lanes,))
         xi = np.zeros((self.n, self.lanes))
-        if memory is not None:
+        if memory is None:
+            for lane, model in enumerate(self.models):
+                if model.initial_extremum_V is not None:
+                    rest_V = model.hysteresis.thresholds_V
+                    xi[:, lane] = settled_memory(rest_V, [model.initial_extremum_V])
+        else:
             given = np.asarray(memory, dtype=np.float64)
             xi += given[:, None] if given.ndim == 1 else given
         if u0_V is not None:
@@ -103,6 +113,9 @@ class Plant:
         self._state[0, mask] = u0[mask]
         self._state[1, mask] = 0.0
         self._state[2:, mask] = xi[:, mask]
+        for stages in self._stages.values():
+            for stage in stages:
+                stage.reset(mask)
         if mask.all():
             self._count = 0
 
@@ -125,8 +138,7 @@ class Plant:
             A command is not finite, or the block's shape does not fit the lanes.
         """
         u, flat = self._block(u_V)
-        y = np.empty_like(u)
-        rdpi_block(self._convert(u), self._parameters, self._state, self.ts_s, y)
+        y = self._run(self._convert(u))
         return y[:, 0] if flat else y
 
     def simulate_given(self, u_V: ArrayLike, rate_V_s: ArrayLike) -> Array:
@@ -136,8 +148,7 @@ class Plant:
         """
         u, flat = self._block(u_V)
         v, _ = self._block(rate_V_s)
-        y = np.empty_like(u)
-        given_rate_block(self._convert(u), v, self._parameters, self._state, y)
+        y = self._run(self._convert(u), v)
         return y[:, 0] if flat else y
 
     def step(self, u_V: Array) -> Array:
@@ -154,8 +165,25 @@ class Plant:
             Displacement (µm); the array is overwritten by the next step.
         """
         u = u_V if self._hold == 1 else self._convert(u_V)
+        if self._stages:
+            return self._run(u)
         rdpi_block(u, self._parameters, self._state, self.ts_s, self._y)
         return self._y
+
+    def _run(self, u: Array, v: Array | None = None) -> Array:
+        for stage in self._stages.get("input", ()):
+            u = stage.run(u, u)
+        if v is None:
+            v = np.empty_like(u)
+            rate_block(u, self._parameters, self._state, self.ts_s, v)
+            for stage in self._stages.get("rate", ()):
+                v = stage.run(v, u)
+        y = np.empty_like(u)
+        given_rate_block(u, v, self._parameters, self._state, y)
+        for slot in ("hysteresis", "output"):
+            for stage in self._stages.get(slot, ()):
+                y = stage.run(y, u)
+        return y + self._offsets if self._stages else y
 
     def _block(self, values: ArrayLike) -> tuple[Array, bool]:
         block = np.ascontiguousarray(values, dtype=np.float64)

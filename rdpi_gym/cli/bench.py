@@ -1,0 +1,149 @@
+"""`rdpi bench`: scores controllers on reference signals and on measured records."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rdpi_gym.cli.options import OutOption
+from rdpi_gym.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    import pandas as pd
+
+_TOP = 8
+
+
+def bench(
+    out: OutOption = Path("results/bench"),
+    seeds: Annotated[
+        int, typer.Option("--seeds", min=1, help="Number of seeds; seed 0 is the nominal plant.")
+    ] = 5,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="The first of them.")] = 0,
+    jobs: Annotated[
+        int, typer.Option("--jobs", help="Worker processes; -1: one for each core.")
+    ] = -1,
+    controllers: Annotated[
+        str | None,
+        typer.Option("--controllers", metavar="NAME,...", help="Baselines; all by default."),
+    ] = None,
+    plants: Annotated[
+        str | None,
+        typer.Option("--plants", metavar="NAME,...", help="Plants; by default P5, P10 and picma."),
+    ] = None,
+    references: Annotated[
+        str | None,
+        typer.Option("--references", metavar="NAME,...", help="Reference signals; all by default."),
+    ] = None,
+    ts: Annotated[
+        str | None,
+        typer.Option("--ts", metavar="SECONDS,...", help="Sampling times; by default the plant's."),
+    ] = None,
+    controller: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--controller",
+            metavar="MODULE:ATTRIBUTE",
+            help="A controller of your own, made by a callable (belief, layout); may be repeated.",
+        ),
+    ] = None,
+    plant: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--plant",
+            metavar="FILE|MODULE:ATTRIBUTE",
+            help="A plant of your own: JSON file or PlantModel; may be repeated.",
+        ),
+    ] = None,
+) -> None:
+    """Score every baseline on every reference signal; an interrupted run continues."""
+    from baselines import CONTROLLERS
+    from benchmarks.tracking.evaluation import evaluate
+    from benchmarks.tracking.markdown import METHOD, measured_text, plain, ranking_view
+    from benchmarks.tracking.results import write_tables
+    from benchmarks.tracking.run import benchmark
+    from benchmarks.tracking.selection import DEFAULT_PLANTS, select
+    from rdpi_gym.files import write_atomic
+    from rdpi_gym.report.benchmark_page import write_benchmark_page
+    from rdpi_gym.report.benchmark_picture import leaderboard_picture
+
+    if jobs == 0 or jobs < -1:
+        raise InputError(
+            f"--jobs is {jobs}; give the number of worker processes, or -1 for all cores"
+        )
+    selection = select(
+        [*(CONTROLLERS if controllers is None else _words(controllers)), *(controller or [])],
+        [*(DEFAULT_PLANTS if plants is None else _words(plants)), *(plant or [])],
+        None if references is None else _words(references),
+        None if ts is None else [_seconds(word) for word in _words(ts)],
+        range(seed, seed + seeds),
+    )
+    try:
+        with _progress() as show:
+            outcome = benchmark(selection, out, jobs, show)
+    except KeyboardInterrupt:
+        print(f"interrupted; the same command continues from the rows in {out}", file=sys.stderr)
+        raise
+    for note in outcome.notes:
+        print(note)
+    print(f"{len(outcome.rows)} rows, {outcome.computed} of them computed now")
+    results = evaluate(selection, outcome)
+    for note in results.notes:
+        print(note)
+    if results.measured.table.empty:
+        print(results.measured.note)
+    leaderboard = write_tables(out, results)
+    write_atomic(out / "leaderboard.png", leaderboard_picture(results))
+    page = write_benchmark_page(
+        out / "report.html", results, plain(METHOD), plain(measured_text(results.measured))
+    )
+    _print_top(ranking_view(results.ranking))
+    print(f"leaderboard: {leaderboard}")
+    print(f"page: {page}")
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def _seconds(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise InputError(f"--ts {word!r} is no number; give seconds, for example 2e-4") from None
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[int, int], None]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = ("scoring", BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        task = bar.add_task("scoring", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def _print_top(ranking: pd.DataFrame) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    from benchmarks.tracking.markdown import number
+
+    shown = ["controller", "RMSE (%)", "RMSE, seed 0 (%)", "mean rank", "command variation"]
+    title = f"The first {_TOP} of {len(ranking)} controllers" if len(ranking) > _TOP else "Ranking"
+    table = Table(title=title, title_justify="left", box=SIMPLE)
+    for name in shown:
+        table.add_column(name, no_wrap=True)
+    for row in ranking[shown].head(_TOP).itertuples(index=False):
+        table.add_row(*(number(cell) if isinstance(cell, float) else str(cell) for cell in row))
+    # without a terminal there is no width to keep to
+    Console(width=None if Console().is_terminal else 140).print(table)

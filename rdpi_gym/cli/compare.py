@@ -1,0 +1,75 @@
+"""`rdpi compare`: model against measurement."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rdpi_gym.cli.data_options import (
+    ColumnsOption,
+    DataArgument,
+    SamplingTimeOption,
+    SkipOption,
+    UnitsOption,
+    ValidateOption,
+    data_options,
+)
+from rdpi_gym.cli.options import OutOption
+
+
+def compare(
+    data: DataArgument,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            metavar="M",
+            help="A plant file, as `rdpi fit` writes it, or a plant's name.",
+            show_default=False,
+        ),
+    ],
+    out: OutOption = Path("results/compare"),
+    columns: ColumnsOption = None,
+    units: UnitsOption = None,
+    sampling_time: SamplingTimeOption = None,
+    validate: ValidateOption = None,
+    skip: SkipOption = None,
+) -> None:
+    """Compare a model with a measurement: the error by record, frequency, amplitude, direction.
+
+    Writes compare.json and the page report.html.
+    """
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from rdpi_gym.diagnosis import compare as compare_with
+    from rdpi_gym.files import write_json
+    from rdpi_gym.measurement import load
+    from rdpi_gym.plant import find_plant
+    from rdpi_gym.report.compare_page import write_compare_page
+
+    options = data_options(columns, units, sampling_time, validate, skip)
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("reading", total=3)
+        plant = find_plant(model)
+        dataset = load(data, options)
+        progress.update(task, description="comparing", completed=1)
+        result = compare_with(dataset, plant)
+        numbers = write_json(out / "compare.json", result.to_dict())
+        progress.update(task, description="drawing", completed=2)
+        page = write_compare_page(out / "report.html", result)
+
+    print(dataset.describe())
+    print()
+    print(
+        result.records[["name", "role", "rmse_um", "nrmse_percent", "max_um", "samples"]].to_string(
+            index=False, float_format=lambda value: f"{value:.4g}"
+        )
+    )
+    print()
+    for finding in result.findings.values():
+        print(f"- {finding}")
+    print(f"\n{numbers}\n{page}")

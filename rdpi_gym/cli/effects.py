@@ -1,0 +1,103 @@
+"""`rdpi effects`: the catalogue of physical effects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from rdpi_gym.plant.effects import Effect
+
+
+def effects(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[NAME]",
+            help="One effect in full; module:Class is one of your own.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for effects.json and effects.md; nothing is written without it.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """List the physical effects that a plant can have: equations, parameters, signatures."""
+    from rich.console import Console
+    from rich.markup import escape
+
+    from rdpi_gym.files import write_atomic, write_json
+    from rdpi_gym.plant.effects import CATALOGUE, load_effect
+    from rdpi_gym.plant.effects.description import describe, pages
+
+    console = Console(highlight=False)
+    if name is None:
+        kinds = list(CATALOGUE.values())
+        console.print(_catalogue(kinds))
+    else:
+        kinds = [load_effect(name)]
+        _print_in_full(console, kinds[0])
+    if out is not None:
+        document = {
+            "format": "rdpi-effects",
+            "version": 1,
+            "effects": [describe(kind) for kind in kinds],
+        }
+        for path in (
+            write_json(out / "effects.json", document),
+            write_atomic(out / "effects.md", pages(kinds)),
+        ):
+            console.print(escape(str(path)), soft_wrap=True)
+
+
+def _catalogue(kinds: list[type[Effect]]) -> Table:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from rdpi_gym.plant.effects.description import typical
+
+    table = Table(show_lines=True)
+    table.add_column("effect", no_wrap=True)
+    table.add_column("equation, and what it leaves in a residual", ratio=3)
+    table.add_column("parameters, typical values", ratio=2)
+    for kind in kinds:
+        parameters = "\n".join(f"{p.name}: {typical(p)}" for p in kind.parameters)
+        table.add_row(kind.name, escape(f"{kind.equation}\n{kind.signature}"), escape(parameters))
+    return table
+
+
+def _print_in_full(console: Console, kind: type[Effect]) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from rdpi_gym.plant.effects.description import PLACES, summary, typical
+
+    console.print(f"[bold]{escape(kind.name)}[/bold]: {escape(summary(kind))}")
+    console.print(f"It acts {PLACES[kind.slot]}.\n\n    {escape(kind.equation)}\n")
+    table = Table()
+    for heading in ("parameter", "meaning", "default", "typical", "bounds"):
+        table.add_column(heading)
+    for p in kind.parameters:
+        bounds = "chosen, not fitted" if p.fixed else f"{p.low:.6g} to {p.high:.6g}"
+        cells = (p.name, p.meaning, f"{kind().values[p.name]:.6g}", typical(p), bounds)
+        table.add_row(*map(escape, cells))
+    console.print(table)
+    lines = {
+        "Leaves in a residual": kind.signature,
+        "Shown best by": kind.experiment,
+        "Easily mistaken for": ", ".join(kind.mistaken_for) or "nothing in the catalogue",
+        "Source": kind.source,
+    }
+    for heading, text in lines.items():
+        console.print(f"[bold]{heading}:[/bold] {escape(text)}")

@@ -1,0 +1,27 @@
+"""Physical effects as stages of the plant, one a file.
+
+A new effect is one new file in this folder; one of another project is found by an entry point of
+the group ``rdpi_gym.effects`` or named as ``module:Class``.
+"""
+
+from rdpi_gym.plant.effects.base import (
+    SLOTS,
+    Block,
+    Effect,
+    Parameter,
+    Slot,
+    effect_from_dict,
+)
+from rdpi_gym.plant.effects.catalogue import CATALOGUE, check_effect, load_effect
+
+__all__ = [
+    "CATALOGUE",
+    "SLOTS",
+    "Block",
+    "Effect",
+    "Parameter",
+    "Slot",
+    "check_effect",
+    "effect_from_dict",
+    "load_effect",
+]

@@ -1,0 +1,55 @@
+"""Actuator lag: the amplifier's output resistance charges the stack's capacitance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rdpi_gym.plant.effects.base import Effect, Parameter
+from rdpi_gym.plant.effects.linear import linear_block, pack_lag
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@dataclass(frozen=True)
+class ActuatorLag(Effect):
+    """First-order lag in front of the hysteresis.
+
+    Examples
+    --------
+    >>> ActuatorLag(1e-3).run([0.0, 1.0, 2.0, 3.0], 1e-3).round(3).tolist()
+    [0.0, 0.368, 1.135, 2.05]
+    """
+
+    time_constant_s: float = 2e-4
+
+    name = "actuator_lag"
+    slot = "input"
+    order = 30
+    parameters = (
+        Parameter(
+            "time_constant_s", "s", 0.0, 0.1, (3e-5, 1e-3), "output resistance x capacitance, τ",
+            neutral=0.0,
+        ),
+    )  # fmt: skip
+    equation = "τ du'/dt + u' = u"
+    source = (
+        "Capacitive load behind an output resistance; stacks of 10 to 100 µm have 2 to 20 µF "
+        "(Thorlabs, piezo driver bandwidth tutorial). The cut-off of 50 Hz to 5 kHz is an estimate."
+    )
+    signature = (
+        "A lag at every amplitude, small signals included; the plays and the rate see the lagged "
+        "voltage, so at large amplitude it does not commute with the loop."
+    )
+    experiment = (
+        "A multisine smaller than the first threshold, and large sines up to the cut-off; or "
+        "measure the voltage at the stack."
+    )
+    mistaken_for = ("sensor_lag", "delay", "rate_law", "resonance")
+    block = staticmethod(linear_block)
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """As :func:`~rdpi_gym.plant.effects.linear.linear_block` reads them."""
+        return pack_lag(self.time_constant_s, ts_s)
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input and output."""
+        return 2

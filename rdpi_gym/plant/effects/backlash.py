@@ -1,0 +1,71 @@
+"""Backlash: lost motion between the actuator and what is measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@njit(cache=True)
+def backlash_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; row of ``p``: half width (µm). Row of the state: last output (µm)."""
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = x[0, b]
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            low, high = x[t, b] - p[0, b], x[t, b] + p[0, b]
+            out = state[0, b]
+            out = out if out < high else high
+            out = out if out > low else low
+            state[0, b] = out
+            y[t, b] = out
+
+
+@dataclass(frozen=True)
+class Backlash(Effect):
+    """Play operator on the displacement, in the middle of its gap at the first sample.
+
+    Examples
+    --------
+    >>> Backlash(half_width_um=0.5).run([0.0, 2.0, 1.5, 0.0], 1e-3).tolist()
+    [0.0, 1.5, 1.5, 0.5]
+    """
+
+    half_width_um: float = 0.3
+
+    name = "backlash"
+    slot = "output"
+    order = 20
+    parameters = (
+        Parameter("half_width_um", "µm", 0.0, 50.0, (0.05, 0.5), "half of the gap, w", neutral=0.0),
+    )
+    equation = "y(k) = max(y_m(k) - w, min(y_m(k) + w, y(k-1)))"
+    source = (
+        "Play operator, Eq. 4 of the paper, on a length. None in flexures; 0.1 to 5 µm in screws is "
+        "an estimate."
+    )
+    signature = "A dead zone after every reversal, however small the motion; a_0 tends to zero."
+    experiment = "Reversals smaller than the first threshold."
+    mistaken_for = ("rate_law",)
+    block = staticmethod(backlash_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, small against the stroke."""
+        return (cls(half_width_um=3e-3 * scale.stroke_um),)
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """Half width (µm)."""
+        return [self.half_width_um]
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last output."""
+        return 1

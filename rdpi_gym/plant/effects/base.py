@@ -1,0 +1,315 @@
+"""What an effect declares, and the stage that a plant's chain runs for it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant.rdpi import RDPI
+
+Slot = Literal["input", "rate", "memory", "hysteresis", "output"]
+"""Where a stage stands: before the plays, on the rate that sets their thresholds, in their initial
+state, on the hysteretic displacement (which still sees the command), or on the path behind it."""
+
+SLOTS: tuple[Slot, ...] = ("input", "rate", "memory", "hysteresis", "output")
+
+Block = Callable[[Array, Array, Array, Array, float, Array], None]
+"""Kernel ``block(x, u, p, state, ts, y)``: input and command ``[T, B]``, parameters ``[P, B]``,
+state ``[S, B]``, sampling time (s), output ``[T, B]``; the state is left where the block ended.
+
+`x` is the command (V) in slot ``input``, the rate (V/s) in ``rate``, and the displacement (µm)
+without offset in ``hysteresis`` and ``output``; `u` is the command that the plays saw. A kernel
+changes neither, takes a NaN in row 0 of the state for a stage that has seen no sample, and ignores
+rows of the state beyond those that it asked for (lanes share the largest number)."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    Parameters
+    ----------
+    name, unit
+        As in the effect's dataclass; unit ``1`` has none.
+    low, high
+        Physical bounds: a fit stays within them and reports a value at one of them.
+    typical
+        Range that is commonly met, used for random plants.
+    meaning
+        In words.
+    neutral
+        The value at which the effect changes nothing, whatever its other parameters; None where
+        no value does.
+    fixed
+        A scale that is chosen and not fitted: another parameter would trade with it.
+
+    Examples
+    --------
+    >>> Parameter("delay_s", "s", 0.0, 0.02, (1e-5, 5e-4), "delay T", neutral=0.0).fixed
+    False
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    typical: tuple[float, float]
+    meaning: str
+    neutral: float | None = None
+    fixed: bool = False
+
+
+@dataclass(frozen=True)
+class DataScale:
+    """How large and how fast measured records are: what a search starts from.
+
+    Parameters
+    ----------
+    centre_V, span_V
+        Middle of the command and half of its widest swing (V).
+    stroke_um
+        Half of the displacement's widest swing (µm).
+    fastest_V_s
+        Largest rate of the command, jumps left out (V/s).
+    shortest_s, longest_s
+        Shortest sampling time and longest record (s).
+    """
+
+    centre_V: float
+    span_V: float
+    stroke_um: float
+    fastest_V_s: float
+    shortest_s: float
+    longest_s: float
+
+
+@dataclass(frozen=True)
+class Effect(ABC):
+    """A physical effect as a stage of the plant; one subclass a file.
+
+    A subclass is a frozen dataclass whose fields are its parameters (floats, the defaults at a
+    typical value) and that states the class attributes below.
+
+    Attributes
+    ----------
+    name
+        As on the command line.
+    slot, order
+        Where it stands in the chain, and its place among the effects of that slot.
+    parameters
+        One :class:`Parameter` a field.
+    equation, source, signature, experiment
+        The equation, where it is from, what it leaves in a residual, what shows it best.
+    mistaken_for
+        Names of effects that data may not tell apart from it.
+    block
+        The compiled kernel, as a ``staticmethod``.
+    clocked
+        Row 0 of its state counts the samples since t = 0, so a stage that begins at the time t
+        starts from t / Ts there; False unless stated.
+
+    Raises
+    ------
+    InputError
+        A parameter outside its physical bounds.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> CATALOGUE["delay"](delay_s=1.0)
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.errors.InputError: delay delay_s is 1.0 s; physical values lie in 0 to 0.02
+    """
+
+    name: ClassVar[str]
+    slot: ClassVar[Slot]
+    order: ClassVar[int]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    equation: ClassVar[str]
+    source: ClassVar[str]
+    signature: ClassVar[str]
+    experiment: ClassVar[str]
+    mistaken_for: ClassVar[tuple[str, ...]]
+    block: ClassVar[Block]
+    clocked: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        for parameter in self.parameters:
+            value = getattr(self, parameter.name)
+            if not (math.isfinite(value) and parameter.low <= value <= parameter.high):
+                raise InputError(
+                    f"{self.name} {parameter.name} is {value} {parameter.unit}; "
+                    f"physical values lie in {parameter.low:g} to {parameter.high:g}"
+                )
+
+    @abstractmethod
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """Return the column of ``p`` that the kernel reads.
+
+        Parameters
+        ----------
+        ts_s
+            Sampling time (s).
+        hysteresis
+            The plant's RDPI parameters, for an effect that acts on a part of the sum.
+        """
+
+    @abstractmethod
+    def state_rows(self, ts_s: float) -> int:
+        """Return the number of state rows S at sampling time `ts_s` (s); 0 without memory."""
+
+    def run(
+        self,
+        x: ArrayLike,
+        ts_s: float,
+        u: ArrayLike | None = None,
+        hysteresis: RDPI | None = None,
+    ) -> Array:
+        """Run the effect alone over a record that begins at rest.
+
+        Parameters
+        ----------
+        x
+            What enters the stage, ``(T,)``.
+        ts_s
+            Sampling time (s).
+        u
+            Command (V) that the plays saw, ``(T,)``; zero by default.
+        hysteresis
+            RDPI parameters; a gain of 1 µm/V without plays by default.
+
+        Returns
+        -------
+        float64[T]
+            What leaves it.
+
+        Examples
+        --------
+        >>> from rdpi_gym.plant.effects import CATALOGUE
+        >>> CATALOGUE["delay"](delay_s=2e-3).run([0.0, 1.0, 2.0, 3.0], ts_s=1e-3).tolist()
+        [0.0, 0.0, 0.0, 1.0]
+        """
+        column = np.array(x, dtype=np.float64)[:, None]
+        command = np.zeros_like(column) if u is None else np.array(u, dtype=np.float64)[:, None]
+        p = np.array(self.coefficients(ts_s, hysteresis or RDPI((1.0,), (), 0.0)))[:, None]
+        state, y = np.full((self.state_rows(ts_s), 1), np.nan), np.empty_like(column)
+        type(self).block(column, command, p, state, ts_s, y)
+        return y[:, 0]
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Return where a fit begins, one for each optimum that it may fall into.
+
+        Parameters
+        ----------
+        scale
+            Size of the data. By default it is not used: one start, each parameter at the lower end
+            of its typical range, which is a small effect.
+        """
+        return (cls(**{p.name: p.typical[0] for p in cls.parameters}),)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The parameters by name."""
+        return {p.name: float(getattr(self, p.name)) for p in self.parameters}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return ``{"effect": name, parameter: value, ...}``."""
+        return {"effect": self.name, **self.values}
+
+    def with_values(self, values: Mapping[str, float]) -> Effect:
+        """Return the effect with some parameters changed.
+
+        Raises
+        ------
+        InputError
+            A parameter that the effect does not have, or a value outside its bounds.
+
+        Examples
+        --------
+        >>> from rdpi_gym.plant.effects import CATALOGUE
+        >>> CATALOGUE["resonance"]().with_values({"f0_hz": 700.0})
+        Resonance(f0_hz=700.0, damping=0.02)
+        """
+        known = [p.name for p in self.parameters]
+        for name in values:
+            if name not in known:
+                raise InputError(
+                    f"{self.name} has no parameter {name!r}; its parameters are {', '.join(known)}"
+                )
+        return dataclasses.replace(self, **values)
+
+
+def in_chain_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Sort effects as the chain runs them: by slot, then by their order in it.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import load_effect
+    >>> chain = in_chain_order([load_effect("delay")(), load_effect("creep")()])
+    >>> [effect.name for effect in chain]
+    ['creep', 'delay']
+    """
+    return tuple(sorted(effects, key=lambda effect: (SLOTS.index(effect.slot), effect.order)))
+
+
+def effect_from_dict(
+    catalogue: Mapping[str, type[Effect]], document: Mapping[str, Any], source: str
+) -> Effect:
+    """Build an effect from the object that :meth:`Effect.to_dict` returns.
+
+    Parameters
+    ----------
+    catalogue
+        Effects by name.
+    document
+        The object.
+    source
+        Named in errors.
+
+    Raises
+    ------
+    InputError
+        No object, an unknown effect or parameter, a missing one, or a value that is no number in
+        its bounds.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> effect_from_dict(CATALOGUE, {"effect": "delay", "delay_s": 1e-4}, "model.json")
+    Delay(delay_s=0.0001)
+    """
+    if not isinstance(document, Mapping):
+        raise InputError(
+            f'{source}: {document!r} is no effect; expected {{"effect": name, parameter: value}}'
+        )
+    body = dict(document)
+    name = body.pop("effect", None)
+    if not isinstance(name, str) or name not in catalogue:
+        raise InputError(f"{source}: no effect is named {name!r}; known are {', '.join(catalogue)}")
+    kind = catalogue[name]
+    known = [f.name for f in fields(kind)]
+    for key, value in body.items():
+        if key not in known:
+            raise InputError(
+                f"{source}, {name}: unknown parameter {key!r}; known are {', '.join(known)}"
+            )
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{source}, {name}, {key} is {value!r}; expected a number")
+    missing = [key for key in known if key not in body]
+    if missing:
+        raise InputError(f"{source}, {name}: parameter {missing[0]!r} is missing")
+    try:
+        return kind(**{key: float(value) for key, value in body.items()})
+    except (InputError, OverflowError) as error:
+        raise InputError(f"{source}: {error}") from None

@@ -1,0 +1,175 @@
+"""The effects by name: one file each in this folder, and those that other projects install."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+import pkgutil
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant.effects.base import SLOTS, Effect
+from rdpi_gym.plant.rdpi import RDPI
+from rdpi_gym.plugins import load_attribute
+
+ENTRY_POINTS = "rdpi_gym.effects"
+"""Group in which another project's package names its effects."""
+
+_PACKAGE = __name__.rpartition(".")[0]
+
+
+class Catalogue(Mapping[str, type[Effect]]):
+    """Effects by name, in the chain's order.
+
+    Nothing is imported before an effect is asked for, and other projects' packages are looked
+    through only for a name that is not found here, or when all names are listed.
+
+    Raises
+    ------
+    InputError
+        On listing: an installed effect that cannot be used, or that has the name of another.
+
+    Examples
+    --------
+    >>> CATALOGUE["backlash"].equation
+    'y(k) = max(y_m(k) - w, min(y_m(k) + w, y(k-1)))'
+    """
+
+    @cached_property
+    def _own(self) -> dict[str, type[Effect]]:
+        folder = str(Path(__file__).parent)
+        modules = [import_module(f"{_PACKAGE}.{m.name}") for m in pkgutil.iter_modules([folder])]
+        found = [
+            kind
+            for module in modules
+            for kind in vars(module).values()
+            if inspect.isclass(kind)
+            and issubclass(kind, Effect)
+            and kind.__module__ == module.__name__
+            and not inspect.isabstract(kind)
+        ]
+        return {kind.name: kind for kind in sorted(found, key=_place)}
+
+    @cached_property
+    def _all(self) -> dict[str, type[Effect]]:
+        found = dict(self._own)
+        for entry in entry_points(group=ENTRY_POINTS):
+            source = f"installed effect {entry.name!r} ({entry.value})"
+            try:
+                kind = check_effect(entry.load(), source)
+            except (ImportError, AttributeError) as error:
+                raise InputError(
+                    f"{source} cannot be imported ({error}); repair or uninstall its package"
+                ) from error
+            if found.setdefault(kind.name, kind) is not kind:
+                raise InputError(
+                    f"{source} is named {kind.name!r}, as another effect is; rename it"
+                )
+        return dict(sorted(found.items(), key=lambda item: _place(item[1])))
+
+    def __getitem__(self, name: str) -> type[Effect]:
+        return self._own[name] if name in self._own else self._all[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+
+CATALOGUE: Mapping[str, type[Effect]] = Catalogue()
+"""Every effect by its name, in the chain's order."""
+
+
+def _place(kind: type[Effect]) -> tuple[int, int, str]:
+    return SLOTS.index(kind.slot), kind.order, kind.name
+
+
+def load_effect(name: str) -> type[Effect]:
+    """Find an effect by its name, or a user's own by ``module:Class``.
+
+    Parameters
+    ----------
+    name
+        For example ``creep``, or ``my_effects:Wobble`` in the current folder or on Python's path.
+
+    Raises
+    ------
+    InputError
+        No effect has that name, the module cannot be imported, or what it holds is no effect.
+
+    Examples
+    --------
+    >>> load_effect("creep")().values
+    {'gain_per_decade': 0.015}
+    >>> load_effect("math:pi")
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.errors.InputError: effect 'math:pi' is a float; ...
+    """
+    if ":" in name:
+        return check_effect(load_attribute(name, "effect"), f"effect {name!r}")
+    if name not in CATALOGUE:
+        raise InputError(
+            f"no effect is named {name!r}; known are {', '.join(CATALOGUE)}, "
+            "and module:Class is one of your own"
+        )
+    return CATALOGUE[name]
+
+
+def check_effect(kind: object, source: str) -> type[Effect]:
+    """Return a class that declares all that an effect must, or refuse it.
+
+    Parameters
+    ----------
+    kind
+        The class.
+    source
+        Named in errors.
+
+    Raises
+    ------
+    InputError
+        With what is missing or wrong, and what would be right.
+
+    Examples
+    --------
+    >>> check_effect(CATALOGUE["creep"], "creep").__name__
+    'Creep'
+    """
+    if not (isinstance(kind, type) and issubclass(kind, Effect)):
+        found = kind.__name__ if isinstance(kind, type) else f"a {type(kind).__name__}"
+        raise InputError(
+            f"{source} is {found}; an effect is a subclass of rdpi_gym.plant.effects.Effect"
+        )
+    if inspect.isabstract(kind):
+        raise InputError(f"{source} lacks {', '.join(sorted(kind.__abstractmethods__))}")
+    # Annotations of this package are strings.
+    declared = [key for key, of in Effect.__annotations__.items() if str(of).startswith("ClassVar")]
+    missing = [key for key in declared if not hasattr(kind, key)]
+    if missing:
+        raise InputError(f"{source} does not state {', '.join(missing)}")
+    if kind.slot not in SLOTS:
+        raise InputError(f"{source} has slot {kind.slot!r}; slots are {', '.join(SLOTS)}")
+    names, stated = [f.name for f in dataclasses.fields(kind)], [p.name for p in kind.parameters]
+    if names != stated:
+        raise InputError(
+            f"{source} has the fields {names} and states the parameters {stated}; they are the same "
+            "in the same order (decorate the class with @dataclass(frozen=True))"
+        )
+    try:
+        column = kind().coefficients(1e-4, RDPI((1.0, 0.5), (1.0,), 0.0))
+    except TypeError as error:
+        raise InputError(f"{source} cannot be made with its defaults ({error})") from error
+    except InputError as error:
+        raise InputError(f"{source} has a default outside its bounds: {error}") from error
+    if not all(isinstance(value, int | float) and math.isfinite(value) for value in column):
+        raise InputError(f"{source} has coefficients {column}; they are finite numbers")
+    if not callable(kind.block):
+        raise InputError(f"{source} has a block that is no kernel; state staticmethod(kernel)")
+    return kind

@@ -1,0 +1,68 @@
+"""Congruency violation: plays whose gain depends on where the loop stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from numba import njit
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@njit(cache=True)
+def congruency_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: a_0 (µm/V), c / U² (1/V²). No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            plays = x[t, b] - p[0, b] * u[t, b]
+            y[t, b] = x[t, b] + p[1, b] * u[t, b] * u[t, b] * plays
+
+
+@dataclass(frozen=True)
+class Congruency(Effect):
+    """Weights of the plays that grow with the command's distance from zero.
+
+    Examples
+    --------
+    >>> effect = Congruency(coefficient=0.1, span_V=10.0)
+    >>> effect.run([10.0, 15.0], 1e-3, u=[10.0, 10.0]).tolist()
+    [10.0, 15.5]
+    """
+
+    coefficient: float = 0.1
+    span_V: float = 40.0
+
+    name = "congruency"
+    slot = "hysteresis"
+    order = 10
+    parameters = (
+        Parameter(
+            "coefficient", "1", -0.9, 5.0, (0.05, 0.3), "relative change c of the weights at U",
+            neutral=0.0,
+        ),
+        Parameter("span_V", "V", 1e-3, 1e4, (40.0, 40.0), "command U at which it is c", fixed=True),
+    )  # fmt: skip
+    equation = "y = a_0 u + (1 + c (u / U)²) Σ a_i ξ_i"
+    source = (
+        "Weights a_i (1 + c u² / U²) in place of a Preisach density; the amount is an estimate."
+    )
+    signature = "Minor loops of the same span differ in area with the bias at which they stand."
+    experiment = "Minor loops of two spans at three biases."
+    mistaken_for = ("saturation", "asymmetry")
+    block = staticmethod(congruency_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, at the measured span."""
+        return (cls(coefficient=0.05, span_V=scale.span_V),)
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """a_0 (µm/V) and c / U² (1/V²)."""
+        return [hysteresis.a0, self.coefficient / self.span_V**2]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None beside the plays' own."""
+        return 0

@@ -1,0 +1,88 @@
+"""Delay: samples in the converters and in the computer between command and measurement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant.effects.base import Effect, Parameter
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@njit(cache=True)
+def _input(x: Array, state: Array, k: int, b: int) -> float:
+    """Sample k of lane b, from before the block where k is negative."""
+    if k >= 0:
+        return float(x[k, b])
+    place = int(state[0, b]) + k + 1
+    return float(state[1 + (place if place >= 0 else place + state.shape[0] - 1), b])
+
+
+@njit(cache=True)
+def delay_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel, exact for an input linear between samples.
+
+    Rows of ``p``: whole samples of delay, fraction of a sample. Rows of the state: place of the
+    last input in the ring, the ring.
+    """
+    size, length = state.shape[0] - 1, x.shape[0]
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+            state[1:, b] = x[0, b]
+    for t in range(length):
+        for b in range(x.shape[1]):
+            k = t - int(p[0, b])
+            newer, older = _input(x, state, k, b), _input(x, state, k - 1, b)
+            y[t, b] = newer + p[1, b] * (older - newer)
+    for b in range(x.shape[1]):
+        place = int(state[0, b])
+        for t in range(max(length - size, 0), length):
+            state[1 + (place + 1 + t) % size, b] = x[t, b]
+        state[0, b] = (place + length) % size
+
+
+@dataclass(frozen=True)
+class Delay(Effect):
+    """Transport delay of any fraction of a sample.
+
+    Examples
+    --------
+    >>> Delay(delay_s=2.25e-3).run([0.0, 1.0, 4.0, 9.0, 16.0], 1e-3).tolist()
+    [0.0, 0.0, 0.0, 0.75, 3.25]
+    """
+
+    delay_s: float = 1e-4
+
+    name = "delay"
+    slot = "output"
+    order = 50
+    parameters = (
+        Parameter("delay_s", "s", 0.0, 0.02, (1e-5, 5e-4), "transport delay T", neutral=0.0),
+    )
+    equation = "y(t) = y_m(t - T)"
+    source = (
+        "A zero-order hold delays by half a sample and computing by one or two; 10 to 500 µs is an "
+        "estimate."
+    )
+    signature = (
+        "Residual like the velocity at any amplitude: the phase grows with f, the gain stays."
+    )
+    experiment = (
+        "A multisine smaller than the first threshold, at high frequency; pairs of sines with the "
+        "same largest rate."
+    )
+    mistaken_for = ("sensor_lag", "actuator_lag", "rate_law", "resonance")
+    block = staticmethod(delay_block)
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """Whole samples and the rest."""
+        whole, part = divmod(self.delay_s / ts_s, 1.0)
+        return [whole, part]
+
+    def state_rows(self, ts_s: float) -> int:
+        """Place in the ring, and the ring."""
+        return 2 + int(self.delay_s / ts_s)

@@ -1,0 +1,147 @@
+"""What an effect declares, as a JSON object and as a page in words."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from rdpi_gym.plant.effects.base import Effect, Parameter, Slot
+
+PLACES: dict[Slot, str] = {
+    "input": "on the command, in front of the plays",
+    "rate": "on the rate that sets the plays' thresholds",
+    "memory": "in the plays' initial state",
+    "hysteresis": "on the hysteretic displacement",
+    "output": "on the path behind the hysteresis",
+}
+"""Slots in words."""
+
+
+def summary(kind: type[Effect]) -> str:
+    """First sentence of an effect's description.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects.backlash import Backlash
+    >>> summary(Backlash)
+    'Play operator on the displacement, in the middle of its gap at the first sample.'
+    """
+    return (inspect.getdoc(kind) or "").partition("\n\n")[0].replace("\n", " ")
+
+
+def describe(kind: type[Effect]) -> dict[str, Any]:
+    """Return what an effect declares as a JSON object.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects.backlash import Backlash
+    >>> describe(Backlash)["parameters"][0]["typical"]
+    [0.05, 0.5]
+    """
+    defaults = kind().values
+    parameters = [
+        {
+            "name": p.name,
+            "unit": p.unit,
+            "default": defaults[p.name],
+            "low": p.low,
+            "high": p.high,
+            "typical": list(p.typical),
+            "neutral": p.neutral,
+            "fixed": p.fixed,
+            "meaning": p.meaning,
+        }
+        for p in kind.parameters
+    ]
+    return {
+        "effect": kind.name,
+        "summary": summary(kind),
+        "slot": kind.slot,
+        "order": kind.order,
+        "equation": kind.equation,
+        "parameters": parameters,
+        "signature": kind.signature,
+        "experiment": kind.experiment,
+        "mistaken_for": list(kind.mistaken_for),
+        "source": kind.source,
+    }
+
+
+def typical(parameter: Parameter) -> str:
+    """Typical range of a parameter in words, with its unit.
+
+    Examples
+    --------
+    >>> typical(Parameter("f0_hz", "Hz", 10.0, 2e5, (300.0, 1e4), "natural frequency"))
+    '300 to 10000 Hz'
+    """
+    low, high = parameter.typical
+    values = f"{low:.6g}" if math.isclose(low, high) else f"{low:.6g} to {high:.6g}"
+    return values if parameter.unit == "1" else f"{values} {parameter.unit}"
+
+
+def page(kind: type[Effect], level: int = 2) -> str:
+    """Describe an effect on a page (Markdown) made from what its file declares.
+
+    Parameters
+    ----------
+    kind
+        The effect.
+    level
+        Of its heading.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects.backlash import Backlash
+    >>> page(Backlash).splitlines()[0]
+    '## backlash'
+    """
+    rows = [
+        f"| `{p.name}` | {p.meaning} | {p.unit} | {kind().values[p.name]:.4g} "
+        f"| {typical(p)} | {p.low:.6g} to {p.high:.6g} | {_role(p)} |"
+        for p in kind.parameters
+    ]
+    mistaken = ", ".join(f"`{name}`" for name in kind.mistaken_for) or "nothing in the catalogue"
+    return "\n".join(
+        [
+            f"{'#' * level} {kind.name}",
+            "",
+            f"{summary(kind)} It acts {PLACES[kind.slot]}.",
+            "",
+            f"    {kind.equation}",
+            "",
+            "| parameter | meaning | unit | default | typical | bounds | |",
+            "|---|---|---|---|---|---|---|",
+            *rows,
+            "",
+            f"**Leaves in a residual:** {kind.signature}",
+            "",
+            f"**Shown best by:** {kind.experiment}",
+            "",
+            f"**Easily mistaken for:** {mistaken}.",
+            "",
+            f"**Source:** {kind.source}",
+            "",
+        ]
+    )
+
+
+def pages(kinds: Iterable[type[Effect]]) -> str:
+    """Describe effects one after another on pages (Markdown).
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects.backlash import Backlash
+    >>> pages([Backlash]).splitlines()[0]
+    '# Effects'
+    """
+    intro = "Every effect is one file of `rdpi_gym/plant/effects/`; this text is made from them."
+    return "\n".join(["# Effects", "", intro, "", *(page(kind) for kind in kinds)])
+
+
+def _role(parameter: Parameter) -> str:
+    if parameter.fixed:
+        return "chosen, not fitted"
+    return "" if parameter.neutral is None else f"no effect at {parameter.neutral:g}"

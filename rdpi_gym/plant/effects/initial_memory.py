@@ -1,0 +1,68 @@
+"""Initial memory: what the plant remembers from before the record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from numba import njit
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@njit(cache=True)
+def identity_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel that passes its input on: the plays carry this effect."""
+    y[:] = x
+
+
+@dataclass(frozen=True)
+class InitialMemory(Effect):
+    """Play states left by an extremum of the command before the record starts.
+
+    The plant sets them when it is reset
+    (:func:`rdpi_gym.plant.settled_memory` of this one extremum).
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import settled_memory
+    >>> memory = InitialMemory(extremum_V=5.0)
+    >>> settled_memory([1.0, 3.0], [memory.extremum_V]).tolist()
+    [4.0, 2.0]
+    """
+
+    extremum_V: float = 20.0
+
+    name = "initial_memory"
+    slot = "memory"
+    order = 10
+    parameters = (
+        Parameter(
+            "extremum_V", "V", -2e3, 2e3, (5.0, 40.0),
+            "command at which the plant last turned before the record", neutral=0.0,
+        ),
+    )  # fmt: skip
+    equation = "ξ_i(0) = max(u_e - r_i, min(u_e + r_i, 0))"
+    source = "Eq. 4 of the paper, with a walk to u_e in the place of ξ_i(0) = 0."
+    signature = (
+        "The first excursion of a record is wrong; nothing is left once its largest command so far "
+        "has been passed in both directions."
+    )
+    experiment = "Begin a record with a decaying sine, and compare it with one that does not."
+    mistaken_for = ("creep", "thermal_drift")
+    block = staticmethod(identity_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """An extremum on either side."""
+        return tuple(cls(extremum_V=k * scale.span_V) for k in (0.5, -0.5))
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """The extremum (V); the kernel does not read it."""
+        return [self.extremum_V]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None beside the plays' own."""
+        return 0

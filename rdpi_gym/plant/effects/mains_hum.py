@@ -1,0 +1,76 @@
+"""Mains hum: a line of the mains in the measurement."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@njit(cache=True)
+def mains_hum_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: amplitude (µm), 2π f (rad/s), phase. State: samples since t = 0."""
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] + p[0, b] * math.sin(p[1, b] * (state[0, b] * ts) + p[2, b])
+            state[0, b] += 1.0
+
+
+@dataclass(frozen=True)
+class MainsHum(Effect):
+    """Sine of the mains' frequency added to the measured displacement.
+
+    Examples
+    --------
+    >>> MainsHum(0.02, 50.0, 0.0).run([0.0] * 4, 5e-3).round(3).tolist()
+    [0.0, 0.02, 0.0, -0.02]
+    """
+
+    amplitude_um: float = 0.03
+    frequency_hz: float = 50.0
+    phase_rad: float = 0.0
+
+    name = "mains_hum"
+    slot = "output"
+    order = 70
+    parameters = (
+        Parameter("amplitude_um", "µm", 0.0, 10.0, (0.01, 0.05), "amplitude h", neutral=0.0),
+        Parameter("frequency_hz", "Hz", 45.0, 65.0, (50.0, 50.0), "50 or 60 Hz, f"),
+        Parameter(
+            "phase_rad", "rad", -2 * math.pi, 2 * math.pi, (-math.pi, math.pi), "phase φ at t = 0"
+        ),
+    )
+    equation = "y = y_m + h sin(2π f t + φ)"
+    source = "Pick-up of the mains in sensor and wiring; the amplitude is an estimate (1 to 50 nm)."
+    signature = "A line at 50 or 60 Hz that has nothing to do with the command."
+    experiment = "A quiet record at constant command; keep 50 and 60 Hz out of multisines."
+    mistaken_for = ()
+    block = staticmethod(mains_hum_block)
+    clocked = True
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Both mains frequencies, in two phases."""
+        return tuple(
+            cls(amplitude_um=1e-3 * scale.stroke_um, frequency_hz=f, phase_rad=phase)
+            for f in (50.0, 60.0)
+            for phase in (0.0, 0.5 * math.pi)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """Amplitude (µm), angular frequency (rad/s), phase (rad)."""
+        return [self.amplitude_um, 2.0 * math.pi * self.frequency_hz, self.phase_rad]
+
+    def state_rows(self, ts_s: float) -> int:
+        """The clock."""
+        return 1

@@ -1,0 +1,76 @@
+"""Rate law: thresholds that do not grow linearly with the rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from numba import njit
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@njit(cache=True)
+def rate_law_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: p - 1, v0 (V/s). No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            v = x[t, b]
+            y[t, b] = v * (abs(v) / p[1, b]) ** p[0, b] if v != 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class RateLaw(Effect):
+    """Power law of the rate in place of the |v| of Eq. 8.
+
+    Examples
+    --------
+    >>> RateLaw(exponent=0.5, reference_rate_V_s=100.0).run([100.0, -400.0], 1e-3).tolist()
+    [100.0, -200.0]
+    """
+
+    exponent: float = 0.7
+    reference_rate_V_s: float = 1e4
+
+    name = "rate_law"
+    slot = "rate"
+    order = 10
+    parameters = (
+        Parameter("exponent", "1", 0.2, 3.0, (0.5, 0.8), "p; 1 is Eq. 8", neutral=1.0),
+        Parameter(
+            "reference_rate_V_s", "V/s", 1e-3, 1e9, (1e4, 1e4),
+            "rate v0 at which the thresholds are those of Eq. 8", fixed=True,
+        ),
+    )  # fmt: skip
+    equation = "r_i = δ1 i + δ2 v0 (|v| / v0)^p"
+    source = (
+        "Velocity power m in doi 10.5772/58984, a dynamic density in doi 10.1007/s11465-015-0326-1; "
+        "the range of p is an estimate."
+    )
+    signature = (
+        "δ2 fitted record by record falls or rises with amplitude x frequency; small signals stay "
+        "untouched."
+    )
+    experiment = (
+        "Sines at four rates and two amplitudes, with partners of the same largest rate (A at f, "
+        "A/4 at 4f)."
+    )
+    mistaken_for = ("delay", "sensor_lag", "actuator_lag", "slew_limit")
+    block = staticmethod(rate_law_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Thresholds that grow slower and faster than the rate."""
+        return tuple(
+            cls(exponent=p, reference_rate_V_s=0.3 * scale.fastest_V_s) for p in (0.7, 1.3)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """The exponent of the factor on v, and v0 (V/s)."""
+        return [self.exponent - 1.0, self.reference_rate_V_s]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the law has no memory."""
+        return 0

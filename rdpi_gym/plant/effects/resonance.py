@@ -1,0 +1,66 @@
+"""Resonance: the stage's mass on the actuator's stiffness."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.linear import linear_block, pack_linear
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@dataclass(frozen=True)
+class Resonance(Effect):
+    """One mode with a static gain of one.
+
+    Examples
+    --------
+    >>> ringing = Resonance(f0_hz=500.0, damping=0.01).run([0.0] + [1.0] * 4000, 1e-5)
+    >>> float(ringing.max().round(2)), int(ringing.argmax())  # overshoot after half a period
+    (1.97, 101)
+    """
+
+    f0_hz: float = 1000.0
+    damping: float = 0.02
+
+    name = "resonance"
+    slot = "output"
+    order = 10
+    parameters = (
+        Parameter("f0_hz", "Hz", 10.0, 2e5, (300.0, 1e4), "undamped natural frequency"),
+        Parameter(
+            "damping", "1", 1e-4, 0.7, (0.005, 0.1), "damping ratio ζ; from 0.71 it is a lag"
+        ),
+    )
+    equation = "y'' + 2 ζ ω0 y' + ω0² y = ω0² y_h, ω0 = 2π f0"
+    source = (
+        "A stage at 739 Hz (arXiv 2412.18374); bare stacks at tens to hundreds of kHz (Fleming, "
+        "studylib.net/doc/18813258), lower with the mass they carry. The damping is an estimate."
+    )
+    signature = (
+        "Residual like the acceleration, growing with f²; ringing at f0 after corners; the gain of "
+        "small signals rises with frequency."
+    )
+    experiment = "A multisine smaller than the first threshold up to f0, or steps sampled fast."
+    mistaken_for = ("delay", "sensor_lag", "actuator_lag")
+    block = staticmethod(linear_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """From half the slowest to the fastest mode that the sampling shows."""
+        fastest = 0.25 / scale.shortest_s
+        return tuple(cls(f0_hz=fastest / 3.0**k, damping=0.05) for k in range(4))
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """Displacement and velocity over ω0, so that both states are micrometres."""
+        w = 2.0 * math.pi * self.f0_hz
+        a = np.array([[0.0, w], [-w, -2.0 * self.damping * w]])
+        return pack_linear(a, np.array([0.0, w]), np.array([1.0, 0.0]), 0.0, ts_s)
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input, displacement, velocity."""
+        return 3

@@ -1,0 +1,76 @@
+"""Saturation: an amplifier whose gain softens towards its rails."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+from numba import njit
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@njit(cache=True)
+def saturation_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: limit, centre (V). No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            limit, centre = p[0, b], p[1, b]
+            y[t, b] = centre + limit * math.tanh((x[t, b] - centre) / limit)
+
+
+@dataclass(frozen=True)
+class Saturation(Effect):
+    """Amplifier that softens towards limit_V above and below centre_V.
+
+    Examples
+    --------
+    >>> Saturation(limit_V=100.0).run([1.0, 50.0, 1000.0], 1e-3).round(2).tolist()
+    [1.0, 46.21, 100.0]
+    """
+
+    limit_V: float = 100.0
+    centre_V: float = 0.0
+
+    name = "saturation"
+    slot = "input"
+    order = 10
+    parameters = (
+        Parameter(
+            "limit_V", "V", 0.1, 1e4, (60.0, 160.0), "distance of both rails from the centre, u_s"
+        ),
+        Parameter(
+            "centre_V",
+            "V",
+            -2e3,
+            2e3,
+            (0.0, 0.0),
+            "middle of the amplifier's range, u_c",
+            fixed=True,
+        ),
+    )
+    equation = "u' = u_c + u_s tanh((u - u_c) / u_s)"
+    source = "Smooth limiter; the amount is an estimate (limits of the amplifier)."
+    signature = (
+        "An odd, single-valued curve: the gain falls with amplitude, which no Prandtl-Ishlinskii "
+        "model with non-negative weights can do."
+    )
+    experiment = "Slow sines or triangles at four amplitudes up to the full range."
+    mistaken_for = ("asymmetry", "congruency", "slew_limit")
+    block = staticmethod(saturation_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Rails not far and far beyond the measured command."""
+        return tuple(cls(limit_V=k * scale.span_V, centre_V=scale.centre_V) for k in (1.5, 4.0))
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """Limit and centre (V)."""
+        return [self.limit_V, self.centre_V]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the curve has no memory."""
+        return 0

@@ -1,0 +1,53 @@
+"""Sensor lag: the bandwidth of the displacement sensor or of its anti-alias filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rdpi_gym.plant.effects.base import Effect, Parameter
+from rdpi_gym.plant.effects.linear import linear_block, pack_lag
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@dataclass(frozen=True)
+class SensorLag(Effect):
+    """First-order lag behind the mechanics.
+
+    Examples
+    --------
+    >>> SensorLag(1e-3).run([0.0, 1.0, 2.0, 3.0], 1e-3).round(3).tolist()
+    [0.0, 0.368, 1.135, 2.05]
+    """
+
+    time_constant_s: float = 1e-4
+
+    name = "sensor_lag"
+    slot = "output"
+    order = 60
+    parameters = (
+        Parameter(
+            "time_constant_s", "s", 0.0, 0.1, (2e-5, 3e-4), "1 / (2π bandwidth), τ", neutral=0.0
+        ),
+    )
+    equation = "τ dy'/dt + y' = y"
+    source = (
+        "Fleming 2013, doi 10.1016/j.sna.2012.10.016, as tabulated in T. Dehaeze's notes: strain "
+        "gauges 1 to 10 kHz, capacitive sensors to 100 kHz, LVDT 1 kHz."
+    )
+    signature = (
+        "Residual like the velocity with a gain that falls with frequency, at any amplitude."
+    )
+    experiment = (
+        "A multisine smaller than the first threshold, up to about the cut-off; or the sensor's "
+        "data sheet."
+    )
+    mistaken_for = ("delay", "actuator_lag", "rate_law", "resonance")
+    block = staticmethod(linear_block)
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """As :func:`~rdpi_gym.plant.effects.linear.linear_block` reads them."""
+        return pack_lag(self.time_constant_s, ts_s)
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input and output."""
+        return 2

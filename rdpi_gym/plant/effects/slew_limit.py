@@ -1,0 +1,83 @@
+"""Slew limit: an amplifier whose current charges the stack at a limited rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.rdpi import RDPI
+
+
+@njit(cache=True)
+def slew_limit_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel, exact for an input linear between samples.
+
+    Row of ``p``: largest step of one sample (V). Rows of the state: last input, last output (V).
+    """
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            step, now = p[0, b], x[t, b]
+            if np.isnan(state[0, b]):
+                state[0, b] = state[1, b] = now
+            last, out = state[0, b], state[1, b]
+            change, ahead = now - last, out - last
+            if change < 0.0:
+                ahead = -ahead
+            # Faster than the limit and met on the way: the output turns round where they meet.
+            if abs(change) > step and ahead > 0.0:
+                back = min(ahead / (abs(change) + step), 1.0)
+                out += np.sign(change) * step * (1.0 - 2.0 * back)
+            else:
+                out = min(max(now, out - step), out + step)
+            state[0, b], state[1, b] = now, out
+            y[t, b] = out
+
+
+@dataclass(frozen=True)
+class SlewLimit(Effect):
+    """Amplifier whose voltage follows the command at rate_V_s at most.
+
+    Examples
+    --------
+    >>> SlewLimit(rate_V_s=1000.0).run([0.0, 4.0, 4.0, 4.0, 4.0, 3.5], 1e-3).tolist()
+    [0.0, 1.0, 2.0, 3.0, 4.0, 3.5]
+    """
+
+    rate_V_s: float = 1e4
+
+    name = "slew_limit"
+    slot = "input"
+    order = 20
+    parameters = (
+        Parameter("rate_V_s", "V/s", 1.0, 1e9, (3e3, 2.5e4), "largest rate of the voltage, R"),
+    )
+    equation = "u' follows u with |du'/dt| <= R"
+    source = (
+        "Thorlabs, piezo driver bandwidth tutorial (thorlabs.com, ObjectGroup_ID=1191): "
+        "R = I_max / C, 0.5 A into 20 µF take 3 ms for 75 V, which is 25 V/ms."
+    )
+    signature = (
+        "Nothing below a critical product of amplitude and frequency, above it triangles: odd "
+        "harmonics and a lag that grow with the rate."
+    )
+    experiment = "Sines across the critical amplitude x frequency, and steps sampled fast."
+    mistaken_for = ("rate_law", "saturation", "actuator_lag")
+    block = staticmethod(slew_limit_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Below the fastest rate that the command has."""
+        return tuple(cls(rate_V_s=k * scale.fastest_V_s) for k in (0.7, 0.3, 0.1))
+
+    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+        """Largest step of one sample (V)."""
+        return [self.rate_V_s * ts_s]
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input and last output."""
+        return 2

@@ -1,0 +1,85 @@
+"""Effects as the stages of a chain: their packed parameters and the state that each carries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant.effects.base import Effect, Slot
+from rdpi_gym.plant.rdpi import RDPI
+
+
+class Stage:
+    """One effect over B lanes, with one value of each parameter a lane.
+
+    Parameters
+    ----------
+    effects
+        The same kind of effect, one a lane.
+    hysteresis
+        The RDPI parameters, one a lane.
+    ts_s
+        Sampling time (s).
+    """
+
+    def __init__(self, effects: Sequence[Effect], hysteresis: Sequence[RDPI], ts_s: float) -> None:
+        self._block = type(effects[0]).block
+        self._clocked = effects[0].clocked
+        packed: dict[tuple[Effect, RDPI], list[float]] = {}
+        columns = []
+        for pair in zip(effects, hysteresis, strict=True):
+            if pair not in packed:
+                packed[pair] = pair[0].coefficients(ts_s, pair[1])
+            columns.append(packed[pair])
+        self._parameters = np.ascontiguousarray(np.array(columns, dtype=np.float64).T)
+        rows = max(effect.state_rows(ts_s) for effect in effects)
+        self._state = np.full((rows, len(effects)), np.nan)
+        self._ts_s = ts_s
+
+    def reset(self, lanes: Array) -> None:
+        """Forget the past of the lanes in a boolean mask: the next sample finds them at rest."""
+        self._state[:, lanes] = np.nan
+
+    def start(self, clock_s: float) -> None:
+        """Begin at a time (s) of the experiment, which slow drifts go by."""
+        if self._clocked:
+            self._state[0] = clock_s / self._ts_s
+
+    def run(self, x: Array, u: Array) -> Array:
+        """Return the stage's output for input `x` and command `u` (V), both ``[T, B]``."""
+        y = np.empty_like(x)
+        self._block(x, u, self._parameters, self._state, self._ts_s, y)
+        return y
+
+
+def stages_of(
+    effects: Sequence[Sequence[Effect]], hysteresis: Sequence[RDPI], ts_s: float
+) -> dict[Slot, list[Stage]]:
+    """Sort the effects of all lanes into the stages of a chain, in its order.
+
+    Parameters
+    ----------
+    effects
+        The effects of each lane, in the chain's order.
+    hysteresis
+        The RDPI parameters, one a lane.
+    ts_s
+        Sampling time (s).
+
+    Raises
+    ------
+    InputError
+        The lanes differ in which effects they have.
+    """
+    names = {tuple(effect.name for effect in lane) for lane in effects}
+    if len(names) != 1:
+        raise InputError("lanes with different effects; give all lanes of one plant the same ones")
+    stages: dict[Slot, list[Stage]] = {}
+    for column in zip(*effects, strict=True):
+        slot = column[0].slot
+        if slot != "memory":
+            stages.setdefault(slot, []).append(Stage(column, hysteresis, ts_s))
+    return stages

@@ -1,0 +1,220 @@
+"""The catalogue: files found by themselves, installed effects, a user's own."""
+
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rdpi_gym.plant.effects as room
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import P5, Plant, PlantModel
+from rdpi_gym.plant.effects import CATALOGUE, Effect, catalogue, load_effect
+from rdpi_gym.plant.effects.description import describe, page, pages
+
+FIFTEEN = {
+    *("creep", "resonance", "actuator_lag", "sensor_lag", "delay", "asymmetry", "saturation"),
+    *("slew_limit", "thermal_drift", "gain_drift", "rate_law", "backlash", "mains_hum"),
+    *("congruency", "initial_memory"),
+}
+
+OWN = '''"""Sag: the frame gives way under the actuator's force."""
+from dataclasses import dataclass
+
+from numba import njit
+
+from rdpi_gym.plant.effects import Effect, Parameter
+
+
+@njit
+def sag_block(x, u, p, state, ts, y):
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] * (1.0 - p[0, b])
+
+
+@dataclass(frozen=True)
+class Sag(Effect):
+    """Frame of finite stiffness."""
+
+    share: float = 0.02
+
+    name = "sag"
+    slot = "output"
+    order = 15
+    parameters = (Parameter("share", "1", 0.0, 0.5, (0.01, 0.05), "share of the stroke", 0.0),)
+    equation = "y = (1 - s) y_m"
+    source = "Springs in series."
+    signature = "Residual proportional to the displacement."
+    experiment = "Any record, with the force measured."
+    mistaken_for = ("gain_drift",)
+    block = staticmethod(sag_block)
+
+    def coefficients(self, ts_s, hysteresis):
+        return [self.share]
+
+    def state_rows(self, ts_s):
+        return 0
+'''
+
+
+@pytest.fixture
+def own_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+
+    def write(text: str = OWN) -> str:
+        name = f"own_effect_{abs(hash((text, str(tmp_path))))}"
+        Path(f"{name}.py").write_text(text)
+        return f"{name}:Sag"
+
+    return write
+
+
+def installed(monkeypatch, *entries: EntryPoint) -> catalogue.Catalogue:
+    monkeypatch.setattr(
+        catalogue, "entry_points", lambda group: [e for e in entries if e.group == group]
+    )
+    return catalogue.Catalogue()
+
+
+def test_the_catalogue_is_the_fifteen_effects_in_the_order_of_the_chain():
+    assert set(CATALOGUE) == FIFTEEN
+    assert len(CATALOGUE) == 15
+    assert list(CATALOGUE)[:4] == ["saturation", "slew_limit", "actuator_lag", "rate_law"]
+    assert list(CATALOGUE)[-3:] == ["delay", "sensor_lag", "mains_hum"]
+    assert all(CATALOGUE[name].name == name for name in CATALOGUE)
+
+
+def test_every_file_of_the_room_that_holds_an_effect_is_found():
+    files = {p.stem for p in Path(room.__file__).parent.glob("*.py")}
+    assert files - FIFTEEN == {"__init__", "base", "catalogue", "description", "linear"}
+    assert files >= FIFTEEN
+
+
+def test_a_new_file_in_the_room_is_found_without_a_list(tmp_path, monkeypatch):
+    (tmp_path / "sag.py").write_text(OWN)
+    monkeypatch.setattr(catalogue.pkgutil, "iter_modules", lambda _: _modules(tmp_path))
+    monkeypatch.setattr(catalogue, "__file__", str(tmp_path / "catalogue.py"))
+    monkeypatch.setattr(room, "__path__", [*room.__path__, str(tmp_path)])
+    monkeypatch.setattr(catalogue, "entry_points", lambda group: [])
+    try:
+        found = catalogue.Catalogue()
+        assert list(found) == ["sag"]
+        assert found["sag"]().values == {"share": 0.02}
+    finally:
+        sys.modules.pop("rdpi_gym.plant.effects.sag", None)
+
+
+def _modules(folder):
+    from types import SimpleNamespace
+
+    return [SimpleNamespace(name=p.stem) for p in folder.glob("*.py")]
+
+
+@pytest.mark.parametrize("name", sorted(FIFTEEN))
+def test_what_an_effect_says_of_itself_is_whole(name):
+    kind = CATALOGUE[name]
+    assert catalogue.check_effect(kind, name) is kind
+    assert set(kind.mistaken_for) <= FIFTEEN - {name}
+    for text in (kind.equation, kind.source, kind.signature, kind.experiment):
+        assert len(text) > 10
+        assert "\n" not in text
+    told = describe(kind)
+    assert all(p["meaning"] and p["unit"] for p in told["parameters"])
+    words = page(kind)
+    for text in (kind.equation, kind.source, kind.signature, kind.experiment):
+        assert text in words
+    assert words in pages(CATALOGUE.values())
+
+
+def test_who_is_mistaken_for_whom_goes_both_ways_within_the_family_of_lags():
+    family = {"delay", "actuator_lag", "sensor_lag", "resonance"}
+    for name in family:
+        assert family - {name} <= set(CATALOGUE[name].mistaken_for)
+
+
+def test_a_users_own_effect_takes_under_forty_lines_and_runs_in_a_plant(own_file):
+    assert len(OWN.splitlines()) < 40
+    kind = load_effect(own_file())
+    assert issubclass(kind, Effect)
+    bare = PlantModel(P5.hysteresis, "bare", (-20, 20), (0, 10))
+    own = PlantModel(P5.hysteresis, "own", (-20, 20), (0, 10), effects=(kind(share=0.1),))
+    u = np.random.default_rng(0).normal(0, 5, 50)
+    expected = 0.9 * Plant(bare, 1e-3).simulate(u)
+    np.testing.assert_allclose(Plant(own, 1e-3).simulate(u), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("name = ", "nam = "), "does not state name"),
+        (('"output"', '"behind"'), "has slot 'behind'; slots are input, rate, memory"),
+        (("def state_rows", "def rows"), "lacks state_rows"),
+        (("    share: float", "    part: float"), "has the fields ['part'] and states"),
+        (("share: float = 0.02", "share: float"), "cannot be made with its defaults"),
+        (("= 0.02", "= 0.7"), "has a default outside its bounds"),
+        (("[self.share]", "[float('nan')]"), "they are finite numbers"),
+        (("staticmethod(sag_block)", "None"), "has a block that is no kernel"),
+        (("Sag(Effect)", "Sag(object)"), "is Sag; an effect is a subclass"),
+    ],
+)
+def test_an_incomplete_effect_is_refused_in_one_line(own_file, change, words):
+    assert change[0] in OWN
+    with pytest.raises(InputError) as refusal:
+        load_effect(own_file(OWN.replace(*change)))
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("crep", "no effect is named 'crep'; known are saturation"),
+        ("no_such_module_here:Sag", "cannot be imported"),
+        ("math:nothing", "has no 'nothing'"),
+        ("math:pi", "is a float"),
+        (":Sag", "names no effect"),
+    ],
+)
+def test_an_unknown_effect_is_refused_in_one_line(name, words):
+    with pytest.raises(InputError) as refusal:
+        load_effect(name)
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_an_installed_effect_is_found_by_its_entry_point(own_file, monkeypatch):
+    target = own_file()
+    load_effect(target)  # puts the folder on the path, as an installed package is
+    found = installed(monkeypatch, EntryPoint("sag", target, "rdpi_gym.effects"))
+    assert found["sag"]().values == {"share": 0.02}
+    assert set(found) == FIFTEEN | {"sag"}
+    names = list(found)
+    assert names.index("resonance") < names.index("sag") < names.index("backlash")
+
+
+def test_a_broken_or_clashing_installed_effect_is_named(own_file, monkeypatch):
+    broken = installed(monkeypatch, EntryPoint("bad", "no_such_module_x:Y", "rdpi_gym.effects"))
+    with pytest.raises(InputError, match=r"'bad' \(no_such_module_x:Y\) cannot be imported"):
+        list(broken)
+    assert broken["creep"].name == "creep"  # what does not need it still works
+    target = own_file(OWN.replace('"sag"', '"creep"'))
+    load_effect(target)
+    clash = installed(monkeypatch, EntryPoint("mine", target, "rdpi_gym.effects"))
+    with pytest.raises(InputError, match="is named 'creep', as another effect is"):
+        list(clash)
+
+
+def test_importing_the_room_imports_no_effect_and_nothing_heavy():
+    code = (
+        "import sys, rdpi_gym.plant.effects; "
+        "heavy = ('rdpi_gym.plant.effects.creep', 'scipy.linalg', 'scipy.signal', 'pandas', 'rich'); "
+        "print([m for m in heavy if m in sys.modules])"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "[]"

@@ -1,0 +1,179 @@
+"""One number or law for each effect, from its card."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from rdpi_gym.plant import P10, Plant, PlantModel
+from rdpi_gym.plant.effects import CATALOGUE, Effect
+
+H = P10.hysteresis
+
+
+def plant_with(*effects: Effect, static: bool = False) -> PlantModel:
+    model = P10.with_hysteresis(H.static()) if static else P10
+    return dataclasses.replace(model, effects=effects)
+
+
+def response(effect: Effect, frequency_hz: float, ts: float, settle_s: float) -> complex:
+    """Steady gain for a sine, as a complex number."""
+    t = np.arange(round((settle_s + 5 / frequency_hz) / ts)) * ts
+    late = t >= settle_s
+    w = 2 * np.pi * frequency_hz
+    y = effect.run(np.sin(w * t), ts)[late]
+    columns = np.column_stack([np.sin(w * t), np.cos(w * t), np.ones_like(t), t])[late]
+    in_phase, quadrature, *_ = np.linalg.lstsq(columns, y, rcond=None)[0]
+    return complex(in_phase, quadrature)
+
+
+def test_creep_gains_gamma_in_every_decade_of_a_hold():
+    ts, gamma = 0.01, 0.015
+    y = CATALOGUE["creep"](gain_per_decade=gamma).run(np.r_[0.0, np.full(10_001, 40.0)], ts)
+    decades = np.array([0.1, 1.0, 10.0, 100.0])
+    gained = np.diff(y[np.round(decades / ts).astype(int) + 1]) / 40.0
+    np.testing.assert_allclose(gained, gamma, rtol=0.03)
+
+
+def test_creep_turns_the_phase_by_068_gamma_at_every_frequency():
+    effect = CATALOGUE["creep"](gain_per_decade=0.015)
+    low, high = (response(effect, f, 0.01 / f, 60 / f) for f in (0.1, 1.0))
+    for gain in (low, high):
+        assert -np.angle(gain) == pytest.approx(0.68 * 0.015, rel=0.06)
+    assert abs(low) - abs(high) == pytest.approx(0.015, rel=0.06)
+
+
+def test_small_signal_curvature_tells_resonance_lag_and_delay_apart():
+    """With kappa = g1² - 2 g2, ln|G| = kappa ω² / 2: positive, negative, zero."""
+    f, ts, tau, w0, zeta = 100.0, 1e-5, 2e-4, 2 * np.pi * 1500.0, 0.05
+    w = 2 * np.pi * f
+    resonance = response(CATALOGUE["resonance"](f0_hz=1500.0, damping=zeta), f, ts, 0.1)
+    lag = response(CATALOGUE["sensor_lag"](time_constant_s=tau), f, ts, 0.1)
+    delay = response(CATALOGUE["delay"](delay_s=tau), f, ts, 0.1)
+    assert np.log(abs(resonance)) == pytest.approx((1 - 2 * zeta**2) * w**2 / w0**2, rel=0.02)
+    assert np.log(abs(lag)) == pytest.approx(-((tau * w) ** 2) / 2, rel=0.02)
+    assert abs(delay) == pytest.approx(1.0, abs=1e-6)
+    assert -np.angle(delay) == pytest.approx(w * tau, rel=1e-4)
+    assert -np.angle(lag) == pytest.approx(w * tau, rel=0.01)
+
+
+def test_resonance_rings_at_f0_after_a_step():
+    ts, f0 = 1e-5, 850.0
+    y = CATALOGUE["resonance"](f0_hz=f0, damping=0.01).run(np.r_[0.0, np.ones(40_000)], ts)
+    spectrum = np.abs(np.fft.rfft((y - 1) * np.hanning(len(y))))
+    assert np.fft.rfftfreq(len(y), ts)[spectrum.argmax()] == pytest.approx(f0, abs=3.0)
+
+
+def test_lags_before_and_behind_the_plays_agree_only_below_the_first_threshold():
+    ts = 5e-5
+    t = np.arange(4000) * ts
+    lags = [
+        Plant(plant_with(CATALOGUE[name](time_constant_s=2e-4)), ts)
+        for name in ("actuator_lag", "sensor_lag")
+    ]
+    small = 0.9 * H.thresholds_V[0] * np.sin(2 * np.pi * 300 * t)
+    front, behind = (lag.simulate(small) for lag in lags)
+    np.testing.assert_allclose(front, behind, atol=1e-12)
+    for lag in lags:
+        lag.reset()
+    front, behind = (lag.simulate(25 * np.sin(2 * np.pi * 100 * t)) for lag in lags)
+    assert np.abs(front - behind)[2000:].max() > 0.1
+
+
+def test_asymmetry_is_the_even_part_of_a_half_wave_symmetric_record():
+    t = np.arange(2000) / 1000
+    u = 30 * np.sin(2 * np.pi * t)
+    bare = Plant(plant_with(static=True), 1e-3).simulate(u)[1000:]
+    distorted = Plant(
+        plant_with(CATALOGUE["asymmetry"](coefficient=0.03, span_um=40.0), static=True), 1e-3
+    ).simulate(u)[1000:]
+
+    def even(y: np.ndarray) -> np.ndarray:
+        return (y + np.roll(y, 500)) / 2
+
+    np.testing.assert_allclose(even(bare), 0.0, atol=1e-9)
+    np.testing.assert_allclose(even(distorted), 0.03 / 40 * bare**2, atol=1e-9)
+
+
+def test_gain_falls_with_amplitude_under_saturation_only():
+    def gains(model: PlantModel) -> np.ndarray:
+        swing = np.sin(2 * np.pi * np.arange(800) / 400)
+        return np.array(
+            [np.ptp(Plant(model, 1e-3).simulate(a * swing)[400:]) / (2 * a) for a in (25, 40)]
+        )
+
+    bare, soft = gains(plant_with()), gains(plant_with(CATALOGUE["saturation"](limit_V=60.0)))
+    assert bare[1] > bare[0]
+    assert soft[1] < soft[0]
+    whole = CATALOGUE["saturation"](limit_V=50.0, centre_V=20.0).run([-1e4, 20.0, 1e4], 1e-3)
+    np.testing.assert_allclose(whole, [-30.0, 20.0, 70.0])
+
+
+def test_slew_limit_acts_from_the_critical_amplitude_times_frequency():
+    ts, rate = 1e-5, 5000.0
+    effect, t = CATALOGUE["slew_limit"](rate_V_s=rate), np.arange(10_000) * 1e-5
+    for factor in (0.99, 2.0):
+        u = factor * rate / (2 * np.pi * 50) * np.sin(2 * np.pi * 50 * t)
+        y = effect.run(u, ts)
+        if factor < 1:
+            np.testing.assert_array_equal(y, u)
+        else:  # a triangle: it moves at the limit nearly always
+            speed = np.abs(np.diff(y[2000:])) / ts
+            assert np.mean(np.isclose(speed, rate, rtol=1e-6)) > 0.99
+
+
+@pytest.mark.parametrize("rate", [2e3, 1e4, 3e4])
+def test_rate_law_widens_sliding_plays_by_a_power_of_the_rate(rate):
+    ts, p, v0 = 1e-5, 0.6, 1e4
+    ramp = rate * ts * np.arange(round(80 / rate / ts))
+    shift = []
+    for effects in ((), (CATALOGUE["rate_law"](exponent=p, reference_rate_V_s=v0),)):
+        static = Plant(plant_with(static=True), ts).simulate(ramp)
+        shift.append((static - Plant(plant_with(*effects), ts).simulate(ramp))[-1])
+    assert shift[0] == pytest.approx(H.S * H.delta2_s * rate, rel=1e-9)
+    assert shift[1] == pytest.approx(H.S * H.delta2_s * v0 * (rate / v0) ** p, rel=1e-9)
+
+
+def test_congruency_makes_the_area_of_a_minor_loop_grow_with_its_bias():
+    def area(model: PlantModel, bias: float) -> float:
+        loop = bias + 6 * np.sin(2 * np.pi * np.arange(801) / 400)
+        u = np.concatenate([[-40.0, 40.0], loop])
+        y = Plant(model, 1e-3).simulate(u)[-401:]
+        return float(np.abs(np.trapezoid(y, loop[-401:])))
+
+    bare = plant_with(static=True)
+    grown = plant_with(CATALOGUE["congruency"](coefficient=0.2, span_V=40.0), static=True)
+    assert area(bare, 28.0) == pytest.approx(area(bare, 0.0), rel=1e-9)
+    assert area(grown, 28.0) / area(grown, 0.0) == pytest.approx(1 + 0.2 * 0.7**2, rel=0.03)
+
+
+def test_backlash_leaves_a_dead_zone_of_twice_the_half_width():
+    y = CATALOGUE["backlash"](half_width_um=0.25).run([0.0, 3.0, 2.6, 2.5, 2.4, 3.0, 3.1], 1e-3)
+    np.testing.assert_allclose(y, [0.0, 2.75, 2.75, 2.75, 2.65, 2.75, 2.85])
+
+
+def test_drifts_follow_the_clock():
+    t = np.arange(3001) * 0.1
+    gain = CATALOGUE["gain_drift"](rate_per_s=2e-4).run(np.full(3001, 30.0), 0.1)
+    np.testing.assert_allclose(gain, 30 * (1 + 2e-4 * t))
+    warm = CATALOGUE["thermal_drift"](rate_um_s=0.01, time_constant_s=20.0).run(0 * t, 0.1)
+    assert warm[1] / 0.1 == pytest.approx(0.01, rel=3e-3)
+    assert warm[-1] == pytest.approx(0.01 * 20, rel=1e-6)
+
+
+def test_hum_is_one_line_of_its_amplitude_and_phase():
+    ts = 1e-3
+    hum = CATALOGUE["mains_hum"](amplitude_um=0.02, frequency_hz=60.0, phase_rad=0.4)
+    line = np.fft.rfft(hum.run(np.zeros(1000), ts))
+    assert np.abs(line).argmax() == 60
+    assert 2 * abs(line[60]) / 1000 == pytest.approx(0.02)
+    assert np.angle(line[60]) == pytest.approx(0.4 - np.pi / 2)
+
+
+def test_initial_memory_is_wiped_out_by_the_first_larger_excursion():
+    u = np.concatenate([np.linspace(0, 12, 50), np.linspace(12, -30, 80), np.linspace(-30, 35, 99)])
+    bare = Plant(plant_with(static=True), 1e-3).simulate(u)
+    memory = plant_with(CATALOGUE["initial_memory"](extremum_V=25.0), static=True)
+    remembered = Plant(memory, 1e-3).simulate(u)
+    assert np.abs(remembered - bare)[:50].max() > 1.0
+    np.testing.assert_allclose(remembered[130:], bare[130:], atol=1e-12)

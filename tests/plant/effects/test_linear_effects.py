@@ -1,0 +1,132 @@
+"""Linear effects are exact for an input that is linear between samples, at every Ts."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import lsim
+
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects.creep import TIME_CONSTANTS_S
+from rdpi_gym.plant.effects.linear import first_order_hold, linear_block, pack_linear
+
+W0, ZETA = 2 * np.pi * 700.0, 0.03
+SYSTEMS = {
+    "actuator_lag": ({"time_constant_s": 3e-4}, ([1.0], [3e-4, 1.0])),
+    "sensor_lag": ({"time_constant_s": 3e-4}, ([1.0], [3e-4, 1.0])),
+    "resonance": ({"f0_hz": 700.0, "damping": ZETA}, ([W0**2], [1.0, 2 * ZETA * W0, W0**2])),
+}
+
+
+def rough(length: int, seed: int = 3) -> np.ndarray:
+    x = np.random.default_rng(seed).normal(0, 5, length).cumsum()
+    return x - x[0]
+
+
+@pytest.mark.parametrize("ts", [1e-5, 1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_stage_equals_lsim_with_a_first_order_hold(name, ts):
+    values, system = SYSTEMS[name]
+    x = rough(300)
+    expected = lsim(system, x, np.arange(300) * ts, interp=True)[1]
+    y = CATALOGUE[name](**values).run(x, ts)
+    np.testing.assert_allclose(y, expected, atol=1e-7 * np.abs(x).max())
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_stage_equals_the_differential_equation_between_corners(name):
+    values, (_, denominator) = SYSTEMS[name]
+    ts, x = 2e-4, rough(40)
+    times = np.arange(40) * ts
+    order = len(denominator) - 1
+
+    def slope(t: float, z: np.ndarray) -> list[float]:
+        drive = np.interp(t, times, x) - z[0]
+        if order == 1:
+            return [drive / denominator[0]]
+        return [z[1], W0**2 * drive - 2 * ZETA * W0 * z[1]]
+
+    z, expected = np.zeros(order), [0.0]
+    for begin, end in pairwise(times):
+        z = solve_ivp(slope, (begin, end), z, rtol=1e-10, atol=1e-10).y[:, -1]
+        expected.append(z[0])
+    y = CATALOGUE[name](**values).run(x, ts)
+    np.testing.assert_allclose(y, expected, atol=1e-6 * np.abs(x).max())
+
+
+LINEAR = {**{k: v[0] for k, v in SYSTEMS.items()}, "delay": {"delay_s": 3.3e-4}, "creep": {}}
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_input_linear_between_samples_gives_the_same_at_an_eighth_of_ts(name):
+    effect = CATALOGUE[name](**LINEAR[name])
+    x, ts = rough(200), 1e-3
+    fine = np.interp(np.arange(199 * 8 + 1) / 8, np.arange(200), x)
+    np.testing.assert_allclose(
+        effect.run(fine, ts / 8)[::8], effect.run(x, ts), atol=1e-9 * np.abs(x).max()
+    )
+
+
+@pytest.mark.parametrize("name", [*LINEAR, "slew_limit"])
+def test_a_parameter_means_the_same_at_every_sampling_time(name):
+    """A smooth input at Ts and Ts/8: they differ by less than 2 (ω Ts)² of the amplitude."""
+    effect = CATALOGUE[name](**LINEAR.get(name, {"rate_V_s": 2000.0}))
+    for ts in (4e-4, 1e-4):
+        t = np.arange(round(0.1 / ts * 8) + 1) * ts / 8
+        x = 10 * np.sin(2 * np.pi * 40 * t)
+        difference = effect.run(x, ts / 8)[::8] - effect.run(x[::8], ts)
+        assert np.abs(difference).max() < 2 * (2 * np.pi * 40 * ts) ** 2 * 10
+
+
+def test_matrices_of_the_hold_are_the_textbook_ones_for_an_integrator():
+    f, g0, g1 = first_order_hold(np.zeros((1, 1)), np.array([2.0]), 0.5)
+    np.testing.assert_allclose([f[0, 0], g0[0], g1[0]], [1.0, 0.5, 0.5], rtol=1e-15)
+
+
+def test_linear_block_takes_any_order_and_a_feedthrough():
+    a = np.array([[-50.0, 20.0, 0.0], [-20.0, -50.0, 3.0], [1.0, 0.0, -7.0]])
+    b, c = np.array([1.0, 2.0, -1.0]), np.array([3.0, -4.0, 20.0])
+    ts, x = 5e-3, rough(150)
+    p = np.array(pack_linear(a, b, c, 0.4, ts))[:, None]
+    y, state = np.empty((150, 1)), np.full((4, 1), np.nan)
+    linear_block(x[:, None].copy(), x[:, None].copy(), p, state, ts, y)
+    system = (a, b[:, None], c[None, :], np.array([[0.4]]))
+    expected = lsim(system, x, np.arange(150) * ts, interp=True)[1]
+    np.testing.assert_allclose(y[:, 0], expected, atol=1e-10 * np.abs(x).max())
+
+
+@pytest.mark.parametrize("samples", [0.0, 0.25, 1.0, 1.5, 7.0, 7.75, 60.5])
+def test_delay_shifts_a_polyline_exactly(samples):
+    x, index = rough(200), np.arange(200.0)
+    expected = np.interp(index - samples, index, x)
+    y = CATALOGUE["delay"](delay_s=samples * 1e-4).run(x, 1e-4)
+    np.testing.assert_allclose(y, expected, atol=1e-9)
+
+
+def test_slew_limit_is_exact_where_output_and_command_meet_between_samples():
+    effect = CATALOGUE["slew_limit"](rate_V_s=100.0)
+    x = rough(120)
+    fine = np.interp(np.arange(119 * 512 + 1) / 512, np.arange(120), x)
+    coarse, expected = effect.run(x, 1e-2), effect.run(fine, 1e-2 / 512)[::512]
+    np.testing.assert_allclose(coarse, expected, atol=1e-9)
+    assert np.abs(np.diff(coarse)).max() <= 1.0 + 1e-12
+    # The same limiter in the small: 512 clipped steps a sample.
+    naive, value = [x[0]], x[0]
+    for k in range(1, len(fine)):
+        value += np.clip(fine[k] - value, -1.0 / 512, 1.0 / 512)
+        naive.append(value)
+    np.testing.assert_allclose(coarse, naive[::512], atol=0.1)
+
+
+def test_every_element_of_creep_is_an_exact_lag():
+    x, ts = rough(400), 0.02
+    lag, gain = CATALOGUE["sensor_lag"], 0.04
+    elements = [lag(time_constant_s=tau).run(x, ts) for tau in TIME_CONSTANTS_S if tau <= 0.1]
+    times = np.arange(400) * ts
+    for tau in TIME_CONSTANTS_S:
+        if tau > 0.1:
+            elements.append(lsim(([1.0], [tau, 1.0]), x, times, interp=True)[1])
+    expected = x + gain / 2 * np.sum(elements, axis=0)
+    y = CATALOGUE["creep"](gain_per_decade=gain).run(x, ts)
+    np.testing.assert_allclose(y, expected, atol=1e-9 * np.abs(x).max())
