@@ -63,14 +63,16 @@ class ObservationLayout:
 
     def __post_init__(self) -> None:
         check_ts(self.ts_s)
-        if self.preview < 1:
+        if not isinstance(self.preview, int) or self.preview < 1:
             raise InputError(
-                f"preview is {self.preview}; show at least 1 sample of the reference ahead"
+                f"preview is {self.preview!r}; show a whole number of samples ahead, at least 1"
             )
         if self.action not in get_args(ActionMode):
             raise InputError(
                 f"action {self.action!r} is unknown; choose {', '.join(get_args(ActionMode))}"
             )
+        if not math.isfinite(self.centre_um):
+            raise InputError(f"centre_um is {self.centre_um}; give a finite displacement (µm)")
         for name in ("scale_um", "action_scale_V"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):

@@ -1,0 +1,71 @@
+"""A baseline that runs inside the environment, for actions that correct its command."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import PlantModel
+
+
+class Correction:
+    """The command that a baseline would give, sample by sample.
+
+    Parameters
+    ----------
+    name
+        A controller of the package ``baselines``, or ``module:attribute``. The package is imported
+        here and nowhere else: an environment without a baseline does not need it.
+    belief
+        What the baseline believes of the plant.
+    layout
+        The environment's; the baseline reads the same observation and gives commands.
+
+    Raises
+    ------
+    InputError
+        No controller has that name.
+
+    Attributes
+    ----------
+    command_V : float
+        The baseline's u(k+1) (V), from the observation of k.
+    """
+
+    def __init__(self, name: str, belief: PlantModel, layout: ObservationLayout) -> None:
+        try:
+            make_controller = import_module("baselines").make_controller
+        except ImportError as error:
+            raise InputError(
+                f"baseline {name!r} needs the package baselines, which cannot be imported ({error})"
+            ) from error
+        self._layout = replace(layout, action="command")
+        self._controller = make_controller(name, belief, self._layout)
+        self._state: Any = None
+        self._start = True
+        self.command_V = 0.0
+
+    def reset(self, reference_um: Array, observation: NDArray[np.float32]) -> None:
+        """Begin an episode with the references ``(K, 1)`` (µm) that are known before it."""
+        if hasattr(self._controller, "plan"):
+            self._controller.plan(reference_um)
+        self._state, self._start = None, True
+        self.observe(observation)
+
+    def observe(self, observation: NDArray[np.float32]) -> None:
+        """Take the observation ``(1, D)`` of this sample and find the command for the next one."""
+        action, self._state = self._controller.predict(
+            observation,
+            state=self._state,
+            episode_start=np.array([self._start]),
+            deterministic=True,
+        )
+        self._start = False
+        self.command_V = float(self._layout.place_to_V(np.asarray(action, dtype=float)).item())

@@ -1,0 +1,147 @@
+"""The reference of an episode: given, or drawn from what the environment was given."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rdpi_gym.errors import InputError
+from rdpi_gym.signals import SIGNALS, Measured, Signal, Sum, make_signal
+from rdpi_gym.signals import Sequence as SignalSequence
+
+ReferenceChoice: TypeAlias = str | Mapping[str, Any] | Signal
+FrequencyChoice: TypeAlias = float | Sequence[float]
+
+# Their values are in µm already: the environment's amplitude and centre are not theirs.
+_IN_MICROMETRES = (Measured, Sum, SignalSequence)
+
+
+@dataclass(frozen=True)
+class ReferenceSource:
+    """Draws the reference of each episode.
+
+    Parameters
+    ----------
+    choices
+        Names of signals, dictionaries of their fields with the name under ``signal``, or signals.
+        One is drawn for each episode. A signal is used as it is; what a dictionary leaves out comes
+        from the fields here; random signals get a seed of their own in each episode unless their
+        dictionary has one.
+    frequency_hz
+        Lowest and highest frequency (Hz), drawn log-uniformly, for signals that have one.
+    amplitude_um, offset_um
+        Amplitude and centre (µm).
+    smooth_start_s
+        Duration of the smooth start (s).
+
+    Raises
+    ------
+    InputError
+        No choice, an unknown signal or field, or a frequency that is not above zero.
+
+    Examples
+    --------
+    >>> source = ReferenceSource(("sine",), (10.0, 10.0), 5.0, 0.0, 0.0)
+    >>> source.draw(np.random.default_rng(0)).frequency_hz
+    10.0
+    """
+
+    choices: tuple[ReferenceChoice, ...]
+    frequency_hz: tuple[float, float]
+    amplitude_um: float
+    offset_um: float
+    smooth_start_s: float
+
+    def __post_init__(self) -> None:
+        if not self.choices:
+            raise InputError("reference is empty; give at least one, for example 'sine'")
+        for choice in self.choices:
+            self._make(choice, self.frequency_hz[0], 0)
+
+    def draw(
+        self,
+        rng: np.random.Generator,
+        reference: ReferenceChoice | None = None,
+        frequency_hz: FrequencyChoice | None = None,
+    ) -> Signal:
+        """Return the reference of an episode, with what is given instead of what would be drawn."""
+        index, position, seed = rng.integers(len(self.choices)), rng.random(), rng.integers(2**31)
+        low, high = self.frequency_hz if frequency_hz is None else frequency_bounds(frequency_hz)
+        # exp(log(f)) is not f: a frequency that is not drawn stays as given.
+        frequency = low if low == high else low * (high / low) ** float(position)
+        choice = self.choices[index] if reference is None else reference
+        return self._make(choice, frequency, int(seed))
+
+    def _make(self, choice: ReferenceChoice, frequency_hz: float, seed: int) -> Signal:
+        if isinstance(choice, Signal):
+            return choice
+        given = {"signal": choice} if isinstance(choice, str) else dict(choice)
+        name = given.pop("signal", None)
+        if not isinstance(name, str) or name not in SIGNALS:
+            raise InputError(
+                f"reference {choice!r} names no signal; the signals are {', '.join(SIGNALS)}"
+            )
+        defaults = {
+            "smooth_start_s": self.smooth_start_s,
+            "frequency_hz": frequency_hz,
+            "seed": seed,
+        }
+        if not issubclass(SIGNALS[name], _IN_MICROMETRES):
+            defaults |= {"amplitude_um": self.amplitude_um, "offset_um": self.offset_um}
+        declared = {field.name for field in fields(SIGNALS[name])}
+        known = {key: value for key, value in defaults.items() if key in declared}
+        return make_signal(name, **(known | given))
+
+
+def reference_choices(
+    reference: ReferenceChoice | Sequence[ReferenceChoice],
+) -> tuple[ReferenceChoice, ...]:
+    """Return one reference, or a sequence of them, as a tuple.
+
+    Raises
+    ------
+    InputError
+        An entry is no name, dictionary or signal.
+
+    Examples
+    --------
+    >>> reference_choices("sine")
+    ('sine',)
+    """
+    if isinstance(reference, str | Mapping | Signal):
+        return (reference,)
+    choices = tuple(reference) if isinstance(reference, Sequence) else (reference,)
+    for choice in choices:
+        if not isinstance(choice, str | Mapping | Signal):
+            raise InputError(
+                f"reference {choice!r} is {type(choice).__name__}; give a name, a dictionary or a signal"
+            )
+    return choices
+
+
+def frequency_bounds(frequency_hz: FrequencyChoice) -> tuple[float, float]:
+    """Return a frequency, or its lowest and highest value, as two frequencies (Hz).
+
+    Raises
+    ------
+    InputError
+        Not one or two numbers above zero, or the lowest above the highest.
+
+    Examples
+    --------
+    >>> frequency_bounds(10), frequency_bounds([1.0, 100.0])
+    ((10.0, 10.0), (1.0, 100.0))
+    """
+    try:
+        low, high = np.broadcast_to(np.asarray(frequency_hz, dtype=np.float64), 2).tolist()
+    except (TypeError, ValueError):
+        low = high = math.nan
+    if not 0.0 < low <= high < math.inf:
+        raise InputError(
+            f"frequency_hz is {frequency_hz!r}; give a frequency above 0 Hz, or the lowest and the highest"
+        )
+    return low, high

@@ -1,0 +1,229 @@
+"""Tracking problems side by side: plants, their sensors, the references, and what is shown of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import Plant, PlantModel
+
+# Samples of noise drawn at a time: one call of a generator costs as much as a hundred numbers.
+_NOISE_ROWS = 1024
+
+
+@njit(cache=True)
+def _show(
+    k: int,
+    noise_row: int,
+    y: Array,
+    u: Array,
+    reference: Array,
+    noise: Array,
+    resolution: Array,
+    scales: Array,
+    quantities: Array,
+    observation: NDArray[np.float32],
+) -> None:
+    centre, scale, low, span = scales
+    last = reference.shape[0] - 1
+    ahead = observation.shape[1] - 2
+    for b in range(y.shape[1]):
+        measured = y[0, b] + noise[noise_row, b]
+        if resolution[b] > 0.0:
+            measured = np.rint(measured / resolution[b]) * resolution[b]
+        now = reference[min(k, last), b]
+        quantities[0, b] = y[0, b]
+        quantities[1, b] = measured
+        quantities[2, b] = now
+        quantities[3, b] = u[0, b]
+        quantities[4, b] = now - y[0, b]
+        for j in range(ahead):
+            observation[b, j] = (reference[min(k + j, last), b] - centre) / scale
+        observation[b, ahead] = (measured - centre) / scale
+        observation[b, ahead + 1] = 2.0 * (u[0, b] - low) / span - 1.0
+
+
+class TrackingTask:
+    """B tracking problems with one layout, stepped together: B = 1 is the single environment.
+
+    Parameters
+    ----------
+    models
+        One plant, or one a lane (all with the same number of plays), sensor included.
+    layout
+        What is shown, in which units, at which sampling time.
+
+    Raises
+    ------
+    InputError
+        No lane, or lanes that do not fit together.
+
+    Attributes
+    ----------
+    quantities : float64[5, B]
+        What the last reset or step left, one a row: `displacement_um`, `measured_um`,
+        `reference_now_um`, `command_V`, `error_um`. The next step overwrites it.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> layout = ObservationLayout.for_plant(named_plant("P5"), ts_s=1e-3, preview=1)
+    >>> task = TrackingTask(named_plant("P5"), layout)
+    >>> task.reset(np.array([[0.0], [1.0], [2.0]])).shape
+    (1, 4)
+    >>> observation = task.step(np.array([1.0]))
+    >>> task.error_um.round(3).tolist()
+    [0.271]
+    """
+
+    def __init__(
+        self, models: PlantModel | Sequence[PlantModel], layout: ObservationLayout
+    ) -> None:
+        self.layout = layout
+        self.plant = Plant(models, layout.ts_s)
+        sensors = [model.sensor for model in self.plant.models]
+        self._resolution = np.array([sensor.resolution_um for sensor in sensors])
+        self._deviation = np.array([sensor.noise_um for sensor in sensors])
+        low, high = layout.command_range_V
+        self._rest_V = min(max(0.0, low), high)
+        self._scales = np.array([layout.centre_um, layout.scale_um, low, high - low])
+        lanes = self.plant.lanes
+        self.quantities: Array = np.zeros((5, lanes))
+        self._u = np.zeros((1, lanes))
+        self._shape = (lanes, layout.size)
+        self._reference = self._noise = np.zeros((1, lanes))
+        self._rngs: Sequence[np.random.Generator] | None = None
+        self._k = 0
+
+    @property
+    def lanes(self) -> int:
+        """Number of lanes B."""
+        return self._shape[0]
+
+    @property
+    def displacement_um(self) -> Array:
+        """Displacement y(k) (µm), without the sensor: a view, float64[B]."""
+        return self._row(0)
+
+    @property
+    def measured_um(self) -> Array:
+        """The sensor's reading (µm): a view, float64[B]."""
+        return self._row(1)
+
+    @property
+    def reference_now_um(self) -> Array:
+        """Reference r(k) (µm): a view, float64[B]."""
+        return self._row(2)
+
+    @property
+    def command_V(self) -> Array:
+        """Command u(k) (V): a view, float64[B]."""
+        return self._row(3)
+
+    @property
+    def error_um(self) -> Array:
+        """Tracking error r(k) - y(k) (µm): a view, float64[B]."""
+        return self._row(4)
+
+    def reset(
+        self, reference_um: ArrayLike, rngs: Sequence[np.random.Generator] | None = None
+    ) -> NDArray[np.float32]:
+        """Begin new episodes, every plant at rest at the command nearest 0 V of the range.
+
+        Parameters
+        ----------
+        reference_um
+            References (µm), ``(K, B)``; the last sample is held once it ends.
+        rngs
+            One generator a lane, for the sensor's noise; needed where a sensor has noise.
+
+        Returns
+        -------
+        float32[B, D]
+            The first observation, of k = 0.
+
+        Raises
+        ------
+        InputError
+            A reference of another shape or not finite, or noise without a generator for each lane.
+        """
+        reference = self._checked(reference_um)
+        noisy = bool(self._deviation.any())
+        if noisy and (rngs is None or len(rngs) != self.lanes):
+            found = "none" if rngs is None else str(len(rngs))
+            raise InputError(
+                f"the sensors have noise and need {self.lanes} random generators, one a lane; {found} given"
+            )
+        self._reference = reference
+        self._rngs = rngs if noisy else None
+        self._noise = np.zeros((_NOISE_ROWS if noisy else 1, self.lanes))
+        self._k = -1
+        self.plant.reset(u0_V=self._rest_V)
+        return self.step(self._rest_V)
+
+    def extend(self, reference_um: ArrayLike) -> None:
+        """Append samples ``(K, B)`` (µm) to the references of the running episodes.
+
+        Raises
+        ------
+        InputError
+            As :meth:`reset`.
+        """
+        self._reference = np.concatenate([self._reference, self._checked(reference_um)])
+
+    def step(self, command_V: Array | float) -> NDArray[np.float32]:
+        """Apply commands over one interval, from the last ones linearly.
+
+        Parameters
+        ----------
+        command_V
+            u(k+1) (V), ``(B,)``, finite; not clipped here.
+
+        Returns
+        -------
+        float32[B, D]
+            The observation of k + 1, a fresh array.
+        """
+        self._u[0] = command_V
+        self._k += 1
+        noise_row = self._k % len(self._noise)
+        if noise_row == 0 and self._rngs is not None:
+            for lane, rng in enumerate(self._rngs):
+                self._noise[:, lane] = rng.standard_normal(_NOISE_ROWS) * self._deviation[lane]
+        observation = np.empty(self._shape, dtype=np.float32)
+        _show(
+            self._k,
+            noise_row,
+            self.plant.step(self._u),
+            self._u,
+            self._reference,
+            self._noise,
+            self._resolution,
+            self._scales,
+            self.quantities,
+            observation,
+        )
+        return observation
+
+    def _row(self, index: int) -> Array:
+        row: Array = self.quantities[index]
+        return row
+
+    def _checked(self, reference_um: ArrayLike) -> Array:
+        reference = np.ascontiguousarray(reference_um, dtype=np.float64)
+        if reference.ndim != 2 or len(reference) == 0 or reference.shape[1] != self.lanes:
+            raise InputError(
+                f"a reference of shape {reference.shape} for {self.lanes} lanes; give (samples, {self.lanes})"
+            )
+        if not np.isfinite(reference).all():
+            sample, lane = np.argwhere(~np.isfinite(reference))[0]
+            raise InputError(
+                f"sample {sample} of the reference of lane {lane} is {reference[sample, lane]}; give finite displacements (µm)"
+            )
+        return reference

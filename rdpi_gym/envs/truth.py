@@ -1,0 +1,217 @@
+"""The plant that an environment really has: chosen, band-limited, randomised."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import PlantModel, find_plant
+
+# What an episode's options may say of its plant: a plant, and fields of its RDPI.
+PLANT_OPTIONS = ("plant", "weights", "thresholds_V", "delta2_s")
+# The bound of readings in units of what the hysteresis reaches; effects (a resonance) go farther.
+_MARGIN, _MARGIN_WITH_EFFECTS = 2.0, 10.0
+
+PlantChoice: TypeAlias = str | Path | Mapping[str, Any] | PlantModel
+
+
+def choose_plant(choice: PlantChoice) -> PlantModel:
+    """Return the plant that a name, a path, a dictionary or a model means.
+
+    Parameters
+    ----------
+    choice
+        A name of :data:`rdpi_gym.plant.PLANTS`, the path of a plant JSON, what
+        ``PlantModel.to_dict`` returns, or a model.
+
+    Raises
+    ------
+    InputError
+        None of these, or one that describes no plant.
+
+    Examples
+    --------
+    >>> choose_plant("P5").name
+    'P5'
+    """
+    if isinstance(choice, PlantModel):
+        return choice
+    if isinstance(choice, str | Path):
+        return find_plant(str(choice))
+    if isinstance(choice, Mapping):
+        return PlantModel.from_dict(choice)
+    raise InputError(
+        f"plant is {choice!r}; give the name of a plant, the path of its JSON file, or its dictionary"
+    )
+
+
+def limit_band(model: PlantModel, rate_bandwidth_hz: float | None) -> PlantModel:
+    """Return the plant with its rate's cut-off at most `rate_bandwidth_hz` (Hz), or unchanged (None).
+
+    Examples
+    --------
+    >>> limit_band(choose_plant("P5"), 800.0).hysteresis.rate_bandwidth_hz
+    800.0
+    """
+    own = model.hysteresis.rate_bandwidth_hz
+    if rate_bandwidth_hz is None or (own is not None and own <= rate_bandwidth_hz):
+        return model
+    return model.with_hysteresis(model.hysteresis.band_limited(rate_bandwidth_hz))
+
+
+def randomise_plant(model: PlantModel, half_width: float, rng: np.random.Generator) -> PlantModel:
+    """Return the plant with its weights, thresholds and δ2 drawn about their values.
+
+    Every weight, every gap between neighbouring thresholds and δ2 is multiplied by its own number,
+    uniform over ``1 - half_width`` to ``1 + half_width``: the thresholds stay in order, and each
+    within the same relative bounds.
+
+    Examples
+    --------
+    >>> model = randomise_plant(choose_plant("P5"), 0.1, np.random.default_rng(0))
+    >>> 0.9 <= model.hysteresis.a0 / choose_plant("P5").hysteresis.a0 <= 1.1
+    True
+    """
+    if half_width == 0.0:
+        return model
+    nominal = model.hysteresis
+    factors = rng.uniform(1.0 - half_width, 1.0 + half_width, 2 * nominal.n + 2)
+    gaps = np.diff(nominal.thresholds_V, prepend=0.0)
+    hysteresis = replace(
+        nominal,
+        weights=tuple((np.array(nominal.weights) * factors[: nominal.n + 1]).tolist()),
+        thresholds_V=tuple(np.cumsum(gaps * factors[nominal.n + 1 : -1]).tolist()),
+        delta2_s=nominal.delta2_s * float(factors[-1]),
+    )
+    return model.with_hysteresis(hysteresis)
+
+
+def with_parameters(model: PlantModel, parameters: Mapping[str, Any]) -> PlantModel:
+    """Return the plant with other values of some fields of its `RDPI`.
+
+    Raises
+    ------
+    InputError
+        An unknown field, or values that no plant has.
+
+    Examples
+    --------
+    >>> with_parameters(choose_plant("P5"), {"delta2_s": 0.0}).hysteresis.delta2_s
+    0.0
+    """
+    document = model.to_dict()
+    document["hysteresis"] |= {key: np.asarray(x).tolist() for key, x in parameters.items()}
+    return PlantModel.from_dict(document, f"plant {model.name}")
+
+
+def farthest_um(model: PlantModel, layout: ObservationLayout) -> float:
+    """Farthest reading from the layout's centre (µm) that commands in its range can cause.
+
+    The hysteresis reaches A max |u|; the sensor adds its step and ten standard deviations.
+
+    Examples
+    --------
+    >>> p5 = choose_plant("P5")
+    >>> round(farthest_um(p5, ObservationLayout.for_plant(p5, ts_s=1e-4)), 3)
+    30.425
+    """
+    reach = model.hysteresis.A * max(map(abs, layout.command_range_V))
+    sensor = 10.0 * model.sensor.noise_um + model.sensor.resolution_um
+    return reach + abs(model.offset_um - layout.centre_um) + sensor
+
+
+class TruthSource:
+    """Draws the plant of each episode.
+
+    Parameters
+    ----------
+    plant
+        The nominal plant.
+    rate_bandwidth_hz
+        Cut-off of its rate at most (Hz), or None: see :func:`limit_band`.
+    sensor
+        Fields of its `Sensor` (µm) to replace; None leaves the plant's own.
+    half_width
+        Relative half-width of :func:`randomise_plant`, 0 or more and below 1.
+
+    Raises
+    ------
+    InputError
+        No such plant, a bad sensor, or a half-width out of range.
+
+    Attributes
+    ----------
+    nominal : PlantModel
+        The plant with its band limit and sensor, not randomised.
+
+    Examples
+    --------
+    >>> source = TruthSource("P5", 800.0, {"noise_um": 0.1}, 0.0)
+    >>> source.nominal.sensor.noise_um
+    0.1
+    """
+
+    def __init__(
+        self,
+        plant: PlantChoice,
+        rate_bandwidth_hz: float | None,
+        sensor: Mapping[str, float | None],
+        half_width: float,
+    ) -> None:
+        if not 0.0 <= half_width < 1.0:
+            raise InputError(
+                f"randomise is {half_width}; give a relative half-width of 0 to below 1"
+            )
+        self._half_width = float(half_width)
+        self._rate_bandwidth_hz = rate_bandwidth_hz
+        self._sensor = {name: value for name, value in sensor.items() if value is not None}
+        self.nominal = self._equip(plant)
+
+    def bound_um(self, layout: ObservationLayout) -> float:
+        """Distance from the layout's centre (µm) that no reading of an episode goes beyond."""
+        margin = _MARGIN_WITH_EFFECTS if self.nominal.effects else _MARGIN
+        return margin * (1.0 + self._half_width) * farthest_um(self.nominal, layout)
+
+    def draw(
+        self, rng: np.random.Generator, options: Mapping[str, Any], layout: ObservationLayout
+    ) -> PlantModel:
+        """Return the plant of an episode: what the options say, else one drawn about the nominal.
+
+        Parameters
+        ----------
+        rng
+            Draws the plant.
+        options
+            Of :data:`PLANT_OPTIONS`; others are passed over.
+        layout
+            What the episode can show.
+
+        Raises
+        ------
+        InputError
+            The options say no plant, or one that reaches beyond what can be shown.
+        """
+        parameters = {key: options[key] for key in PLANT_OPTIONS[1:] if key in options}
+        if "plant" not in options and not parameters:
+            return randomise_plant(self.nominal, self._half_width, rng)
+        model = self._equip(options["plant"]) if "plant" in options else self.nominal
+        model = with_parameters(model, parameters)
+        farthest, bound = farthest_um(model, layout), self.bound_um(layout)
+        if farthest > bound:
+            raise InputError(
+                f"plant {model.name} can be read {farthest:.4g} µm from the centre, and what can be shown "
+                f"ends at {bound:.4g} µm; make an environment of that plant instead"
+            )
+        return model
+
+    def _equip(self, choice: PlantChoice) -> PlantModel:
+        model = limit_band(choose_plant(choice), self._rate_bandwidth_hz)
+        if not self._sensor:
+            return model
+        return replace(model, sensor=replace(model.sensor, **self._sensor))
