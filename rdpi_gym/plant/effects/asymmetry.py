@@ -62,7 +62,7 @@ class Asymmetry(Effect):
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """One start, at the measured stroke."""
-        return (cls(coefficient=0.01, span_um=scale.stroke_um),)
+        return (cls.within_bounds(coefficient=0.01, span_um=scale.stroke_um),)
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
         """Coefficient of the square, c / Y (1/µm)."""

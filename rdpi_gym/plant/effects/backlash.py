@@ -60,7 +60,7 @@ class Backlash(Effect):
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """One start, small against the stroke."""
-        return (cls(half_width_um=3e-3 * scale.stroke_um),)
+        return (cls.within_bounds(half_width_um=3e-3 * scale.stroke_um),)
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
         """Half width (µm)."""

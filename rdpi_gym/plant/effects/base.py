@@ -207,6 +207,12 @@ class Effect(ABC):
         return y[:, 0]
 
     @classmethod
+    def within_bounds(cls, **values: float) -> Self:
+        """Return the effect with each of `values` moved to the nearest that is physical."""
+        limits = {p.name: (p.low, p.high) for p in cls.parameters}
+        return cls(**{k: min(max(v, limits[k][0]), limits[k][1]) for k, v in values.items()})
+
+    @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Return where a fit begins, one for each optimum that it may fall into.
 

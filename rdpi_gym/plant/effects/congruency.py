@@ -57,7 +57,7 @@ class Congruency(Effect):
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """One start, at the measured span."""
-        return (cls(coefficient=0.05, span_V=scale.span_V),)
+        return (cls.within_bounds(coefficient=0.05, span_V=scale.span_V),)
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
         """a_0 (µm/V) and c / U² (1/V²)."""

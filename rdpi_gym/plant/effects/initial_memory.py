@@ -57,7 +57,7 @@ class InitialMemory(Effect):
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """An extremum on either side."""
-        return tuple(cls(extremum_V=k * scale.span_V) for k in (0.5, -0.5))
+        return tuple(cls.within_bounds(extremum_V=k * scale.span_V) for k in (0.5, -0.5))
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
         """The extremum (V); the kernel does not read it."""

@@ -62,7 +62,7 @@ class MainsHum(Effect):
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Both mains frequencies, in two phases."""
         return tuple(
-            cls(amplitude_um=1e-3 * scale.stroke_um, frequency_hz=f, phase_rad=phase)
+            cls.within_bounds(amplitude_um=1e-3 * scale.stroke_um, frequency_hz=f, phase_rad=phase)
             for f in (50.0, 60.0)
             for phase in (0.0, 0.5 * math.pi)
         )

@@ -64,7 +64,8 @@ class RateLaw(Effect):
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Thresholds that grow slower and faster than the rate."""
         return tuple(
-            cls(exponent=p, reference_rate_V_s=0.3 * scale.fastest_V_s) for p in (0.7, 1.3)
+            cls.within_bounds(exponent=p, reference_rate_V_s=0.3 * scale.fastest_V_s)
+            for p in (0.7, 1.3)
         )
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:

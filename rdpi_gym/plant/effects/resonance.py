@@ -53,7 +53,7 @@ class Resonance(Effect):
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """From half the slowest to the fastest mode that the sampling shows."""
         fastest = 0.25 / scale.shortest_s
-        return tuple(cls(f0_hz=fastest / 3.0**k, damping=0.05) for k in range(4))
+        return tuple(cls.within_bounds(f0_hz=fastest / 3.0**k, damping=0.05) for k in range(4))
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
         """Displacement and velocity over ω0, so that both states are micrometres."""

@@ -65,7 +65,9 @@ class Saturation(Effect):
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Rails not far and far beyond the measured command."""
-        return tuple(cls(limit_V=k * scale.span_V, centre_V=scale.centre_V) for k in (1.5, 4.0))
+        return tuple(
+            cls.within_bounds(limit_V=k * scale.span_V, centre_V=scale.centre_V) for k in (1.5, 4.0)
+        )
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
         """Limit and centre (V)."""

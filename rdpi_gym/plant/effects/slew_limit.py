@@ -72,7 +72,7 @@ class SlewLimit(Effect):
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Below the fastest rate that the command has."""
-        return tuple(cls(rate_V_s=k * scale.fastest_V_s) for k in (0.7, 0.3, 0.1))
+        return tuple(cls.within_bounds(rate_V_s=k * scale.fastest_V_s) for k in (0.7, 0.3, 0.1))
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
         """Largest step of one sample (V)."""

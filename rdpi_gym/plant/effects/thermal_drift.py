@@ -67,7 +67,9 @@ class ThermalDrift(Effect):
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Warming that settles within the longest record, and one that does not."""
         return tuple(
-            cls(rate_um_s=1e-3 * scale.stroke_um / scale.longest_s, time_constant_s=tau)
+            cls.within_bounds(
+                rate_um_s=1e-3 * scale.stroke_um / scale.longest_s, time_constant_s=tau
+            )
             for tau in (max(1.0, scale.longest_s), max(1.0, 10.0 * scale.longest_s))
         )
 

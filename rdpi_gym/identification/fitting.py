@@ -1,0 +1,258 @@
+"""`fit`: from measured records to an RDPI plant with uncertainties (Eq. 9, 10)."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.errors import InputError
+from rdpi_gym.identification.advice import bound_warnings, correlation_warning, delta2_warnings
+from rdpi_gym.identification.bounds import set_bounds
+from rdpi_gym.identification.rates import RateSpread, rate_spread
+from rdpi_gym.identification.refine import Point, moving_plays
+from rdpi_gym.identification.residuals import RecordResidual, pooled_rmse, simulate_record
+from rdpi_gym.identification.result import FitResult, finite
+from rdpi_gym.identification.search import search
+from rdpi_gym.identification.stack import Stack, stack_records
+from rdpi_gym.identification.uncertainty import correlation_length, standard_errors
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant import RDPI, PlantModel
+
+# Plays that move (rms) less than this part of their command are told from the offset by a sliver
+# of the data near the extremes; their weights would fit whatever else happens there.
+MIN_MOTION = 0.1
+# The commands of the data, widened by this part of their range, are the plant's.
+_RANGE_MARGIN = 0.05
+# An error below this part of the stroke is rounding.
+_ROUNDING = 1e-9
+# References take this part of the measured stroke.
+_REFERENCE_PART = 0.9
+
+
+def fit(
+    data: Dataset | Sequence[Record],
+    n: int = 10,
+    *,
+    rate_bandwidth_hz: float | None = None,
+    free_memory: bool = False,
+    min_motion: float = MIN_MOTION,
+    name: str = "fit",
+    progress: Callable[[float], None] | None = None,
+) -> FitResult:
+    """Identify an RDPI plant by variable projection.
+
+    For given δ1 and δ2 the weights are non-negative least squares with a_0 > 0 and one free offset
+    a record; δ1 and δ2 (and the memory) are searched outside: a grid, then Levenberg-Marquardt
+    from its valleys.
+
+    Parameters
+    ----------
+    data
+        A data set, of which the training records are fitted and the validation records judged, or
+        records, all of which are fitted. Sampling times may differ; masked samples are simulated
+        and not counted; records of constant voltage are left out.
+    n
+        Number of play operators.
+    rate_bandwidth_hz
+        Cut-off (Hz) of the low-pass on the model's rate; None is the literal Eq. 5.
+    free_memory
+        Whether each record's initial memory is fitted: the extremum (V) it came from.
+    min_motion
+        Plays whose output moves (rms) less than this part of the command in every record are held
+        at weight 0.
+    name
+        Name of the plant.
+    progress
+        Called with the part (0 to 1) that is done.
+
+    Returns
+    -------
+    FitResult
+
+    Raises
+    ------
+    InputError
+        No training record whose voltage moves, nothing counted, n below 1 or more parameters than
+        samples, a displacement that does not rise with the voltage.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import Plant, named_plant
+    >>> t = np.arange(0, 0.4, 1e-4)
+    >>> u = 20 * np.sin(2 * np.pi * 5 * t) + 8 * np.sin(2 * np.pi * 60 * t)
+    >>> y = Plant(named_plant("P5"), 1e-4).simulate(u)
+    >>> result = fit([Record("two tones", t, u, y, ts_s=1e-4)], n=5)
+    >>> round(result.parameters["a_0"], 6), result.warnings
+    (0.729, ())
+
+    Notes
+    -----
+    Aljanaideh, Al Janaideh, Rakotondrabe, Eq. 8 to 10; variable projection as in Golub, Pereyra,
+    SIAM J. Numer. Anal. 10 (1973).
+    """
+    started = time.perf_counter()
+    train, validation, title = _records(data)
+    _check(train, n, rate_bandwidth_hz, min_motion)
+    stack, means_um = stack_records(train, rate_bandwidth_hz)
+    _check_gain(stack)
+    bounds = set_bounds(stack, n, min_motion)
+    point, evaluations = search(
+        stack, n, free_memory=free_memory, bounds=bounds, progress=progress or _silent
+    )
+    offsets = means_um - point.means[:, : n + 1] @ point.weights
+    model = _plant(point, offsets, train, name, rate_bandwidth_hz)
+
+    extrema = {r.name: float(e) for r, e in zip(train, point.theta[2:], strict=True)}
+    trained = [simulate_record(model, r, extrema[r.name]) for r in train]
+    validated = [simulate_record(model, r, extrema.get(r.name)) for r in validation]
+    lengths = [_length(left) for left in trained]
+    uncertainty = standard_errors(
+        point,
+        [left.counted for left in trained],
+        [left.rmse_um**2 for left in trained],
+        lengths,
+        free_memory=free_memory,
+    )
+    spread = rate_spread(stack)
+    warnings = (
+        *delta2_warnings(point, uncertainty, spread, bounds),
+        *bound_warnings(
+            point,
+            moving_plays(point.tangents[:, : n + 2, : n + 2], min_motion).tolist(),
+            list(extrema) if free_memory else [],
+            bounds,
+        ),
+        *correlation_warning(lengths),
+    )
+    names = ["delta1_V", "delta2_s", *(f"a_{i}" for i in range(n + 1))]
+    errors = np.concatenate([uncertainty.theta[:2], uncertainty.weights]).tolist()
+    result = FitResult(
+        model=model,
+        parameters=dict(
+            zip(names, [*point.theta[:2].tolist(), *point.weights.tolist()], strict=True)
+        ),
+        standard_errors=dict(zip(names, errors, strict=True)),
+        offsets_um=dict(zip(extrema, offsets.tolist(), strict=True)),
+        offset_errors_um=dict(zip(extrema, uncertainty.offsets.tolist(), strict=True)),
+        extrema_V=extrema,
+        extremum_errors_V=dict(zip(extrema, uncertainty.theta[2:].tolist(), strict=True))
+        if free_memory
+        else {},
+        rmse_um=_by_record(trained, validated),
+        train_rmse_um=pooled_rmse(trained),
+        validation_rmse_um=pooled_rmse(validated) if validated else None,
+        warnings=warnings,
+        seconds=time.perf_counter() - started,
+        evaluations=evaluations,
+    )
+    return replace(result, model=_documented(result, title, spread))
+
+
+def _records(data: Dataset | Sequence[Record]) -> tuple[list[Record], list[Record], str]:
+    if isinstance(data, Dataset):
+        return list(data.train), list(data.validation), data.title
+    moving = [record for record in data if not record.is_quiet]
+    return moving, [], ", ".join(record.name for record in moving)
+
+
+def _check(
+    train: Sequence[Record], n: int, rate_bandwidth_hz: float | None, min_motion: float
+) -> None:
+    names = [record.name for record in train]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"two records are named {name!r}; give each record its own name")
+    if n < 1:
+        raise InputError(f"{n} play operators; give 1 or more, for example 10")
+    if rate_bandwidth_hz is not None and not (
+        math.isfinite(rate_bandwidth_hz) and rate_bandwidth_hz > 0
+    ):
+        raise InputError(
+            f"rate_bandwidth_hz is {rate_bandwidth_hz}; give a frequency above 0 Hz, or None for the literal rate"
+        )
+    if not 0 <= min_motion < 1:
+        raise InputError(
+            f"min_motion is {min_motion}; give a part of the command from 0 to below 1"
+        )
+    counted = sum(int(np.count_nonzero(record.error_mask)) for record in train)
+    if 0 < counted < 2 * (n + 3 + len(train)):
+        raise InputError(
+            f"{counted} samples count for {n + 3 + len(train)} parameters; "
+            "give twice as many samples as parameters, or fewer play operators"
+        )
+
+
+def _check_gain(stack: Stack) -> None:
+    # y is less each record's mean, so that this has the sign of the mean slope
+    if not stack.root_weight * stack.u_V @ stack.y_um > 0:
+        raise InputError(
+            "the displacement falls where the voltage rises, unlike the model's; "
+            "change the sign of one of the two columns"
+        )
+
+
+def _plant(
+    point: Point,
+    offsets: Array,
+    train: Sequence[Record],
+    name: str,
+    rate_bandwidth_hz: float | None,
+) -> PlantModel:
+    counted = [np.count_nonzero(record.error_mask) for record in train]
+    low = min(float(record.u_V.min()) for record in train)
+    high = max(float(record.u_V.max()) for record in train)
+    least = min(float(record.y_um[record.error_mask].min()) for record in train)
+    most = max(float(record.y_um[record.error_mask].max()) for record in train)
+    margin = _RANGE_MARGIN * (high - low)
+    return PlantModel(
+        RDPI.from_law(
+            point.weights.tolist(), float(point.theta[0]), float(point.theta[1]), rate_bandwidth_hz
+        ),
+        name,
+        command_range_V=(low - margin, high + margin),
+        reference_um=((least + most) / 2, _REFERENCE_PART * (most - least) / 2),
+        offset_um=float(np.average(offsets, weights=counted)),
+    )
+
+
+def _length(left: RecordResidual) -> float:
+    stroke_um = float(np.ptp(left.record.y_um[left.record.error_mask]))
+    if left.rmse_um < _ROUNDING * stroke_um:
+        return 1.0
+    return correlation_length(left.error_um, left.record.error_mask)
+
+
+def _by_record(
+    trained: Sequence[RecordResidual], validated: Sequence[RecordResidual]
+) -> dict[str, float]:
+    rmse = {left.record.name: left.rmse_um for left in trained}
+    for left in validated:
+        name = left.record.name
+        rmse[f"{name} (validation)" if name in rmse else name] = left.rmse_um
+    return rmse
+
+
+def _documented(result: FitResult, title: str, spread: RateSpread) -> PlantModel:
+    identification = {
+        "records": list(result.offsets_um),
+        "standard_errors": finite(result.standard_errors),
+        "offsets_um": dict(result.offsets_um),
+        "memory_extrema_V": dict(result.extrema_V),
+        "slowest_peak_rate_V_s": spread.slowest_V_s,
+        "fastest_peak_rate_V_s": spread.fastest_V_s,
+        "rmse_um": dict(result.rmse_um),
+        "train_rmse_um": result.train_rmse_um,
+        "validation_rmse_um": result.validation_rmse_um,
+        "warnings": list(result.warnings),
+    }
+    note = " ".join([f"identified from {title}.", *(f"{w}." for w in result.warnings[:1])])
+    return replace(result.model, note=note, identification=identification)
+
+
+def _silent(_: float) -> None:
+    return

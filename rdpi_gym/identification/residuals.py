@@ -1,0 +1,147 @@
+"""A model against records: simulate, free one offset a record, and say what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.errors import InputError
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant import Plant, PlantModel, settled_memory
+
+
+@dataclass(frozen=True, eq=False)
+class RecordResidual:
+    """What a model leaves of a record, with one offset free.
+
+    Parameters
+    ----------
+    record
+        The record.
+    simulated_um
+        Displacement of the model (µm), its own offset included, ``(T,)``.
+    offset_um
+        What was added to it (µm): the mean difference over the samples that count.
+    error_um
+        measured - simulated - offset (µm) at every sample, ``(T,)``.
+    rmse_um
+        Its root mean square (µm) over the samples that count.
+    """
+
+    record: Record
+    simulated_um: Array
+    offset_um: float
+    error_um: Array
+    rmse_um: float
+
+    @property
+    def counted(self) -> int:
+        """Number of samples that count."""
+        return int(np.count_nonzero(self.record.error_mask))
+
+
+def simulate_record(
+    model: PlantModel, record: Record, extremum_V: float | None = None
+) -> RecordResidual:
+    """Run a model over a record's command and compare, one offset free.
+
+    Parameters
+    ----------
+    model
+        The model.
+    record
+        The record; its masked samples are simulated and not counted.
+    extremum_V
+        Command (V) at which the plant had turned before the record began; None is the model's
+        own initial memory, by default the paper's: it has never moved.
+
+    Raises
+    ------
+    InputError
+        No sample of the record counts.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> u = 10 * np.sin(np.linspace(0, 12, 500))
+    >>> y = Plant(named_plant("P5"), 1e-3).simulate(u) + 3.0
+    >>> left = simulate_record(named_plant("P5"), Record("a", np.arange(500) * 1e-3, u, y, ts_s=1e-3))
+    >>> round(left.offset_um, 6), left.rmse_um < 1e-12
+    (3.0, True)
+    """
+    mask = record.error_mask
+    if not mask.any():
+        raise InputError(
+            f"record {record.name} has no sample that counts; shorten skip_s or mask_s"
+        )
+    plant = Plant(model, record.ts_s)
+    if extremum_V is not None:
+        plant.reset(memory=settled_memory(model.hysteresis.thresholds_V, [extremum_V]))
+    simulated = plant.simulate(record.u_V)
+    difference = record.y_um - simulated
+    offset = float(difference[mask].mean())
+    error = difference - offset
+    return RecordResidual(
+        record=record,
+        simulated_um=simulated,
+        offset_um=offset,
+        error_um=error,
+        rmse_um=float(np.sqrt(np.mean(error[mask] ** 2))),
+    )
+
+
+def pooled_rmse(residuals: Sequence[RecordResidual]) -> float:
+    """Root mean square error (µm) of several records, each weighted by its samples.
+
+    Raises
+    ------
+    InputError
+        No record.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> u = np.linspace(0, 1, 100)
+    >>> record = Record("a", u, u, 0.729 * u, ts_s=0.01)  # below the first threshold of P5
+    >>> round(pooled_rmse([simulate_record(named_plant("P5"), record)]), 9)
+    0.0
+    """
+    if not residuals:
+        raise InputError("no record to compare; give at least one")
+    counted = np.array([residual.counted for residual in residuals])
+    squares = np.array([residual.rmse_um**2 for residual in residuals])
+    return float(np.sqrt(np.average(squares, weights=counted)))
+
+
+def validation_rmse(
+    model: PlantModel, records: Sequence[Record], extrema_V: Mapping[str, float] | None = None
+) -> float:
+    """Root mean square error (µm) of a model on records, one offset free in each.
+
+    Parameters
+    ----------
+    model
+        The model.
+    records
+        The records.
+    extrema_V
+        Memory extremum (V) by record name, where one is known.
+
+    Raises
+    ------
+    InputError
+        No record, or one of which no sample counts.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> u = 10 * np.sin(np.linspace(0, 12, 500))
+    >>> record = Record("a", np.arange(500) * 1e-3, u, np.zeros(500), ts_s=1e-3)
+    >>> validation_rmse(named_plant("P5"), [record]) > 1
+    True
+    """
+    extrema = extrema_V or {}
+    return pooled_rmse([simulate_record(model, r, extrema.get(r.name)) for r in records])

@@ -1,0 +1,202 @@
+"""The outer search: δ1 and δ2 on a grid of thinned records, then downhill on all samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.identification.bounds import Bounds, data_scales
+from rdpi_gym.identification.gram import gram_matrices
+from rdpi_gym.identification.refine import Point, begin, evaluate, project, refine
+from rdpi_gym.identification.stack import Stack, thin
+
+Progress = Callable[[float], None]
+
+# The error has many valleys along δ1 (ways in which a comb of thresholds meets the weights), which
+# a fine grid finds once δ2 is about right; along δ2 it has few.
+_COARSE, _FINE = 8, 40
+# Smallest δ1 of the grids: the whole comb within this part of the excursion.
+_LOWEST_COMB = 0.05
+# Thresholds grow by these parts of the excursion at the rms rate of the fastest record.
+_DELTA2_PARTS = (0.02, 0.1, 0.5)
+# Valleys of the fine grid to descend into, and passes over thinned data for each.
+_STARTS, _THIN_BUDGET = 2, 8
+# Thinned data have at least so many samples; the search is repeated on more of them where their
+# error is this much larger than that of all samples.
+_THIN_SAMPLES, _FAITHFUL = 400, 4.0
+# Passes over all samples; a ripple of the error can be as wide as this factor of δ1 and as high as
+# this factor of the error, and two passes tell whether a valley behind it is lower.
+_FULL_BUDGET = 40
+_AHEAD, _NEAR, _LOOK_BUDGET = 1.06, 1.01, 2
+# Grid of memory extrema.
+_EXTREMA = 41
+
+
+def search(
+    stack: Stack, n: int, *, free_memory: bool, bounds: Bounds, progress: Progress
+) -> tuple[Point, int]:
+    """Find the parameters of least squared error, Eq. 10.
+
+    Parameters
+    ----------
+    stack
+        The records.
+    n
+        Number of plays.
+    free_memory
+        Whether each record's memory extremum is searched too; else it is 0.
+    bounds
+        From :func:`~rdpi_gym.identification.bounds.set_bounds`.
+    progress
+        Called with the part (0 to 1) of the search that is done.
+
+    Returns
+    -------
+    Point
+        The optimum.
+    int
+        Evaluations: passes over thinned or whole data.
+    """
+    samples, best, evaluations = _THIN_SAMPLES, None, 0
+    while True:
+        coarse = thin(stack, samples)
+        start, passes = _look_around(coarse, n, free_memory, bounds, progress)
+        evaluations += passes
+        end, passes = _settle(stack, start, free_memory, bounds)
+        evaluations += passes
+        best = end if best is None or end.cost < best.cost else best
+        # thinning that left more error than the whole data have may have hidden the right valley
+        if coarse is stack or start.cost < _FAITHFUL * end.cost:
+            progress(1.0)
+            return best, evaluations
+        samples *= 4
+
+
+def _look_around(
+    stack: Stack, n: int, free_memory: bool, bounds: Bounds, progress: Progress
+) -> tuple[Point, int]:
+    """Best valley of a coarse grid over δ1 and δ2, then of a fine one over δ1."""
+    unmoved = np.zeros(stack.edges.size - 1)
+    scales = data_scales(stack)
+    lowest = _LOWEST_COMB * scales.excursion_V / n
+    deltas1 = np.geomspace(lowest, scales.excursion_V, _COARSE)
+    deltas2 = np.array(_DELTA2_PARTS) * scales.excursion_V / scales.fastest_V_s
+    grid = np.empty((deltas2.size, deltas1.size))
+    for k, delta2 in enumerate(deltas2):
+        grid_costs(stack, n, deltas1, delta2, unmoved, bounds, grid[k])
+        progress(0.3 * (k + 1) / deltas2.size)
+    place = np.unravel_index(grid.argmin(), grid.shape)
+    theta = np.concatenate([[deltas1[place[1]], deltas2[place[0]]], unmoved])
+    first, passes = _descend(
+        stack, begin(stack, n, theta, bounds), free_memory, bounds, _THIN_BUDGET
+    )
+    evaluations = grid.size + passes + 2
+
+    deltas1 = np.geomspace(lowest, bounds.delta1_V[1], _FINE)
+    costs = np.empty(_FINE)
+    grid_costs(stack, n, deltas1, first.theta[1], first.theta[2:], bounds, costs)
+    evaluations += _FINE
+    progress(0.6)
+    ends = [first]
+    for i in _valleys(costs)[:_STARTS]:
+        theta = np.concatenate([[deltas1[i]], first.theta[1:]])
+        end, passes = _descend(
+            stack, begin(stack, n, theta, bounds), free_memory, bounds, _THIN_BUDGET
+        )
+        ends.append(end)
+        evaluations += passes + 2
+    progress(0.8)
+    return min(ends, key=lambda point: point.cost), evaluations
+
+
+def _settle(stack: Stack, start: Point, free_memory: bool, bounds: Bounds) -> tuple[Point, int]:
+    """Walk down on all samples, then look ahead in δ1 for a lower valley behind a ripple."""
+    near = evaluate(stack, start.theta, start.weights, bounds)
+    best, passes = _descend(stack, near, free_memory, bounds, _FULL_BUDGET)
+    ahead = best.theta.copy()
+    ahead[0] *= _AHEAD if best.theta[0] > start.theta[0] else 1 / _AHEAD
+    ahead[0] = np.clip(ahead[0], *bounds.delta1_V)
+    other = evaluate(stack, ahead, best.weights, bounds)
+    evaluations = passes + 2
+    if other.cost < _NEAR * best.cost:
+        other, passes = _descend(stack, other, free_memory, bounds, _LOOK_BUDGET)
+        evaluations += passes
+        if other.cost * _NEAR < best.cost:
+            other, passes = _descend(stack, other, free_memory, bounds, _FULL_BUDGET)
+            evaluations += passes
+        best = min(best, other, key=lambda point: point.cost)
+    return best, evaluations
+
+
+@njit(cache=True)
+def grid_costs(
+    stack: Stack,
+    n: int,
+    deltas1: Array,
+    delta2: float,
+    extrema: Array,
+    bounds: Bounds,
+    costs: Array,
+) -> None:
+    """Fill `costs` (µm²) with the squared error at each δ1 (V), the rest as given."""
+    for i in range(deltas1.shape[0]):
+        gram, _ = gram_matrices(stack, n, deltas1[i], delta2, extrema)
+        _, _, costs[i] = project(gram, bounds)
+
+
+def _valleys(costs: Array) -> NDArray[np.intp]:
+    """Indices of the values no higher than their neighbours, lowest first."""
+    padded = np.concatenate([[np.inf], costs, [np.inf]])
+    lowest = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]))
+    return lowest[np.argsort(costs[lowest])]
+
+
+def _descend(
+    stack: Stack, start: Point, free_memory: bool, bounds: Bounds, budget: int
+) -> tuple[Point, int]:
+    # of N samples, a hundredth of one sample's share of the cost
+    tolerance = 1e-2 / stack.u_V.size
+    point, passes = refine(stack, start, False, bounds, budget, tolerance)
+    for _ in range(2 if free_memory else 0):
+        remembered = scan_memory(stack, point, bounds)
+        point, more = refine(stack, remembered, True, bounds, budget, tolerance)
+        passes += more + _EXTREMA
+    return point, passes
+
+
+def scan_memory(stack: Stack, point: Point, bounds: Bounds) -> Point:
+    """Choose each record's memory extremum on a grid, weights refitted, δ1 and δ2 as they are.
+
+    Parameters
+    ----------
+    stack
+        The records.
+    point
+        Where the search stands.
+    bounds
+        Bounds of the extrema.
+
+    Returns
+    -------
+    Point
+        The same δ1 and δ2 with the extrema found, or `point` where it is better.
+    """
+    n, records = point.weights.size - 1, stack.edges.size - 1
+    extrema = np.linspace(-bounds.reach_V, bounds.reach_V, _EXTREMA)
+    delta1, delta2 = point.theta[:2]
+    grams = np.stack(
+        [gram_matrices(stack, n, delta1, delta2, np.full(records, e))[0] for e in extrema]
+    )
+    weights = point.weights
+    for _ in range(3):
+        signed = np.concatenate([-weights, [1.0]])
+        costs = np.einsum("i,erij,j->er", signed, grams, signed)
+        choice = costs.argmin(axis=0)
+        weights, _, _ = project(grams[choice, np.arange(records)], bounds)
+    theta = np.concatenate([point.theta[:2], extrema[choice]])
+    found = begin(stack, n, theta, bounds)
+    return found if found.cost < point.cost else point

@@ -1,0 +1,204 @@
+"""Records as the fitting kernels read them: one behind the other, rates beside the commands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.errors import InputError
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant.play import rate_block
+
+# A thinned record keeps a sample where command and rate together moved by this part of their
+# ranges, or by less where that leaves too few.
+_THINNING = 0.2
+
+
+class Stack(NamedTuple):
+    """Samples of several records, concatenated.
+
+    Parameters
+    ----------
+    u_V : float64[T]
+        Command (V).
+    rate_V_s : float64[T]
+        Its rate (V/s), Eq. 5, low-passed where the model's rate is band-limited.
+    y_um : float64[T]
+        Displacement (µm), each record less its mean.
+    root_weight : float64[T]
+        Square root of the number of samples that a sample stands for; 0: simulated, not counted.
+    edges : int64[R + 1]
+        Record r is samples edges[r] to edges[r + 1] - 1.
+    """
+
+    u_V: Array
+    rate_V_s: Array
+    y_um: Array
+    root_weight: Array
+    edges: NDArray[np.int64]
+
+    def record(self, r: int) -> slice:
+        """Samples of record `r`."""
+        return slice(int(self.edges[r]), int(self.edges[r + 1]))
+
+
+def command_rate(u_V: Array, ts_s: float, rate_bandwidth_hz: float | None) -> Array:
+    """Rate of a record's command, Eq. 5, with v(0) = 0.
+
+    Parameters
+    ----------
+    u_V
+        Command (V), ``(T,)``.
+    ts_s
+        Sampling time (s).
+    rate_bandwidth_hz
+        Cut-off (Hz) of the first-order low-pass on the rate; None is the literal rate.
+
+    Returns
+    -------
+    float64[T]
+        Rate (V/s).
+
+    Examples
+    --------
+    >>> command_rate(np.array([0.0, 1.0, 3.0]), 0.5, None).tolist()
+    [0.0, 2.0, 4.0]
+    """
+    pole = 0.0 if rate_bandwidth_hz is None else math.exp(-2 * math.pi * rate_bandwidth_hz * ts_s)
+    rate = np.empty((u_V.size, 1))
+    rate_block(u_V[:, None], np.array([[pole], [0.0]]), np.array([[np.nan], [0.0]]), ts_s, rate)
+    return rate[:, 0]
+
+
+def stack_records(
+    records: Sequence[Record], rate_bandwidth_hz: float | None
+) -> tuple[Stack, Array]:
+    """Concatenate records for a fit.
+
+    Parameters
+    ----------
+    records
+        Records with a moving command; sampling times may differ.
+    rate_bandwidth_hz
+        As :func:`command_rate`.
+
+    Returns
+    -------
+    Stack
+        The samples.
+    float64[R]
+        Mean displacement (µm) of each record over its counted samples.
+
+    Raises
+    ------
+    InputError
+        No record, or a record of which no sample counts.
+
+    Examples
+    --------
+    >>> t = np.arange(3) * 0.5
+    >>> run = Record("run", t, np.array([0.0, 1.0, 3.0]), np.array([5.0, 6.0, 7.0]), ts_s=0.5)
+    >>> stack, means_um = stack_records([run], None)
+    >>> stack.rate_V_s.tolist(), stack.y_um.tolist(), means_um.tolist()
+    ([0.0, 2.0, 4.0], [-1.0, 0.0, 1.0], [6.0])
+    """
+    if not records:
+        raise InputError("no record to fit; give at least one training record whose voltage moves")
+    means = np.empty(len(records))
+    for r, record in enumerate(records):
+        if not record.error_mask.any():
+            raise InputError(
+                f"record {record.name} has no sample that counts; shorten skip_s or mask_s"
+            )
+        means[r] = record.y_um[record.error_mask].mean()
+    stack = Stack(
+        u_V=np.concatenate([record.u_V for record in records]),
+        rate_V_s=np.concatenate(
+            [command_rate(record.u_V, record.ts_s, rate_bandwidth_hz) for record in records]
+        ),
+        y_um=np.concatenate(
+            [record.y_um - mean for record, mean in zip(records, means, strict=True)]
+        ),
+        root_weight=np.concatenate([record.error_mask.astype(np.float64) for record in records]),
+        edges=np.concatenate([[0], np.cumsum([record.u_V.size for record in records])]),
+    )
+    return stack, means
+
+
+def thin(stack: Stack, samples: int) -> Stack:
+    """Keep the samples that a coarse search needs: turning points, and steps of command or rate.
+
+    A play operator follows its input's turning points, so what is left out moves it little; each
+    sample that is kept stands for its neighbours too.
+
+    Parameters
+    ----------
+    stack
+        The records.
+    samples
+        Keep at least so many; `stack` itself is returned where it has less than twice as many.
+
+    Examples
+    --------
+    >>> u = np.sin(np.linspace(0, 6, 1000))
+    >>> full = Stack(u, np.gradient(u), u, np.ones(1000), np.array([0, 1000]))
+    >>> 50 <= len(thin(full, 50).u_V) < 100
+    True
+    """
+    if stack.u_V.size < 2 * samples:
+        return stack
+    part = _THINNING
+    while True:
+        kept, weight = _thin(stack.u_V, stack.rate_V_s, stack.root_weight, stack.edges, part)
+        if np.count_nonzero(kept) >= samples:
+            break
+        part /= 2
+    counts = np.concatenate([[0], np.cumsum(kept)])
+    return Stack(
+        stack.u_V[kept],
+        stack.rate_V_s[kept],
+        stack.y_um[kept],
+        np.sqrt(weight[kept]),
+        counts[stack.edges],
+    )
+
+
+@njit(cache=True)
+def _thin(
+    u: Array,
+    v: Array,
+    root_weight: Array,
+    edges: NDArray[np.int64],
+    part: float,
+) -> tuple[NDArray[np.bool_], Array]:
+    kept, weight = np.zeros(u.shape[0], dtype=np.bool_), np.zeros(u.shape[0])
+    for r in range(edges.shape[0] - 1):
+        first, end = edges[r], edges[r + 1]
+        if first == end:
+            continue
+        du = np.max(u[first:end]) - np.min(u[first:end]) + 1e-300
+        dv = np.max(v[first:end]) - np.min(v[first:end]) + 1e-300
+        last = first
+        kept[first] = True
+        for t in range(first + 1, end):
+            moved = abs(u[t] - u[last]) / du
+            turns = t + 1 < end and (u[t] - u[t - 1]) * (u[t + 1] - u[t]) < 0
+            steps = moved + abs(v[t] - v[last]) / dv >= part
+            if steps or (turns and moved >= 0.1 * part) or t + 1 == end:
+                kept[t] = True
+                for s in range(last + 1, t):  # those between count where their command lies
+                    place = (u[s] - u[last]) / (u[t] - u[last]) if u[t] != u[last] else 0.0
+                    place = min(max(place, 0.0), 1.0)
+                    weight[last] += (1.0 - place) * root_weight[s] ** 2
+                    weight[t] += place * root_weight[s] ** 2
+                last = t
+        for t in range(first, end):
+            if kept[t]:
+                weight[t] = weight[t] + 1.0 if root_weight[t] > 0 else 0.0
+    return kept, weight
