@@ -214,9 +214,17 @@ def summary(recovered: pd.DataFrame, covered: pd.DataFrame, timed: pd.DataFrame)
 
 
 def ship_plant(folder: Path, data: Path) -> Path:
-    """Identify the measured stack and write it as the plant `picma`."""
-    result = fit(load(data), name="picma")
-    path: Path = replace(result.model, name="picma").save(folder / "picma.json")
+    """Identify the measured stack and write it as the plant `picma`.
+
+    Its displacement counts from rest at 0 V: where a sensor has its zero is no part of a plant, and
+    references start where the plant does.
+    """
+    model = fit(load(data), name="picma").model
+    centre, amplitude = model.reference_um
+    shipped = replace(
+        model, name="picma", offset_um=0.0, reference_um=(centre - model.offset_um, amplitude)
+    )
+    path: Path = shipped.save(folder / "picma.json")
     return path
 
 

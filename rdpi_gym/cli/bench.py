@@ -63,12 +63,11 @@ def bench(
     ] = None,
 ) -> None:
     """Score every baseline on every reference signal; an interrupted run continues."""
-    from baselines import CONTROLLERS
     from benchmarks.tracking.evaluation import evaluate
     from benchmarks.tracking.markdown import METHOD, measured_text, plain, ranking_view
     from benchmarks.tracking.results import write_tables
     from benchmarks.tracking.run import benchmark
-    from benchmarks.tracking.selection import DEFAULT_PLANTS, select
+    from benchmarks.tracking.selection import select
     from rdpi_gym.files import write_atomic
     from rdpi_gym.report.benchmark_page import write_benchmark_page
     from rdpi_gym.report.benchmark_picture import leaderboard_picture
@@ -78,11 +77,13 @@ def bench(
             f"--jobs is {jobs}; give the number of worker processes, or -1 for all cores"
         )
     selection = select(
-        [*(CONTROLLERS if controllers is None else _words(controllers)), *(controller or [])],
-        [*(DEFAULT_PLANTS if plants is None else _words(plants)), *(plant or [])],
-        None if references is None else _words(references),
-        None if ts is None else [_seconds(word) for word in _words(ts)],
+        _words(controllers),
+        _words(plants),
+        _words(references),
+        None if ts is None else [_seconds(word) for word in ts.split(",")],
         range(seed, seed + seeds),
+        own_controllers=controller or (),
+        own_plants=plant or (),
     )
     try:
         with _progress() as show:
@@ -90,25 +91,25 @@ def bench(
     except KeyboardInterrupt:
         print(f"interrupted; the same command continues from the rows in {out}", file=sys.stderr)
         raise
-    for note in outcome.notes:
-        print(note)
-    print(f"{len(outcome.rows)} rows, {outcome.computed} of them computed now")
     results = evaluate(selection, outcome)
-    for note in results.notes:
-        print(note)
-    if results.measured.table.empty:
-        print(results.measured.note)
     leaderboard = write_tables(out, results)
     write_atomic(out / "leaderboard.png", leaderboard_picture(results))
     page = write_benchmark_page(
         out / "report.html", results, plain(METHOD), plain(measured_text(results.measured))
     )
+    print(f"{len(outcome.rows)} rows, {outcome.computed} of them computed now")
+    for note in (*outcome.notes, *results.notes):
+        print(note)
+    if results.measured.table.empty:
+        print(results.measured.note)
     _print_top(ranking_view(results.ranking))
     print(f"leaderboard: {leaderboard}")
     print(f"page: {page}")
 
 
-def _words(text: str) -> list[str]:
+def _words(text: str | None) -> list[str] | None:
+    if text is None:
+        return None
     return [word.strip() for word in text.split(",") if word.strip()]
 
 

@@ -37,9 +37,9 @@ def compare(
     validate: ValidateOption = None,
     skip: SkipOption = None,
 ) -> None:
-    """Compare a model with a measurement: the error by record, frequency, amplitude, direction.
+    """Compare a model with a measurement: the error by record, frequency, amplitude, direction, time.
 
-    Writes compare.json and the page report.html.
+    Tests of the data that need no model stand beside it. Writes compare.json and report.html.
     """
     from rich.console import Console
     from rich.progress import Progress
@@ -65,11 +65,19 @@ def compare(
     print(dataset.describe())
     print()
     print(
-        result.records[["name", "role", "rmse_um", "nrmse_percent", "max_um", "samples"]].to_string(
-            index=False, float_format=lambda value: f"{value:.4g}"
-        )
+        result.records[
+            ["name", "role", "rmse_um", "nrmse_percent", "systematic_percent", "max_um"]
+        ].to_string(index=False, float_format=lambda value: f"{value:.4g}")
     )
     print()
     for finding in result.findings.values():
         print(f"- {finding}")
+    noticed = [check for check in result.checks if check.zone == "yes"]
+    unclear = sum(check.zone == "cannot tell" for check in result.checks)
+    print(
+        f"\nWithout a model: {len(noticed)} of {len(result.checks)} tests found something, "
+        f"{unclear} cannot tell."
+    )
+    for check in noticed:
+        print(f"- {check.sentence}")
     print(f"\n{numbers}\n{page}")

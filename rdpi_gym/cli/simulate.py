@@ -40,8 +40,8 @@ def simulate(
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-    from benchmarks.hidden import HIDEABLE, Truth, simulate_dataset, write_dataset
-    from benchmarks.hidden import hide as hide_effects
+    from benchmarks.hidden import HIDEABLE, Truth, hide_one, simulate_dataset, write_dataset
+    from benchmarks.hidden import hide as hide_named
     from rdpi_gym.plant import find_plant
 
     if out.exists() and not out.is_dir():
@@ -52,15 +52,14 @@ def simulate(
     if taken := [name for name in names if name in known]:
         raise InputError(f"--hide: {model} has {taken[0]} already; hide another effect")
     rng = np.random.default_rng([seed, 1])
-    if hide == "random":
-        names = [str(rng.choice([name for name in HIDEABLE if name not in known]))]
+    free = [name for name in HIDEABLE if name not in known]
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:
         task = bar.add_task("drawing", total=None)
-        truth = hide_effects(names, truth, rng)
+        truth = hide_one(free, truth, rng) if hide == "random" else hide_named(names, truth, rng)
         bar.update(task, description="simulating")
         dataset = simulate_dataset(
             truth, progress=lambda done, total: bar.update(task, completed=done, total=total)
@@ -75,7 +74,7 @@ def simulate(
         f"{sum(len(record.u_V) for record in dataset.validation)} to validate on"
     )
     print(f"data: {folder}")
-    print(f"what is hidden stands in {answer}" if names else f"nothing is hidden: {answer}")
+    print(f"what is hidden stands in {answer}" if hide else f"nothing is hidden: {answer}")
 
 
 def _names(hide: str | None, known: tuple[str, ...]) -> list[str]:

@@ -124,7 +124,9 @@ class JointFit:
     converged: bool
 
 
-def free_numbers(effects: Sequence[Effect], delta2_scale_s: float) -> list[Free]:
+def free_numbers(
+    effects: Sequence[Effect], delta2_scale_s: float, held: frozenset[str] = frozenset()
+) -> list[Free]:
     """δ2 and every parameter of the effects.
 
     Parameters
@@ -133,6 +135,8 @@ def free_numbers(effects: Sequence[Effect], delta2_scale_s: float) -> list[Free]
         The effects that are fitted.
     delta2_scale_s
         Size of δ2 (s) that the data would show.
+    held
+        Parameters that keep their value, as ``effect.parameter``.
     """
     delta2 = Parameter(
         "delta2_s", "s", 0.0, 100 * delta2_scale_s, (0.0, delta2_scale_s), "δ2 of Eq. 8"
@@ -212,6 +216,7 @@ def fit_joint(
     effects: Sequence[Effect] = (),
     passes: int = 30,
     tolerance: float = 1e-4,
+    held: frozenset[str] = frozenset(),
 ) -> JointFit:
     """Refit the weights, δ2 and every parameter of the effects to records.
 
@@ -227,10 +232,12 @@ def fit_joint(
         Most runs over the records.
     tolerance
         Relative fall of the squared error below which the search ends.
+    held
+        Parameters that keep their value, as ``effect.parameter``.
     """
     fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
     span = max(float(np.ptp(r.u_V)) for r in records)
-    free = free_numbers(effects, 0.1 * span / fastest)
+    free = free_numbers(effects, 0.1 * span / fastest, held)
     n_weights = len(start.weights)
     best = _with_weights(Variant(start, tuple(effects)), np.array(start.weights))
     here = _run(best, free, records)

@@ -25,6 +25,7 @@ _COLOURS = {
     "preview-oracle": INK,
 }
 _SYMBOLS = {"literal": "x", "reference-rate": "circle", "low-passed": "square", "static": "diamond"}
+_DASHES = {"x": "dot", "circle": "solid", "square": "dash", "diamond": "dashdot"}
 
 
 def look(controller: str) -> dict[str, str]:
@@ -36,7 +37,8 @@ def look(controller: str) -> dict[str, str]:
     ('dot', 'solid')
     """
     feedforward = controller.removeprefix("pi-")
-    family = next((name for name in _COLOURS if feedforward.startswith(name)), "")
+    known = () if ":" in controller else _COLOURS
+    family = next((name for name in known if feedforward.startswith(name)), "")
     ending = next((name for name in _SYMBOLS if feedforward.endswith(name)), "")
     return {
         "color": _COLOURS.get(family, PALETTE[3]),
@@ -63,7 +65,14 @@ def ranking_figure(ranking: pd.DataFrame) -> Any:
         mode="markers",
         name="drawn truths, with confidence interval",
         marker={"size": 9, "color": [look(name)["color"] for name in shown["controller"]]},
-        error_x={**error_bars(shown), "color": MUTED, "thickness": 1.2},
+        error_x={
+            "type": "data",
+            "symmetric": False,
+            "array": (shown["rmse_percent_high"] - shown["rmse_percent"]).fillna(0.0),
+            "arrayminus": (shown["rmse_percent"] - shown["rmse_percent_low"]).fillna(0.0),
+            "color": MUTED,
+            "thickness": 1.2,
+        },
         customdata=shown["optimality_gap"],
         hovertemplate="%{y}: %{x:.3g} %, optimality gap %{customdata:.3g}<extra></extra>",
     )
@@ -77,7 +86,10 @@ def ranking_figure(ranking: pd.DataFrame) -> Any:
     )
     low, high = np.log10(ranking_range(shown))
     figure.update_xaxes(
-        type="log", title_text=f"Geometric mean of the {_RMSE}", range=[float(low), float(high)]
+        type="log",
+        title_text=f"Geometric mean of the {_RMSE}",
+        range=[float(low), float(high)],
+        dtick="D2",
     )
     figure.update_yaxes(autorange="reversed")
     return styled(figure, 160 + 26 * len(shown))
@@ -87,12 +99,17 @@ def ranking_range(ranking: pd.DataFrame) -> tuple[float, float]:
     """Return the axis (%) that shows every mean and interval.
 
     The oracle's error with a true belief is next to none and would push all others together.
+
+    Examples
+    --------
+    >>> columns = ["rmse_percent", "rmse_percent_low", "rmse_percent_high", "seed_0_rmse_percent"]
+    >>> ranking_range(pd.DataFrame([["none", 3.0, 2.0, 4.0, 1.5]], columns=["controller", *columns]))
+    (1.0, 6.0)
     """
-    shown = ranking.loc[ranking["controller"] != "preview-oracle", "seed_0_rmse_percent"]
+    rivals = ranking.loc[ranking["controller"] != "preview-oracle", "seed_0_rmse_percent"]
     ends = ranking[["rmse_percent", "rmse_percent_low", "rmse_percent_high"]]
-    least = np.nanmin([shown.min(), ends.min().min()])
-    most = np.nanmax([shown.max(), ends.max().max()])
-    return float(least) / 1.5, float(most) * 1.5
+    shown = np.concatenate([rivals.to_numpy(), ends.to_numpy().ravel()])
+    return float(np.nanmin(shown)) / 1.5, float(np.nanmax(shown)) * 1.5
 
 
 def frequency_figures(by_case: pd.DataFrame, order: Sequence[str]) -> dict[str, Any]:
@@ -137,7 +154,7 @@ def effort_figures(by_sampling_time: pd.DataFrame, order: Sequence[str]) -> dict
             if not point.empty:
                 _add_point(figure, name, point["command_total_variation"], point["rmse_percent"])
         figure.update_xaxes(
-            type="log", title_text="Total variation of the command over the smallest that tracks"
+            type="log", title_text="Command's total variation / smallest that tracks"
         )
         figures[_setting(plant, ts)] = _with_legend(figure, len(order))
     return figures
@@ -152,20 +169,10 @@ def _add_line(figure: Any, name: str, line: pd.DataFrame) -> None:
         mode="lines+markers",
         line={"color": style["color"], "dash": style["dash"], "width": 1.5},
         marker={"symbol": style["symbol"], "size": 7},
-        error_y={**error_bars(line), "thickness": 0.8, "width": 2},
-        hovertemplate="%{x:g} Hz: %{y:.3g} %<extra>" + figure_text(name) + "</extra>",
+        customdata=line[["rmse_percent_low", "rmse_percent_high"]],
+        hovertemplate="%{x:g} Hz: %{y:.3g} % (%{customdata[0]:.2g} to %{customdata[1]:.2g} %)"
+        f"<extra>{figure_text(name)}</extra>",
     )
-
-
-def error_bars(means: pd.DataFrame) -> dict[str, Any]:
-    """Return Plotly's error bars for the confidence intervals of ``rmse_percent``; none where unknown."""
-    mean = means["rmse_percent"]
-    return {
-        "type": "data",
-        "symmetric": False,
-        "array": (means["rmse_percent_high"] - mean).fillna(0.0),
-        "arrayminus": (mean - means["rmse_percent_low"]).fillna(0.0),
-    }
 
 
 def _add_point(figure: Any, name: str, x: Any, y: Any) -> None:
@@ -195,9 +202,7 @@ def _with_legend(figure: Any, entries: int) -> Any:
     return figure
 
 
-def pair_figure(
-    traces: Mapping[str, Mapping[str, Any]], first: str, second: str, *, title: str = ""
-) -> Any:
+def pair_figure(traces: Mapping[str, Mapping[str, Any]], first: str, second: str) -> Any:
     """Draw displacement, error and command of two controllers that the reader chooses.
 
     Parameters
@@ -207,8 +212,6 @@ def pair_figure(
         ``error_um``, ``command_V``, all on one reference.
     first, second
         The two that are shown before the reader chooses.
-    title
-        What the references are of.
     """
     names = list(traces)
     figure = make_subplots(
@@ -225,9 +228,10 @@ def pair_figure(
         **axis,
     )
     menus = []
+    # one below the other: side by side they would overlap on a narrow screen
     for role, chosen, colour, place in (
-        ("A", first, PALETTE[0], 0.0),
-        ("B", second, PALETTE[1], 0.5),
+        ("A", first, PALETTE[0], 1.26),
+        ("B", second, PALETTE[1], 1.187),
     ):
         begin = len(figure.data)
         for name in names:
@@ -252,10 +256,10 @@ def pair_figure(
     figure.update_yaxes(title_text="Error (µm)", row=2, col=1)
     figure.update_yaxes(title_text="Command (V)", row=3, col=1)
     figure.update_xaxes(title_text="Time (ms)", row=3, col=1)
-    styled(figure, 720)
+    styled(figure, 810)
     figure.update_layout(
         updatemenus=menus,
-        margin={"t": 110},
+        margin={"t": 180},
         legend={"y": 1.01},
         hovermode="x unified",
     )
@@ -275,9 +279,9 @@ def _menu(role: str, names: Sequence[str], chosen: str, members: list[int], plac
         "buttons": buttons,
         "active": names.index(chosen),
         "direction": "down",
-        "x": place,
+        "x": 0.0,
         "xanchor": "left",
-        "y": 1.15,
+        "y": place,
         "yanchor": "top",
         "showactive": True,
         "font": {"size": 12},
@@ -320,7 +324,11 @@ def measured_figures(traces: Mapping[str, Mapping[str, Array]]) -> dict[str, Any
                     name=figure_text(name),
                     legendgroup=name,
                     showlegend=row == 1,
-                    line={"color": style["color"], "width": 1.2},
+                    line={
+                        "color": style["color"],
+                        "dash": _DASHES.get(style["symbol"], "solid"),
+                        "width": 1.3,
+                    },
                     row=row,
                     col=1,
                 )

@@ -11,11 +11,9 @@ from rdpi_gym.report import benchmark_figures as figures
 from rdpi_gym.report.page import Section, write_page
 
 _LOOK = (
-    "Colour says which inverse (grey: none, red: inversion-free, blue: classical, green: feedback alone), "
-    "the symbol at which rate, a dotted line or an open symbol that feedback is added."
+    "Colour says which inverse (grey: none, red: inversion-free, blue: classical, green: feedback "
+    "alone), the symbol at which rate, a dotted line or an open symbol that feedback is added."
 )
-
-
 _RANKING = {
     "controller": "Controller",
     "rmse_percent": "RMSE (%)",
@@ -53,21 +51,12 @@ def write_benchmark_page(path: Path, results: Evaluation, method: str, measured:
     InputError
         The file cannot be written.
     """
-    best = results.ranking.iloc[0]
-    summary = "\n\n".join(
-        [
-            f"{len(results.order)} controllers, {len(results.rows)} scores. Smallest error: "
-            f"{best['controller']}, {best['rmse_percent']:.3g} % of the reference's peak to peak "
-            "(geometric mean of the RMSE over all cases and drawn truths).",
-            "\n".join(f"- {note}" for note in results.notes),
-        ]
-    )
     sections = [
         Section(
             "Ranking",
-            "Controllers by the geometric mean of their RMSE over all cases, with the confidence "
+            "Controllers by the geometric mean of their RMSE over the cases, with the confidence "
             "interval over the drawn truths; the bar marks the error where the belief is true.",
-            figures.ranking_figure(results.ranking),
+            figures.ranking_figure(results.ranking) if _finished(results) else None,
             results.ranking[list(_RANKING)].rename(columns=_RANKING),
         ),
         Section("What the numbers mean", method),
@@ -75,25 +64,44 @@ def write_benchmark_page(path: Path, results: Evaluation, method: str, measured:
         *_pairs(results),
         Section(
             "Every case",
-            "Mean over the drawn truths, half-width of its confidence interval, and the command's "
-            "total variation over the smallest that tracks. Every single row is in leaderboard.csv.",
-            table=results.by_case,
+            "Mean over the drawn truths with its confidence interval, and the command's total "
+            "variation over the smallest that tracks. Every single row is in leaderboard.csv.",
+            table=results.by_case.rename(
+                columns=_RANKING | {"extrapolated": "Beyond identification"}
+            ),
         ),
         _measured(results, measured),
     ]
-    return write_page(path, "Tracking benchmark", summary, sections)
+    return write_page(path, "Tracking benchmark", _summary(results), sections)
+
+
+def _finished(results: Evaluation) -> bool:
+    return bool(results.ranking["rmse_percent"].notna().any())
+
+
+def _summary(results: Evaluation) -> str:
+    heads = [f"{len(results.order)} controllers, {len(results.rows)} scores."]
+    if _finished(results):
+        best = results.ranking.iloc[0]
+        heads.append(
+            f"Smallest error: {best['controller']}, {best['rmse_percent']:.3g} % of the reference's "
+            "peak to peak (geometric mean of the RMSE over the cases and drawn truths)."
+        )
+    notes = "\n".join(f"- {note}" for note in results.notes)
+    return f"{' '.join(heads)}\n\n{notes}"
 
 
 def _curves(results: Evaluation) -> list[Section]:
-    frequency = figures.frequency_figures(results.by_case, results.order)
-    effort = figures.effort_figures(results.by_sampling_time, results.order)
+    cases, settings = results.by_case, results.by_sampling_time
+    frequency = figures.frequency_figures(cases.dropna(subset="rmse_percent"), results.order)
+    effort = figures.effort_figures(settings.dropna(subset="rmse_percent"), results.order)
     sections = []
     if frequency:
         sections.append(
             Section(
                 "Error against frequency",
-                f"Sines of full amplitude. {_LOOK} A click on an entry of the legend hides it, a "
-                "double click shows it alone.",
+                "Sines of full amplitude; pointing at a mark shows the confidence interval. "
+                f"{_LOOK} A click on an entry of the legend hides it, a double click shows it alone.",
                 frequency,
             )
         )
@@ -112,8 +120,11 @@ def _curves(results: Evaluation) -> list[Section]:
 def _pairs(results: Evaluation) -> list[Section]:
     by_case: dict[str, dict[str, Mapping[str, Any]]] = {}
     for row in results.rows:
-        if "trace" in row:
-            name = f"{row['plant']}, {row['reference']} {row['frequency_hz']:g} Hz, Ts = {1e6 * row['ts_s']:g} µs"
+        if "trace" in row and row["seed"] == results.selection.seeds[0]:
+            name = (
+                f"{row['plant']}, {row['reference']} {row['frequency_hz']:g} Hz, "
+                f"Ts = {1e6 * row['ts_s']:g} µs"
+            )
             by_case.setdefault(name, {})[row["controller"]] = row["trace"]
     if not by_case:
         return []

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 from benchmarks.tracking.evaluation import Evaluation
 from rdpi_gym.report.benchmark_figures import look, ranking_range
@@ -15,7 +17,8 @@ from rdpi_gym.report.style import INK, MUTED, matplotlib_style
 _MARKERS = {"x": "x", "circle": "o", "square": "s", "diamond": "D", "triangle-up": "^"}
 _LINES = (
     "none", "pi", "inversion-free-literal", "inversion-free-reference-rate",
-    "classical-reference-rate", "pi-inversion-free-reference-rate", "preview-oracle",
+    "classical-reference-rate", "pi-classical-reference-rate", "pi-inversion-free-reference-rate",
+    "preview-oracle",
 )  # fmt: skip
 
 
@@ -27,20 +30,31 @@ def leaderboard_picture(results: Evaluation) -> bytes:
     bytes
         A PNG file.
     """
-    import matplotlib.pyplot as plt
-
     style: Any = matplotlib_style()
-    with plt.rc_context(style):
-        figure, (left, right) = plt.subplots(
-            1, 2, figsize=(10.5, 4.9), width_ratios=[1.0, 1.1], layout="constrained"
-        )
-        _draw_ranking(left, results.ranking.dropna(subset=["rmse_percent"]))
-        _draw_lines(right, results)
+    sines = _sines(results)
+    with rc_context(style):
+        figure = Figure(figsize=(10.5 if len(sines) else 5.5, 4.9), layout="constrained")
+        panels = figure.subplots(1, 2 if len(sines) else 1, squeeze=False)[0]
+        _draw_ranking(panels[0], results.ranking.dropna(subset=["rmse_percent"]))
+        if len(sines):
+            _draw_lines(panels[1], sines, results.order)
         stream = io.BytesIO()
         # no version of the library in the file: the same result is the same picture
         figure.savefig(stream, format="png", metadata={"Software": None})
-        plt.close(figure)
     return stream.getvalue()
+
+
+def _sines(results: Evaluation) -> pd.DataFrame:
+    """Return the cases with a sine on the first plant at its shortest sampling time."""
+    stage = results.selection.stages[0]
+    cases = results.by_case
+    wanted = (
+        (cases["plant"] == stage.plant.name)
+        & np.isclose(cases["ts_s"], stage.shown_ts_s)
+        & (cases["reference"] == "sine")
+        & cases["rmse_percent"].notna()
+    )
+    return cases[wanted]
 
 
 def _draw_ranking(axes: Any, ranking: pd.DataFrame) -> None:
@@ -54,21 +68,16 @@ def _draw_ranking(axes: Any, ranking: pd.DataFrame) -> None:
     )  # fmt: skip
     axes.set_yticks(place, ranking["controller"])
     axes.invert_yaxis()
-    axes.set_xscale("log")
-    axes.set_xlabel("RMSE (% of peak to peak), geometric mean of all cases")
+    if len(ranking):
+        axes.set_xscale("log")
+        axes.set_xlim(*ranking_range(ranking))
+    axes.set_xlabel("RMSE (% of peak to peak), geometric mean of the cases")
     axes.set_title("Ranking", loc="left")
-    axes.set_xlim(*ranking_range(ranking))
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14))
 
 
-def _draw_lines(axes: Any, results: Evaluation) -> None:
-    stage = results.selection.stages[0]
-    ts_s = min(stage.ts_s)
-    cases = results.by_case
-    at = (cases["plant"] == stage.belief.name) & np.isclose(cases["ts_s"], ts_s)
-    sines = cases[at & (cases["reference"] == "sine")]
-    known = [name for name in _LINES if name in results.order] or results.order[:6]
-    for name in known:
+def _draw_lines(axes: Any, sines: pd.DataFrame, order: list[str]) -> None:
+    for name in [name for name in _LINES if name in order] or order[:6]:
         line = sines[sines["controller"] == name].sort_values("frequency_hz")
         style = look(name)
         axes.errorbar(
@@ -86,7 +95,8 @@ def _draw_lines(axes: Any, results: Evaluation) -> None:
     axes.set_yscale("log")
     axes.set_xlabel("Frequency (Hz)")
     axes.set_ylabel("RMSE (% of peak to peak)")
-    axes.set_title(f"Sines on {stage.belief.name}, Ts = {1e6 * ts_s:g} µs", loc="left")
+    plant, ts_s = sines[["plant", "ts_s"]].iloc[0]
+    axes.set_title(f"Sines on {plant}, Ts = {1e6 * ts_s:g} µs", loc="left")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
 
 

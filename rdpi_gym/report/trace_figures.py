@@ -56,38 +56,41 @@ def _over_time(trace: Trace, k: NDArray[np.intp], left_out: bool) -> Any:
         col=1,
     )
     if left_out:
-        _shade(figure, trace)
+        shade_left_out(figure, trace)
     shown = k[trace.counted[k]] if trace.counted[k].any() else k
     both = np.concatenate([trace.measured_um[shown], trace.model_um[shown]])
-    figure.update_yaxes(title_text=DISPLACEMENT_UM, range=_range(both), row=1, col=1)
+    figure.update_yaxes(title_text=DISPLACEMENT_UM, range=axis_range(both), row=1, col=1)
     figure.update_yaxes(
-        title_text="Difference (µm)", range=_range(trace.residual_um[shown]), row=2, col=1
+        title_text="Difference (µm)", range=axis_range(trace.residual_um[shown]), row=2, col=1
     )
     figure.update_xaxes(title_text="Time (s)", row=2, col=1)
     return styled(figure, 520)
 
 
-def _shade(figure: Any, trace: Trace) -> None:
+def shade_left_out(figure: Any, trace: Trace) -> None:
     """Shade what is left out of the error."""
     change = np.flatnonzero(np.diff(trace.counted.astype(np.int8))) + 1
     edges = np.concatenate([[0], change, [trace.counted.size]])
     runs = [(first, last) for first, last in pairwise(edges.tolist()) if not trace.counted[first]]
     figure.update_layout(
         shapes=[
-            {
-                "type": "rect",
-                "xref": "x",
-                "yref": "paper",
-                "x0": trace.t_s[first],
-                "x1": trace.t_s[last - 1],
-                "y0": 0,
-                "y1": 1,
-                "fillcolor": _LEFT_OUT,
-                "opacity": 0.22,
-                "line_width": 0,
-                "layer": "below",
-            }
-            for first, last in runs
+            *figure.layout.shapes,
+            *(
+                {
+                    "type": "rect",
+                    "xref": "x",
+                    "yref": "paper",
+                    "x0": trace.t_s[first],
+                    "x1": trace.t_s[last - 1],
+                    "y0": 0,
+                    "y1": 1,
+                    "fillcolor": _LEFT_OUT,
+                    "opacity": 0.22,
+                    "line_width": 0,
+                    "layer": "below",
+                }
+                for first, last in runs
+            ),
         ]
     )
     if runs:
@@ -102,8 +105,8 @@ def _shade(figure: Any, trace: Trace) -> None:
 
 def loops(trace: Trace, samples: int = 2 * DISPLAY_SAMPLES) -> Any:
     """Draw displacement over command, and beside it the residual, rising and falling apart."""
-    k = _loop_index(trace, samples)
-    u = _gapped(trace.u_V, k)
+    k = loop_index(trace, samples)
+    u = gapped(trace.u_V, k)
     figure = make_subplots(
         rows=1,
         cols=2,
@@ -111,11 +114,11 @@ def loops(trace: Trace, samples: int = 2 * DISPLAY_SAMPLES) -> Any:
         subplot_titles=["Loops", "Residual along the loops"],
     )
     figure.add_scatter(
-        x=u, y=_gapped(trace.measured_um, k), name="measured", line_color=MEASURED, row=1, col=1
+        x=u, y=gapped(trace.measured_um, k), name="measured", line_color=MEASURED, row=1, col=1
     )
     figure.add_scatter(
         x=u,
-        y=_gapped(trace.model_um, k),
+        y=gapped(trace.model_um, k),
         name="model",
         line={"color": MODEL, "width": 1},
         row=1,
@@ -125,18 +128,18 @@ def loops(trace: Trace, samples: int = 2 * DISPLAY_SAMPLES) -> Any:
     for name, colour, of in (("rising", RISING, rising), ("falling", FALLING, ~rising)):
         residual = np.where(of & trace.counted, trace.residual_um, np.nan)
         figure.add_scatter(
-            x=u, y=_gapped(residual, k), name=name, line={"color": colour, "width": 1}, row=1, col=2
+            x=u, y=gapped(residual, k), name=name, line={"color": colour, "width": 1}, row=1, col=2
         )
     figure.update_xaxes(title_text="Command (V)")
     figure.update_yaxes(title_text=DISPLACEMENT_UM, row=1, col=1)
     # the stretch before the first reversal is drawn, but does not set the scale
     known = k[k >= trace.cycles.edges[1]] if trace.cycles.edges.size > 3 else k[k >= 0]
-    limits = _range(trace.residual_um[known]) if known.size else None
+    limits = axis_range(trace.residual_um[known]) if known.size else None
     figure.update_yaxes(title_text="Measured − model (µm)", range=limits, row=1, col=2)
     return styled(figure, 480)
 
 
-def _loop_index(trace: Trace, samples: int) -> NDArray[np.intp]:
+def loop_index(trace: Trace, samples: int) -> NDArray[np.intp]:
     """Choose whole loops, evenly over the record, until `samples` are used; -1 lifts the pen."""
     reversals: list[int] = [0, *(trace.cycles.edges[1:] - 1).tolist()]
     loops = [
@@ -155,12 +158,14 @@ def _loop_index(trace: Trace, samples: int) -> NDArray[np.intp]:
     return np.concatenate(pieces)
 
 
-def _gapped(values: Array, k: NDArray[np.intp]) -> NDArray[np.float32]:
+def gapped(values: Array, k: NDArray[np.intp]) -> NDArray[np.float32]:
+    """Choose samples for drawing; an index of -1 lifts the pen."""
     # seven digits are more than a screen shows, and half the bytes on the page
     return np.where(k < 0, np.nan, values[k]).astype(np.float32)
 
 
-def _range(values: Array) -> list[float]:
+def axis_range(values: Array) -> list[float]:
+    """Return the limits of an axis that shows all values, with a margin."""
     low, high = float(np.min(values)), float(np.max(values))
     margin = 0.06 * (high - low) or 1.0
     return [low - margin, high + margin]

@@ -113,6 +113,9 @@ class Effect(ABC):
         Names of effects that data may not tell apart from it.
     block
         The compiled kernel, as a ``staticmethod``.
+    kinked
+        Parameter along which the error has a cusp, so that no gradient leads to its least value: a
+        fit searches along it; None unless stated.
     clocked
         Row 0 of its state counts the samples since t = 0, so a stage that begins at the time t
         starts from t / Ts there; False unless stated.
@@ -141,6 +144,7 @@ class Effect(ABC):
     experiment: ClassVar[str]
     mistaken_for: ClassVar[tuple[str, ...]]
     block: ClassVar[Block]
+    kinked: ClassVar[str | None] = None
     clocked: ClassVar[bool] = False
 
     def __post_init__(self) -> None:

@@ -67,12 +67,13 @@ class SlewLimit(Effect):
     )
     experiment = "Sines across the critical amplitude x frequency, and steps sampled fast."
     mistaken_for = ("rate_law", "saturation", "actuator_lag")
+    kinked = "rate_V_s"
     block = staticmethod(slew_limit_block)
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """Below the fastest rate that the command has."""
-        return tuple(cls.within_bounds(rate_V_s=k * scale.fastest_V_s) for k in (0.7, 0.3, 0.1))
+        """From a fiftieth of the fastest rate of the command to that rate, closely."""
+        return tuple(cls.within_bounds(rate_V_s=scale.fastest_V_s / 1.18**k) for k in range(24))
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
         """Largest step of one sample (V)."""

@@ -1,0 +1,1 @@
+"""The tracking benchmark: controllers by references by plants, scored, ranked and drawn."""

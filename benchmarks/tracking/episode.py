@@ -1,0 +1,119 @@
+"""One controller on lanes of tracking problems, all side by side, recorded sample by sample."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.plant import PlantModel
+
+TIMED_SAMPLES = 300
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a run leaves, each ``float64[K, B]``.
+
+    Parameters
+    ----------
+    displacement_um
+        Of the plant, without the sensor (µm).
+    command_V
+        Applied command (V).
+    action
+        What set the command, before it was clipped to [-1, 1]; NaN where a controller said so.
+    """
+
+    displacement_um: Array
+    command_V: Array
+    action: Array
+
+
+def record(
+    controller: Any,
+    truths: Sequence[PlantModel],
+    layout: ObservationLayout,
+    references_um: Array,
+    rngs: Sequence[np.random.Generator],
+) -> Recording:
+    """Run a controller on B plants through its ``predict`` alone.
+
+    Parameters
+    ----------
+    controller
+        ``predict(observation, state, episode_start, deterministic) -> (action, state)``, batched;
+        its ``plan(reference_um)`` is called first where it has one.
+    truths
+        One plant a lane.
+    layout
+        What is shown, with actions read as commands.
+    references_um
+        ``(K, B)``.
+    rngs
+        One generator a lane, for the sensors' noise.
+
+    Raises
+    ------
+    Exception
+        Whatever the controller raises.
+    """
+    samples, lanes = references_um.shape
+    task = TrackingTask(truths, layout)
+    observation = task.reset(references_um, rngs)
+    plan = getattr(controller, "plan", None)
+    if plan is not None:
+        plan(references_um)
+    displacement, command = np.empty((samples, lanes)), np.empty((samples, lanes))
+    action = np.zeros((samples, lanes))
+    displacement[0], command[0] = task.displacement_um, task.command_V
+    starts = np.ones(lanes, dtype=bool)
+    state = None
+    with np.errstate(invalid="ignore", over="ignore"):
+        for k in range(1, samples):
+            answer, state = controller.predict(observation, state, starts, deterministic=True)
+            action[k] = np.reshape(answer, lanes)
+            command[k] = layout.place_to_V(np.minimum(np.maximum(action[k], -1.0), 1.0))
+            observation = task.step(command[k])
+            displacement[k] = task.displacement_um
+            if k == 1:
+                starts = np.zeros(lanes, dtype=bool)
+    return Recording(displacement, command, action)
+
+
+def microseconds_per_sample(
+    controller: Any, truth: PlantModel, layout: ObservationLayout, reference_um: Array
+) -> float:
+    """Time one decision (µs) of a controller that runs one plant: the median over many.
+
+    Parameters
+    ----------
+    controller
+        A fresh one.
+    truth
+        The plant.
+    layout
+        What is shown.
+    reference_um
+        ``(K,)``.
+    """
+    task = TrackingTask(truth, layout)
+    observation = task.reset(reference_um[:, None], [np.random.default_rng(0)])
+    plan = getattr(controller, "plan", None)
+    if plan is not None:
+        plan(reference_um[:, None])
+    starts = np.ones(1, dtype=bool)
+    state, spent = None, []
+    for _ in range(min(TIMED_SAMPLES, len(reference_um) - 1)):
+        begin = time.perf_counter()
+        answer, state = controller.predict(observation, state, starts, deterministic=True)
+        spent.append(time.perf_counter() - begin)
+        action = np.clip(np.reshape(answer, 1).astype(np.float64), -1.0, 1.0)
+        observation = task.step(layout.place_to_V(action))
+        starts = np.zeros(1, dtype=bool)
+    return 1e6 * float(np.median(spent))

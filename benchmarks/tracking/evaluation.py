@@ -1,0 +1,131 @@
+"""Everything that the tables, the page and the picture of a run are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from benchmarks.tracking.leaderboard import (
+    CASE,
+    by_case,
+    by_sampling_time,
+    ranking,
+    score_table,
+)
+from benchmarks.tracking.measured import MeasuredScores, no_scores, score_measured
+from benchmarks.tracking.run import Outcome
+from benchmarks.tracking.selection import Selection
+from benchmarks.tracking.store import Row
+from benchmarks.tracking.suite import FEWEST_SAMPLES, MOST_SAMPLES, cases
+
+MEASURED_PLANT = "picma"
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Results of a run, from single scores to the ranking.
+
+    Parameters
+    ----------
+    selection
+        What was asked for.
+    rows
+        Rows of the controllers that were asked for, some with a ``trace``.
+    table
+        Their scores, as ``leaderboard.csv`` holds them.
+    ranking, by_case, by_sampling_time
+        Summaries, see :mod:`benchmarks.tracking.leaderboard`. Only `by_case` holds the cases beyond
+        a plant's identification, marked in its column ``extrapolated``.
+    measured
+        Scores on measured records.
+    notes
+        What was left out, one sentence each.
+    """
+
+    selection: Selection
+    rows: tuple[Row, ...]
+    table: pd.DataFrame
+    ranking: pd.DataFrame
+    by_case: pd.DataFrame
+    by_sampling_time: pd.DataFrame
+    measured: MeasuredScores
+    notes: tuple[str, ...]
+
+    @property
+    def order(self) -> list[str]:
+        """Controllers, best first."""
+        return [str(name) for name in self.ranking["controller"]]
+
+
+def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
+    """Summarise the rows of a run, and score the feedforwards on measured records.
+
+    The measured records belong to the plant ``picma`` and are scored together with it.
+    """
+    table = score_table(outcome.rows)
+    table = table[table["controller"].isin(selection.controllers)].reset_index(drop=True)
+    beyond = _beyond(selection)
+    if all(key in beyond for key in table[CASE].itertuples(index=False, name=None)):
+        beyond = []  # then there is nothing else to rank
+    counted = table[~_marks(table, beyond)]
+    summary = by_case(table)
+    summary["extrapolated"] = _marks(summary, beyond)
+    plants = {stage.plant.name: stage.plant for stage in selection.stages}
+    if MEASURED_PLANT in plants:
+        measured = score_measured(selection.controllers, plants[MEASURED_PLANT])
+    else:
+        measured = no_scores(f"Scored only together with the plant {MEASURED_PLANT}.")
+    return Evaluation(
+        selection,
+        tuple(row for row in outcome.rows if row["controller"] in selection.controllers),
+        table,
+        ranking(counted),
+        summary,
+        by_sampling_time(counted),
+        measured,
+        (*left_out(selection), *_unranked(beyond)),
+    )
+
+
+def left_out(selection: Selection) -> tuple[str, ...]:
+    """Name the cases that do not suit a sampling time, one sentence for each Ts."""
+    plants: dict[tuple[float, str], list[str]] = {}
+    for stage in selection.stages:
+        for ts in stage.ts_s:
+            every = cases(selection.references, 1.0, stage.base_hz)
+            names = ", ".join(case.name for case in every if not case.fits(ts))
+            if names:
+                plants.setdefault((ts, names), []).append(stage.plant.name)
+    return tuple(
+        f"Not run at Ts = {ts:g} s on {', '.join(on)}, where a period has fewer than "
+        f"{FEWEST_SAMPLES} or more than {MOST_SAMPLES} samples: {names}."
+        for (ts, names), on in plants.items()
+    )
+
+
+def _beyond(selection: Selection) -> list[tuple[str, str, float, float]]:
+    return [
+        (stage.plant.name, case.reference, case.frequency_hz, ts)
+        for stage in selection.stages
+        for ts in stage.ts_s
+        for case in stage.cases(selection.references, ts)
+        if not stage.covers(case, ts)
+    ]
+
+
+def _marks(rows: pd.DataFrame, beyond: list[tuple[str, str, float, float]]) -> pd.Series:
+    listed = set(beyond)
+    marks = [case in listed for case in rows[CASE].itertuples(index=False, name=None)]
+    return pd.Series(marks, index=rows.index, dtype=bool)
+
+
+def _unranked(beyond: list[tuple[str, str, float, float]]) -> list[str]:
+    names: dict[str, list[str]] = {}
+    for plant, reference, hz, _ in beyond:
+        names.setdefault(plant, []).append(f"{reference} {hz:g} Hz")
+    return [
+        f"Not in the ranking, since the reference is faster than {plant} was identified with: "
+        f"{', '.join(dict.fromkeys(listed))}."
+        for plant, listed in names.items()
+    ]

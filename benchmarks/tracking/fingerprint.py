@@ -1,0 +1,63 @@
+"""Fingerprints: whether a stored row still says what the code, the plant and the controller do."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import baselines
+import rdpi_gym
+from benchmarks.tracking.suite import SUITE_VERSION
+from rdpi_gym.plant import PlantModel
+
+# What a score depends on; the tables and pages made of scores are not among it.
+_ROOMS = ("plant", "signals", "envs")
+_SCORING = ("suite.py", "stages.py", "scoring.py", "episode.py", "tasks.py")
+
+
+@cache
+def code_fingerprint() -> str:
+    """Return a hash of the suite's version and of every source file that a score depends on.
+
+    Examples
+    --------
+    >>> len(code_fingerprint())
+    16
+    """
+    package = Path(rdpi_gym.__file__).parent
+    files = [file for room in _ROOMS for file in sorted((package / room).glob("**/*.py"))]
+    files += sorted(Path(baselines.__file__).parent.glob("**/*.py"))
+    files += [Path(__file__).parent / name for name in _SCORING]
+    return _digest([str(SUITE_VERSION).encode(), *(file.read_bytes() for file in files)])
+
+
+def task_fingerprint(controller: str, plant: PlantModel) -> str:
+    """Return a hash of a plant's content and, for ``module:attribute``, of the module's source.
+
+    What else a module reads, such as trained weights, is not seen: give another folder for results
+    after a change of that.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> p5, p10 = named_plant("P5"), named_plant("P10")
+    >>> task_fingerprint("none", p5) == task_fingerprint("none", p10)
+    False
+    """
+    parts = [json.dumps(plant.to_dict(), sort_keys=True).encode(), controller.encode()]
+    if ":" in controller:
+        spec = find_spec(controller.partition(":")[0])
+        if spec is not None and spec.origin and Path(spec.origin).is_file():
+            parts.append(Path(spec.origin).read_bytes())
+    return _digest(parts)
+
+
+def _digest(parts: Iterable[bytes]) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "big") + part)
+    return digest.hexdigest()[:16]

@@ -1,0 +1,222 @@
+"""The leaderboard in words: what was scored, the ranking, the details, what to beware of."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.tracking.evaluation import Evaluation
+from benchmarks.tracking.leaderboard import CONFIDENCE
+from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
+from benchmarks.tracking.scoring import words
+from benchmarks.tracking.stages import COVERED, NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, Stage
+from benchmarks.tracking.suite import ORACLE, SUITE_VERSION
+
+METHOD = f"""\
+- **Score.** Root mean square and largest tracking error of the noise-free displacement, in µm and in percent of the reference's peak to peak. A reference starts smoothly within its first period, which is not counted; the whole periods after it are.
+- **Plants.** Every plant that scores has its rate low-passed at {RATE_BANDWIDTH_HZ:g} Hz at most, since a literal one rewards dither. Its displacement is measured with {1e3 * NOISE_UM:g} nm of white noise (one standard deviation) unless the plant states its own; only feedback sees the measurement.
+- **Truth and belief.** Every controller holds the nominal plant, its hysteresis without other effects (column `belief`). The truth (column `plant`) of seed 0 is that plant; of every other seed it is drawn around it: each weight, each gap between thresholds and δ2 by its own factor, uniform within 1 ± {SPREAD:g}. The seed also draws the noise and the phases of multisine and noise references. All controllers meet the same truths.
+- **Optimality gap.** RMSE over that of `{ORACLE}`, which knows the whole reference beforehand and inverts the same belief. With a drawn truth 1 is what the best inversion of that belief reaches, and a value below it means that feedback corrects the belief; with seed 0 the gap is large and says what is lost for want of a preview.
+- **Command effort.** `command_total_variation` is that of the command over that of the oracle's command for the same reference, the smallest that tracks; a value far above 1 is chatter, dither or noise that is passed on.
+- **Means and intervals.** Means over cases and seeds are geometric. An interval in brackets is the {100 * CONFIDENCE:g} % confidence interval of the mean over the drawn seeds, by Student's t on the logarithms; seed 0 is not among them.
+- **`microseconds_per_sample`** is the median time of one decision for one plant through `predict`, on the machine and under the load of this run.
+"""
+
+
+def leaderboard_text(evaluation: Evaluation) -> str:
+    """Write the leaderboard as Markdown."""
+    selection, table, cases = evaluation.selection, evaluation.table, evaluation.by_case
+    order, measured = evaluation.order, evaluation.measured
+    seeds = ", ".join(map(str, selection.seeds))
+    parts = [
+        "# Leaderboard of the tracking benchmark",
+        f"{len(table)} rows, seeds {seeds}, suite version {SUITE_VERSION}. "
+        "One row for each controller, plant, reference, frequency, sampling time and seed is in "
+        "`leaderboard.csv`.",
+        "\n".join(f"- {note}" for note in evaluation.notes),
+        "## Ranking",
+        "By the geometric mean of the RMSE over the cases, best first, with its confidence interval; "
+        "`RMSE, seed 0`: where the belief is true. Mean rank: by RMSE within each case and seed, the "
+        "oracle aside.",
+        markdown_table(ranking_view(evaluation.ranking)),
+        "## What the numbers mean",
+        METHOD,
+    ]
+    for stage in selection.stages:
+        ts = stage.shown_ts_s
+        part = cases[(cases["plant"] == stage.plant.name) & np.isclose(cases["ts_s"], ts)]
+        if not part.empty:
+            parts += [f"## {stage.plant.name} at Ts = {ts:g} s: RMSE (% of peak to peak)"]
+            parts += [_stage_words(stage, part), markdown_table(_case_view(part, order))]
+    parts += [
+        "## Error against sampling time",
+        "Geometric mean of the RMSE (%) over the references that every sampling time of a plant has.",
+        markdown_table(_ts_view(cases[~cases["extrapolated"]], order)),
+    ]
+    if words(table["status"].tolist()):
+        parts += ["## Warnings", _warning_words(table), markdown_table(_warning_view(table, order))]
+    parts += ["## On real input", measured_text(measured)]
+    if not measured.table.empty:
+        parts.append(markdown_table(measured.table, digits=4))
+    return "\n\n".join(part.strip() for part in parts if part.strip()) + "\n"
+
+
+def markdown_table(frame: pd.DataFrame, digits: int = 3) -> str:
+    r"""Write a data frame of strings and numbers as a Markdown table.
+
+    Examples
+    --------
+    >>> print(markdown_table(pd.DataFrame({"a": ["x|y"], "b": [1.23456]})))
+    | a | b |
+    | :-- | --: |
+    | x\|y | 1.23 |
+    """
+    left = [not pd.api.types.is_numeric_dtype(kind) for kind in frame.dtypes]
+    lines = [list(map(str, frame.columns)), [":--" if is_left else "--:" for is_left in left]]
+    lines += [[_cell(value, digits) for value in row] for row in frame.itertuples(index=False)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _cell(value: object, digits: int = 3) -> str:
+    if isinstance(value, float):
+        return number(value, digits)
+    return str(value).replace("|", "\\|")
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Write a number with some significant digits.
+
+    Examples
+    --------
+    >>> number(1234.5), number(0.012345), number(0.0123, digits=2), number(float("nan"))
+    ('1230', '0.0123', '0.012', '–')
+    """
+    if np.isnan(value):
+        return "–"
+    text = f"{value:.{digits}g}"
+    return f"{float(text):g}" if "e" in text and 1e-4 < abs(value) < 1e6 else text
+
+
+def ranking_view(ranked: pd.DataFrame) -> pd.DataFrame:
+    """Return the ranking with the columns and headings that a reader sees."""
+    return pd.DataFrame(
+        {
+            "controller": ranked["controller"],
+            "RMSE (%)": _ranged(ranked, "rmse_percent"),
+            "RMSE, seed 0 (%)": ranked["seed_0_rmse_percent"],
+            "optimality gap": _ranged(ranked, "optimality_gap"),
+            "mean rank": ranked["mean_rank"],
+            "command variation": ranked["command_total_variation"],
+            "µs per sample": ranked["microseconds_per_sample"],
+            "rows": ranked["rows"],
+            "failed": ranked["failed"],
+            "warnings": ranked["warnings"],
+        }
+    )
+
+
+def _ranged(frame: pd.DataFrame, column: str, digits: int = 3) -> list[str]:
+    parts = [frame[name] for name in (column, f"{column}_low", f"{column}_high")]
+    return [
+        f"{number(mean)} ({number(low, digits)} to {number(high, digits)})"
+        if np.isfinite(low)
+        else _cell(mean)
+        for mean, low, high in zip(*parts, strict=True)
+    ]
+
+
+def _stage_words(stage: Stage, part: pd.DataFrame) -> str:
+    plant = stage.plant
+    centre, amplitude = plant.reference_um
+    low, high = plant.command_range_V
+    return (
+        f"References of {amplitude:.4g} µm about {centre:.4g} µm, commands from {low:g} to {high:g} V; "
+        "means over the drawn seeds with their confidence intervals."
+        + (" With a star: beyond the plant's identification." if part["extrapolated"].any() else "")
+    )
+
+
+def _case_view(part: pd.DataFrame, order: list[str]) -> pd.DataFrame:
+    part = part.assign(
+        case=[
+            f"{reference} {hz:g} Hz{' *' if beyond else ''}"
+            for reference, hz, beyond in zip(
+                part["reference"], part["frequency_hz"], part["extrapolated"], strict=True
+            )
+        ],
+        text=_ranged(part, "rmse_percent", digits=2),
+    )
+    wide = part.pivot(index="controller", columns="case", values="text")
+    wide = wide.reindex(index=order, columns=part["case"].drop_duplicates())
+    return wide.fillna("–").reset_index()
+
+
+def _ts_view(cases: pd.DataFrame, order: list[str]) -> pd.DataFrame:
+    columns = {}
+    for plant, part in cases.groupby("plant", sort=False):
+        times = sorted(part["ts_s"].unique())
+        everywhere = part.groupby(["reference", "frequency_hz"])["ts_s"].transform("nunique")
+        common = part[everywhere == len(times)]
+        for ts in times:
+            logs = np.log(common.loc[common["ts_s"] == ts].set_index("controller")["rmse_percent"])
+            mean = logs.groupby(level=0).apply(lambda values: np.exp(values.mean(skipna=False)))
+            columns[f"{plant}, Ts = {ts:g} s"] = mean.reindex(order)
+    return pd.DataFrame(columns).rename_axis("controller").reset_index()
+
+
+def _warning_words(table: pd.DataFrame) -> str:
+    found = words(table["status"].tolist())
+    meaning = {
+        "unstable": "the controller says that it is outside its stability limit",
+        "warned": "the controller says something else of itself",
+        "saturated": "some samples of the action lie at the end of the command range",
+        "diverged": "the error is larger than that of standing still",
+        "extrapolated": f"the command is faster than {COVERED:g} times the fastest that the plant was "
+        "identified with, so the plant itself is a guess there",
+        "failed": "the controller raised an error or answered with NaN; the row has no numbers",
+    }
+    return "\n".join(
+        [
+            "Rows with each word in their `status`, of all rows.",
+            "",
+            *(f"- `{word}`: {text}." for word, text in meaning.items() if word in found),
+        ]
+    )
+
+
+def _warning_view(table: pd.DataFrame, order: list[str]) -> pd.DataFrame:
+    found = sorted(words(table["status"].tolist()))
+    by_name = {name: rows["status"] for name, rows in table.groupby("controller")}
+    counts = {
+        word: [sum(word in words([text]) for text in by_name[name]) for name in order]
+        for word in found
+    }
+    rows = [len(by_name[name]) for name in order]
+    return pd.DataFrame({"controller": list(order), "rows": rows, **counts})
+
+
+def measured_text(measured: MeasuredScores) -> str:
+    """Say what the scores on measured records are, or why there are none."""
+    if measured.table.empty:
+        return measured.note
+    return (
+        f"{measured.note} The measured displacement is the reference, the belief is the plant that was "
+        "identified from the record `identification`, and no simulated plant is controlled. Scored is "
+        "the difference between a feedforward's command and the voltage that was really applied: "
+        "`rms_V`, in percent of the applied peak to peak, and in µm through the local gain dy/du of "
+        "the belief. One constant of each record is free, the sensor's zero, which differs between "
+        "the files: `offset_um` is the mean of what is measured above the belief's response to the "
+        f"applied voltage. The first {MEMORY_S:g} s are not counted, in which the memory builds up. "
+        "Feedback has nothing to feed back here and is left out. All rows are in `measured.csv`."
+    )
+
+
+def plain(markdown: str) -> str:
+    """Return Markdown without its marks of emphasis and code.
+
+    Examples
+    --------
+    >>> plain("**Score** of `none`")
+    'Score of none'
+    """
+    return markdown.replace("**", "").replace("`", "")

@@ -1,0 +1,162 @@
+"""Real input: how far a feedforward's command is from the voltage that was really applied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from baselines import make_controller
+from benchmarks.tracking.scoring import one_line
+from rdpi_gym.arrays import Array
+from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.errors import InputError
+from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
+from rdpi_gym.plant import RDPI, Plant, PlantModel
+from rdpi_gym.plant.play import play_columns
+
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+COLUMNS = (
+    "controller", "belief", "record", "ts_s", "samples",
+    "rms_V", "rms_percent", "max_V", "rms_um", "offset_um", "status",
+)  # fmt: skip
+MEMORY_S = 1.0
+"""Time (s) at the beginning of a record that is simulated but not counted: the first cycle, in
+which the compensator's memory becomes the plant's."""
+SHOWN_S = 3.0
+
+
+@dataclass(frozen=True)
+class MeasuredScores:
+    """The feedforwards on measured records.
+
+    Parameters
+    ----------
+    table
+        Columns :data:`COLUMNS`: difference between command and applied voltage (V, percent of the
+        applied peak to peak), the same times the local gain (µm), and the sensor's zero (µm).
+    traces
+        Of each record, its last seconds: time (s), applied voltage and each command (V).
+    note
+        Why there are none, or how they were made.
+    """
+
+    table: pd.DataFrame
+    traces: dict[str, dict[str, Array]]
+    note: str
+
+
+def score_measured(controllers: Sequence[str], belief: PlantModel) -> MeasuredScores:
+    """Score every feedforward among `controllers` on the measured PICMA records.
+
+    The measured displacement is the reference, and no plant is scored. One constant of each record
+    is free, the sensor's zero: the mean of what is measured above the belief's response to the
+    applied voltage. It is taken out of the displacement before a controller sees it.
+    """
+    folder = measured_data("picma")
+    if folder is None:
+        return no_scores(f"No scores on measured records. {DATA_HINT}")
+    try:
+        data = load(folder)
+    except InputError as error:
+        return no_scores(f"No scores on measured records: {error}")
+    return score_records(data, controllers, belief)
+
+
+def no_scores(note: str) -> MeasuredScores:
+    """Return no scores, and a sentence that says why."""
+    return MeasuredScores(pd.DataFrame(columns=list(COLUMNS)), {}, note)
+
+
+def score_records(data: Dataset, controllers: Sequence[str], belief: PlantModel) -> MeasuredScores:
+    """Score feedforwards on the records of a data set, as :func:`score_measured` does."""
+    rows: list[dict[str, object]] = []
+    traces: dict[str, dict[str, Array]] = {}
+    for record in data.records:
+        if record.is_quiet:
+            continue
+        layout = ObservationLayout.for_plant(belief, record.ts_s)
+        gain = local_gain(belief.hysteresis, record.u_V, record.ts_s)
+        counted = record.error_mask & (record.t_s >= record.t_s[0] + MEMORY_S)
+        zero_um = _sensor_zero(belief, record, counted)
+        reference = (record.y_um - zero_um)[:, None]
+        kept = slice(max(0, record.t_s.size - round(SHOWN_S / record.ts_s)), None)
+        shown = {"t_s": record.t_s[kept], "applied": record.u_V[kept]}
+        for name in controllers:
+            row: dict[str, object] = {
+                "controller": name, "belief": belief.name, "record": record.name, "ts_s": record.ts_s,
+            }  # fmt: skip
+            try:
+                command_block = getattr(
+                    make_controller(name, belief, layout), "command_block", None
+                )
+                if command_block is None:
+                    continue
+                command = np.asarray(command_block(reference))[:, 0]
+                shown[name] = command[kept]
+                rows.append(
+                    row | _difference(command, record.u_V, gain, counted) | {"offset_um": zero_um}
+                )
+            except Exception as error:  # a user's controller may raise anything; the others go on
+                reason = one_line(f"{type(error).__name__}: {error}")
+                rows.append(row | {"status": f"failed: {reason}"})
+        traces[record.name] = shown
+    note = f"Records: {', '.join(traces)} of {data.title}."
+    return MeasuredScores(pd.DataFrame(rows, columns=list(COLUMNS)), traces, note)
+
+
+def _sensor_zero(belief: PlantModel, record: Record, counted: BoolArray) -> float:
+    modelled = Plant(belief, record.ts_s).simulate(record.u_V)
+    return float(np.mean((record.y_um - modelled)[counted]))
+
+
+def _difference(
+    command: Array, applied: Array, gain: Array, counted: BoolArray
+) -> dict[str, object]:
+    difference = (command - applied)[counted]
+    if not np.isfinite(difference).all():
+        raise ValueError("its command is not finite")
+    rms = float(np.sqrt(np.mean(difference**2)))
+    return {
+        "samples": int(counted.sum()),
+        "rms_V": rms,
+        "rms_percent": 100.0 * rms / float(np.ptp(applied[counted])),
+        "max_V": float(np.abs(difference).max()),
+        "rms_um": float(np.sqrt(np.mean((gain[counted] * difference) ** 2))),
+        "status": "ok",
+    }
+
+
+def local_gain(model: RDPI, u_V: Array, ts_s: float) -> Array:
+    """Slope dy/du (µm/V) of the model along a record: a_0 plus the weights of the plays that slide.
+
+    Parameters
+    ----------
+    model
+        The RDPI parameters.
+    u_V
+        Applied voltage (V), ``(T,)``.
+    ts_s
+        Sampling time (s).
+
+    Returns
+    -------
+    float64[T]
+
+    Examples
+    --------
+    >>> local_gain(RDPI.from_law([1.0, 0.5], 1.0, 0.0), np.array([0.0, 0.5, 2.0, 3.0]), 1.0).tolist()
+    [1.0, 1.0, 1.5, 1.5]
+    """
+    u = np.ascontiguousarray(u_V, dtype=np.float64)
+    rate = np.diff(u, prepend=u[0]) / ts_s
+    columns = np.empty((model.n, u.size))
+    memory = np.zeros(model.n)
+    play_columns(u, rate, np.array(model.thresholds_V), model.delta2_s, memory, columns)
+    slides = np.diff(columns, axis=1, prepend=0.0) != 0.0
+    return np.asarray(model.a0 + np.array(model.weights[1:]) @ slides, dtype=np.float64)

@@ -1,0 +1,131 @@
+"""The benchmark: what was asked for, computed on all cores, row by row into a store."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from joblib import Parallel, delayed
+
+from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
+from benchmarks.tracking.scoring import words
+from benchmarks.tracking.selection import Selection
+from benchmarks.tracking.stages import Stage
+from benchmarks.tracking.store import Key, Row, RowStore, key
+from benchmarks.tracking.suite import ORACLE
+from benchmarks.tracking.tasks import Lane, Task, make_tasks, row_keys, run_task
+from rdpi_gym.errors import InputError
+
+ROWS_FILE = "rows.jsonl"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run leaves.
+
+    Parameters
+    ----------
+    rows
+        The rows that were asked for, and the oracle's beside them.
+    notes
+        What a reader of the results should know, one sentence each.
+    computed
+        Number of rows that were not finished before.
+    """
+
+    rows: list[Row]
+    notes: tuple[str, ...]
+    computed: int
+
+
+def benchmark(
+    selection: Selection,
+    out: Path,
+    jobs: int = -1,
+    progress: Callable[[int, int], None] | None = None,
+) -> Outcome:
+    """Compute what is missing or failed and return every row that was asked for.
+
+    Parameters
+    ----------
+    selection
+        What is asked for.
+    out
+        Folder of the row store.
+    jobs
+        Worker processes; -1: one a core.
+    progress
+        Called with the number of tasks done, and in all.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be used.
+    """
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; give a folder for --out")
+    store = RowStore(out / ROWS_FILE)
+    notes = []
+    if store.damaged:
+        notes.append(
+            f"{store.damaged} rows of an interrupted run were torn and are computed again."
+        )
+    tasks = _tasks(selection)
+    stamps = {k: dict(task.stamps) for task in tasks for k in row_keys(task)}
+    code = code_fingerprint()
+    aside = store.set_aside(
+        lambda row: (
+            row.get("code") != code
+            or any(row.get(name) != value for name, value in stamps.get(key(row), {}).items())
+        )
+    )
+    if aside is not None:
+        notes.append(f"Rows of changed code, plants or controllers were set aside in {aside.name}.")
+    # what failed for want of a file or a package may succeed now
+    finished = {k for k, row in store.rows.items() if words([row["status"]]) != {"failed"}}
+    missing = [task for task in tasks if not finished.issuperset(row_keys(task))]
+    missing.sort(key=lambda task: -task.samples)
+    computed = 0
+    for done, rows in enumerate(_run(missing, jobs), start=1):
+        fresh = [row for row in rows if key(row) not in finished]
+        store.append(fresh)
+        computed += len(fresh)
+        if progress is not None:
+            progress(done, len(missing))
+    return Outcome([store.rows[k] for k in _in_order(selection)], tuple(notes), computed)
+
+
+def _run(tasks: Sequence[Task], jobs: int) -> Iterator[list[Row]]:
+    # one task at a time to a worker, each result as soon as it is there: rows are written early
+    parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
+    yield from parallel(delayed(run_task)(task) for task in tasks)
+
+
+def _tasks(selection: Selection) -> list[Task]:
+    tasks = []
+    for controller, one, ts in _settings(selection):
+        stamps = {"code": code_fingerprint(), "task": task_fingerprint(controller, one.plant)}
+        lanes = [
+            Lane(case, seed, ts == one.shown_ts_s and seed == selection.seeds[0])
+            for case in one.cases(selection.references, ts)
+            for seed in selection.seeds
+        ]
+        tasks += make_tasks(controller, one, ts, lanes, stamps)
+    return tasks
+
+
+def _in_order(selection: Selection) -> Iterator[Key]:
+    for controller, one, ts in _settings(selection):
+        for case in one.cases(selection.references, ts):
+            for seed in selection.seeds:
+                name = one.plant.name
+                yield controller, name, case.reference, case.frequency_hz, ts, seed
+
+
+def _settings(selection: Selection) -> Iterator[tuple[str, Stage, float]]:
+    # the oracle is always run: gaps and efforts are measured against it
+    for controller in dict.fromkeys((*selection.controllers, ORACLE)):
+        for one in selection.stages:
+            for ts in one.ts_s:
+                yield controller, one, ts

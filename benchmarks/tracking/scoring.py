@@ -1,0 +1,155 @@
+"""Scores of one run: error, command effort, saturation, and the words that warn of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.tracking.stages import COVERED
+from rdpi_gym.arrays import Array
+
+
+@dataclass(frozen=True)
+class Score:
+    """What is measured of one run over its scored samples.
+
+    Parameters
+    ----------
+    rmse_um, max_um
+        Root mean square and largest tracking error (µm).
+    rmse_percent, max_percent
+        The same in percent of the reference's peak to peak.
+    command_variation_V_s
+        Total variation of the command per second (V/s).
+    max_command_step_V
+        Largest change of the command from one sample to the next (V).
+    saturated_percent
+        Samples (%) whose action lies at the end of the command range or beyond.
+    """
+
+    rmse_um: float
+    rmse_percent: float
+    max_um: float
+    max_percent: float
+    command_variation_V_s: float
+    max_command_step_V: float
+    saturated_percent: float
+
+
+def score(
+    reference_um: Array,
+    displacement_um: Array,
+    command_V: Array,
+    action: Array,
+    *,
+    first: int,
+    ts_s: float,
+) -> Score:
+    """Score one run from sample `first` on.
+
+    Parameters
+    ----------
+    reference_um, displacement_um, command_V, action
+        ``(K,)``: reference and noise-free displacement (µm), command (V), and the action that set
+        it, before it was clipped to [-1, 1].
+    first
+        First sample that counts, 1 or more.
+    ts_s
+        Sampling time (s).
+
+    Examples
+    --------
+    >>> r, u = np.array([0.0, 0.0, 2.0, 0.0, 2.0]), np.array([0.0, 1.0, 1.0, 3.0, 3.0])
+    >>> s = score(r, np.zeros(5), u, np.array([0.0, 0.0, 0.0, 1.2, 0.0]), first=1, ts_s=0.5)
+    >>> s.rmse_um == 2**0.5, s.max_percent, s.command_variation_V_s, s.saturated_percent
+    (True, 100.0, 1.5, 25.0)
+    """
+    reference = reference_um[first:]
+    error = displacement_um[first:] - reference
+    to_percent = 100.0 / np.ptp(reference)
+    steps = np.abs(np.diff(command_V[first - 1 :]))
+    rmse, largest = np.sqrt(np.mean(error**2)), np.abs(error).max()
+    return Score(
+        float(rmse),
+        float(rmse * to_percent),
+        float(largest),
+        float(largest * to_percent),
+        float(steps.sum() / (ts_s * steps.size)),
+        float(steps.max()),
+        float(100.0 * np.mean(np.abs(action[first:]) >= 1.0)),
+    )
+
+
+def status(
+    scored: Score,
+    reference_um: Array,
+    *,
+    warning: str | None,
+    ts_s: float,
+    identified_V_s: float | None,
+) -> str:
+    """Say in words what a score alone does not: ``ok``, or what to beware of.
+
+    Parameters
+    ----------
+    scored
+        The score.
+    reference_um
+        The scored part of the reference (µm).
+    warning
+        What the controller says of itself, mostly that it is outside its stability limit.
+    ts_s
+        Sampling time (s).
+    identified_V_s
+        Largest command rate (V/s) that the plant was identified at, if that is known.
+
+    Examples
+    --------
+    >>> s = score(np.arange(3.0), np.arange(3.0), np.arange(3.0), np.zeros(3), first=1, ts_s=0.1)
+    >>> status(s, np.arange(3.0), warning=None, ts_s=0.1, identified_V_s=None)
+    'ok'
+    >>> status(s, np.arange(3.0), warning=None, ts_s=0.1, identified_V_s=5.0)
+    'extrapolated: command rate up to 10 V/s, the plant was identified up to 5 V/s'
+    """
+    said = []
+    if warning:
+        word = "unstable" if "stability limit" in warning else "warned"
+        said.append(f"{word}: {one_line(warning)}")
+    if scored.rmse_um > np.std(reference_um):
+        said.append("diverged: the error is larger than that of standing still")
+    if scored.saturated_percent > 0.0:
+        said.append(
+            f"saturated: {scored.saturated_percent:.3g} % of the samples at the end of the command range"
+        )
+    rate = scored.max_command_step_V / ts_s
+    if identified_V_s is not None and rate > COVERED * identified_V_s:
+        said.append(
+            f"extrapolated: command rate up to {rate:.3g} V/s, the plant was identified up to {identified_V_s:.3g} V/s"
+        )
+    return "; ".join(said) or "ok"
+
+
+def one_line(text: object) -> str:
+    r"""Fold any text to one part of a status: one line of at most 200 characters, no semicolon.
+
+    Examples
+    --------
+    >>> one_line("two;\n  lines")
+    'two, lines'
+    """
+    folded = " ".join(str(text).replace(";", ",").split())
+    return folded if len(folded) <= 200 else f"{folded[:199]}…"
+
+
+def words(statuses: Sequence[str]) -> set[str]:
+    """Return the short words that statuses begin their parts with.
+
+    Examples
+    --------
+    >>> sorted(words(["ok", "unstable: chatters; saturated: 2 %"]))
+    ['saturated', 'unstable']
+    """
+    parts = {part.split(":")[0] for text in statuses for part in text.split("; ")}
+    return parts - {"ok"}

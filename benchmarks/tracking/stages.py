@@ -1,0 +1,136 @@
+"""Plants as they are scored: truth and belief, sampling times, what they were identified at."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.tracking.suite import Case, cases
+from rdpi_gym.envs.truth import limit_band, randomise_plant
+from rdpi_gym.plant import Plant, PlantModel
+
+RATE_BANDWIDTH_HZ = 800.0
+"""Plants that score have a band-limited rate: a literal one rewards dither (theory.md, 3)."""
+NOISE_UM = 0.010
+"""Sensor noise (µm, one standard deviation) of a plant that states none."""
+SPREAD = 0.05
+"""Relative half-width of the uniform draw of every parameter of the truth."""
+EFFECT_AWARE = ("extended-inverse", "pi-extended-inverse")
+"""Baselines that invert a plant's effects too; on one without effects they are others' doubles."""
+COVERED = 1.5
+"""Command rates up to this factor above the identified ones count as covered by them."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A plant as it is scored, its sampling times, and the references' base frequency.
+
+    Parameters
+    ----------
+    plant
+        The nominal truth: the plant with its rate band-limited and a noisy sensor.
+    ts_s
+        Sampling times (s).
+    base_hz
+        What the frequencies of all references but the sines are multiples of (Hz).
+    """
+
+    plant: PlantModel
+    ts_s: tuple[float, ...]
+    base_hz: float
+
+    def belief(self, controller: str) -> PlantModel:
+        """Return what a controller is told: the same hysteresis without the plant's other effects.
+
+        Only those of :data:`EFFECT_AWARE` are told of them.
+        """
+        if not self.plant.effects or controller in EFFECT_AWARE:
+            return self.plant
+        return replace(self.plant, effects=(), name=f"{self.plant.name} without effects")
+
+    @property
+    def shown_ts_s(self) -> float:
+        """The one sampling time (s) of which traces and detailed tables are shown: the shortest."""
+        return min(self.ts_s)
+
+    @property
+    def rest_um(self) -> float:
+        """Displacement (µm) at rest at the command nearest 0 V of the range."""
+        low, high = self.plant.command_range_V
+        rest_V = min(max(0.0, low), high)
+        plant = Plant(replace(self.plant, effects=()), ts_s=1e-3)
+        plant.reset(u0_V=rest_V)
+        return float(plant.simulate(np.array([rest_V]))[0])
+
+    def cases(self, references: Sequence[str], ts_s: float) -> tuple[Case, ...]:
+        """Return the cases that suit Ts (s)."""
+        every = cases(references, self.plant.reference_um[1], self.base_hz)
+        return tuple(case for case in every if case.fits(ts_s))
+
+    def covers(self, case: Case, ts_s: float) -> bool:
+        """Whether the plant was identified at rates like those of a reference over A.
+
+        A plant that says nothing of its identification covers everything.
+        """
+        known = largest_rate_V_s(self.plant)
+        if known is None:
+            return True
+        r = case.samples(ts_s, self.plant.reference_um[0], self.rest_um, seed=0)
+        steps = np.abs(np.diff(r[case.window(ts_s)[0] - 1 :]))
+        return bool(steps.max() <= COVERED * known * ts_s * self.plant.hysteresis.A)
+
+
+def make_stage(plant: PlantModel, ts_s: Sequence[float] | None = None) -> Stage:
+    """Prepare a plant for scoring.
+
+    Parameters
+    ----------
+    plant
+        Any plant; a band limit below :data:`RATE_BANDWIDTH_HZ` and a sensor's noise are kept.
+    ts_s
+        Sampling times (s); by default 50 µs, 200 µs and 1 ms with references about 10 Hz, or 1 and
+        5 ms with references about 1 Hz for a plant that was identified only at lower rates.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> make_stage(named_plant("P5")).plant.hysteresis.rate_bandwidth_hz
+    800.0
+    """
+    sensor = plant.sensor if plant.sensor.noise_um else replace(plant.sensor, noise_um=NOISE_UM)
+    scored = replace(limit_band(plant, RATE_BANDWIDTH_HZ), sensor=sensor)
+    slow = _triangle_rate_V_s(plant, 10.0) > (largest_rate_V_s(plant) or math.inf)
+    usual = (1e-3, 5e-3) if slow else (5e-5, 2e-4, 1e-3)
+    return Stage(scored, usual if ts_s is None else tuple(ts_s), 1.0 if slow else 10.0)
+
+
+def largest_rate_V_s(plant: PlantModel) -> float | None:
+    """Largest command rate (V/s) that the plant was identified at; None where it says nothing."""
+    rate = plant.identification.get("fastest_peak_rate_V_s")
+    return float(rate) if isinstance(rate, int | float) else None
+
+
+def _triangle_rate_V_s(plant: PlantModel, frequency_hz: float) -> float:
+    return 4.0 * frequency_hz * plant.reference_um[1] / plant.hysteresis.A
+
+
+def truth(plant: PlantModel, seed: int) -> PlantModel:
+    """Draw the plant that a seed scores on: seed 0 is the nominal plant itself.
+
+    Every weight, every gap between thresholds and δ2 is multiplied by its own factor, uniform
+    within 1 ± :data:`SPREAD`, so that the thresholds keep increasing.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> truth(named_plant("P5"), 0) == named_plant("P5")
+    True
+    >>> truth(named_plant("P5"), 1).hysteresis == truth(named_plant("P5"), 1).hysteresis
+    True
+    """
+    if seed == 0:
+        return plant
+    return randomise_plant(plant, SPREAD, np.random.default_rng([seed, 1]))

@@ -1,0 +1,103 @@
+"""Tests of a data set that no fit can fool, each in one of three zones and a sentence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rdpi_gym.diagnosis.checks.acquisition import clipping, clocks, feedback, resolution
+from rdpi_gym.diagnosis.checks.amplitude import gain_over_amplitude
+from rdpi_gym.diagnosis.checks.bias import closed_loops, congruency
+from rdpi_gym.diagnosis.checks.branches import saturation
+from rdpi_gym.diagnosis.checks.check import Check, Zone
+from rdpi_gym.diagnosis.checks.excitation import excitation
+from rdpi_gym.diagnosis.checks.half_wave import half_wave
+from rdpi_gym.diagnosis.checks.holds import holds
+from rdpi_gym.diagnosis.checks.hum import mains_hum
+from rdpi_gym.diagnosis.checks.memory import initial_memory
+from rdpi_gym.diagnosis.checks.rate import rate_law
+from rdpi_gym.diagnosis.checks.repeats import repeats
+from rdpi_gym.diagnosis.checks.small_signal import small_signal
+from rdpi_gym.diagnosis.half_cycles import half_cycles
+from rdpi_gym.diagnosis.noise import rough_part
+from rdpi_gym.diagnosis.periods import steady_periods
+from rdpi_gym.diagnosis.rests import find_rests
+from rdpi_gym.measurement import Dataset, Record
+
+__all__ = ["Check", "Zone", "run_checks"]
+
+_FEWEST = 16
+
+
+def run_checks(dataset: Dataset) -> tuple[Check, ...]:
+    """Run every test that needs no model, and every check of the data.
+
+    Parameters
+    ----------
+    dataset
+        The measurement. Records with the role ``test`` are left alone; of a record with samples
+        that do not count, the longest stretch that does is used.
+
+    Returns
+    -------
+    tuple of Check
+        Checks of the data first, then tests for effects; always the same ones, in the same order.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import Plant, named_plant
+    >>> t = np.arange(4000) * 1e-3
+    >>> u = 10.0 * np.sin(2 * np.pi * 5.0 * t)
+    >>> y = Plant(named_plant("P5"), 1e-3).simulate(u)
+    >>> noise = np.random.default_rng(0).normal(0.0, 0.01, t.size)
+    >>> bent = Record("sine", t, u, y + 0.002 * y**2 + noise, ts_s=1e-3)
+    >>> [check.name for check in run_checks(Dataset("bent", (bent,))) if check.suggests and check.zone == "yes"]
+    ['asymmetry']
+    """
+    kept = [part for r in dataset.records if r.role != "test" and (part := _counted(r))]
+    moving = [(r, half_cycles(r.u_V, r.ts_s)) for r in kept if not r.is_quiet]
+    records = [record for record, _ in moving]
+    span_V = max((float(np.ptp(r.u_V)) for r in records), default=0.0)
+    stroke_um = max((float(np.ptp(r.y_um)) for r in records), default=0.0)
+    noise_um = min((rough_part(r.y_um) for r in kept), default=0.0)
+    rests = [rest for record in kept for rest in find_rests(record, span_V)]
+    stretches = [p for record, cycles in moving if (p := steady_periods(record, cycles))]
+    loops = [loop for record, cycles in moving for loop in closed_loops(record, cycles)]
+    whole = {r.name for r in dataset.records if r.error_mask[:1].all()}
+    return (
+        *excitation(moving, rests, stretches),
+        clipping(records),
+        resolution(kept),
+        feedback(records),
+        clocks(stretches),
+        initial_memory([(r, c) for r, c in moving if r.name in whole]),
+        half_wave(stretches),
+        saturation(moving, span_V),
+        gain_over_amplitude(loops),
+        congruency(loops),
+        rate_law(moving, span_V),
+        *small_signal(stretches, span_V, stroke_um / span_V if span_V > 0.0 else 0.0),
+        *holds(rests, stroke_um),
+        *repeats(records, stretches),
+        mains_hum(rests, records, noise_um, stroke_um),
+    )
+
+
+def _counted(record: Record) -> Record | None:
+    """Longest stretch of a record that counts."""
+    if record.error_mask.all():
+        return record if record.t_s.size >= _FEWEST else None
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], record.error_mask, [False]])))
+    starts, ends = edges[::2], edges[1::2]
+    if not starts.size:
+        return None
+    longest = int(np.argmax(ends - starts))
+    part = slice(int(starts[longest]), int(ends[longest]))
+    if part.stop - part.start < _FEWEST:
+        return None
+    columns = ("t_s", "u_V", "y_um", "reference_um", "temperature_C", "period", "error_mask")
+    return replace(
+        record,
+        **{key: values[part] for key in columns if (values := getattr(record, key)) is not None},
+    )

@@ -1,0 +1,210 @@
+"""Faults of the measurement itself: clipping, coarse steps, feedback, clocks that part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
+from rdpi_gym.diagnosis.formats import digits, micrometres, pm
+from rdpi_gym.diagnosis.noise import rough_part
+from rdpi_gym.diagnosis.periods import Periods
+from rdpi_gym.measurement import Record
+
+CLIPPED_SAMPLES = 5
+"""Samples at one extreme value in a row, while the command moves."""
+STEP_RATIO = 3.0
+"""Smallest step of the displacement over its noise (rms)."""
+FEEDBACK = 0.1
+"""Correlation of the displacement with later noise of the command."""
+SKEW_PPM = 50.0
+"""Difference of the clocks of command and displacement (millionths)."""
+_MOVES = 0.03  # of the swing
+_ORDER = 12  # of the predictor that leaves the noise of a command
+_LAGS = 10
+_NOISELESS = 1e-5  # of the swing: a command that is computed, not measured
+_GAUSSIAN = 0.6745  # median of the modulus of noise over its standard deviation
+_LONGEST = 10_000
+_FEWEST_PERIODS = 6
+
+
+def clipping(records: Sequence[Record]) -> Check:
+    """Displacement that stands at its largest or smallest value while the command moves.
+
+    Parameters
+    ----------
+    records
+        Moving records.
+    """
+    name = "clipping"
+    worst, where = 0, ""
+    for record in records:
+        for extreme in (record.y_um.max(), record.y_um.min()):
+            length = _longest_stand(record, float(extreme))
+            if length > worst:
+                worst, where = length, f"{record.name} near {extreme:.5g} µm"
+    if worst >= CLIPPED_SAMPLES:
+        text = f"In {where} the displacement stands still for {worst} samples while the command moves: the sensor or the recorder clips."
+        step = "Measure again with a wider range, or leave these samples out (mask_s)."
+        return Check(name, float(worst), float(CLIPPED_SAMPLES), "samples", "yes", text, step)
+    text = "The displacement never stands at its extreme while the command moves: no clipping."
+    return Check(name, float(worst), float(CLIPPED_SAMPLES), "samples", "no", text)
+
+
+def _longest_stand(record: Record, extreme: float) -> int:
+    at = np.flatnonzero(record.y_um == extreme)
+    if at.size < CLIPPED_SAMPLES:
+        return 0
+    longest = 0
+    swing = float(np.ptp(record.u_V))
+    for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
+        if run.size > longest and np.ptp(record.u_V[run]) > _MOVES * swing:
+            longest = run.size
+    return longest
+
+
+def resolution(records: Sequence[Record]) -> Check:
+    """Smallest step of the displacement, beside its noise.
+
+    Parameters
+    ----------
+    records
+        Records, quiet ones among them.
+    """
+    name = "coarse resolution"
+    worst = (0.0, 0.0, "")
+    for record in records:
+        steps = np.abs(np.diff(record.y_um))
+        if np.count_nonzero(steps == 0.0) < 0.02 * steps.size:
+            continue
+        moved = steps[steps > 1e-9 * max(float(np.ptp(record.y_um)), 1e-300)]
+        if not moved.size:
+            continue
+        smallest = float(moved.min())
+        ratio = smallest / max(rough_part(record.y_um), 0.29 * smallest)
+        if ratio > worst[0]:
+            worst = (ratio, smallest, record.name)
+    ratio, smallest, where = worst
+    if ratio >= STEP_RATIO:
+        text = f"{where} moves in steps of {micrometres(smallest)}, more than its noise: errors below a third of a step cannot be judged."
+        return Check(name, ratio, STEP_RATIO, "", "yes", text, "Use a finer range of the recorder.")
+    text = (
+        f"The smallest step of the displacement ({micrometres(smallest)} in {where}) is lost in its noise."
+        if where
+        else "The displacement shows no steps."
+    )
+    return Check(name, ratio, STEP_RATIO, "", "no", text)
+
+
+def feedback(records: Sequence[Record]) -> Check:
+    """Noise of the command that follows the displacement: the loop was closed.
+
+    Parameters
+    ----------
+    records
+        Moving records.
+
+    Notes
+    -----
+    Command and displacement go through the predictor of the command, which leaves what is new in
+    it; in an open loop that has nothing to do with displacements before it.
+    """
+    name = "closed loop"
+    worst: tuple[float, float, str] | None = None
+    for record in records:
+        if record.u_V.size < 40 * _ORDER:
+            continue
+        found = _follows(record.u_V[:_LONGEST], record.y_um[:_LONGEST])
+        if found is not None and (worst is None or found[0] > worst[0]):
+            worst = (*found, record.name)
+    if worst is None:
+        text = (
+            "The commands are free of noise: they were computed beforehand, so the loop was open."
+        )
+        return Check(name, 0.0, FEEDBACK, "", "no", text)
+    value, error, where = worst
+    zone = zone_of(value, error, FEEDBACK)
+    if zone == "yes":
+        text = f"In {where} the command's noise follows the displacement (correlation {digits(value)}): the loop was closed, and noise of the sensor is part of the command."
+        step = "Record with the loop open, or give the voltage at the stack with less noise."
+        return Check(name, value, FEEDBACK, "", zone, text, step)
+    text = f"The command's noise does not follow the displacement (correlation {value:.1g} in {where}): the loop was open."
+    return Check(name, value, FEEDBACK, "", "no", text)
+
+
+def _follows(u: Array, y: Array) -> tuple[float, float] | None:
+    """Largest correlation of what is new in u with y before it, and its error."""
+    x = u - u.mean()
+    swing = float(np.ptp(x))
+    if swing == 0.0:
+        return None
+    columns = np.lib.stride_tricks.sliding_window_view(x, _ORDER + 1)[:, ::-1]
+    past = columns[:, 1:]
+    gram = past.T @ past
+    weights = np.linalg.solve(
+        gram + 1e-12 * np.trace(gram) * np.eye(_ORDER), past.T @ columns[:, 0]
+    )
+    new = columns[:, 0] - past @ weights
+    # what is new at corners and jumps only is no noise
+    if float(np.median(np.abs(new))) / _GAUSSIAN < max(
+        _NOISELESS * swing, 0.3 * float(np.std(new))
+    ):
+        return None
+    along = np.lib.stride_tricks.sliding_window_view(y - y.mean(), _ORDER + 1)[:, ::-1]
+    of_y = along[:, 0] - along[:, 1:] @ weights
+    new, of_y = new - new.mean(), of_y - of_y.mean()
+    power = float(np.sqrt(np.sum(new * new) * np.sum(of_y * of_y)))
+    if power == 0.0:
+        return None
+    values = [abs(float(np.sum(new[lag:] * of_y[:-lag]))) / power for lag in range(1, _LAGS + 1)]
+    return max(values), 1.0 / float(np.sqrt(new.size))
+
+
+def clocks(stretches: Sequence[Periods]) -> Check:
+    """Lag of the displacement that grows with time: two clocks.
+
+    Parameters
+    ----------
+    stretches
+        Steady periods.
+    """
+    name = "two clocks"
+    found = [skew for p in stretches if p.count >= _FEWEST_PERIODS and (skew := _skew(p))]
+    if not found:
+        return cannot_tell(
+            name,
+            "No record holds six steady periods, so it cannot be seen whether command and "
+            "displacement were sampled by one clock.",
+            "Record twenty periods or more of a sine.",
+        )
+    value, error, where = min(found, key=lambda entry: entry[1])
+    zone = zone_of(value, error, SKEW_PPM)
+    if zone == "yes":
+        text = f"In {where} the lag of the displacement changes by {digits(value, 3)} µs a second: command and displacement were sampled by two clocks, or their times are wrong."
+        return Check(
+            name, value, SKEW_PPM, "µs/s", zone, text, "Sample both channels by one clock."
+        )
+    said = "stays the same" if zone == "no" else f"changes by {pm(value, error)} µs a second"
+    end = "one clock." if zone == "no" else "too uncertain."
+    return Check(
+        name, value, SKEW_PPM, "µs/s", zone, f"In {where} the lag of the displacement {said}: {end}"
+    )
+
+
+def _skew(periods: Periods) -> tuple[float, float, str] | None:
+    u, y = (
+        np.fft.rfft(periods.folded(x), axis=1)[1:, 1]
+        for x in (periods.record.u_V, periods.record.y_um)
+    )
+    if np.min(np.abs(u)) < 1e-3 * np.max(np.abs(u)) or not np.all(np.abs(y) > 0.0):
+        return None
+    angle = np.unwrap(np.angle(y / u))
+    t = np.arange(angle.size) / periods.frequency_hz
+    t -= t.mean()
+    slope = float(t @ angle) / float(t @ t)
+    left = angle - angle.mean() - slope * t
+    error = float(np.sqrt(left @ left / max(angle.size - 2, 1) / (t @ t)))
+    scale = 1e6 / (2.0 * np.pi * periods.frequency_hz)
+    return -scale * slope, scale * error, periods.record.name

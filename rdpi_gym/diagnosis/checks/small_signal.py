@@ -1,0 +1,272 @@
+"""Commands below the first threshold: every play sticks, so what is not proportional is no play.
+
+There RDPI of any rate law is y = a_0 u. With G(s) / G(0) = 1 + g1 s + g2 s² + ... the lag is -g1, and
+κ = g1² - 2 g2 tells its kind: 0 for a delay, below 0 for first-order lags, above 0 for a resonance,
+because ln|G| = κ ω² / 2 to first order. It is the series of 1 / G that is fitted: it ends after
+the first term for a first-order lag and after the second for a resonance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rdpi_gym.arrays import Array
+from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
+from rdpi_gym.diagnosis.formats import digits, pm
+from rdpi_gym.diagnosis.periods import Complexes, Periods, harmonics, orders_off_mains
+
+PHASE_RAD = 0.06
+"""A lag counts from this phase at the highest frequency on (rad)."""
+GAIN_PERCENT = 3.0
+"""A change of the gain counts from this on at the highest frequency (%)."""
+DISTORTION_PERCENT = 4.0
+"""Displacement at frequencies that the command does not have (% of the rest, rms)."""
+SMALL = 0.1
+"""Of the widest swing of the data: records that may lie below the first threshold."""
+_EXCITED = 0.02  # of the strongest line
+_CLEAR = 8.0  # standard errors that a line stands above its noise
+_FAR = 1.2  # of ln G: the band in which the series is used
+_NEAR = 0.15  # of ln G: no higher terms are needed
+_KIND = 0.3  # of τ²
+_BEYOND = 3  # times the highest line: where distortion is looked for
+_EXPERIMENT = (
+    "Take an odd random-phase multisine with an amplitude below the first threshold, up to a fifth "
+    "of the sampling rate, in eight periods or more."
+)
+_NAMES = ("lag at small signals", "resonance at small signals", "motion at small signals")
+
+
+@dataclass(frozen=True)
+class SmallSignal:
+    """Response to a small command; each number with its standard error.
+
+    Parameters
+    ----------
+    lag_s
+        τ = -g1 (s).
+    kappa_s2
+        κ (s²).
+    distortion
+        Displacement at frequencies that are not in the command over the rest (1).
+    highest_hz
+        Highest frequency used (Hz).
+    ts_s
+        Sampling time (s).
+    record
+        Name of the record.
+    """
+
+    lag_s: tuple[float, float]
+    kappa_s2: tuple[float, float]
+    distortion: tuple[float, float]
+    highest_hz: float
+    ts_s: float
+    record: str
+
+
+def small_signal(
+    stretches: Sequence[Periods], span_V: float, gain_um_V: float
+) -> tuple[Check, Check, Check]:
+    """Lag, kind of lag, and motion of plays under small commands.
+
+    Parameters
+    ----------
+    stretches
+        Steady periods of the data set.
+    span_V
+        Widest swing of its commands (V), peak to peak.
+    gain_um_V
+        Its stroke over that (µm/V).
+    """
+    small = [p for p in stretches if np.ptp(p.record.u_V[p.part]) <= SMALL * span_V]
+    found = [response for p in small if (response := _response(p)) is not None]
+    still = [p.record.name for p in small if _still(p, gain_um_V)]
+    if not found and still:
+        text = f"In {still[0]} nothing moves at the command's frequencies, so there is no phase."
+        lag, resonance = (cannot_tell(name, text, _EXPERIMENT) for name in _NAMES[:2])
+        text = f"In {still[0]} the displacement does not follow the command at all: motion is lost, as in a gap."
+        motion = Check(_NAMES[2], 100.0, DISTORTION_PERCENT, "%", "yes", text, "", ("backlash",))
+        return lag, resonance, motion
+    if not found:
+        text = (
+            "No periodic record stays below a tenth of the command's widest swing, so lag, delay, "
+            "resonance and the rate law cannot be told apart by small signals."
+        )
+        lag, resonance, motion = (cannot_tell(name, text, _EXPERIMENT) for name in _NAMES)
+        return lag, resonance, motion
+    best = min(found, key=lambda r: r.lag_s[1])
+    motion = _motion(best)
+    if motion.zone == "yes":
+        text = (
+            f"In {best.record} the displacement is not proportional to the command, so its phase is "
+            "not that of a lag alone."
+        )
+        return (
+            cannot_tell(_NAMES[0], text, _EXPERIMENT),
+            cannot_tell(_NAMES[1], text, _EXPERIMENT),
+            motion,
+        )
+    return _lag(best), _resonance(best), motion
+
+
+def _motion(found: SmallSignal) -> Check:
+    value, error = (100.0 * number for number in found.distortion)
+    zone = zone_of(value, error, DISTORTION_PERCENT)
+    facts = (
+        f"In {found.record} {digits(value)} % of the displacement is at frequencies that the command "
+        "does not have"
+    )
+    if zone == "yes":
+        text = f"{facts}: the first threshold lies below this command, or there is backlash."
+    elif zone == "no":
+        text = f"{facts}: every play sticks, and there is no backlash."
+    else:
+        text = f"{facts}: too uncertain to say whether every play sticks."
+    step = (
+        ""
+        if zone == "no"
+        else "Repeat the small multisine at a third of its amplitude: plays stop, backlash grows."
+    )
+    return Check(_NAMES[2], value, DISTORTION_PERCENT, "%", zone, text, step, ("backlash",))
+
+
+def _lag(found: SmallSignal) -> Check:
+    value, error = (1e6 * number for number in found.lag_s)
+    threshold = 1e6 * PHASE_RAD / (2.0 * np.pi * found.highest_hz)
+    zone = zone_of(value, error, threshold)
+    where = f"In {found.record}, up to {digits(found.highest_hz, 3)} Hz,"
+    if zone != "yes" or value < 0:
+        text = f"{where} the lag is {pm(value, error)} µs: " + (
+            "none."
+            if zone == "no"
+            else "too uncertain."
+            if value > 0
+            else "the displacement leads; check the clock of the two channels."
+        )
+        step = "" if zone == "no" else _EXPERIMENT
+        return Check(
+            _NAMES[0],
+            value,
+            threshold,
+            "µs",
+            "no" if zone == "no" else "cannot tell",
+            text,
+            step,
+            ("delay",),
+        )
+    kind, effects = _kind(found)
+    text = f"{where} the displacement lags by {digits(value, 3)} µs at amplitudes where no play moves: {kind}."
+    return Check(_NAMES[0], value, threshold, "µs", zone, text, "", effects)
+
+
+def _kind(found: SmallSignal) -> tuple[str, tuple[str, ...]]:
+    square = found.lag_s[0] ** 2
+    kappa, error = found.kappa_s2
+    # a delay by a part of a sample is the mean of two samples, which looks like a lag
+    blur = 0.25 * found.ts_s**2
+    if kappa > _KIND * square + 3.0 * error:
+        return "the gain rises with it, as of a resonance", ("resonance",)
+    if kappa + 3.0 * error < -_KIND * square - blur:
+        return "the gain falls with it, as of a first-order lag", ("sensor_lag", "actuator_lag")
+    if kappa - 3.0 * error > -(1.0 - _KIND) * square:
+        return "the gain stays, as of a delay", ("delay",)
+    return "too little to tell a delay from a first-order lag", (
+        "delay",
+        "sensor_lag",
+        "actuator_lag",
+    )
+
+
+def _resonance(found: SmallSignal) -> Check:
+    scale = 50.0 * (2.0 * np.pi * found.highest_hz) ** 2
+    value, error = (scale * number for number in found.kappa_s2)
+    zone = zone_of(value, error, GAIN_PERCENT)
+    where = f"In {found.record} the gain at {digits(found.highest_hz, 3)} Hz"
+    if zone == "yes" and value > 0:
+        f0 = np.sqrt(2.0 / found.kappa_s2[0]) / (2.0 * np.pi)
+        text = f"{where} has risen by {digits(value)} %: a resonance near {digits(f0, 3)} Hz."
+    elif zone == "cannot tell":
+        text = f"{where} has changed by {pm(value, error)} %: too uncertain."
+    else:
+        fallen = (
+            f"has fallen by {digits(-value)} %" if zone == "yes" else "is that of low frequencies"
+        )
+        zone = "no"
+        text = f"{where} {fallen}: no resonance in reach."
+    step = _EXPERIMENT if zone == "cannot tell" else ""
+    return Check(_NAMES[1], value, GAIN_PERCENT, "%", zone, text, step, ("resonance",))
+
+
+def _still(periods: Periods, gain_um_V: float) -> bool:
+    """Whether a sensor that sees a tenth of the expected motion sees none."""
+    u = harmonics(periods, periods.record.u_V)
+    y = harmonics(periods, periods.record.y_um)
+    strongest = int(np.argmax(np.abs(u.mean[1:]))) + 1
+    seen = max(abs(y.mean[strongest]), _CLEAR * np.sqrt(y.noise[strongest]))
+    return bool(seen < 0.1 * gain_um_V * abs(u.mean[strongest]))
+
+
+def _response(periods: Periods) -> SmallSignal | None:
+    record = periods.record
+    u, y = harmonics(periods, record.u_V), harmonics(periods, record.y_um)
+    orders = np.arange(1, u.mean.size - 1)
+    size_u, size_y = np.abs(u.mean), np.abs(y.mean)
+    excited = orders[size_u[orders] > _EXCITED * size_u[orders].max()]
+    lines = orders_off_mains(periods, excited)
+    lines = lines[size_y[lines] > _CLEAR * np.sqrt(y.noise[lines])]
+    if lines.size < 2:
+        return None
+    last = min(_BEYOND * int(excited[-1]), int(orders[-1]))
+    silent = orders_off_mains(periods, np.setdiff1d(orders[:last], excited))
+    inverse = u.mean[lines] / y.mean[lines]
+    spread = np.sqrt(y.noise[lines]) / size_y[lines]
+    omega = 2.0 * np.pi * periods.frequency_hz * lines.astype(np.float64)
+    lag, kappa, misfit, highest = _series(omega, inverse / inverse[0], spread)
+    strong, _ = y.rms(excited)
+    other, noise = y.rms(silent)
+    distortion = max((other / strong, noise / strong), misfit)
+    return SmallSignal(lag, kappa, distortion, highest / (2.0 * np.pi), record.ts_s, record.name)
+
+
+Pair = tuple[float, float]
+
+
+def _series(omega: Array, inverse: Complexes, spread: Array) -> tuple[Pair, Pair, Pair, float]:
+    """Lag, κ and misfit (relative) from 1 / G = h_0 (1 + h_1 s + h_2 s² + ...); the highest ω used."""
+    log = np.log(np.abs(inverse)) + 1j * np.unwrap(np.angle(inverse))
+    far = np.flatnonzero(np.abs(log - log[0]) > _FAR)
+    band = slice(0, max(int(far[0]), 2) if far.size else log.size)
+    log, inverse, omega, top = log[band], inverse[band], omega[band], float(omega[band][-1])
+    weight = 1.0 / (np.abs(inverse) * np.maximum(spread[band], 1e-6))
+    x = omega / top
+    higher = np.max(np.abs(log - log[0])) > _NEAR and x.size >= 4
+    even = np.column_stack([np.ones_like(x), x**2, *([x**4] if higher else [])])
+    odd = np.column_stack(
+        [x, *([x**3] if higher else []), *([np.ones_like(x)] if x.size > 3 else [])]
+    )
+    real, real_error, misfit_real = _fit(even, inverse.real, weight)
+    imaginary, imaginary_error, misfit_imaginary = _fit(odd, inverse.imag, weight)
+    lag, lag_error = imaginary[0] / real[0] / top, imaginary_error[0] / abs(real[0]) / top
+    h2, h2_error = -real[1] / real[0] / top**2, real_error[1] / abs(real[0]) / top**2
+    kappa = 2.0 * h2 - lag**2
+    kappa_error = float(np.hypot(2.0 * h2_error, 2.0 * lag * lag_error))
+    # of a misfit that noise would leave too, nothing is certain
+    excess = max(misfit_real**2 + misfit_imaginary**2 - 2.0, 0.0)
+    typical = float(np.median(spread[band]))
+    misfit = (float(np.sqrt(excess)) * typical, typical)
+    return (lag, lag_error), (kappa, kappa_error), misfit, top
+
+
+def _fit(columns: Array, y: Array, weight: Array) -> tuple[Array, Array, float]:
+    """Weighted least squares: solution, standard errors, root mean square of the weighted misfit."""
+    rows = columns * weight[:, None]
+    inverse = np.linalg.pinv(rows.T @ rows)
+    solution = inverse @ (rows.T @ (y * weight))
+    left = rows @ solution - y * weight
+    freedom = len(y) - columns.shape[1]
+    misfit = float(np.sqrt(left @ left / freedom)) if freedom > 0 else 1.0
+    # lines that do not lie on the series make the result less certain
+    return solution, np.sqrt(np.diag(inverse)) * max(1.0, misfit), misfit

@@ -1,0 +1,257 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmarks.tracking import fingerprint, run
+from benchmarks.tracking.evaluation import evaluate
+from benchmarks.tracking.leaderboard import COLUMNS
+from benchmarks.tracking.results import write_tables
+from benchmarks.tracking.selection import select
+from benchmarks.tracking.store import key
+from benchmarks.tracking.tasks import row_keys
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import P5
+
+MINE = """
+import numpy as np
+from baselines import make_controller
+
+def static(belief, layout):
+    return make_controller("classical-static", belief, layout)
+
+class Raises:
+    def __init__(self, belief, layout):
+        pass
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        raise RuntimeError("out of\\nideas; sorry")
+
+class NaN:
+    def __init__(self, belief, layout):
+        pass
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        k = 0 if state is None else state
+        return np.full((len(observation), 1), np.nan if k > 20 else 0.0, np.float32), k + 1
+
+class WrongShape(Raises):
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        return np.zeros((len(observation), 2)), None
+
+class Beyond(Raises):
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        return np.full((len(observation), 1), 3.0), None
+"""
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch, request):
+    # a name of its own for each test, so that no other test's module is found under it
+    name = f"mine_{request.node.name.translate(str.maketrans('[]-:', '____'))}"
+    (tmp_path / f"{name}.py").write_text(MINE)
+    monkeypatch.syspath_prepend(tmp_path)
+    return name
+
+
+def small(controllers=("none", "classical-static"), seeds=(0, 1)):
+    return select(controllers, ["P5"], ["sine", "steps"], [1e-3], seeds)
+
+
+def scores(outcome):
+    return [
+        {name: value for name, value in row.items() if name != "microseconds_per_sample"}
+        for row in outcome.rows
+    ]
+
+
+def test_every_row_that_was_asked_for_is_there_and_in_order(tmp_path):
+    selection = small()
+    outcome = run.benchmark(selection, tmp_path, jobs=1)
+    # 4 sines and the steps, 2 seeds, the oracle beside the two that were asked for
+    assert [row["controller"] for row in outcome.rows] == [
+        name for name in ("none", "classical-static", "preview-oracle") for _ in range(10)
+    ]
+    assert [row["seed"] for row in outcome.rows[:4]] == [0, 1, 0, 1]
+    table = evaluate(selection, outcome).table
+    assert tuple(table.columns) == COLUMNS
+    assert set(table["controller"]) == {"none", "classical-static"}
+    assert (table["belief"] == "P5").all()
+    assert (table["status"] == "ok").all()
+
+
+def test_results_do_not_depend_on_the_number_of_workers(tmp_path):
+    one = run.benchmark(small(), tmp_path / "one", jobs=1)
+    two = run.benchmark(small(), tmp_path / "two", jobs=2)
+    assert scores(one) == scores(two)
+
+
+def test_an_interrupted_run_continues_where_it_stopped(tmp_path, monkeypatch):
+    whole = run.benchmark(small(), tmp_path / "whole", jobs=1)
+    calls = []
+
+    def counted(task):
+        calls.append(task)
+        return original(task)
+
+    original = run.run_task
+    monkeypatch.setattr(run, "run_task", counted)
+
+    def interrupt(done, total):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run.benchmark(small(), tmp_path / "cut", jobs=1, progress=interrupt)
+    finished = len(calls)
+    kept = run.RowStore(tmp_path / "cut" / run.ROWS_FILE).rows
+    assert 0 < len(kept) < len(whole.rows)
+
+    outcome = run.benchmark(small(), tmp_path / "cut", jobs=1)
+    assert scores(outcome) == scores(whole)
+    assert outcome.computed == len(whole.rows) - len(kept)
+    again = {k for task in calls[finished:] for k in row_keys(task)}
+    assert again.isdisjoint(kept)
+    assert run.benchmark(small(), tmp_path / "cut", jobs=1).computed == 0
+
+
+def test_a_torn_line_costs_its_row_only(tmp_path):
+    whole = run.benchmark(small(), tmp_path, jobs=1)
+    path = tmp_path / run.ROWS_FILE
+    path.write_bytes(path.read_bytes()[:-30])
+    outcome = run.benchmark(small(), tmp_path, jobs=1)
+    assert outcome.computed == 1
+    assert "torn" in outcome.notes[0]
+    assert scores(outcome) == scores(whole)
+
+
+def test_rows_of_changed_code_are_set_aside(tmp_path, monkeypatch):
+    first = run.benchmark(small(), tmp_path, jobs=1)
+    monkeypatch.setattr(run, "code_fingerprint", lambda: "another")
+    second = run.benchmark(small(), tmp_path, jobs=1)
+    assert second.computed == len(first.rows)
+    assert "set aside in rows-stale-1.jsonl" in second.notes[0]
+    aside = run.RowStore(tmp_path / "rows-stale-1.jsonl").rows
+    assert set(aside) == {key(row) for row in first.rows}
+
+
+def test_only_the_rows_of_a_changed_controller_are_set_aside(tmp_path, mine):
+    selection = small(["none", f"{mine}:static"])
+    run.benchmark(selection, tmp_path / "out", jobs=1)
+    with (tmp_path / f"{mine}.py").open("a") as stream:
+        stream.write("# changed\n")
+    outcome = run.benchmark(selection, tmp_path / "out", jobs=1)
+    assert outcome.computed == 10
+
+
+def test_the_fingerprint_depends_on_the_plant_and_on_every_source_file():
+    changed = P5.with_hysteresis(P5.hysteresis.static())
+    name = "none"
+    assert fingerprint.task_fingerprint(name, P5) != fingerprint.task_fingerprint(name, changed)
+    assert fingerprint.task_fingerprint(name, P5) == fingerprint.task_fingerprint(name, P5)
+
+
+def test_a_controller_of_ones_own_scores_as_the_same_baseline(tmp_path, mine):
+    outcome = run.benchmark(small(["classical-static", f"{mine}:static"]), tmp_path, jobs=1)
+    rmse = {}
+    for row in outcome.rows:
+        rmse.setdefault(row["controller"], []).append(row["rmse_um"])
+    assert rmse[f"{mine}:static"] == rmse["classical-static"]
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("Raises", "failed: RuntimeError: out of ideas, sorry"),
+        ("NaN", "failed: the controller's action at sample 22 is not finite"),
+        ("WrongShape", "failed: ValueError: "),
+    ],
+)
+def test_a_controller_that_fails_leaves_rows_that_say_so_and_the_others_go_on(
+    tmp_path, mine, name, reason
+):
+    selection = small([f"{mine}:{name}", "none"])
+    outcome = run.benchmark(selection, tmp_path, jobs=1)
+    failed = [row for row in outcome.rows if row["controller"] == f"{mine}:{name}"]
+    assert all(row["status"].startswith(reason) for row in failed)
+    results = evaluate(selection, outcome)
+    assert results.order == ["none", f"{mine}:{name}"]
+    text = write_tables(tmp_path, results).read_text()
+    assert "`failed`" in text
+    table = pd.read_csv(tmp_path / "leaderboard.csv")
+    assert tuple(table.columns) == COLUMNS
+    numbers = table.drop(columns=["microseconds_per_sample", "status"])
+    assert numbers.loc[table["controller"] == "none"].notna().all().all()
+    assert table.loc[table["controller"] != "none", "rmse_um"].isna().all()
+
+
+def test_failed_rows_are_tried_again(tmp_path, mine):
+    needs = tmp_path / "weights"
+    with (tmp_path / f"{mine}.py").open("a") as stream:
+        stream.write(
+            "from pathlib import Path\n"
+            "def trained(belief, layout):\n"
+            f"    Path({str(needs)!r}).read_text()\n"
+            "    return static(belief, layout)\n"
+        )
+    selection = small([f"{mine}:trained"])
+    first = run.benchmark(selection, tmp_path / "out", jobs=1)
+    assert first.rows[0]["status"].startswith("failed: FileNotFoundError")
+    needs.write_text("here")
+    second = run.benchmark(selection, tmp_path / "out", jobs=1)
+    assert second.computed == 10  # the oracle's rows are kept
+    assert {row["status"] for row in second.rows} == {"ok"}
+
+
+def test_actions_beyond_the_range_are_clipped_and_said_to_be_saturated(tmp_path, mine):
+    outcome = run.benchmark(small([f"{mine}:Beyond"]), tmp_path, jobs=1)
+    rows = [row for row in outcome.rows if row["controller"] != "preview-oracle"]
+    assert all(row["saturated_percent"] == 100.0 for row in rows)
+    assert all("saturated: 100 %" in row["status"] for row in rows)
+    assert all("diverged: " in row["status"] for row in rows)
+
+
+def test_traces_are_kept_of_the_first_seed(tmp_path):
+    outcome = run.benchmark(small(seeds=(0, 1)), tmp_path, jobs=1)
+    assert {row["seed"] for row in outcome.rows if "trace" in row} == {0}
+    trace = next(row["trace"] for row in outcome.rows if "trace" in row)
+    error = np.subtract(trace["reference_um"], trace["displacement_um"])
+    np.testing.assert_allclose(trace["error_um"], error, atol=1e-3)
+
+
+def test_noise_free_static_inverse_is_exact_on_a_static_plant(tmp_path):
+    selection = select(["classical-static"], ["P5-static"], ["sine", "triangle"], [1e-3], [0])
+    outcome = run.benchmark(selection, tmp_path, jobs=1)
+    # actions are float32, about 1e-6 V of the range
+    assert all(row["max_um"] < 1e-5 for row in outcome.rows)
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"controllers": ["clasical-static"]}, "did you mean 'classical-static'"),
+        ({"plants": ["P10-statik"]}, "did you mean 'P10-static'"),
+        ({"references": ["sinus"]}, "did you mean 'sine'"),
+        ({"plants": ["missing.json"]}, "does not exist"),
+        ({"ts_s": [0.0]}, "give a sampling time above 0 s"),
+        ({"ts_s": [float("nan")]}, "give a sampling time above 0 s"),
+        ({"ts_s": [0.5]}, "no reference among"),
+        ({"controllers": []}, "nothing to score"),
+        ({"controllers": ["no_such_module:thing"]}, "cannot be imported"),
+        ({"plants": ["math:pi"]}, "'math:pi' is float"),
+    ],
+)
+def test_bad_requests_are_refused_in_one_line(asked, said):
+    with pytest.raises(InputError, match=said) as error:
+        select(**{"plants": ["P5"], **asked})
+    assert "\n" not in str(error.value)
+
+
+def test_two_plants_of_one_name_are_refused(tmp_path):
+    path = P5.save(tmp_path / "mine.json")
+    with pytest.raises(InputError, match="two different plants are named 'P5'"):
+        select(plants=["P5", str(path)])
+
+
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(InputError, match="is a file"):
+        run.benchmark(small(), tmp_path / "out", jobs=1)
+    assert (tmp_path / "out").read_text() == "mine"

@@ -1,0 +1,168 @@
+"""The laboratory names a hidden effect, stays silent without one, and says what it cannot know."""
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from benchmarks.independent import simulate_truth
+from rdpi_gym.diagnosis.discover import add_effect, diagnose, discover
+from rdpi_gym.errors import InputError
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant import P10, Plant, PlantModel
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects.sensor_lag import SensorLag
+from rdpi_gym.signals import BandLimitedNoise, DecayingSine, Multisine, Sine
+from rdpi_gym.signals.experiments import polyline
+
+NOISE_UM = 0.012
+_WALK = polyline([0.0, 40.0, -40.0, 30.0, -20.0, 12.0, -8.0, 3.0, 0.0], 400.0)
+_SMALL = Multisine(amplitude_um=0.7, frequency_hz=20.0, lines=25, odd=True, seed=1)
+_RECORDS = {
+    "walk": (_WALK, 5e-4, 0.8),
+    "sine-50hz": (Sine(amplitude_um=40.0, frequency_hz=50.0), 2.5e-5, 0.1),
+    "sine-200hz": (Sine(amplitude_um=10.0, frequency_hz=200.0), 2.5e-5, 0.05),
+    "small": (_SMALL, 5e-5, 0.1),
+    "validation-noise": (
+        BandLimitedNoise(
+            amplitude_um=32.0, high_hz=150.0, repeat_s=0.2, seed=3, smooth_start_s=0.02
+        ),
+        5e-5,
+        0.2,
+    ),
+    "validation-sine": (DecayingSine(amplitude_um=38.0, frequency_hz=30.0, decay_s=0.1), 5e-5, 0.2),
+}
+
+
+def laboratory_data(
+    effects: list[dict[str, object]], seed: int = 0, disturbance_um: float = 0.0
+) -> Dataset:
+    """Records of P10 with effects, 12 nm of noise, and a force that nobody recorded."""
+    rng = np.random.default_rng(seed)
+    records, clock = [], 0.0
+    for name, (signal, ts, duration) in _RECORDS.items():
+        t = np.arange(round(duration / ts)) * ts
+        u = np.asarray(signal(t))
+        y = simulate_truth(asdict(P10.hysteresis), effects, t + clock, u)
+        y = y + NOISE_UM * rng.standard_normal(len(t))
+        if disturbance_um:
+            y += disturbance_um * np.sin(2 * np.pi * rng.uniform(20, 60) * t + rng.uniform(0, 6))
+        role = "validation" if name.startswith("validation") else "train"
+        records.append(Record(name, t + clock, u, y, ts_s=ts, role=role))
+        clock += duration + 1.0
+    return Dataset("a small study", tuple(records))
+
+
+FEW = {name: CATALOGUE[name] for name in ("sensor_lag", "asymmetry", "gain_drift", "backlash")}
+LAG = {"effect": "sensor_lag", "time_constant_s": 1.5e-4}
+BEND = {"effect": "asymmetry", "coefficient": 0.03, "span_um": 40.0}
+
+
+@pytest.fixture(scope="module")
+def lagging():
+    return laboratory_data([LAG])
+
+
+def test_a_hidden_effect_is_named_with_its_parameter(lagging):
+    found = discover(lagging, catalogue=FEW)
+    assert [step.effect for step in found.steps] == ["sensor_lag"]
+    step = found.steps[0]
+    assert step.parameters["time_constant_s"] == pytest.approx(1.5e-4, rel=0.02)
+    assert step.confidence >= 0.95
+    assert found.verdict == "explained"
+    assert step.errors.validation_rmse_um < 1.15 * NOISE_UM
+    assert found.base.validation_rmse_um > 5 * NOISE_UM
+
+
+def test_two_hidden_effects_are_both_found():
+    found = discover(laboratory_data([LAG, BEND]), catalogue=FEW)
+    assert {step.effect for step in found.steps} == {"sensor_lag", "asymmetry"}
+    assert found.verdict == "explained"
+
+
+def test_nothing_hidden_is_called_nothing():
+    found = discover(laboratory_data([]), catalogue=FEW)
+    assert found.steps == ()
+    assert found.verdict == "no missing effect"
+    assert found.noise_floor_um == pytest.approx(NOISE_UM, rel=0.1)
+
+
+def test_a_force_that_nobody_recorded_is_not_renamed():
+    found = discover(laboratory_data([], disturbance_um=0.2), catalogue=FEW)
+    assert found.verdict == "unexplained"
+    assert found.unexplained_rmse_um > 2 * NOISE_UM
+    assert "does not follow from the recorded input" in found.remainder
+
+
+def test_the_sign_of_y_and_the_order_of_records_do_not_matter(lagging):
+    turned = tuple(replace(r, y_um=-r.y_um) for r in reversed(lagging.records))
+    found = discover(Dataset("turned", turned), catalogue=FEW)
+    assert [step.effect for step in found.steps] == ["sensor_lag"]
+    assert any("sign was turned" in note for note in found.notes)
+
+
+def test_the_model_found_runs_as_a_plant(lagging, tmp_path):
+    found = discover(lagging, catalogue=FEW)
+    model = PlantModel.load(found.model.save(tmp_path / "model.json"))
+    record = lagging.records[1]
+    left = record.y_um - Plant(model, record.ts_s).simulate(record.u_V)
+    assert np.std(left) < 1.5 * NOISE_UM
+
+
+def test_the_files_hold_json_and_the_promised_keys(lagging):
+    document = discover(lagging, catalogue=FEW).to_dict()
+    assert json.loads(json.dumps(document, allow_nan=False))["format"] == "rdpi-discovery"
+    promised = {
+        "format", "version", "units", "noise_floor", "base", "steps", "verdict",
+        "unexplained_rmse", "next_experiment", "seconds",
+    }  # fmt: skip
+    assert promised <= set(document)
+    step = {
+        "effect", "train_rmse", "validation_rmse", "validation_nrmse_percent", "parameters",
+        "standard_errors", "confidence", "indistinguishable", "evidence",
+    }  # fmt: skip
+    assert step <= set(document["steps"][0])
+
+
+def test_a_diagnosis_ranks_every_candidate(lagging):
+    found = diagnose(lagging, catalogue=FEW)
+    assert next(c.effect for c in found.candidates) == "sensor_lag"
+    assert {c.effect for c in found.candidates} == set(FEW)
+    assert found.to_dict()["format"] == "rdpi-diagnosis"
+
+
+def test_an_interrupted_run_goes_on_from_its_candidates(lagging, tmp_path):
+    path = tmp_path / "candidates.jsonl"
+    first = diagnose(lagging, catalogue=FEW, checkpoint=path)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:2]) + '\n{"key": "cut o')
+    stages: list[tuple[int, int]] = []
+    again = diagnose(
+        lagging, catalogue=FEW, checkpoint=path,
+        progress=lambda stage, done, total: stages.append((done, total)),
+    )  # fmt: skip
+    assert (2, 4) in stages
+    assert (1, 4) not in stages
+    assert [c.effect for c in again.candidates] == [c.effect for c in first.candidates]
+
+
+def test_adding_an_effect_that_is_not_earned_is_said(lagging):
+    bare = P10
+    found = add_effect(lagging, bare, FEW["gain_drift"])
+    assert [step.effect for step in found.steps] == ["gain_drift"]
+    assert "do not earn it" in found.notes[0]
+    with pytest.raises(InputError, match="already"):
+        add_effect(lagging, replace(bare, effects=(SensorLag(),)), FEW["sensor_lag"])
+
+
+def test_one_slow_sine_is_too_poor_to_decide():
+    t = np.arange(4000) * 1e-3
+    u = 30.0 * np.sin(2 * np.pi * t)
+    y = Plant(P10, 1e-3).simulate(u) + NOISE_UM * np.random.default_rng(0).standard_normal(4000)
+    data = Dataset("poor", (Record("sine", t, u, y, ts_s=1e-3),))
+    found = discover(data, catalogue=FEW)
+    assert found.steps == ()
+    assert found.verdict == "unexplained"
+    assert "too poor to decide" in found.remainder
+    assert "standard protocol" in (found.next_experiment or "")

@@ -1,0 +1,279 @@
+"""The pages of the laboratory: every result can be drawn, and says in words what it shows."""
+
+from dataclasses import replace
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from rdpi_gym.diagnosis.residual_views import residual_profiles, view_trace
+from rdpi_gym.diagnosis.results import View
+from rdpi_gym.plant import P5
+from rdpi_gym.report import candidate_sections as candidates
+from rdpi_gym.report import discovery_figures, view_figures
+from rdpi_gym.report.discovery_page import write_discovery_page
+from rdpi_gym.report.discovery_words import found, stages, staircase, verdict_sentence
+from rdpi_gym.report.view_sections import MOST_VIEWS, view_sections
+
+
+def page_of(result, tmp_path):
+    return write_discovery_page(tmp_path / "report.html", "a <b>stage</b>", result).read_text(
+        encoding="utf-8"
+    )
+
+
+NOTHING = {
+    "steps": (), "rounds": (), "verdict": "no missing effect", "next_experiment": None,
+    "checks": (), "indistinguishable": (), "notes": (), "given": None,
+}  # fmt: skip
+
+
+def changed_views(made_discovery, change):
+    return made_discovery(views=tuple(change(view) for view in made_discovery().views))
+
+
+CASES = {
+    "two steps": lambda make: make(),
+    "no steps, nothing tried": lambda make: make(**NOTHING),
+    "candidates tried, none earned": lambda make: make(**{**NOTHING, "rounds": make().rounds[-1:]}),
+    "no records to show": lambda make: make(views=()),
+    "one record, one model": lambda make: make(
+        **NOTHING, views=(replace(make().views[0], models_um={"base model": make().views[0].y_um}),)
+    ),
+    "a step taken out again": lambda make: make(steps=make().steps[:1], removed=("resonance",)),
+    "a noise floor of zero": lambda make: make(noise_floor_um=0.0),
+    "the mask as numbers": lambda make: changed_views(
+        make, lambda view: replace(view, counted=view.counted.astype(float))
+    ),
+    "nothing counts in a record": lambda make: changed_views(
+        make, lambda view: replace(view, counted=np.zeros_like(view.counted))
+    ),
+    "the command at rest": lambda make: changed_views(
+        make, lambda view: replace(view, u_V=np.zeros_like(view.u_V))
+    ),
+    "sixteen samples": lambda make: changed_views(
+        make,
+        lambda view: View(
+            view.name,
+            view.role,
+            view.t_s[100:116],
+            view.u_V[100:116],
+            view.y_um[100:116],
+            {label: y[100:116] for label, y in view.models_um.items()},
+            view.counted[100:116],
+        ),
+    ),
+    "names that look like markup": lambda make: changed_views(
+        make,
+        lambda view: replace(view, models_um={"<b>x</b>": view.y_um, "<i>y</i>": view.y_um}),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_page_is_written(case, made_discovery, tmp_path):
+    result = case(made_discovery)
+    text = page_of(result, tmp_path)
+    assert f"<p>{verdict_sentence(result)}</p>" in text
+    assert "a &lt;b&gt;stage" in text
+    assert "<b>x</b>" not in text
+    for check in result.checks:
+        assert text.count(f"<li>{check}</li>") == 1
+
+
+def test_verdict_states_errors_and_names(made_discovery):
+    assert verdict_sentence(made_discovery()) == (
+        "Explained: adding creep and resonance bring the validation error from 0.8 µm to 0.021 µm; "
+        "the noise floor is 0.02 µm."
+    )
+    nothing = made_discovery(**NOTHING)
+    assert verdict_sentence(nothing).startswith("No missing effect: the model without further")
+    assert "no candidate was tried" in verdict_sentence(replace(nothing, verdict="unexplained"))
+    tried = replace(nothing, verdict="unexplained", rounds=made_discovery().rounds)
+    assert "no candidate earns its place" in verdict_sentence(tried)
+
+
+def test_what_cannot_be_told_apart_is_said(made_discovery, tmp_path):
+    said = "These records cannot tell apart: delay and sensor_lag; creep and thermal_drift."
+    assert said in page_of(made_discovery(), tmp_path)
+    assert "cannot tell apart" not in page_of(made_discovery(indistinguishable=()), tmp_path)
+
+
+def test_diagnosis_speaks_of_what_would_be(made_diagnosis, tmp_path):
+    result = made_diagnosis()
+    assert [finding.effect for finding in found(result)] == ["creep"]
+    assert "adding creep would bring the validation error from 0.8 µm to 0.1 µm, yet" in (
+        verdict_sentence(result)
+    )
+    text = page_of(result, tmp_path)
+    assert "Nothing has been added to the model yet" in text
+    assert "<li>delay: delay makes the loops" in text
+
+
+def test_diagnosis_that_earns_nothing_chooses_nothing(made_diagnosis, tmp_path):
+    views = tuple(
+        replace(view, models_um={"base model": view.y_um}) for view in made_diagnosis().views
+    )
+    result = made_diagnosis(views=views, chosen=())
+    assert found(result) == ()
+    assert len(staircase(result)) == 2
+    section = candidates.candidate_sections(result)[0]
+    assert {trace.name for trace in section.figure.data if trace.type == "bar"} == {"others"}
+    page_of(result, tmp_path)
+
+
+def test_pair_is_one_step_of_the_staircase(made_discovery):
+    creep, resonance = made_discovery().steps
+    pair = made_discovery(
+        steps=(replace(creep, errors=resonance.errors), resonance),
+        rounds=made_discovery().rounds[:1],
+    )
+    assert [len(stage) for stage in stages(pair)] == [2]
+    assert [name for name, _ in staircase(pair)][-1] == "+ creep + resonance"
+
+
+def test_rounds_name_what_was_there(made_discovery):
+    section = candidates.candidate_sections(made_discovery())[0]
+    assert list(section.figure) == [
+        "Round 1",
+        "Round 2: added to creep",
+        "Round 3: added to creep and resonance",
+    ]
+    reference = [
+        next(t.name for t in figure.data if t.name.startswith("without"))
+        for figure in section.figure.values()
+    ]
+    assert reference == [f"without a candidate, {um} µm" for um in ("0.8", "0.1", "0.021")]
+
+
+def test_effect_taken_out_again_is_shown_where_it_was_taken(made_discovery):
+    whole = made_discovery()
+    result = made_discovery(steps=whole.steps[:1], removed=("resonance",))
+    assert list(candidates.candidate_sections(result)[0].figure)[2].endswith("creep and resonance")
+
+
+def bars(figure):
+    return {
+        str(name): (trace.name, x, text)
+        for trace in figure.data
+        if trace.type == "bar"
+        for name, x, text in zip(trace.y, trace.x, trace.text, strict=True)
+    }
+
+
+def test_ranking_keeps_runaways_and_failures_on_the_axis(made_discovery):
+    result = made_discovery()
+    first = next(iter(candidates.candidate_sections(result)[0].figure.values()))
+    reach = first.layout.xaxis.range[1]
+    drawn = bars(first)
+    assert drawn["creep"] == ("the choice", 0.1, "0.1")
+    assert drawn["thermal_drift"] == ("others", reach, "64 → (!)")
+    group, length, text = drawn["backlash"]
+    assert (group, text) == ("others", "did not converge")
+    assert 0.0 < length < 0.01 * reach
+    second = list(candidates.candidate_sections(result)[0].figure.values())[1]
+    assert bars(second)["delay"][0] == "not to be told from it"
+
+
+def test_staircase_holds_every_error_and_the_floor(made_discovery):
+    figure = discovery_figures.staircase(staircase(made_discovery()), 0.02)
+    assert list(figure.data[0].y) == [0.9, 0.8, 0.1, 0.021]
+    assert list(figure.data[0].x)[-2:] == ["+ creep", "+ resonance"]
+    floor = figure.layout.shapes[0]
+    assert (floor.y0, floor.y1) == (0.02, 0.02)
+    assert figure.layout.yaxis.type == "log"
+    buttons = figure.layout.updatemenus[0].buttons
+    assert [b.args[0]["yaxis.type"] for b in buttons] == ["linear", "log"]
+
+
+def test_left_out_stretch_and_noise_band_are_both_shaded(made_discovery):
+    figure = view_figures.over_time(made_discovery().views[0], 0.02)
+    shapes = figure.layout.shapes
+    assert {(s.y0, s.y1) for s in shapes if s.yref == "y2"} == {(-0.02, 0.02)}
+    assert {(s.x0, s.x1) for s in shapes if s.yref == "paper"} == {(0.0, 0.049)}
+
+
+def test_models_between_first_and_last_wait_for_a_click(made_discovery):
+    view = made_discovery().views[0]
+    three = replace(view, models_um=dict.fromkeys(("base", "creep", "both"), view.y_um))
+    visible = {t.name: t.visible for t in view_figures.loops(three, 0.02).data}
+    assert visible["creep"] == "legendonly"
+    assert visible["base"] is True
+    assert visible["both"] is True
+
+
+def test_every_axis_carries_its_unit(made_discovery):
+    result = made_discovery()
+    figures = []
+    for section in (*view_sections(result), *candidates.candidate_sections(result)):
+        figures += section.figure.values()
+    stairs = staircase(result)
+    figures.append(discovery_figures.records(stairs, {}, 0.02))
+    figures.append(discovery_figures.staircase(stairs, 0.02))
+    for figure in figures:
+        titles = [
+            axis.title.text
+            for axis in (*figure.select_xaxes(), *figure.select_yaxes())
+            if axis.title.text
+        ]
+        assert titles
+        for title in titles:
+            assert any(f"({unit}" in title for unit in ("µm", "V", "s", "Hz", "%")), title
+
+
+def test_many_records_keep_the_page_small(made_discovery, tmp_path):
+    view = made_discovery().views[0]
+    repeated = {
+        key: np.tile(getattr(view, key), 20) for key in ("t_s", "u_V", "y_um", "counted")
+    }  # fmt: skip
+    repeated["t_s"] = np.arange(repeated["u_V"].size) * 1e-3
+    models = {label: np.tile(y, 20) for label, y in view.models_um.items()}
+    views = tuple(
+        View(f"record {i}", "train", models_um=models, **repeated) for i in range(MOST_VIEWS + 3)
+    )
+    path = write_discovery_page(tmp_path / "report.html", "many", made_discovery(views=views))
+    assert path.stat().st_size < 15e6
+    assert f"Of {MOST_VIEWS + 3} records the first {MOST_VIEWS}" in path.read_text(encoding="utf-8")
+
+
+def test_parameters_of_an_unknown_effect_are_listed(made_discovery, tmp_path):
+    own = replace(made_discovery().steps[0], effect="wobble", parameters={"depth_um": 1.5})
+    rows = candidates.parameter_sections(made_discovery(steps=(own,), model=P5), {})[0].table
+    assert rows.to_dict("records")[0]["value"] == 1.5
+    page_of(made_discovery(steps=(own,)), tmp_path)
+
+
+def creeping(step_V, seconds, ts_s=1e-2):
+    """Two opposite steps, displacement going on by 0.1 µm a decade in the direction of each."""
+    half = round(seconds / ts_s)
+    k = np.arange(1, half)
+    onward = np.concatenate([[0.0], 0.1 * np.log10(k)])
+    u = np.repeat([0.0, step_V, 0.0], [10, half, half])
+    y = u + np.concatenate([np.zeros(10), onward, -onward])
+    t = np.arange(u.size) * ts_s
+    return View("steps", "train", t, u, y, {"base": u}, np.ones(u.size, dtype=bool))
+
+
+def test_creep_is_a_straight_line_over_the_logarithm_of_the_hold():
+    hold = residual_profiles(view_trace(creeping(10.0, 40.0), "base")).hold
+    assert hold is not None
+    late = hold.x > 0.2
+    # the sample after the step is the first of the hold
+    np.testing.assert_allclose(
+        np.diff(hold.mean_um[late]) / np.diff(np.log10(hold.x[late])), 0.1, rtol=0.1
+    )
+
+
+def test_spectrum_of_noise_is_its_floor(made_discovery):
+    rng = np.random.default_rng(0)
+    t = np.arange(40_000) * 1e-3
+    noise = 0.05 * rng.standard_normal(t.size)
+    view = View(
+        "r", "train", t, np.sin(t), np.sin(t) + noise, {"base": np.sin(t)}, np.ones(t.size, bool)
+    )
+    profiles = residual_profiles(view_trace(view, "base"))
+    # white noise of σ has the density σ √(2 Ts)
+    assert np.sqrt(np.mean(profiles.density_um**2)) == pytest.approx(0.05 * np.sqrt(2e-3), rel=0.03)
+    assert profiles.hold is None
+    figure = view_figures.residuals({"base": profiles}, 0.05, 1e-3)
+    assert isinstance(figure, go.Figure)
