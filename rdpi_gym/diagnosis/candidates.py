@@ -26,7 +26,9 @@ PIECES = 8
 # Passes in which every start of a candidate shows which optimum is worth the rest.
 _FIRST_PASSES = 6
 # Along a cusp: reach in the parameter's logarithm, sections, and passes for everything else.
-_CUSP_REACH, _CUSP_STEPS, _CUSP_PASSES = 0.2, 18, 5
+_CUSP_REACH, _CUSP_STEPS, _CUSP_PASSES = 0.2, 16, 3
+# Only where the starts differ by this factor does the parameter matter at all.
+_CUSP_SHOWS = 0.98
 
 Progress = Callable[[str, int, int], None]
 
@@ -124,11 +126,12 @@ def refit(
     first: list[JointFit] = []
     troubles: list[str] = []
     held = frozenset() if kind.kinked is None else frozenset({f"{kind.name}.{kind.kinked}"})
+    first_passes = _CUSP_PASSES if held else _FIRST_PASSES
     for start in kind.starts(setting.scale):
         effects = in_chain_order([*present, start])
         try:
             first.append(
-                fit_joint(setting.train, hysteresis, effects, passes=_FIRST_PASSES, held=held)
+                fit_joint(setting.train, hysteresis, effects, passes=first_passes, held=held)
             )
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
             troubles.append(str(error))
@@ -140,7 +143,8 @@ def refit(
             kind.name, None, nowhere, np.zeros((0, PIECES)), f"did not converge: {reason}"
         )
     best = min(first, key=lambda fit: fit.train_rmse_um)
-    if kind.kinked is not None:
+    worst = max(fit.train_rmse_um for fit in first)
+    if kind.kinked is not None and best.train_rmse_um < _CUSP_SHOWS * worst:
         best = _along_cusp(setting, best, kind.name, kind.kinked)
     if held or not best.converged:
         best = fit_joint(setting.train, best.variant.hysteresis, best.variant.effects)

@@ -85,7 +85,7 @@ def steady_periods(record: Record, cycles: HalfCycles) -> Periods | None:
     >>> record = Record("sine", t, u, 2 * u, ts_s=1e-3)
     >>> found = steady_periods(record, half_cycles(u, 1e-3))
     >>> round(found.length, 3), found.count
-    (125.0, 7)
+    (125.0, 8)
     """
     if record.is_quiet:
         return None

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from rdpi_gym.diagnosis.checks.bias import Loop
 from rdpi_gym.diagnosis.checks.check import Check, Zone, cannot_tell, zone_of
 from rdpi_gym.diagnosis.formats import digits, pm
@@ -36,17 +34,14 @@ def gain_over_amplitude(loops: Sequence[Loop]) -> Check:
     loops
         Closed loops of the data set.
     """
-    # of many loops, some of each size
     fastest = max((loop.rate_V_s for loop in loops), default=0.0)
     slowest = min((loop.rate_V_s for loop in loops), default=0.0)
     limit = max(_SLOW * fastest, 1.1 * slowest)
     slow = [loop for loop in loops if loop.rate_V_s <= limit]
     order = sorted(slow, key=lambda loop: loop.span_V)
-    chosen = (
-        [order[i] for i in np.unique(np.linspace(0, len(order) - 1, _MOST).astype(int))]
-        if order
-        else []
-    )
+    # of many loops, some of each size
+    every = max(1, len(order) // _MOST)
+    chosen = order[::every]
     changes = [
         (100.0 * (large.gain_um_V / small.gain_um_V - 1.0), _error(small, large), small, large)
         for i, small in enumerate(chosen)

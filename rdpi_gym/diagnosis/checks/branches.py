@@ -1,4 +1,4 @@
-"""Gain along a branch and over amplitude: a play model's never falls, so a fall is saturation."""
+"""Gain along a branch: a play model's never falls, so a fall is saturation."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rdpi_gym.arrays import Array
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
 from rdpi_gym.diagnosis.formats import digits
 from rdpi_gym.diagnosis.periods import Periods, harmonics, orders_off_mains
@@ -75,7 +76,7 @@ def _second_is_clear(periods: Periods) -> bool:
     return orders_off_mains(periods, np.array([2])).size > 0
 
 
-def _even_share(periods: Periods, x: np.ndarray) -> tuple[float, float] | None:
+def _even_share(periods: Periods, x: Array) -> tuple[float, float] | None:
     """Even over odd harmonics (%) and its error; None without steady motion."""
     found = harmonics(periods, x)
     last = min(found.mean.size - 1, _MOST_ORDERS)

@@ -21,7 +21,6 @@ _HARMONICS = (1, 2, 3)
 _OFF = 0.01  # of its frequency: how far the mains may be off
 _ABOVE = 2.5  # times what other lines nearby reach
 _CHANCE = 2.6  # times the median: what noise reaches in one line of a hundred
-_OTHER = 6.0  # times what others reach: a line that is none of the mains is mentioned
 _SMALLEST = 1e-6  # of the stroke
 _CYCLES = 20  # of the mains that a stretch must hold
 _LONGEST = 100_000

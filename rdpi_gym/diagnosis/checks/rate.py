@@ -20,7 +20,7 @@ THRESHOLD = 0.15
 _WIDE = 0.9  # of the widest swing: loops that are compared
 _APART = 3.0  # times: two rates differ
 _GROWTH = 0.02  # of the opening at rest: a rate dependence worth an exponent
-_SYSTEMATIC = 2e-4  # of the stroke: creep opens loops by as much more at one rate than at another
+_SYSTEMATIC = 1e-4  # of the stroke: creep opens loops by as much more at one rate than at another
 _EXPONENTS = np.linspace(0.1, 4.0, 391)
 _EXPERIMENT = "Take sines of the full amplitude at four frequencies over a decade or more, and a slow triangle."
 
@@ -75,16 +75,8 @@ def rate_law(records: Sequence[tuple[Record, HalfCycles]], span_V: float) -> Che
     else:
         text = f"{facts}: too uncertain."
     effects = ("slew_limit", "rate_law") if value > 1.0 else ("rate_law",)
-    return Check(
-        NAME,
-        value,
-        THRESHOLD,
-        "",
-        zone,
-        text,
-        _EXPERIMENT if zone == "cannot tell" else "",
-        effects,
-    )
+    step = _EXPERIMENT if zone == "cannot tell" else ""
+    return Check(NAME, value, THRESHOLD, "", zone, text, step, effects)
 
 
 def _exponent(rate: Array, half: Array, error: Array) -> tuple[float, float]:

@@ -23,7 +23,7 @@ PHASE_RAD = 0.06
 GAIN_PERCENT = 3.0
 """A change of the gain counts from this on at the highest frequency (%)."""
 DISTORTION_PERCENT = 4.0
-"""Displacement at frequencies that the command does not have (% of the rest, rms)."""
+"""Displacement that is not what a linear path makes of the command (% of the rest, rms)."""
 SMALL = 0.1
 """Of the widest swing of the data: records that may lie below the first threshold."""
 _EXCITED = 0.02  # of the strongest line
@@ -36,6 +36,7 @@ _EXPERIMENT = (
     "Take an odd random-phase multisine with an amplitude below the first threshold, up to a fifth "
     "of the sampling rate, in eight periods or more."
 )
+_SMALLER = "Repeat the small multisine at a third of its amplitude: plays stop, backlash grows."
 _NAMES = ("lag at small signals", "resonance at small signals", "motion at small signals")
 
 
@@ -50,7 +51,8 @@ class SmallSignal:
     kappa_s2
         κ (s²).
     distortion
-        Displacement at frequencies that are not in the command over the rest (1).
+        Displacement at frequencies that are not in the command, or off the series of 1 / G at those
+        that are, over the rest (1).
     highest_hz
         Highest frequency used (Hz).
     ts_s
@@ -116,21 +118,18 @@ def _motion(found: SmallSignal) -> Check:
     value, error = (100.0 * number for number in found.distortion)
     zone = zone_of(value, error, DISTORTION_PERCENT)
     facts = (
-        f"In {found.record} {digits(value)} % of the displacement is at frequencies that the command "
-        "does not have"
+        f"In {found.record} {digits(value)} % of the displacement is not what a linear path would "
+        "make of the command"
     )
-    if zone == "yes":
-        text = f"{facts}: the first threshold lies below this command, or there is backlash."
-    elif zone == "no":
-        text = f"{facts}: every play sticks, and there is no backlash."
-    else:
-        text = f"{facts}: too uncertain to say whether every play sticks."
-    step = (
-        ""
-        if zone == "no"
-        else "Repeat the small multisine at a third of its amplitude: plays stop, backlash grows."
-    )
-    return Check(_NAMES[2], value, DISTORTION_PERCENT, "%", zone, text, step, ("backlash",))
+    text = {
+        "yes": f"{facts}: the first threshold lies below this command, or there is backlash or a "
+        "slew limit.",
+        "no": f"{facts}: every play sticks, and there is no backlash.",
+        "cannot tell": f"{facts}: too uncertain to say whether every play sticks.",
+    }[zone]
+    step = "" if zone == "no" else _SMALLER
+    effects = ("backlash", "slew_limit")
+    return Check(_NAMES[2], value, DISTORTION_PERCENT, "%", zone, text, step, effects)
 
 
 def _lag(found: SmallSignal) -> Check:
@@ -138,28 +137,19 @@ def _lag(found: SmallSignal) -> Check:
     threshold = 1e6 * PHASE_RAD / (2.0 * np.pi * found.highest_hz)
     zone = zone_of(value, error, threshold)
     where = f"In {found.record}, up to {digits(found.highest_hz, 3)} Hz,"
-    if zone != "yes" or value < 0:
-        text = f"{where} the lag is {pm(value, error)} µs: " + (
-            "none."
-            if zone == "no"
-            else "too uncertain."
-            if value > 0
-            else "the displacement leads; check the clock of the two channels."
+    if zone == "yes" and value > 0:
+        kind, effects = _kind(found)
+        text = (
+            f"{where} the displacement lags by {digits(value, 3)} µs at amplitudes where no play "
+            f"moves: {kind}."
         )
-        step = "" if zone == "no" else _EXPERIMENT
-        return Check(
-            _NAMES[0],
-            value,
-            threshold,
-            "µs",
-            "no" if zone == "no" else "cannot tell",
-            text,
-            step,
-            ("delay",),
-        )
-    kind, effects = _kind(found)
-    text = f"{where} the displacement lags by {digits(value, 3)} µs at amplitudes where no play moves: {kind}."
-    return Check(_NAMES[0], value, threshold, "µs", zone, text, "", effects)
+        return Check(_NAMES[0], value, threshold, "µs", zone, text, "", effects)
+    facts = f"{where} the lag is {pm(value, error)} µs"
+    if zone == "no":
+        return Check(_NAMES[0], value, threshold, "µs", zone, f"{facts}: none.")
+    why = "too uncertain" if zone == "cannot tell" else "check the times of the two channels"
+    text = f"{facts}: {why}."
+    return Check(_NAMES[0], value, threshold, "µs", "cannot tell", text, _EXPERIMENT)
 
 
 def _kind(found: SmallSignal) -> tuple[str, tuple[str, ...]]:
