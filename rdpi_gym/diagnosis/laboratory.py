@@ -45,6 +45,8 @@ from rdpi_gym.plant.effects.base import Effect, in_chain_order
 EXPLAINED = 1.15
 _FEWEST_SAMPLES = 500
 _NOMINEES = 4
+# Where all rates are alike, an effect at this cosine to that of δ2 is not to be told from it.
+_LIKE_RATE = 0.9
 _TURNED = (
     "the displacement falls where the voltage rises: its sign was turned, the model describes -y"
 )
@@ -104,6 +106,7 @@ class Laboratory:
         self._progress = progress or (lambda stage, done, total: None)
         self._checkpoint = Checkpoint(checkpoint, self.setting)
         self._trouble = _poverty(self.setting)
+        self._like_rate: tuple[str, ...] = ()
         self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
 
     @property
@@ -117,6 +120,10 @@ class Laboratory:
         self._progress("base model", 0, 1)
         state = State(refit(self.setting, comb(self.setting.train), present, None))
         self._update_noise(state)
+        if self._rates_alike:
+            bare = typical_effects(self.catalogue, self.setting.scale)
+            found = separability(self.setting.train, state.hysteresis, (), bare)
+            self._like_rate = found.alike(RATE, _LIKE_RATE)
         self._progress("base model", 1, 1)
         return state
 
@@ -136,8 +143,7 @@ class Laboratory:
         ranked = rank(state.outcome, outcomes, kinds, self.noise_um, self._seed)
         if not self._rates_alike:
             return ranked
-        own = [group for group in self.groups(state) if RATE in group]
-        return [_like_rate(r) if own and r.finding.effect in own[0] else r for r in ranked]
+        return [_like_rate(r) if r.finding.effect in self._like_rate else r for r in ranked]
 
     def choose(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Return what to add: the simplest of the best class, a pair, or nothing."""
@@ -153,7 +159,7 @@ class Laboratory:
 
     def _pair(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Try pairs of nominees: effects may help only together."""
-        fitted = [r for r in ranked if r.outcome.fit is not None]
+        fitted = [r for r in ranked if r.outcome.fit is not None and not r.barred]
         by_train = sorted(fitted, key=lambda r: r.outcome.errors.train_rmse_um)
         nominees = {r.finding.effect: r for r in (*fitted[:2], *by_train[:_NOMINEES])}
         best: tuple[float, Outcome, list[str]] | None = None
@@ -370,7 +376,7 @@ def _like_rate(ranked: Ranked) -> Ranked:
     """Return a candidate that records of one rate cannot tell from δ2: not to be added."""
     remark = "not to be told from δ2: all rates are alike"
     finding = replace(ranked.finding, remarks=(*ranked.finding.remarks, remark))
-    return replace(ranked, finding=finding, earned=False)
+    return replace(ranked, finding=finding, earned=False, barred=True)
 
 
 def _poverty(setting: Setting) -> str | None:

@@ -115,7 +115,11 @@ def _period(u: Array) -> float | None:
     if not away.size:
         return None
     k = np.arange(max(_SHORTEST, int(away[0])), longest)
-    lowest = (apart[k] <= apart[k - 1]) & (apart[k] <= apart[k + 1]) & (apart[k] < _ALIKE)
+    before, here, after = apart[k - 1], apart[k], apart[k + 1]
+    bend = np.maximum(before - 2.0 * here + after, 1e-300)
+    # where the parabola through three lags turns: a period need not be a whole number of samples
+    turn = here - (before - after) ** 2 / (8.0 * bend)
+    lowest = (here <= before) & (here <= after) & (turn < _ALIKE)
     if not lowest.any():
         return None
     length = float(k[lowest][0])

@@ -44,12 +44,15 @@ class Ranked:
     worth
         Share of the excess that it takes away from training and from validation records: the
         smaller of the two.
+    barred
+        Whether these data cannot tell it from the base model, whatever it does to the error.
     """
 
     outcome: Outcome
     finding: Finding
     earned: bool
     worth: float = 0.0
+    barred: bool = False
 
 
 def rank(

@@ -37,10 +37,10 @@ class Separability:
     cosines: Array
     visible_um: Array
 
-    def alike(self, name: str) -> tuple[str, ...]:
-        """Return what cannot be told from an effect, itself left out."""
+    def alike(self, name: str, limit: float = ALIKE) -> tuple[str, ...]:
+        """Return what cannot be told from an effect at a cosine, itself left out."""
         row = np.abs(self.cosines[self.names.index(name)])
-        return tuple(n for n, c in zip(self.names, row, strict=True) if c > ALIKE and n != name)
+        return tuple(n for n, c in zip(self.names, row, strict=True) if c > limit and n != name)
 
     def groups(self, noise_um: float) -> tuple[tuple[str, ...], ...]:
         """Return the classes of effects that leave a trace but not one of their own.

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rdpi_gym.arrays import Array
+from rdpi_gym.identification.fitting import MIN_MOTION
 from rdpi_gym.identification.jacobian import Variant, jacobian_blocks, simulate_effects
 from rdpi_gym.identification.nonnegative import bounded_least_squares
 from rdpi_gym.measurement import Record
@@ -156,6 +157,7 @@ class _Pass:
     rhs: Array
     total: float
     count: int
+    motion: Array  # of every column, over the command's, in the record where it moves most
 
     def cost(self, x: Array) -> float:
         return float(self.total - 2 * x @ self.rhs + x @ self.gram @ x)
@@ -172,6 +174,7 @@ def _run(variant: Variant, free: Sequence[Free], records: Sequence[Record]) -> _
     weights = np.array(h.weights)
     size = len(weights) + len(free)
     gram, rhs, total, count = np.zeros((size, size)), np.zeros(size), 0.0, 0
+    motion = np.zeros(size)
     weight_step = _WEIGHT_STEP * h.A
     for record in records:
         sums, products, samples = np.zeros(size + 1), np.zeros((size + 1, size + 1)), 0
@@ -186,11 +189,13 @@ def _run(variant: Variant, free: Sequence[Free], records: Sequence[Record]) -> _
             products += rows.T @ rows
             samples += len(rows)
         products -= np.outer(sums, sums) / max(samples, 1)
+        spread = np.sqrt(np.maximum(np.diag(products)[:size], 0.0))
+        motion = np.maximum(motion, spread / max(float(spread[0]), 1e-300))
         gram += products[:size, :size]
         rhs += products[:size, size]
         total += products[size, size]
         count += samples
-    return _Pass(gram, rhs, total, count)
+    return _Pass(gram, rhs, total, count, motion)
 
 
 def _solve(at: _Pass, n_weights: int, damping: float) -> Array:
@@ -203,9 +208,8 @@ def _solve(at: _Pass, n_weights: int, damping: float) -> Array:
     )
     gram = damped[np.ix_(index, index)] * np.outer(signs, signs)
     rhs = at.rhs[index] * signs
-    x, _ = bounded_least_squares(
-        gram, rhs, np.ones(len(index), dtype=np.bool_), _SMALLEST_A0
-    )  # fmt: skip
+    allowed = (at.motion >= MIN_MOTION) | (np.arange(len(at.motion)) >= n_weights)
+    x, _ = bounded_least_squares(gram, rhs, allowed[index], _SMALLEST_A0)
     step = x[n_weights : n_weights + moves] - x[n_weights + moves :]
     return np.concatenate([x[:n_weights], step])
 
@@ -283,9 +287,8 @@ def _padded(weights: Array, at: _Pass) -> Array:
 
 def _weights_alone(at: _Pass, n_weights: int) -> Array:
     gram = np.ascontiguousarray(at.gram[:n_weights, :n_weights])
-    x, _ = bounded_least_squares(
-        gram, at.rhs[:n_weights].copy(), np.ones(n_weights, dtype=np.bool_), _SMALLEST_A0
-    )
+    allowed = at.motion[:n_weights] >= MIN_MOTION
+    x, _ = bounded_least_squares(gram, at.rhs[:n_weights].copy(), allowed, _SMALLEST_A0)
     weights: Array = x
     return weights
 

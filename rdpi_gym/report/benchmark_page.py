@@ -29,7 +29,9 @@ _RANKING = {
 }  # fmt: skip
 
 
-def write_benchmark_page(path: Path, results: Evaluation, method: str, measured: str) -> Path:
+def write_benchmark_page(
+    path: Path, results: Evaluation, method: str, measured: str, payoff: Section | None = None
+) -> Path:
     """Write the results as a self-contained page.
 
     Parameters
@@ -40,6 +42,8 @@ def write_benchmark_page(path: Path, results: Evaluation, method: str, measured:
         From :func:`benchmarks.tracking.evaluation.evaluate`.
     method, measured
         How the rows were scored, and how those on measured records were: plain text.
+    payoff
+        What it pays to know an effect, if that was scored.
 
     Returns
     -------
@@ -70,6 +74,7 @@ def write_benchmark_page(path: Path, results: Evaluation, method: str, measured:
                 columns=_RANKING | {"extrapolated": "Beyond identification"}
             ),
         ),
+        *([] if payoff is None else [payoff]),
         _measured(results, measured),
     ]
     return write_page(path, "Tracking benchmark", _summary(results), sections)

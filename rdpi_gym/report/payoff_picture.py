@@ -10,20 +10,16 @@ import pandas as pd
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from rdpi_gym.report.style import INK, MUTED, PALETTE, matplotlib_style
+from rdpi_gym.report.payoff_figures import BELIEF_COLOURS
+from rdpi_gym.report.style import MUTED, PALETTE, matplotlib_style
 
-BELIEF_COLOURS = {
-    "bare": PALETTE[6],
-    "fitted": PALETTE[1],
-    "discovered": PALETTE[2],
-    "true": INK,
-}
-"""Colours of the beliefs, on every figure."""
 _MARKERS = {"bare": "o", "fitted": "s", "discovered": "D", "true": "|"}
 
 
 def payoff_picture(summary: pd.DataFrame) -> bytes:
     """Draw the error of each compensator by belief, one panel a compensator.
+
+    A line joins the fitted to the discovered belief, with the factor by which the error falls.
 
     Parameters
     ----------
@@ -63,6 +59,7 @@ def _draw(axes: Any, rows: pd.DataFrame) -> None:
     every = rows[beliefs].to_numpy(dtype=np.float64)
     axes.set_xscale("log")
     axes.set_xlim(0.5 * np.nanmin(every), 3.0 * np.nanmax(every))
+    axes.set_ylim(-0.5, len(rows) - 0.5)
     right = axes.get_xlim()[1]
     for name, colour in BELIEF_COLOURS.items():
         if name not in beliefs:
@@ -71,14 +68,18 @@ def _draw(axes: Any, rows: pd.DataFrame) -> None:
         axes.scatter(
             rows[name], place, marker=_MARKERS[name], s=size, c=colour, label=name, zorder=3
         )
-    worst = np.nanmax(rows[["bare", "fitted"]].to_numpy(dtype=np.float64), axis=1, initial=0.0)
-    for y, (begin, row) in enumerate(zip(worst, rows.to_dict("records"), strict=True)):
-        end = row["discovered"]
-        if begin > 0.0:
-            axes.plot([begin, end], [y, y], color=MUTED, linewidth=1.0, zorder=1)
+    for y, row in enumerate(rows.to_dict("records")):
         if row["diverged"]:
             label = f"{row['diverged']}: diverged "
             axes.text(right, y, label, ha="right", va="center", color=PALETTE[1], fontsize=8)
+            continue
+        ends = [row["fitted"], row["discovered"]]
+        axes.plot(ends, [y, y], color=MUTED, linewidth=1.0, zorder=1)
+        fall = f"÷ {row['fall_from_fitted']:.3g}"
+        axes.text(
+            np.sqrt(ends[0] * ends[1]), y - 0.08, fall, ha="center", va="bottom", fontsize=8,
+            color=MUTED,
+        )  # fmt: skip
 
 
 def _short(plant: str) -> str:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rdpi_gym.diagnosis import half_cycles
@@ -23,6 +23,7 @@ def periods_of(u, y=None):
     return steady_periods(r, half_cycles(r.u_V, TS))
 
 
+@settings(deadline=None)
 @given(
     length=st.floats(20.0, 300.0),
     count=st.integers(4, 12),
