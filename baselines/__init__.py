@@ -11,6 +11,7 @@ name                                    controller
 ``classical-reference-rate``            classical inverse at the rate of the reference over A
 ``classical-low-passed``                classical inverse with its own rate low-passed
 ``classical-static``                    classical inverse, rate ignored
+``extended-inverse``                    inverses of the belief's effects around the classical one
 ``pi``                                  PI, tuned from the belief
 ``pi-<feedforward>``                    PI on the error that one of the above leaves
 ``preview-oracle``                      iterative inversion over the whole reference, planned ahead

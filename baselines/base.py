@@ -74,8 +74,16 @@ class Controller(ABC):
             Memory, ``float64[S, B]``, changed in place.
         """
 
+    @property
+    def needed_preview(self) -> int:
+        """Samples of the reference that a layout should show ahead for all that it can do."""
+        return 1
+
     def warning(self) -> str | None:
-        """Return one line where the controller is outside its stability limit, else None."""
+        """Return one line on what keeps the controller from what it should do, else None.
+
+        It is outside its stability limit, or inverts its belief in part.
+        """
         return None
 
     def predict(

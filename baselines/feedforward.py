@@ -91,11 +91,16 @@ class Feedforward(Controller):
         """Say where :meth:`loop_polynomial` has its roots within the unit circle."""
         return "everywhere"
 
+    @property
+    def is_stable(self) -> bool:
+        """Whether the loop through its own memory decays at this Ts with this belief."""
+        return spectral_radius(self.loop_polynomial()) < 1.0
+
     def warning(self) -> str | None:
         """Return one line where the loop does not decay at this Ts with this belief, else None."""
-        radius = spectral_radius(self.loop_polynomial())
-        if radius < 1.0:
+        if self.is_stable:
             return None
+        radius = spectral_radius(self.loop_polynomial())
         return (
             f"outside its stability limit: pole magnitude {radius:.3g} at Ts = {self.layout.ts_s:g} s "
             f"with belief {self.belief.name}; stable {self.stable_where()}"

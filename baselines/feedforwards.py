@@ -9,6 +9,7 @@ from baselines.classical_literal import ClassicalLiteral
 from baselines.classical_low_passed import ClassicalLowPassed
 from baselines.classical_reference_rate import ClassicalReferenceRate
 from baselines.classical_static import ClassicalStatic
+from baselines.extended import ExtendedInverse
 from baselines.feedforward import Feedforward
 from baselines.inversion_free_literal import InversionFreeLiteral
 from baselines.inversion_free_low_passed import InversionFreeLowPassed
@@ -25,5 +26,6 @@ FEEDFORWARDS: Mapping[str, type[Feedforward]] = MappingProxyType(
         "classical-reference-rate": ClassicalReferenceRate,
         "classical-low-passed": ClassicalLowPassed,
         "classical-static": ClassicalStatic,
+        "extended-inverse": ExtendedInverse,
     }
 )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from baselines.base import Controller
 from baselines.feedforward import Feedforward
 from baselines.limits import limited
+from baselines.pi_margin import gains_within_margin
 from baselines.pi_tuning import simc_gains
 from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
@@ -42,7 +43,8 @@ class PI(Controller):
     """u(k+1) = feedforward + kp e(k) + ki Ts Σ e, e = r - measured, with anti-windup at the limits.
 
     Alone it starts from the command at rest. On a feedforward it works on the error that this
-    leaves. The gains come from the belief: :func:`baselines.pi_tuning.simc_gains`.
+    leaves. The gains come from the belief: :func:`baselines.pi_tuning.simc_gains`, lowered by
+    :func:`baselines.pi_margin.gains_within_margin` where it has lags, a delay or a resonance.
 
     Parameters
     ----------
@@ -67,7 +69,8 @@ class PI(Controller):
         feedforward: type[Feedforward] | None = None,
     ) -> None:
         super().__init__(belief, layout)
-        self.gains = simc_gains(belief.hysteresis, layout.ts_s)
+        simc = simc_gains(belief.hysteresis, layout.ts_s)
+        self.gains = gains_within_margin(simc, belief, layout.ts_s)
         self.feedforward = None if feedforward is None else feedforward(belief, layout)
         self._per_sample = (self.gains.proportional_V_um, self.gains.integral_V_um_s * layout.ts_s)
 
@@ -90,6 +93,11 @@ class PI(Controller):
         error = reference_um[0] - self.layout.measured_um(observation)
         _feed_back(error, state, *self._per_sample, *self.limits, u)
         return u
+
+    @property
+    def needed_preview(self) -> int:
+        """That of the feedforward."""
+        return 1 if self.feedforward is None else self.feedforward.needed_preview
 
     def warning(self) -> str | None:
         """Return the feedforward's warning; the feedback itself has its margin by design."""

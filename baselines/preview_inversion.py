@@ -5,6 +5,8 @@ While all plays slide, the sampled plant is P = A (1 - κ (1 - z⁻¹) (1 - p) /
 its zero by a stable recursion backwards in time. There are two ways to sample that recursion, and
 each makes |1 - γ L P| ≤ 1 and |1 - γ L a_0| ≤ 1 at every frequency, for any γ up to 2, where the
 other does not: the backward one where P has minimum phase, the trapezoidal one where it has not.
+Lags, resonance and delay of the model are undone in the error before L, or their phase would turn
+learning into its opposite; effects that change the gain alone are met by the iteration.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
+from baselines.effect_inverses.whole_record import LinearUndo
 from baselines.limits import Limits, limit_block
 from baselines.stability import nyquist_gain
 from rdpi_gym.arrays import Array
@@ -148,6 +151,7 @@ def _learn(
     lanes = reference_um.shape[1]
     plant = Plant(belief, ts_s, lanes)
     ahead, pole = learning_recursion(belief.hysteresis, ts_s)
+    undo = LinearUndo(belief, ts_s)
     smooth = math.exp(-2.0 * math.pi * SMOOTHING_HZ * ts_s)
     u, learned = start_V.copy(), np.zeros_like(start_V)
     command, error = start_V.copy(), np.zeros_like(start_V)
@@ -170,7 +174,7 @@ def _learn(
         if done.all():
             break
         u[:, stuck], e[:, stuck] = command[:, stuck], error[:, stuck]
-        learning_filter(e[1:], ahead, pole, smooth, learned[1:])
+        learning_filter(undo(e[1:]), ahead, pole, smooth, learned[1:])
         u += gain / belief.hysteresis.A * learned
         limit_block(u[1:], u[0].copy(), *limits)
     return command, best

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -124,8 +125,11 @@ class PreviewOracle(Controller):
         smallest = np.full(lanes, np.inf)
         for feedforward in FEEDFORWARDS.values():
             compensator = feedforward(self.belief, self.layout)
-            if compensator.warning() is not None:
+            if not compensator.is_stable:
                 continue
+            if compensator.needed_preview > self.layout.preview:  # the whole reference is known
+                seeing = replace(self.layout, preview=compensator.needed_preview)
+                compensator = feedforward(self.belief, seeing)
             u = np.full_like(reference_um, self.limits.rest_V)
             u[1:] = compensator.command_block(reference_um[1:], compensator.start(reference_um[0]))
             plant.reset(u0_V=self.limits.rest_V)

@@ -6,23 +6,40 @@ from pathlib import Path
 
 import pandas as pd
 
+from benchmarks.payoff.tables import payoff_part
 from benchmarks.tracking.evaluation import Evaluation
+from benchmarks.tracking.leaderboard import COLUMNS
 from benchmarks.tracking.markdown import leaderboard_text
 from rdpi_gym.files import write_atomic
 
 
-def write_tables(out: Path, evaluation: Evaluation) -> Path:
+def write_tables(out: Path, evaluation: Evaluation, payoff: pd.DataFrame | None = None) -> Path:
     """Write every table of a run into a folder; ``measured.csv`` only where it has rows.
+
+    Parameters
+    ----------
+    out
+        The folder.
+    evaluation
+        The results.
+    payoff
+        Scores on plants with hidden effects, as
+        :func:`benchmarks.payoff.scores.payoff_table` returns them: rows of ``leaderboard.csv`` and
+        a section of ``leaderboard.md``.
 
     Returns
     -------
     Path
         ``leaderboard.md``.
     """
-    write_atomic(out / "leaderboard.csv", _csv(evaluation.table))
+    table, text = evaluation.table, leaderboard_text(evaluation)
+    if payoff is not None:
+        table = pd.concat([table, payoff[list(COLUMNS)]], ignore_index=True)
+        text += f"\n{payoff_part(payoff)}"
+    write_atomic(out / "leaderboard.csv", _csv(table))
     if not evaluation.measured.table.empty:
         write_atomic(out / "measured.csv", _csv(evaluation.measured.table))
-    return write_atomic(out / "leaderboard.md", leaderboard_text(evaluation))
+    return write_atomic(out / "leaderboard.md", text)
 
 
 def _csv(table: pd.DataFrame) -> str:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from rdpi_gym.report.page import Section
+
 _TOP = 8
 
 
@@ -62,7 +64,11 @@ def bench(
         ),
     ] = None,
 ) -> None:
-    """Score every baseline on every reference signal; an interrupted run continues."""
+    """Score every baseline on every reference signal; an interrupted run continues.
+
+    A run of all controllers, plants, references and sampling times also scores plants with hidden
+    effects, by what is believed of them.
+    """
     from benchmarks.tracking.evaluation import evaluate
     from benchmarks.tracking.markdown import METHOD, measured_text, plain, ranking_view
     from benchmarks.tracking.results import write_tables
@@ -85,17 +91,23 @@ def bench(
         own_controllers=controller or (),
         own_plants=plant or (),
     )
+    everything = controllers is plants is references is ts is None
     try:
-        with _progress() as show:
+        with _progress("scoring") as show:
             outcome = benchmark(selection, out, jobs, show)
+        payoff = _payoff(out, jobs) if everything else None
     except KeyboardInterrupt:
         print(f"interrupted; the same command continues from the rows in {out}", file=sys.stderr)
         raise
     results = evaluate(selection, outcome)
-    leaderboard = write_tables(out, results)
+    leaderboard = write_tables(out, results, payoff)
     write_atomic(out / "leaderboard.png", leaderboard_picture(results))
     page = write_benchmark_page(
-        out / "report.html", results, plain(METHOD), plain(measured_text(results.measured))
+        out / "report.html",
+        results,
+        plain(METHOD),
+        plain(measured_text(results.measured)),
+        None if payoff is None else _payoff_section(payoff),
     )
     print(f"{len(outcome.rows)} rows, {outcome.computed} of them computed now")
     for note in (*outcome.notes, *results.notes):
@@ -105,6 +117,26 @@ def bench(
     _print_top(ranking_view(results.ranking))
     print(f"leaderboard: {leaderboard}")
     print(f"page: {page}")
+
+
+def _payoff(out: Path, jobs: int) -> pd.DataFrame:
+    """Score the plants with hidden effects, with the beliefs of this release."""
+    from benchmarks.payoff.beliefs import stored_beliefs
+    from benchmarks.payoff.plants import HIDDEN_PLANTS
+    from benchmarks.payoff.scores import payoff_table
+
+    beliefs = {hidden: stored_beliefs(hidden) for hidden in HIDDEN_PLANTS}
+    with _progress("hidden effects") as show:
+        return payoff_table(beliefs, out, jobs=jobs, progress=show)
+
+
+def _payoff_section(payoff: pd.DataFrame) -> Section:
+    from benchmarks.payoff.tables import METHOD, payoff_summary, summary_view
+    from benchmarks.tracking.markdown import plain
+    from rdpi_gym.report.payoff_figures import payoff_section
+
+    summary = payoff_summary(payoff)
+    return payoff_section(summary, summary_view(summary), plain(METHOD))
 
 
 def _words(text: str | None) -> list[str] | None:
@@ -121,14 +153,14 @@ def _seconds(word: str) -> float:
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
+def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn
 
     console = Console(stderr=True)
-    columns = ("scoring", BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (what, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task("scoring", total=None)
+        task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
 

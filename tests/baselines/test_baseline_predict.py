@@ -249,7 +249,7 @@ def test_a_controller_of_one_s_own_by_module_and_attribute():
 def test_the_names():
     feedforwards = ["none", "inversion-free-literal", "inversion-free-reference-rate"]
     feedforwards += ["inversion-free-low-passed", "classical-literal", "classical-reference-rate"]
-    feedforwards += ["classical-low-passed", "classical-static"]
+    feedforwards += ["classical-low-passed", "classical-static", "extended-inverse"]
     assert list(CONTROLLERS) == [
         *feedforwards,
         "pi",

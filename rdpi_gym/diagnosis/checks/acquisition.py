@@ -188,9 +188,9 @@ def clocks(stretches: Sequence[Periods]) -> Check:
         )
     said = "stays the same" if zone == "no" else f"changes by {pm(value, error)} µs a second"
     end = "one clock." if zone == "no" else "too uncertain."
-    return Check(
-        name, value, SKEW_PPM, "µs/s", zone, f"In {where} the lag of the displacement {said}: {end}"
-    )
+    text = f"In {where} the lag of the displacement {said}: {end}"
+    step = "" if zone == "no" else "Record twenty periods or more of a sine."
+    return Check(name, value, SKEW_PPM, "µs/s", zone, text, step)
 
 
 def _skew(periods: Periods) -> tuple[float, float, str] | None:

@@ -1,0 +1,112 @@
+"""PI gains lowered to what the lags, the delay and the resonance of a belief leave of the margin."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.pi_tuning import Gains
+from rdpi_gym.arrays import Array
+from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant.effects import Effect
+from rdpi_gym.plant.effects.linear import linear_block
+
+# Largest |1 / (1 + L)|: gain margin 2, phase margin 29° at least.
+_SENSITIVITY = 2.0
+_FACTORS = np.geomspace(1e-5, 1.0, 231)
+
+Response = NDArray[np.complex128]
+
+
+def gains_within_margin(gains: Gains, belief: PlantModel, ts_s: float) -> Gains:
+    """Lower PI gains until the loop with the belief's linear effects has its margin.
+
+    Parameters
+    ----------
+    gains
+        For the hysteresis alone.
+    belief
+        The plant with its effects; those that are not linear, and creep, change little.
+    ts_s
+        Sampling time (s).
+
+    Returns
+    -------
+    Gains
+        The same without such effects. Else both gains times the largest factor, or the integral
+        gain alone where that may be larger so, for which |1 / (1 + L)| is at most 2 with all plays
+        sliding and with all sticking, as for every smaller factor: then the loop is stable, since
+        it is stable without gain.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from baselines.pi_tuning import simc_gains
+    >>> from rdpi_gym.plant import P10
+    >>> from rdpi_gym.plant.effects import load_effect
+    >>> ringing = replace(P10, effects=(load_effect("resonance")(f0_hz=500.0, damping=0.02),))
+    >>> bare = simc_gains(P10.hysteresis, 5e-5)
+    >>> found = gains_within_margin(bare, ringing, 5e-5)
+    >>> found.integral_V_um_s < 0.1 * bare.integral_V_um_s
+    True
+    """
+    linear = [e for e in belief.effects if e.name == "delay" or type(e).block is linear_block]
+    if not linear:
+        return gains
+    z = np.exp(1j * _frequencies(linear, ts_s))
+    path = np.ones_like(z)
+    for effect in linear:
+        path = path * _response(effect, belief.hysteresis, ts_s, z)
+    plants = (path * _sliding(belief.hysteresis, ts_s, z), path * belief.hysteresis.a0)
+    both = _largest(gains, plants, ts_s, z)
+    alone = _largest(Gains(0.0, gains.integral_V_um_s), plants, ts_s, z)
+    if alone > both:
+        return Gains(0.0, alone * gains.integral_V_um_s)
+    return Gains(both * gains.proportional_V_um, both * gains.integral_V_um_s)
+
+
+def _largest(gains: Gains, plants: tuple[Response, ...], ts_s: float, z: Response) -> float:
+    controller = gains.proportional_V_um / z + gains.integral_V_um_s * ts_s / (z - 1.0)
+    allowed = 0.0
+    for factor in _FACTORS.tolist():
+        if min(float(np.abs(1.0 + factor * controller * p).min()) for p in plants) < (
+            1.0 / _SENSITIVITY
+        ):
+            break
+        allowed = factor
+    return allowed
+
+
+def _frequencies(effects: list[Effect], ts_s: float) -> Array:
+    """Angles (rad a sample) up to half the sampling frequency, close together about each mode."""
+    angles = [np.geomspace(1e-6, math.pi, 2000)]
+    for effect in effects:
+        if "f0_hz" in effect.values:
+            values = effect.values
+            width = values.get("damping", 0.0) * np.linspace(-20.0, 20.0, 401)
+            angles.append(2.0 * math.pi * values["f0_hz"] * ts_s * (1.0 + width))
+    every = np.sort(np.concatenate(angles))
+    return every[(every > 0.0) & (every <= math.pi)]
+
+
+def _sliding(model: RDPI, ts_s: float, z: Response) -> Response:
+    """All plays sliding: A (1 - κ (1 - z⁻¹) (1 - p) / (1 - p z⁻¹))."""
+    p = model.rate_pole(ts_s)
+    lag = model.S * model.delta2_s / ts_s
+    return model.A - lag * (1.0 - p) * (1.0 - 1.0 / z) / (1.0 - p / z)
+
+
+def _response(effect: Effect, model: RDPI, ts_s: float, z: Response) -> Response:
+    column = np.array(effect.coefficients(ts_s, model))
+    if effect.name == "delay":
+        whole, part = column
+        return np.asarray(z**-whole * (1.0 - part + part / z), dtype=np.complex128)
+    m = round(math.sqrt(len(column) + 3.0)) - 2
+    f = column[: m * m].reshape(m, m)
+    g0, g1, c = (column[m * m + k * m : m * m + (k + 1) * m] for k in range(3))
+    states = np.linalg.solve(z[:, None, None] * np.eye(m) - f, (g0 + z[:, None] * g1)[..., None])[
+        ..., 0
+    ]
+    return np.asarray(states @ c + column[m * m + 3 * m], dtype=np.complex128)

@@ -1,0 +1,98 @@
+"""Command line of the payoff: discover what is hidden, track with it, write tables and a picture."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from joblib import Parallel, delayed, parallel_config
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+import benchmarks.payoff
+from benchmarks.payoff.beliefs import FOLDER, make_beliefs
+from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
+from benchmarks.payoff.scores import payoff_table
+from benchmarks.payoff.tables import payoff_summary, payoff_text
+from rdpi_gym.errors import InputError
+from rdpi_gym.files import write_atomic
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.report.payoff_picture import payoff_picture
+
+OUT = FOLDER.parent
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Compute the payoff and write its files.
+
+    Parameters
+    ----------
+    arguments
+        Words after the command; those of the process by default.
+
+    Returns
+    -------
+    int
+        0, 2 on bad input (one line on standard error), 130 when interrupted.
+    """
+    parser = argparse.ArgumentParser(
+        prog="payoff", description=benchmarks.payoff.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, default=OUT, help="folder for tables and beliefs")
+    parser.add_argument("--seed", type=int, default=0, help="of records, noise and references")
+    parser.add_argument("--jobs", type=int, default=-1, help="processes; -1: one a core")
+    options = parser.parse_args(arguments)
+    try:
+        if options.seed < 0:
+            raise InputError(f"--seed is {options.seed}; give 0 or more")
+        if options.jobs == 0 or options.jobs < -1:
+            raise InputError(f"--jobs is {options.jobs}; give the number of processes, or -1")
+        if options.out.exists() and not options.out.is_dir():
+            raise InputError(f"{options.out} is a file; give a folder for --out")
+        _compute(options.out, options.seed, options.jobs)
+    except InputError as error:
+        print(f"payoff: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from the beliefs it has", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _compute(out: Path, seed: int, jobs: int) -> None:
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(
+        *columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal
+    ) as bar:
+        looking = bar.add_task("discovering", total=len(HIDDEN_PLANTS))
+        beliefs: dict[HiddenPlant, dict[str, PlantModel]] = {}
+        # one thread a process: the laboratory's matrices are small
+        with parallel_config(backend="loky", inner_max_num_threads=1):
+            parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator")
+            found = parallel(
+                delayed(make_beliefs)(hidden, out / FOLDER.name, seed) for hidden in HIDDEN_PLANTS
+            )
+            for hidden, own in zip(HIDDEN_PLANTS, found, strict=True):
+                beliefs[hidden] = own
+                bar.advance(looking)
+        tracking = bar.add_task("tracking", total=None)
+        table = payoff_table(
+            beliefs,
+            out,
+            seed,
+            jobs,
+            lambda done, total: bar.update(tracking, completed=done, total=total),
+        )
+    write_atomic(
+        out / "payoff.csv", table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    )
+    write_atomic(out / "payoff.png", payoff_picture(payoff_summary(table)))
+    print(f"table: {write_atomic(out / 'payoff.md', payoff_text(table))}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

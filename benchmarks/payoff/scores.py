@@ -1,0 +1,218 @@
+"""Tracking scores of compensators on plants with hidden effects, by what each believes of them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+
+from baselines import make_controller
+from benchmarks.hidden.store import Row, RowFile
+from benchmarks.payoff.beliefs import BELIEFS
+from benchmarks.payoff.plants import HiddenPlant
+from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
+from benchmarks.tracking.fingerprint import code_fingerprint
+from benchmarks.tracking.leaderboard import COLUMNS as SCORES
+from benchmarks.tracking.scoring import score, status
+from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ, Stage, make_stage
+from benchmarks.tracking.suite import ORACLE, Case
+from rdpi_gym.arrays import Array
+from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.envs.truth import limit_band
+from rdpi_gym.plant import P10, PlantModel
+
+CONTROLLERS = ("extended-inverse", "pi-extended-inverse", ORACLE)
+TS_S = 5e-5
+PREVIEW = 16
+"""Samples of the reference that an observation shows ahead: 0.8 ms."""
+COLUMNS = (*SCORES, "fall")
+ROWS_FILE = "payoff-rows.jsonl"
+_WANTED = (
+    ("sine", 10.0), ("sine", 50.0), ("sine", 100.0), ("triangle", 10.0), ("steps", 40.0),
+    ("multisine", 50.0),
+)  # fmt: skip
+_CASE = ("plant", "reference", "frequency_hz", "seed")
+
+
+@dataclass(frozen=True)
+class Task:
+    """One compensator on one plant with one belief, on all references side by side.
+
+    Parameters
+    ----------
+    hidden
+        The plant.
+    controller
+        Name of the compensator.
+    name, belief
+        What it believes of the plant, and what that is called.
+    seed
+        Of the sensor's noise and of random references.
+    """
+
+    hidden: HiddenPlant
+    controller: str
+    name: str
+    belief: PlantModel
+    seed: int
+
+    @property
+    def code(self) -> str:
+        """A hash of all that its rows depend on."""
+        own = [Path(__file__).read_text(encoding="utf-8"), code_fingerprint()]
+        plants = [self.hidden.plant.to_dict(), self.belief.to_dict()]
+        return hashlib.sha256(json.dumps([*own, *plants]).encode()).hexdigest()[:16]
+
+    def key(self, case: Case) -> str:
+        """What names a row in a store."""
+        return f"{self.hidden.slug}/{self.controller}/{self.name}/{case.name}/{self.seed}"
+
+
+def payoff_table(
+    beliefs: Mapping[HiddenPlant, Mapping[str, PlantModel]],
+    out: Path,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> pd.DataFrame:
+    """Score every compensator with every belief on every plant; an interrupted run goes on.
+
+    Parameters
+    ----------
+    beliefs
+        By plant and by the names of :data:`~benchmarks.payoff.beliefs.BELIEFS`.
+    out
+        Folder of finished rows; those of changed code are set aside there.
+    seed
+        Of the sensor's noise and of random references.
+    jobs
+        Processes; -1: one a core.
+    progress
+        Called with the number of runs done, and in all.
+
+    Returns
+    -------
+    DataFrame
+        Columns :data:`COLUMNS`. ``fall`` is the RMSE with the bare belief over this one;
+        ``optimality_gap`` and ``command_total_variation`` are relative to the oracle that knows
+        the truth.
+    """
+    cases = payoff_cases()
+    tasks = [
+        Task(hidden, controller, name, own[name], seed)
+        for hidden, own in beliefs.items()
+        for controller in CONTROLLERS
+        for name in BELIEFS
+    ]
+    store = RowFile(out / ROWS_FILE)
+    code = {task.key(case): task.code for task in tasks for case in cases}
+    store.set_aside(lambda row: code.get(row["key"], row["code"]) != row["code"])
+    missing = [t for t in tasks if any(t.key(case) not in store.rows for case in cases)]
+    for done, rows in enumerate(_run(missing, jobs), start=1):
+        for row in rows:
+            store.append(row)
+        if progress is not None:
+            progress(done, len(missing))
+    return _related([store.rows[key] for key in code])
+
+
+def _run(tasks: Sequence[Task], jobs: int) -> Iterator[list[Row]]:
+    if jobs == 1:
+        yield from map(run_task, tasks)
+        return
+    parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
+    yield from parallel(delayed(run_task)(task) for task in tasks)
+
+
+def _related(rows: Sequence[Row]) -> pd.DataFrame:
+    def find(row: Row, **other: str) -> Row:
+        wanted = {k: row[k] for k in (*_CASE, "controller", "belief")} | other
+        return by_key[tuple(wanted.values())]
+
+    by_key = {tuple(row[k] for k in (*_CASE, "controller", "belief")): row for row in rows}
+    related = []
+    for row in rows:
+        best, bare = find(row, controller=ORACLE, belief="true"), find(row, belief="bare")
+        related.append(
+            row
+            | {
+                "optimality_gap": row["rmse_um"] / best["rmse_um"],
+                "command_total_variation": row["command_variation_V_s"]
+                / best["command_variation_V_s"],
+                "fall": bare["rmse_um"] / row["rmse_um"],
+            }
+        )
+    return pd.DataFrame(related, columns=list(COLUMNS))
+
+
+def payoff_cases() -> list[Case]:
+    """Return the references of the payoff: smooth ones, and two with corners and jumps.
+
+    Examples
+    --------
+    >>> [case.name for case in payoff_cases()][:3]
+    ['sine 10 Hz', 'sine 50 Hz', 'sine 100 Hz']
+    """
+    names = list(dict.fromkeys(name for name, _ in _WANTED))
+    every = {(c.reference, c.frequency_hz): c for c in make_stage(P10).cases(names, TS_S)}
+    return [every[key] for key in _WANTED]
+
+
+def run_task(task: Task) -> list[Row]:
+    """Score one compensator with one belief on one plant.
+
+    Returns
+    -------
+    list of dict
+        One row a reference.
+    """
+    stage, cases = make_stage(task.hidden.plant, [TS_S]), payoff_cases()
+    layout = ObservationLayout.for_plant(stage.plant, TS_S, preview=PREVIEW)
+    references = _references(cases, layout, stage, task.seed)
+    belief = limit_band(task.belief, RATE_BANDWIDTH_HZ)
+    timed = microseconds_per_sample(
+        make_controller(task.controller, belief, layout), stage.plant, layout, references[:, 0]
+    )
+    controller = make_controller(task.controller, belief, layout)
+    rngs = [np.random.default_rng([task.seed, lane]) for lane in range(len(cases))]
+    taken = record(controller, [stage.plant] * len(cases), layout, references, rngs)
+    common = {
+        "code": task.code,
+        "controller": task.controller,
+        "plant": task.hidden.name,
+        "belief": task.name,
+        "ts_s": TS_S,
+        "seed": task.seed,
+        "microseconds_per_sample": timed,
+    }
+    rows = []
+    for lane, case in enumerate(cases):
+        named = {"reference": case.reference, "frequency_hz": case.frequency_hz}
+        scores = _scores(case, references[:, lane], taken, lane, controller.warning())
+        rows.append({"key": task.key(case), **common, **named, **scores})
+    return rows
+
+
+def _references(cases: Sequence[Case], layout: ObservationLayout, stage: Stage, seed: int) -> Array:
+    """Every reference, going on for a preview: where it ended it would be held, a corner."""
+    centre, rest = layout.centre_um, stage.rest_um
+    longer = [replace(case, periods=case.periods + 1) for case in cases]
+    columns = [case.samples(TS_S, centre, rest, seed) for case in longer]
+    length = max(case.window(TS_S)[1] for case in cases) + PREVIEW
+    held = [np.pad(r, (0, max(length - len(r), 0)), mode="edge")[:length] for r in columns]
+    return np.stack(held, axis=1)
+
+
+def _scores(case: Case, reference: Array, taken: Recording, lane: int, warning: str | None) -> Row:
+    first, end = case.window(TS_S)
+    parts = (reference, taken.displacement_um[:, lane], taken.command_V[:, lane])
+    r, y, u = (part[:end] for part in parts)
+    scored = score(r, y, u, taken.action[:end, lane], first=first, ts_s=TS_S)
+    said = status(scored, r[first:], warning=warning, ts_s=TS_S, identified_V_s=None)
+    return {**asdict(scored), "status": said}
