@@ -17,7 +17,8 @@ from rdpi_gym.plant.play import play_columns
 # Low-passes of the command over four decades of time constants, in units of the shortest sampling.
 _DECADES = 4
 _PLAYS = 6
-_RIDGE = 1e-6
+# Strengths of the ridge that are tried: the learner that predicts best speaks.
+_RIDGES = (1e-6, 1e-4, 1e-2, 1.0)
 # Of the excess over the noise, the share that a learner must predict to call it a function of u.
 FOLLOWS = 0.3
 
@@ -67,17 +68,18 @@ def remainder(
     gram = np.sum([features.T @ features for features, _ in rows], axis=0)
     rhs = np.sum([features.T @ residual for features, residual in rows], axis=0)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    scaled = gram / np.outer(size, size) + _RIDGE * np.eye(len(size))
-    weights = np.linalg.solve(scaled, rhs / size) / size
-    before, after, samples = 0.0, 0.0, 0
+    scaled, target = gram / np.outer(size, size), rhs / size
+    learned = [np.linalg.solve(scaled + r * np.eye(len(size)), target) / size for r in _RIDGES]
+    weights = np.column_stack(learned)
+    before, after, samples = 0.0, np.zeros(len(_RIDGES)), 0
     for record in validation:
         features, residual = _rows(variant, record, scale)
-        left = residual - features @ weights
+        left = residual[:, None] - features @ weights
         before += float(residual @ residual)
-        after += float(np.sum((left - left.mean()) ** 2))
+        after += np.sum((left - left.mean(axis=0)) ** 2, axis=0)
         samples += len(residual)
     excess = before / samples - noise_um**2
-    share = (before - after) / samples / excess if excess > 0 else 0.0
+    share = float(before - after.min()) / samples / excess if excess > 0 else 0.0
     left_um = math.sqrt(max(excess, 0.0))
     if excess <= 0.33 * noise_um**2:
         sentence = "What is left is the noise."
@@ -90,8 +92,9 @@ def remainder(
     else:
         sentence = (
             f"What is left ({left_um:.3g} µm rms over the noise) does not follow from the recorded "
-            f"input: a learner with memory predicts {100 * max(share, 0.0):.0f} % of it on held-out "
-            "records. A disturbance that nobody recorded, or another input, moves the stage."
+            f"input, as far as a learner with memory can tell: it predicts {100 * max(share, 0.0):.0f} % "
+            "of it on held-out records. A disturbance that nobody recorded or another input moves "
+            "the stage, or its hysteresis is of another kind."
         )
     return Remainder(share, sentence)
 

@@ -34,9 +34,9 @@ def payoff_section(summary: pd.DataFrame, table: pd.DataFrame, method: str) -> S
         How it was scored: plain text.
     """
     text = (
-        "Plants with an effect that a bare belief does not know. The belief is the true hysteresis "
-        "alone (bare), an RDPI model fitted to records of the plant (fitted), what rdpi discover "
-        "makes of the same records (discovered), or the plant itself (true).\n\n"
+        "Tracking errors on plants with an effect that a bare belief does not know. A line joins "
+        "what an RDPI model leaves that was fitted to records of the plant to what is left once the "
+        "effect was discovered in the same records.\n\n"
     )
     return Section("What it pays to know the effect", text + method, payoff_figure(summary), table)
 
@@ -100,5 +100,6 @@ def _say_diverged(figure: Any, plant: str, beliefs: str, column: int) -> None:
         text=f"{beliefs}: diverged",
         showarrow=False,
         xanchor="right",
+        yshift=15,
         font={"color": PALETTE[1], "size": 12},
     )
