@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import benchmarks.payoff
 from benchmarks.payoff.beliefs import FOLDER, make_beliefs
 from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
-from benchmarks.payoff.scores import payoff_table
+from benchmarks.payoff.scores import ROWS_FILE, payoff_table
 from benchmarks.payoff.tables import payoff_summary, payoff_text
 from rdpi_gym.errors import InputError
 from rdpi_gym.files import write_atomic
@@ -92,6 +92,7 @@ def _compute(out: Path, seed: int, jobs: int) -> None:
     )
     write_atomic(out / "payoff.png", payoff_picture(payoff_summary(table)))
     print(f"table: {write_atomic(out / 'payoff.md', payoff_text(table))}")
+    (out / ROWS_FILE).unlink(missing_ok=True)  # the table holds them
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from benchmarks.tracking.store import Key, Row, key
 from benchmarks.tracking.suite import Case
 from rdpi_gym.arrays import Array
 from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.plant import PlantModel
 
 TRACE_SAMPLES = 200
 # Lanes whose lengths differ by more are run apart: a short one would idle to the end of a long one.
@@ -115,7 +116,7 @@ def run_task(task: Task) -> list[Row]:
 def _run(task: Task) -> list[Row]:
     plant, lanes = task.stage.plant, task.lanes
     belief = task.stage.belief(task.controller)
-    layout = ObservationLayout.for_plant(plant, task.ts_s)
+    layout = _layout(task, belief)
     truths = [truth(plant, lane.seed) for lane in lanes]
     references = _references(task)
     timed = microseconds_per_sample(
@@ -132,6 +133,13 @@ def _run(task: Task) -> list[Row]:
         row = _row(task, lane) | {"microseconds_per_sample": timed}
         rows.append(row | _scores(task, lane, references[:, b], recording, b, warning))
     return rows
+
+
+def _layout(task: Task, belief: PlantModel) -> ObservationLayout:
+    """Show as much of the reference ahead as the controller says that it makes use of."""
+    usual = ObservationLayout.for_plant(task.stage.plant, task.ts_s)
+    needed = getattr(make_controller(task.controller, belief, usual), "needed_preview", 1)
+    return replace(usual, preview=max(usual.preview, needed))
 
 
 def _references(task: Task) -> Array:

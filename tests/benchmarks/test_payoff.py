@@ -14,7 +14,9 @@ from benchmarks.payoff import beliefs, scores
 from benchmarks.payoff.beliefs import BELIEFS, FOLDER, make_beliefs, stored_beliefs
 from benchmarks.payoff.plants import HIDDEN_PLANTS
 from benchmarks.payoff.tables import payoff_part, payoff_summary, payoff_text, summary_view
+from benchmarks.tracking import selection
 from benchmarks.tracking.leaderboard import COLUMNS
+from rdpi_gym.cli import main
 from rdpi_gym.errors import InputError
 from rdpi_gym.plant import P10
 from rdpi_gym.report.payoff_figures import payoff_section
@@ -119,6 +121,28 @@ def test_tables_page_and_picture_say_what_diverged(small):
     section = payoff_section(summary, summary_view(summary), "Method.")
     assert "bare: diverged" in section.figure.to_json()
     assert set(COLUMNS) < set(table.columns)
+
+
+def test_a_whole_benchmark_shows_the_payoff(small, tmp_path, monkeypatch):
+    few = selection.select(["none"], ["P5"], ["sine"], [1e-3], [0])
+    monkeypatch.setattr(selection, "select", lambda *args, **options: few)
+    asked = []
+    monkeypatch.setattr(
+        scores, "payoff_table", lambda found, out, **options: asked.append(found) or small[1]
+    )
+    assert main(["bench", "--out", str(tmp_path), "--jobs", "1"]) == 0
+    assert list(asked[0]) == list(HIDDEN_PLANTS)
+    table = pd.read_csv(tmp_path / "leaderboard.csv")
+    assert tuple(table.columns) == COLUMNS
+    rows = table[table["plant"] == LAG.name]
+    assert set(rows["belief"]) == set(BELIEFS)
+    assert len(table) == len(rows) + 4
+    assert "## What it pays to know the effect" in (tmp_path / "leaderboard.md").read_text()
+    assert "What it pays to know the effect" in (tmp_path / "report.html").read_text()
+    # a part of the benchmark does not
+    assert main(["bench", "--out", str(tmp_path), "--jobs", "1", "--plants", "P5"]) == 0
+    assert len(asked) == 1
+    assert len(pd.read_csv(tmp_path / "leaderboard.csv")) == 4
 
 
 def test_beliefs_are_made_once_and_anew_for_other_records(tmp_path, monkeypatch):
