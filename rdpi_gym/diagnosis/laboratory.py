@@ -19,7 +19,6 @@ from rdpi_gym.diagnosis.candidates import (
     refit,
     refit_all,
 )
-from rdpi_gym.diagnosis.half_cycles import half_cycles
 from rdpi_gym.diagnosis.law import to_threshold_law
 from rdpi_gym.diagnosis.noise import noise_floor
 from rdpi_gym.diagnosis.ranking import AT_FLOOR, LEAST_GAIN, Ranked, of_effect, rank
@@ -32,24 +31,21 @@ from rdpi_gym.diagnosis.separability import (
     separability,
     typical_effects,
 )
+from rdpi_gym.diagnosis.suitability import TURNED, falls, poverty, turned
 from rdpi_gym.errors import InputError
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.identification.rates import rate_spread
 from rdpi_gym.identification.stack import stack_records
-from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
 
 # At most this many times the noise floor is explained.
 EXPLAINED = 1.15
-_FEWEST_SAMPLES = 500
 _NOMINEES = 4
 # Where all rates are alike, an effect at this cosine to that of δ2 is not to be told from it.
 _LIKE_RATE = 0.9
-_TURNED = (
-    "the displacement falls where the voltage rises: its sign was turned, the model describes -y"
-)
 
 
 @dataclass(frozen=True)
@@ -93,11 +89,11 @@ class Laboratory:
                 "a diagnosis needs records to fit and records to validate on; the data set has "
                 f"{len(train)} and {len(validation)} in which the voltage moves"
             )
-        falls = _falls((*train, *validation))
-        if falls:
-            dataset = _turned(dataset)
+        reversed_sign = falls((*train, *validation))
+        if reversed_sign:
+            dataset = turned(dataset)
             train, validation = tuple(dataset.train), tuple(dataset.validation)
-        self.orientation: tuple[str, ...] = (_TURNED,) if falls else ()
+        self.orientation: tuple[str, ...] = (TURNED,) if reversed_sign else ()
         self.dataset = dataset
         self.catalogue = catalogue
         self.setting = Setting(train, validation, data_scale((*train, *validation)))
@@ -105,7 +101,7 @@ class Laboratory:
         self._jobs, self._seed = jobs, seed
         self._progress = progress or (lambda stage, done, total: None)
         self._checkpoint = Checkpoint(checkpoint, self.setting)
-        self._trouble = _poverty(self.setting)
+        self._trouble = poverty((*train, *validation), train)
         self._like_rate: tuple[str, ...] = ()
         self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
 
@@ -354,20 +350,6 @@ class Laboratory:
             self.noise_um, self.noise_origin = floor, origin
 
 
-def _falls(records: Sequence[Record]) -> bool:
-    """Whether the displacement falls where the voltage rises."""
-    moments = [
-        np.mean((r.u_V - r.u_V.mean()) * (r.y_um - np.median(r.y_um)) * r.error_mask)
-        for r in records
-    ]
-    return bool(np.sum(moments) < 0)
-
-
-def _turned(dataset: Dataset) -> Dataset:
-    records = tuple(replace(r, y_um=-r.y_um) for r in dataset.records)
-    return replace(dataset, records=records)
-
-
 def _bounds_hit(ranked: Ranked) -> int:
     return 0 if ranked.outcome.fit is None else len(ranked.outcome.fit.at_bound)
 
@@ -377,26 +359,3 @@ def _like_rate(ranked: Ranked) -> Ranked:
     remark = "not to be told from δ2: all rates are alike"
     finding = replace(ranked.finding, remarks=(*ranked.finding.remarks, remark))
     return replace(ranked, finding=finding, earned=False, barred=True)
-
-
-def _poverty(setting: Setting) -> str | None:
-    """Say why the data cannot decide, or None."""
-    samples = sum(int(r.error_mask.sum()) for r in setting.train)
-    if samples < _FEWEST_SAMPLES:
-        return f"The data are too short to decide: {samples} samples to fit, {_FEWEST_SAMPLES} are needed."
-    records = (*setting.train, *setting.validation)
-    cycles = [half_cycles(r.u_V, r.ts_s) for r in records]
-    swings = np.concatenate([c.amplitude_V[c.whole] for c in cycles])
-    paces = np.concatenate([c.frequency_hz[c.whole] for c in cycles])
-    resting = sum(int((~c.whole[1:-1]).sum()) for c in cycles)
-    if resting > 2:  # steps and holds are a kind of their own
-        return None
-    if len(swings) < 3:
-        return "The data are too poor to decide: the command turns fewer than three times."
-    alike = [np.ptp(np.quantile(x, (0.05, 0.95))) < 0.1 * np.median(x) for x in (swings, paces)]
-    if all(alike):
-        return (
-            "The data are too poor to decide: one amplitude at one frequency shows neither memory "
-            "at several depths nor rate."
-        )
-    return None
