@@ -21,7 +21,7 @@ def reproduce(
         ),
     ] = 16,
 ) -> None:
-    """Recompute the paper's Fig. 3, 4, 5, 7, 8 and numbers for each reading of its Eq. 6.
+    """Recompute the paper's figures and numbers, ours beside the paper's.
 
     Writes paper.md with its figures, paper.csv, sweep.csv and implementation.csv.
     """
