@@ -50,7 +50,7 @@ def fit(
     validate: ValidateOption = None,
     skip: SkipOption = None,
 ) -> None:
-    """Identify the RDPI model, Equations 9 and 10 from a measurement.
+    """Identify the RDPI model from a measurement, by Equations 9 and 10.
 
     Writes model.json: the plant, its standard errors, and what the data do not determine.
     """
