@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
-from importlib.util import find_spec
 
 import typer
 
@@ -38,8 +37,7 @@ def rdpi() -> None:
 
 
 for _name in COMMANDS:
-    if find_spec(f"rdpi_gym.cli.{_name}"):
-        app.command(name=_name)(getattr(import_module(f"rdpi_gym.cli.{_name}"), _name))
+    app.command(name=_name)(getattr(import_module(f"rdpi_gym.cli.{_name}"), _name))
 
 
 def main(arguments: list[str] | None = None) -> int:

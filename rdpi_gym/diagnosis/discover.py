@@ -64,6 +64,7 @@ def diagnose(
     best = laboratory.choose(state, ranked)
     end = laboratory.after(state, best) if best else state
     verdict = laboratory.verdict(end, bool(best))
+    groups = laboratory.groups(end)
     return Diagnosis(
         noise_floor_um=laboratory.noise_um,
         noise_origin=laboratory.noise_origin,
@@ -74,8 +75,8 @@ def diagnose(
         verdict=verdict,
         unexplained_rmse_um=laboratory.unexplained_um(end),
         remainder=laboratory.remainder(end),
-        next_experiment=laboratory.next_experiment(end, best, verdict),
-        indistinguishable=laboratory.groups(end),
+        next_experiment=laboratory.next_experiment(end, best, verdict, groups),
+        indistinguishable=groups,
         checks=laboratory.checks(),
         views=laboratory.views(
             {"base model": state, **({best[0].finding.effect: end} if best else {})}
@@ -125,6 +126,7 @@ def discover(
     state, removed = laboratory.eliminate(state, [s.effect for s in steps])
     state, steps = laboratory.settle(state, [s for s in steps if s.effect not in removed])
     verdict = laboratory.verdict(state, bool(steps))
+    groups = laboratory.groups(state)
     model, notes = laboratory.model(state, given)
     return Discovery(
         model=model,
@@ -138,8 +140,8 @@ def discover(
         verdict=verdict,
         unexplained_rmse_um=laboratory.unexplained_um(state),
         remainder=laboratory.remainder(state),
-        next_experiment=laboratory.next_experiment(state, last, verdict),
-        indistinguishable=laboratory.groups(state),
+        next_experiment=laboratory.next_experiment(state, last, verdict, groups),
+        indistinguishable=groups,
         checks=laboratory.checks(),
         views=laboratory.views(
             {"base model": base, "with effects": state} if steps else {"base model": base}
@@ -187,6 +189,7 @@ def add_effect(
     laboratory.need(ranked, kind)
     state: State = laboratory.after(base, ranked[:1])
     verdict = laboratory.verdict(state, True)
+    groups = laboratory.groups(state)
     model, notes = laboratory.model(state, given)
     if not ranked[0].earned:
         notes = (f"{kind.name} was added on request; these records do not earn it", *notes)
@@ -202,8 +205,8 @@ def add_effect(
         verdict=verdict,
         unexplained_rmse_um=laboratory.unexplained_um(state),
         remainder=laboratory.remainder(state),
-        next_experiment=laboratory.next_experiment(state, ranked[:1], verdict),
-        indistinguishable=laboratory.groups(state),
+        next_experiment=laboratory.next_experiment(state, ranked[:1], verdict, groups),
+        indistinguishable=groups,
         checks=laboratory.checks(),
         views=laboratory.views({"base model": base, f"with {kind.name}": state}),
         seconds=time.perf_counter() - began,

@@ -274,9 +274,13 @@ class Laboratory:
         return found.sentence
 
     def next_experiment(
-        self, state: State, chosen: Sequence[Ranked], verdict: Verdict
+        self,
+        state: State,
+        chosen: Sequence[Ranked],
+        verdict: Verdict,
+        groups: Sequence[Sequence[str]],
     ) -> str | None:
-        """Name the experiment that would decide what these data cannot."""
+        """Name the experiment that would decide what these data cannot, `groups` among it."""
         if self._trouble is not None:
             return (
                 "Record the standard protocol: a slow decaying triangle, sines at several rates and "
@@ -291,7 +295,7 @@ class Laboratory:
             if r.finding.effect in effects and rival in typical
         ]
         if not pairs and verdict == "unexplained":
-            alike = [[typical[n] for n in g if n in typical] for g in self.groups(state)]
+            alike = [[typical[n] for n in g if n in typical] for g in groups]
             pairs = [(group[0], group[1]) for group in alike if len(group) > 1]
         if not pairs:
             return None

@@ -10,7 +10,7 @@ import numpy as np
 
 from rdpi_gym.arrays import Array
 from rdpi_gym.identification.fitting import MIN_MOTION
-from rdpi_gym.identification.jacobian import Variant, jacobian_blocks, simulate_effects
+from rdpi_gym.identification.jacobian import Variant, jacobian_blocks
 from rdpi_gym.identification.nonnegative import bounded_least_squares
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.effects.base import Effect, Parameter
@@ -313,13 +313,3 @@ def _standard_errors(
         known = math.isfinite(physical) and not number.at_bound(best)
         errors[number.name(best)] = float(physical) if known else None
     return errors
-
-
-def rmse_of(variant: Variant, records: Sequence[Record]) -> float:
-    """Error (µm, rms) over the counted samples of records, one offset free in each."""
-    squares, samples = 0.0, 0
-    for record in records:
-        error = (record.y_um - simulate_effects([variant], record)[:, 0])[record.error_mask]
-        squares += float(np.sum((error - error.mean()) ** 2))
-        samples += len(error)
-    return math.sqrt(squares / max(samples, 1))
