@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.arrays import Array
-from rdpi_gym.identification.jacobian import Variant, jacobian_blocks
+from rdpi_gym.identification.jacobian import Variant, jacobian_rows
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.effects import Effect
@@ -114,8 +114,9 @@ def _products(
     base: Variant, changed: list[Variant], steps: Array, record: Record, difference: Array
 ) -> tuple[Array, Array, float]:
     """Gram matrix, right-hand side and total of a record, its offset taken out."""
-    blocks = jacobian_blocks(base, changed, steps, _STEP * base.hysteresis.a0, record)
-    columns = np.concatenate([derivatives for _, _, derivatives in blocks])
+    every = np.arange(len(record.u_V))
+    rows = jacobian_rows(base, changed, steps, _STEP * base.hysteresis.a0, record, every)
+    columns = rows[:, :-1]
     columns -= columns.mean(axis=0)
     target = difference - difference.mean()
     return columns.T @ columns, columns.T @ target, float(target @ target)

@@ -23,12 +23,16 @@ from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 
 # Pieces that a validation record is cut into: what the spread of an improvement is judged by.
 PIECES = 8
+# Samples in the squares of a search: a thousand for each number; the errors are of all samples.
+SEARCH_SAMPLES = 24_000
 # Passes in which every start of a candidate shows which optimum is worth the rest.
 _FIRST_PASSES = 6
 # Along a cusp: reach in the parameter's logarithm, sections, and passes for everything else.
 _CUSP_REACH, _CUSP_STEPS, _CUSP_PASSES = 0.2, 16, 3
-# Only where the starts differ by this factor does the parameter matter at all.
-_CUSP_SHOWS = 0.98
+# Passes at a start on the way to a cusp: everything else stands where it is already.
+_SCAN_PASSES = 2
+# Only where a start takes this much from the error without the effect is there a cusp to find.
+_CUSP_SHOWS = 0.998
 
 Progress = Callable[[str, int, int], None]
 
@@ -126,12 +130,14 @@ def refit(
     first: list[JointFit] = []
     troubles: list[str] = []
     held = frozenset() if kind.kinked is None else frozenset({f"{kind.name}.{kind.kinked}"})
-    first_passes = _CUSP_PASSES if held else _FIRST_PASSES
+    first_passes = _SCAN_PASSES if held else _FIRST_PASSES
     for start in kind.starts(setting.scale):
         effects = in_chain_order([*present, start])
         try:
             first.append(
-                fit_joint(setting.train, hysteresis, effects, passes=first_passes, held=held)
+                fit_joint(
+                    setting.train, hysteresis, effects, first_passes, held=held, samples=SEARCH_SAMPLES
+                )
             )
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
             troubles.append(str(error))
@@ -143,11 +149,16 @@ def refit(
             kind.name, None, nowhere, np.zeros((0, PIECES)), f"did not converge: {reason}"
         )
     best = min(first, key=lambda fit: fit.train_rmse_um)
-    worst = max(fit.train_rmse_um for fit in first)
-    if kind.kinked is not None and best.train_rmse_um < _CUSP_SHOWS * worst:
-        best = _along_cusp(setting, best, kind.name, kind.kinked)
+    if kind.kinked is not None:
+        without = fit_joint(
+            setting.train, hysteresis, present, _FIRST_PASSES, samples=SEARCH_SAMPLES
+        ).train_rmse_um
+        if best.train_rmse_um < _CUSP_SHOWS * without:
+            best = _along_cusp(setting, best, kind.name, kind.kinked)
     if held or not best.converged:
-        best = fit_joint(setting.train, best.variant.hysteresis, best.variant.effects)
+        best = fit_joint(
+            setting.train, best.variant.hysteresis, best.variant.effects, samples=SEARCH_SAMPLES
+        )
     return assess(setting, kind.name, best)
 
 
@@ -163,8 +174,9 @@ def _along_cusp(setting: Setting, fit: JointFit, effect: str, parameter: str) ->
             for e in best.variant.effects
         ]
         trial = fit_joint(
-            setting.train, best.variant.hysteresis, effects, passes=_CUSP_PASSES, held=held
-        )
+            setting.train, best.variant.hysteresis, effects, _CUSP_PASSES, held=held,
+            samples=SEARCH_SAMPLES,
+        )  # fmt: skip
         if trial.train_rmse_um < best.train_rmse_um:
             best = trial
         return trial.train_rmse_um

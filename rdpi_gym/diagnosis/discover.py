@@ -125,9 +125,9 @@ def discover(
         steps += [replace(r.finding, errors=state.outcome.errors) for r in chosen]
     state, removed = laboratory.eliminate(state, [s.effect for s in steps])
     state, steps = laboratory.settle(state, [s for s in steps if s.effect not in removed])
+    model, state, notes = laboratory.model(state, given)
     verdict = laboratory.verdict(state, bool(steps))
     groups = laboratory.groups(state)
-    model, notes = laboratory.model(state, given)
     return Discovery(
         model=model,
         steps=tuple(laboratory.final(state, step) for step in steps),
@@ -188,9 +188,9 @@ def add_effect(
     ranked = laboratory.ranked(base)
     laboratory.need(ranked, kind)
     state: State = laboratory.after(base, ranked[:1])
+    model, state, notes = laboratory.model(state, given)
     verdict = laboratory.verdict(state, True)
     groups = laboratory.groups(state)
-    model, notes = laboratory.model(state, given)
     if not ranked[0].earned:
         notes = (f"{kind.name} was added on request; these records do not earn it", *notes)
     return Discovery(

@@ -44,6 +44,8 @@ from rdpi_gym.plant.effects.base import Effect, in_chain_order
 # At most this many times the noise floor is explained.
 EXPLAINED = 1.15
 _NOMINEES = 4
+# The best candidates of a round show the noise floor; what others leave is no smaller.
+_FLOOR_FROM = 3
 # Where all rates are alike, an effect at this cosine to that of δ2 is not to be told from it.
 _LIKE_RATE = 0.9
 
@@ -133,9 +135,8 @@ class Laboratory:
             self._jobs,
             lambda done, total: self._progress(stage, done, total),
         )  # fmt: skip
-        for outcome in outcomes:
-            if outcome.fit is not None:
-                self._update_noise(State(outcome))
+        for outcome in [o for o in outcomes if o.fit is not None][:_FLOOR_FROM]:
+            self._update_noise(State(outcome))
         ranked = rank(state.outcome, outcomes, kinds, self.noise_um, self._seed)
         if not self._rates_alike:
             return ranked
@@ -339,10 +340,12 @@ class Laboratory:
             found.append(View(record.name, record.role, *shown))
         return tuple(found)
 
-    def model(self, state: State, given: PlantModel | None) -> tuple[PlantModel, tuple[str, ...]]:
+    def model(
+        self, state: State, given: PlantModel | None
+    ) -> tuple[PlantModel, State, tuple[str, ...]]:
         """Return the plant to save, with the threshold law of Eq. 8 where it costs little."""
-        model, notes = to_threshold_law(self.setting, state.outcome, given, self.noise_um)
-        return model, (*self.orientation, *notes)
+        model, outcome, notes = to_threshold_law(self.setting, state.outcome, given, self.noise_um)
+        return model, State(outcome), (*self.orientation, *notes)
 
     def _update_noise(self, state: State) -> None:
         records = (*self.setting.train, *self.setting.validation)

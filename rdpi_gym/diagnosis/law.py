@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.candidates import Outcome, Setting, assess
+from rdpi_gym.diagnosis.candidates import SEARCH_SAMPLES, Outcome, Setting, assess
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.plant import RDPI, PlantModel
@@ -23,7 +23,7 @@ _REFINEMENTS = 7
 
 def to_threshold_law(
     setting: Setting, outcome: Outcome, given: PlantModel | None, noise_um: float
-) -> tuple[PlantModel, tuple[str, ...]]:
+) -> tuple[PlantModel, Outcome, tuple[str, ...]]:
     """Return the plant that a diagnosis ends with, and what was decided on the way.
 
     Parameters
@@ -41,6 +41,8 @@ def to_threshold_law(
     -------
     PlantModel
         With thresholds δ1 i where that costs little, else with those of the comb.
+    Outcome
+        Its fit and errors.
     tuple of str
         Sentences.
     """
@@ -55,12 +57,12 @@ def to_threshold_law(
             f"thresholds of Eq. 8 with {plays} plays: validation error {after:.4g} µm, "
             f"{before:.4g} µm on the comb of the diagnosis"
         )
-        return _plant(setting, law.fit, law, given), (note,)
+        return _plant(setting, law.fit, law, given), law, (note,)
     note = (
         f"the thresholds stay those of the comb ({before:.4g} µm): Eq. 8 with {plays} plays would "
         f"leave {after:.4g} µm on validation records"
     )
-    return _plant(setting, _slim(outcome.fit), outcome, given), (note,)
+    return _plant(setting, _slim(outcome.fit), outcome, given), outcome, (note,)
 
 
 def _best_law(setting: Setting, fit: JointFit, plays: int) -> JointFit:
@@ -72,7 +74,10 @@ def _best_law(setting: Setting, fit: JointFit, plays: int) -> JointFit:
         delta1 = math.exp(log_delta1)
         weights = (a.a0, *[a.S / plays] * plays)
         start = RDPI.from_law(weights, delta1, a.delta2_s)
-        return fit_joint(setting.train, start, fit.variant.effects, passes=passes)
+        samples = SEARCH_SAMPLES if passes == _SEARCH_PASSES else None
+        return fit_joint(
+            setting.train, start, fit.variant.effects, passes=passes, samples=samples
+        )
 
     grid = np.linspace(math.log(0.05 * span / plays), math.log(2.0 * span / plays), _GRID)
     found = {float(x): attempt(float(x), _SEARCH_PASSES) for x in grid}

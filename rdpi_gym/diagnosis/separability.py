@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rdpi_gym.arrays import Array
-from rdpi_gym.identification.jacobian import Variant, jacobian_blocks, simulate_effects
+from rdpi_gym.identification.jacobian import Variant, jacobian_rows, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
@@ -89,12 +89,12 @@ def separability(
     gram, samples = np.zeros((size, size)), 0
     rated = Variant(replace(bare, delta2_s=_typical_delta2(hysteresis, records)), base.effects)
     for record in records:
-        blocks = jacobian_blocks(base, [], np.zeros(0), 0.1 * hysteresis.A, record)
-        columns = np.concatenate([derivatives for _, _, derivatives in blocks])
+        counted = np.flatnonzero(record.error_mask)
+        columns = jacobian_rows(base, [], np.zeros(0), 0.1 * hysteresis.A, record, counted)[:, :-1]
         still = simulate_effects([base], record)[:, 0]
         moved = [_with(rated if e.slot == "rate" else base, e) for e in effects.values()]
         directions = [simulate_effects([v], record)[:, 0] - still for v in (*moved, rated)]
-        rows = np.column_stack([columns, *directions])[record.error_mask]
+        rows = np.column_stack([columns, *(d[counted] for d in directions)])
         rows -= rows.mean(axis=0)
         gram += rows.T @ rows
         samples += len(rows)

@@ -7,22 +7,24 @@ common: a change behind the plays does not run the plays again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from rdpi_gym.arrays import Array
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.packing import empty_state, pack
 from rdpi_gym.plant.plant import settled_memory
-from rdpi_gym.plant.play import given_rate_block, play_columns, rate_block
+from rdpi_gym.plant.play import given_rate_block, rate_block
 from rdpi_gym.plant.rdpi import RDPI
 from rdpi_gym.plant.stages import Stage
 
 # Samples that run through the stages at a time: their lanes stay in the cache.
-_CHUNK = 2048
+_CHUNK = 1024
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ def _in_front(effect: Effect) -> bool:
 
 
 def _front(variants: Sequence[Variant], record: Record) -> tuple[Array, Array, Array, Array]:
-    """Commands, rates and RDPI sums ``[T, F]`` of variants, and their initial play states."""
+    """Commands and rates ``[T, F]`` of variants, their packed parameters and initial states."""
     lanes = len(variants)
     u = np.repeat(record.u_V[:, None], lanes, axis=1)
     hysteresis = [variant.hysteresis for variant in variants]
@@ -66,10 +68,7 @@ def _front(variants: Sequence[Variant], record: Record) -> tuple[Array, Array, A
             for lane, effect in enumerate(column):
                 extremum = effect.values["extremum_V"]
                 state[2:, lane] = settled_memory(hysteresis[lane].thresholds_V, [extremum])
-    initial = state[2:].copy()
-    y = np.empty_like(u)
-    given_rate_block(u, v, parameters, state, y)
-    return u, v, y, initial
+    return u, v, parameters, state
 
 
 def simulate_effects(variants: Sequence[Variant], record: Record) -> Array:
@@ -87,7 +86,9 @@ def simulate_effects(variants: Sequence[Variant], record: Record) -> Array:
     float64[T, B]
         Displacement (µm) without offset.
     """
-    u, _, y, _ = _front(variants, record)
+    u, v, parameters, state = _front(variants, record)
+    y = np.empty_like(u)
+    given_rate_block(u, v, parameters, state, y)
     for column in zip(*(variant.effects for variant in variants), strict=True):
         if not _in_front(column[0]):
             stage = Stage(column, [v.hysteresis for v in variants], record.ts_s)
@@ -96,10 +97,55 @@ def simulate_effects(variants: Sequence[Variant], record: Record) -> Array:
     return y
 
 
-def jacobian_blocks(
-    base: Variant, changed: Sequence[Variant], steps: Array, weight_step: float, record: Record
-) -> Iterator[tuple[slice, Array, Array]]:
-    """Displacement and its derivatives, block by block of a record.
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _weight_lanes(
+    u: Array, v: Array, weights: Array, rest: Array, delta2: float, xi: Array, step: float, x: Array
+) -> None:
+    """Fill lane 0 with the RDPI sum, Eq. 3, the n + 1 next with it after a step of each weight."""
+    n = rest.shape[0]
+    for t in range(u.shape[0]):
+        shift = delta2 * abs(v[t])  # Eq. 8
+        total = weights[0] * u[t]
+        for i in range(n):
+            r = rest[i] + shift
+            low, high = u[t] - r, u[t] + r
+            z = xi[i]
+            z = z if z < high else high
+            z = z if z > low else low  # Eq. 4
+            xi[i] = z
+            total += weights[i + 1] * z
+        x[t, 0] = total
+        x[t, 1] = total + step * u[t]
+        for i in range(n):
+            x[t, 2 + i] = total + step * xi[i]
+
+
+@njit(cache=True)
+def _difference_rows(
+    x: Array,
+    measured: Array,
+    kept: NDArray[np.intp],
+    scale: Array,
+    target: NDArray[np.intp],
+    rows: Array,
+) -> None:
+    """Fill rows with (lane - lane 0) / step at the kept samples, and what lane 0 leaves."""
+    for j in range(kept.shape[0]):
+        here = x[kept[j], 0]
+        for lane in range(scale.shape[0]):
+            rows[j, target[lane]] = (x[kept[j], lane + 1] - here) * scale[lane]
+        rows[j, scale.shape[0]] = measured[kept[j]] - here
+
+
+def jacobian_rows(
+    base: Variant,
+    changed: Sequence[Variant],
+    steps: Array,
+    weight_step: float,
+    record: Record,
+    kept: NDArray[np.intp],
+) -> Array:
+    """Derivatives of the displacement over a record, and what the plant leaves of it.
 
     Parameters
     ----------
@@ -112,26 +158,27 @@ def jacobian_blocks(
     weight_step
         Change of a weight (µm/V).
     record
-        Its command and sampling time.
+        Its command, sampling time and displacement.
+    kept : int[T']
+        Samples that are asked for, ascending; all are simulated.
 
-    Yields
-    ------
-    slice
-        Samples of the block.
-    float64[t]
-        Displacement (µm), without offset.
-    float64[t, n + 1 + K]
-        Derivatives by a_0 ... a_n and by the changed numbers.
+    Returns
+    -------
+    float64[T', n + 2 + K]
+        Derivatives by a_0 ... a_n and by the changed numbers; last the measured displacement less
+        that of the plant (µm), without offset.
     """
     ahead = [v for v in changed if _changes_front(base, v)]
     behind = [v for v in changed if not _changes_front(base, v)]
-    u, v, y, initial = _front([base, *ahead], record)
-    n = base.hysteresis.n
-    columns = np.empty((n, len(record.u_V)))
-    rest = np.array(base.hysteresis.thresholds_V)
-    front_u, front_v = np.ascontiguousarray(u[:, 0]), np.ascontiguousarray(v[:, 0])
-    play_columns(
-        front_u, front_v, rest, base.hysteresis.delta2_s, initial[:, 0].copy(), columns
+    u, v, parameters, state = _front([base, *ahead], record)
+    n, first = base.hysteresis.n, base.hysteresis.n + 2
+    weights, rest = np.array(base.hysteresis.weights), np.array(base.hysteresis.thresholds_V)
+    xi, front_u, front_v = state[2:, 0].copy(), u[:, 0].copy(), v[:, 0].copy()
+    ahead_u, ahead_y = np.ascontiguousarray(u[:, 1:]), np.empty((len(u), len(ahead)))
+    ahead_state = np.ascontiguousarray(state[:, 1:])
+    given_rate_block(
+        ahead_u, np.ascontiguousarray(v[:, 1:]), np.ascontiguousarray(parameters[:, 1:]),
+        ahead_state, ahead_y,
     )  # fmt: skip
     lanes = [base, *_a0_changed(base, weight_step), *[base] * n, *ahead, *behind]
     stages = [
@@ -142,22 +189,67 @@ def jacobian_blocks(
     for stage in stages:
         stage.start(record.t_s[0])
     order = np.array([changed.index(v) for v in (*ahead, *behind)], dtype=np.intp)
-    scale = np.concatenate([np.full(n + 1, weight_step), steps[order]])
+    scale = 1.0 / np.concatenate([np.full(n + 1, weight_step), steps[order]])
     target = np.concatenate([np.arange(n + 1), n + 1 + order])
+    rows = np.empty((len(kept), len(lanes)))
+    done = 0
     for start in range(0, len(record.u_V), _CHUNK):
         part = slice(start, start + _CHUNK)
-        x = np.empty((len(y[part]), len(lanes)))
-        x[:] = y[part, :1]
-        x[:, 1] += weight_step * u[part, 0]
-        x[:, 2 : n + 2] += weight_step * columns[:, part].T
-        x[:, n + 2 : n + 2 + len(ahead)] = y[part, 1:]
-        commands = np.repeat(u[part, :1], len(lanes), axis=1)
-        commands[:, n + 2 : n + 2 + len(ahead)] = u[part, 1:]
+        x = np.empty((len(front_u[part]), len(lanes)))
+        _weight_lanes(
+            front_u[part], front_v[part], weights, rest, base.hysteresis.delta2_s, xi, weight_step, x
+        )  # fmt: skip
+        x[:, first : first + len(ahead)] = ahead_y[part]
+        x[:, first + len(ahead) :] = x[:, :1]
+        if stages:
+            commands = np.repeat(front_u[part, None], len(lanes), axis=1)
+            commands[:, first : first + len(ahead)] = ahead_u[part]
         for stage in stages:
             x = stage.run(x, commands)
-        derivatives = np.empty((len(x), len(scale)))
-        derivatives[:, target] = (x[:, 1:] - x[:, :1]) / scale
-        yield part, x[:, 0], derivatives
+        end = done + int(np.searchsorted(kept[done:], start + len(x)))
+        _difference_rows(
+            x, record.y_um[part], kept[done:end] - start, scale, target, rows[done:end]
+        )  # fmt: skip
+        done = end
+    return rows
+
+
+def change_rows(
+    base: Variant,
+    changed: Sequence[Variant],
+    steps: Array,
+    record: Record,
+    kept: NDArray[np.intp],
+) -> Array:
+    """Return :func:`jacobian_rows` without the columns of the weights: a few lanes, not dozens.
+
+    Parameters
+    ----------
+    base, changed, steps, record, kept
+        As :func:`jacobian_rows`.
+
+    Returns
+    -------
+    float64[T', K + 1]
+        Derivatives by the changed numbers; last what the plant leaves (µm).
+    """
+    ahead = [v for v in changed if _changes_front(base, v)]
+    behind = [v for v in changed if not _changes_front(base, v)]
+    u, v, parameters, state = _front([base, *ahead], record)
+    y = np.empty_like(u)
+    given_rate_block(u, v, parameters, state, y)
+    lanes, same = [base, *ahead, *behind], len(behind)
+    x = np.concatenate([y, np.repeat(y[:, :1], same, axis=1)], axis=1)
+    commands = np.concatenate([u, np.repeat(u[:, :1], same, axis=1)], axis=1)
+    for column in zip(*(lane.effects for lane in lanes), strict=True):
+        if not _in_front(column[0]):
+            stage = Stage(column, [lane.hysteresis for lane in lanes], record.ts_s)
+            stage.start(record.t_s[0])
+            x = stage.run(x, commands)
+    order = np.array([changed.index(v) for v in (*ahead, *behind)], dtype=np.intp)
+    rows = np.empty((len(kept), len(lanes)))
+    _difference_rows(x, record.y_um, kept, 1.0 / steps[order], order, rows)
+    return rows
 
 
 def _changes_front(base: Variant, variant: Variant) -> bool:

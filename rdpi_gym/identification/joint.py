@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rdpi_gym.arrays import Array
 from rdpi_gym.identification.fitting import MIN_MOTION
-from rdpi_gym.identification.jacobian import Variant, jacobian_blocks
+from rdpi_gym.identification.jacobian import Variant, change_rows, jacobian_rows
 from rdpi_gym.identification.nonnegative import bounded_least_squares
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.effects.base import Effect, Parameter
@@ -20,6 +21,8 @@ _WEIGHT_STEP = 1e-4  # of the largest gain: behind a nonlinear stage a weight ac
 _STEP = 1e-3  # of a free number, for finite differences
 _LARGEST_FACTOR = math.log(4.0)
 _LARGEST_DAMPING = 1e6
+# Steps between two passes that take the derivatives by the weights anew.
+_LIGHT_PASSES = 4
 _SMALLEST_A0 = 1e-6  # of the largest gain that the data show
 
 
@@ -149,6 +152,20 @@ def free_numbers(
     return numbers
 
 
+def kept_samples(records: Sequence[Record], samples: int | None) -> list[NDArray[np.intp]]:
+    """Return which samples of each record enter the squares, as :func:`fit_joint` thins them.
+
+    Examples
+    --------
+    >>> record = Record("ramp", np.arange(6.0), np.arange(6.0), np.arange(6.0), ts_s=1.0)
+    >>> [kept.tolist() for kept in kept_samples([record], 3)]
+    [[0, 2, 4]]
+    """
+    counted = [np.flatnonzero(record.error_mask) for record in records]
+    stride = 1 if samples is None else max(1, sum(map(len, counted)) // samples)
+    return [index[::stride] for index in counted]
+
+
 @dataclass(frozen=True)
 class _Pass:
     """Products of the regressors at one place, offsets taken out."""
@@ -158,44 +175,76 @@ class _Pass:
     total: float
     count: int
     motion: Array  # of every column, over the command's, in the record where it moves most
+    columns: Sequence[Array]  # derivatives by the weights, by record
+    squares: Sequence[Array]  # their Gram matrices
 
     def cost(self, x: Array) -> float:
         return float(self.total - 2 * x @ self.rhs + x @ self.gram @ x)
 
 
-def _run(variant: Variant, free: Sequence[Free], records: Sequence[Record]) -> _Pass:
-    h = variant.hysteresis
-    changed, steps = [], []
-    for number in free:
-        here = number.read(variant)
-        step = number.step if here + number.step <= number.high else -number.step
-        changed.append(number.write(variant, here + step))
-        steps.append(step)
-    weights = np.array(h.weights)
-    size = len(weights) + len(free)
-    gram, rhs, total, count = np.zeros((size, size)), np.zeros(size), 0.0, 0
-    motion = np.zeros(size)
-    weight_step = _WEIGHT_STEP * h.A
-    for record in records:
-        sums, products, samples = np.zeros(size + 1), np.zeros((size + 1, size + 1)), 0
-        blocks = jacobian_blocks(variant, changed, np.array(steps), weight_step, record)
-        for part, y, derivatives in blocks:
-            counted = record.error_mask[part]
-            rows = np.empty((int(counted.sum()), size + 1))
-            rows[:, :size] = derivatives[counted]
-            linear = rows[:, : len(weights)] @ weights
-            rows[:, size] = (record.y_um[part] - y)[counted] + linear
-            sums += rows.sum(axis=0)
-            products += rows.T @ rows
-            samples += len(rows)
-        products -= np.outer(sums, sums) / max(samples, 1)
-        spread = np.sqrt(np.maximum(np.diag(products)[:size], 0.0))
+@dataclass(frozen=True)
+class _Problem:
+    """What every pass over the records shares."""
+
+    free: Sequence[Free]
+    records: Sequence[Record]
+    kept: Sequence[NDArray[np.intp]]
+
+    def whole_pass(self, variant: Variant) -> _Pass:
+        """Derivatives by every weight and every free number."""
+        changed, steps = self._neighbours(variant)
+        weight_step = _WEIGHT_STEP * variant.hysteresis.A
+        n_weights = len(variant.hysteresis.weights)
+        columns, changes = [], []
+        for record, kept in zip(self.records, self.kept, strict=True):
+            rows = jacobian_rows(variant, changed, steps, weight_step, record, kept)
+            rows -= rows.mean(axis=0)
+            columns.append(rows[:, :n_weights])
+            changes.append(rows[:, n_weights:])
+        return _products(variant, columns, changes, [c.T @ c for c in columns])
+
+    def light_pass(self, variant: Variant, last: _Pass) -> _Pass:
+        """Derivatives by the free numbers; those by the weights are of another place near by."""
+        changed, steps = self._neighbours(variant)
+        changes = []
+        for record, kept in zip(self.records, self.kept, strict=True):
+            rows = change_rows(variant, changed, steps, record, kept)
+            changes.append(rows - rows.mean(axis=0))
+        return _products(variant, last.columns, changes, last.squares)
+
+    def _neighbours(self, variant: Variant) -> tuple[list[Variant], Array]:
+        changed, steps = [], []
+        for number in self.free:
+            here = number.read(variant)
+            step = number.step if here + number.step <= number.high else -number.step
+            changed.append(number.write(variant, here + step))
+            steps.append(step)
+        return changed, np.array(steps)
+
+
+def _products(
+    variant: Variant, columns: Sequence[Array], changes: Sequence[Array], squares: Sequence[Array]
+) -> _Pass:
+    """Gram matrix of columns of the weights, by record, and of the free numbers beside them."""
+    weights = np.array(variant.hysteresis.weights)
+    n, size = len(weights), len(weights) + changes[0].shape[1] - 1
+    gram, motion = np.zeros((size + 1, size + 1)), np.zeros(size)
+    for own, change, square in zip(columns, changes, squares, strict=True):
+        part = np.zeros((size + 1, size + 1))
+        part[:n, :n] = square
+        part[:n, n:] = own.T @ change
+        part[n:, :n] = part[:n, n:].T
+        part[n:, n:] = change.T @ change
+        spread = np.sqrt(np.diag(part)[:size])
         motion = np.maximum(motion, spread / max(float(spread[0]), 1e-300))
-        gram += products[:size, :size]
-        rhs += products[:size, size]
-        total += products[size, size]
-        count += samples
-    return _Pass(gram, rhs, total, count, motion)
+        gram += part
+    # what is left, plus what the weights give now: to be solved for weights, not for their steps
+    whole = np.eye(size + 1)
+    whole[:n, size] = weights
+    gram = whole.T @ gram @ whole
+    count = sum(map(len, changes))
+    inner, rhs = gram[:size, :size].copy(), gram[:size, size].copy()
+    return _Pass(inner, rhs, float(gram[size, size]), count, motion, columns, squares)
 
 
 def _solve(at: _Pass, n_weights: int, damping: float) -> Array:
@@ -221,6 +270,7 @@ def fit_joint(
     passes: int = 30,
     tolerance: float = 1e-4,
     held: frozenset[str] = frozenset(),
+    samples: int | None = None,
 ) -> JointFit:
     """Refit the weights, δ2 and every parameter of the effects to records.
 
@@ -238,32 +288,48 @@ def fit_joint(
         Relative fall of the squared error below which the search ends.
     held
         Parameters that keep their value, as ``effect.parameter``.
+    samples
+        About how many of the counted samples enter the squares, evenly thinned: the plant is
+        simulated over all, but hundreds for each number are enough. None: every one.
     """
     fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
     span = max(float(np.ptp(r.u_V)) for r in records)
     free = free_numbers(effects, 0.1 * span / fastest, held)
     n_weights = len(start.weights)
+    problem = _Problem(free, records, kept_samples(records, samples))
     best = _with_weights(Variant(start, tuple(effects)), np.array(start.weights))
-    here = _run(best, free, records)
+    here = problem.whole_pass(best)
     best = _with_weights(best, _weights_alone(here, n_weights))
-    here = _run(best, free, records)
-    cost = here.cost(_padded(_weights_alone(here, n_weights), here))
-    used, damping, converged = 2, 1e-3, False
+    here = problem.light_pass(best, here)
+    cost = _least(here, n_weights)
+    used, damping, moves, converged = 2, 1e-3, 0, False
     while used < passes and not converged:
         x = _solve(here, n_weights, damping)
         trial = _with_weights(best, x[:n_weights])
         for number, step in zip(free, x[n_weights:], strict=True):
             trial = number.write(trial, number.read(best) + number.bounded(step))
-        there = _run(trial, free, records)
+        there = problem.light_pass(trial, here)
         used += 1
-        trial_cost = there.cost(_padded(_weights_alone(there, n_weights), there))
-        if trial_cost < cost:
-            converged = cost - trial_cost < tolerance * cost
-            best, here, cost, damping = trial, there, trial_cost, max(damping / 10, 1e-9)
+        trial_cost = _least(there, n_weights)
+        better, small = trial_cost < cost, cost - trial_cost < tolerance * cost
+        stale = moves > 0
+        if better:
+            best, here, cost, moves = trial, there, trial_cost, moves + 1
+            damping = max(damping / 10, 1e-9)
+        if stale and (small or moves > _LIGHT_PASSES):
+            best = _with_weights(best, _weights_alone(here, n_weights))
+            here, moves = problem.whole_pass(best), 0
+            cost = _least(here, n_weights)
+        elif better:
+            converged = small
         else:
             converged = damping > _LARGEST_DAMPING
             damping *= 10
     best = _with_weights(best, _weights_alone(here, n_weights))
+    if moves > 0:
+        here = problem.whole_pass(best)
+        best = _with_weights(best, _weights_alone(here, n_weights))
+        cost = _least(here, n_weights)
     edge = [n for n in free if n.effect is not None and n.at_bound(best)]
     return JointFit(
         best,
@@ -283,6 +349,10 @@ def _padded(weights: Array, at: _Pass) -> Array:
     x = np.zeros(len(at.rhs))
     x[: len(weights)] = weights
     return x
+
+
+def _least(at: _Pass, n_weights: int) -> float:
+    return at.cost(_padded(_weights_alone(at, n_weights), at))
 
 
 def _weights_alone(at: _Pass, n_weights: int) -> Array:

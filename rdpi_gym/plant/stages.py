@@ -28,11 +28,12 @@ class Stage:
     def __init__(self, effects: Sequence[Effect], hysteresis: Sequence[RDPI], ts_s: float) -> None:
         self._block = type(effects[0]).block
         self._clocked = effects[0].clocked
-        packed: dict[tuple[Effect, RDPI], list[float]] = {}
+        packed: dict[tuple[int, int], list[float]] = {}
         columns = []
-        for pair in zip(effects, hysteresis, strict=True):
+        for effect, model in zip(effects, hysteresis, strict=True):
+            pair = id(effect), id(model)  # by identity: a hash of every number costs more
             if pair not in packed:
-                packed[pair] = pair[0].coefficients(ts_s, pair[1])
+                packed[pair] = effect.coefficients(ts_s, model)
             columns.append(packed[pair])
         self._parameters = np.ascontiguousarray(np.array(columns, dtype=np.float64).T)
         rows = max(effect.state_rows(ts_s) for effect in effects)

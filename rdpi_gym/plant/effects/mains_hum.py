@@ -14,15 +14,31 @@ from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
 from rdpi_gym.plant.rdpi import RDPI
 
 
+# Samples after which the phasor is set anew: rounding stays far below a picometre.
+_RENEWED = 256
+
+
 @njit(cache=True)
 def mains_hum_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: amplitude (µm), 2π f (rad/s), phase. State: samples since t = 0."""
+    """Kernel; rows of ``p``: amplitude (µm), 2π f (rad/s), phase.
+
+    Rows of the state: samples since t = 0, sine and cosine (µm) of a phasor that is turned from
+    sample to sample: a sine for each would cost more than all other stages together.
+    """
+    turn_sine, turn_cosine = np.sin(p[1] * ts), np.cos(p[1] * ts)
     for b in range(x.shape[1]):
         if np.isnan(state[0, b]):
             state[0, b] = 0.0
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
-            y[t, b] = x[t, b] + p[0, b] * math.sin(p[1, b] * (state[0, b] * ts) + p[2, b])
+            if np.isnan(state[1, b]) or state[0, b] % _RENEWED == 0.0:
+                phase = p[1, b] * (state[0, b] * ts) + p[2, b]
+                state[1, b] = p[0, b] * math.sin(phase)
+                state[2, b] = p[0, b] * math.cos(phase)
+            sine, cosine = state[1, b], state[2, b]
+            y[t, b] = x[t, b] + sine
+            state[1, b] = sine * turn_cosine[b] + cosine * turn_sine[b]
+            state[2, b] = cosine * turn_cosine[b] - sine * turn_sine[b]
             state[0, b] += 1.0
 
 
@@ -72,5 +88,5 @@ class MainsHum(Effect):
         return [self.amplitude_um, 2.0 * math.pi * self.frequency_hz, self.phase_rad]
 
     def state_rows(self, ts_s: float) -> int:
-        """The clock."""
-        return 1
+        """The clock and the phasor."""
+        return 3
