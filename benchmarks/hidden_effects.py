@@ -3,6 +3,7 @@
     python -m benchmarks.hidden_effects --study single,pairs,none,outside,invariance --jobs 2
 
 An interrupted run continues from the rows that it has written. Rows of changed code are set aside.
+With ``--ray ADDRESS`` the nodes of a Ray cluster diagnose the cases; the rows are written here.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from benchmarks.hidden.case_row import Engine, discover_engine
 from benchmarks.hidden.cases import NUMBERS, make_cases
 from benchmarks.hidden.draws import HIDEABLE
-from benchmarks.hidden.run import Engine, discover_engine, run_study
+from benchmarks.hidden.run import run_study
 from benchmarks.hidden.scoring import judgements
-from benchmarks.hidden.store import Row
 from benchmarks.hidden.summary import as_markdown, by_subject, targets
+from benchmarks.store import Row
 from rdpi_gym.errors import InputError
 from rdpi_gym.files import write_atomic
 from rdpi_gym.measurement.options import unknown_name
@@ -70,6 +72,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--effects", default=",".join(HIDEABLE), help="effects to hide")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2, help="processes; -1: one a core")
+    parser.add_argument("--ray", metavar="ADDRESS", help="a Ray cluster, in place of --jobs")
     parser.add_argument("--out", type=Path, default=OUT)
     return parser.parse_args(arguments)
 
@@ -99,7 +102,7 @@ def _run(options: argparse.Namespace, engine: Engine) -> list[Row]:
         return run_study(
             cases, options.out, options.jobs,
             lambda done, total: bar.update(task, completed=done, total=total), engine,
-            lambda sentence: print(sentence, file=sys.stderr),
+            lambda sentence: print(sentence, file=sys.stderr), options.ray,
         )  # fmt: skip
 
 

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import rdpi_gym
 
-# What a row depends on; tables and pages made of rows are not among it.
+# What a row depends on; neither who runs the cases nor tables and pages made of rows are among it.
 _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis")
 _STUDY = (
+    "case_row",
     "cases",
     "dataset",
     "draws",
     "outside",
     "plants",
-    "run",
     "transform",
     "truth",
     "visibility",

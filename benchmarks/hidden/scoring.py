@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks.hidden.store import Row
+from benchmarks.store import Row
 
 CONFOUNDED: frozenset[frozenset[str]] = frozenset()
 """Pairs that the documentation names as confounded on the standard protocol: one of the two counts
@@ -23,7 +23,7 @@ def judge(row: Row, confounded: frozenset[frozenset[str]] = CONFOUNDED) -> dict[
     Parameters
     ----------
     row
-        As :func:`~benchmarks.hidden.run.run_case` returns it, status ``done`` or ``failed``; a
+        As :func:`~benchmarks.hidden.case_row.run_case` returns it, status ``done`` or ``failed``; a
         failure finds nothing.
     confounded
         Pairs of effects.

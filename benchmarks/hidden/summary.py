@@ -10,8 +10,8 @@ import pandas as pd
 from benchmarks.hidden.draws import HIDEABLE, VISIBLE
 from benchmarks.hidden.plants import NOISE_UM
 from benchmarks.hidden.scoring import LARGEST_RATIO, judgements
-from benchmarks.hidden.store import Row
 from benchmarks.hidden.transform import PLAIN
+from benchmarks.store import Row
 
 _OUTSIDE_RATIO = 2.0
 _ABOUT_EFFECTS = ("masked", "first_percent", "by_class", "found_percent")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from joblib import Parallel, delayed, parallel_config
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import benchmarks.payoff
+from benchmarks.parallel import run_cases
 from benchmarks.payoff.beliefs import FOLDER, make_beliefs
 from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
 from benchmarks.payoff.scores import ROWS_FILE, payoff_table
@@ -69,16 +70,12 @@ def _compute(out: Path, seed: int, jobs: int) -> None:
         *columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal
     ) as bar:
         looking = bar.add_task("discovering", total=len(HIDDEN_PLANTS))
-        beliefs: dict[HiddenPlant, dict[str, PlantModel]] = {}
-        # one thread a process: the laboratory's matrices are small
-        with parallel_config(backend="loky", inner_max_num_threads=1):
-            parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator")
-            found = parallel(
-                delayed(make_beliefs)(hidden, out / FOLDER.name, seed) for hidden in HIDDEN_PLANTS
-            )
-            for hidden, own in zip(HIDDEN_PLANTS, found, strict=True):
-                beliefs[hidden] = own
-                bar.advance(looking)
+        found: dict[HiddenPlant, dict[str, PlantModel]] = {}
+        look = partial(_beliefs, folder=out / FOLDER.name, seed=seed)
+        for hidden, own in run_cases(look, HIDDEN_PLANTS, jobs):
+            found[hidden] = own
+            bar.advance(looking)
+        beliefs = {hidden: found[hidden] for hidden in HIDDEN_PLANTS}
         tracking = bar.add_task("tracking", total=None)
         table = payoff_table(
             beliefs,
@@ -93,6 +90,12 @@ def _compute(out: Path, seed: int, jobs: int) -> None:
     write_atomic(out / "payoff.png", payoff_picture(payoff_summary(table)))
     print(f"table: {write_atomic(out / 'payoff.md', payoff_text(table))}")
     (out / ROWS_FILE).unlink(missing_ok=True)  # the table holds them
+
+
+def _beliefs(
+    hidden: HiddenPlant, folder: Path, seed: int
+) -> tuple[HiddenPlant, dict[str, PlantModel]]:
+    return hidden, make_beliefs(hidden, folder, seed)
 
 
 if __name__ == "__main__":

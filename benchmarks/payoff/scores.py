@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 
 from baselines import make_controller
-from benchmarks.hidden.store import Row, RowFile
+from benchmarks.parallel import run_cases
 from benchmarks.payoff.beliefs import BELIEFS
 from benchmarks.payoff.plants import HiddenPlant
+from benchmarks.store import Row, named_rows
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.fingerprint import code_fingerprint
 from benchmarks.tracking.leaderboard import COLUMNS as SCORES
@@ -80,6 +80,7 @@ def payoff_table(
     seed: int = 0,
     jobs: int = 1,
     progress: Callable[[int, int], None] | None = None,
+    ray_address: str | None = None,
 ) -> pd.DataFrame:
     """Score every compensator with every belief on every plant; an interrupted run goes on.
 
@@ -95,6 +96,8 @@ def payoff_table(
         Processes; -1: one a core.
     progress
         Called with the number of runs done, and in all.
+    ray_address
+        Of a Ray cluster that does the runs in place of processes here.
 
     Returns
     -------
@@ -110,24 +113,15 @@ def payoff_table(
         for controller in CONTROLLERS
         for name in BELIEFS
     ]
-    store = RowFile(out / ROWS_FILE)
+    store = named_rows(out / ROWS_FILE)
     code = {task.key(case): task.code for task in tasks for case in cases}
     store.set_aside(lambda row: code.get(row["key"], row["code"]) != row["code"])
     missing = [t for t in tasks if any(t.key(case) not in store.rows for case in cases)]
-    for done, rows in enumerate(_run(missing, jobs), start=1):
-        for row in rows:
-            store.append(row)
+    for done, rows in enumerate(run_cases(run_task, missing, jobs, ray_address), start=1):
+        store.append(rows)
         if progress is not None:
             progress(done, len(missing))
     return _related([store.rows[key] for key in code])
-
-
-def _run(tasks: Sequence[Task], jobs: int) -> Iterator[list[Row]]:
-    if jobs == 1:
-        yield from map(run_task, tasks)
-        return
-    parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-    yield from parallel(delayed(run_task)(task) for task in tasks)
 
 
 def _related(rows: Sequence[Row]) -> pd.DataFrame:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from benchmarks.store import Row
 from benchmarks.tracking.leaderboard import (
     CASE,
     by_case,
@@ -16,7 +17,6 @@ from benchmarks.tracking.leaderboard import (
 from benchmarks.tracking.measured import MeasuredScores, no_scores, score_measured
 from benchmarks.tracking.run import Outcome
 from benchmarks.tracking.selection import Selection
-from benchmarks.tracking.store import Row
 from benchmarks.tracking.suite import FEWEST_SAMPLES, MOST_SAMPLES, cases
 
 MEASURED_PLANT = "picma"

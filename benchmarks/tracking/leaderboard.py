@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
+from benchmarks.store import Row
+from benchmarks.tracking.rows import key
 from benchmarks.tracking.scoring import words
-from benchmarks.tracking.store import Row, key
 from benchmarks.tracking.suite import ORACLE
 from rdpi_gym.arrays import Array
 

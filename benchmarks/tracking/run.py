@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from joblib import Parallel, delayed
-
+from benchmarks.parallel import run_cases
+from benchmarks.store import Row
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
+from benchmarks.tracking.rows import Key, key, open_rows
 from benchmarks.tracking.scoring import words
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import Stage
-from benchmarks.tracking.store import Key, Row, RowStore, key
 from benchmarks.tracking.suite import ORACLE
 from benchmarks.tracking.tasks import Lane, Task, make_tasks, row_keys, run_task
 from rdpi_gym.errors import InputError
-
-ROWS_FILE = "rows.jsonl"
 
 
 @dataclass(frozen=True)
@@ -44,6 +42,7 @@ def benchmark(
     out: Path,
     jobs: int = -1,
     progress: Callable[[int, int], None] | None = None,
+    ray_address: str | None = None,
 ) -> Outcome:
     """Compute what is missing or failed and return every row that was asked for.
 
@@ -57,15 +56,17 @@ def benchmark(
         Worker processes; -1: one a core.
     progress
         Called with the number of tasks done, and in all.
+    ray_address
+        Of a Ray cluster that runs the tasks in place of processes here.
 
     Raises
     ------
     InputError
-        The folder cannot be used.
+        The folder or the cluster cannot be used.
     """
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for --out")
-    store = RowStore(out / ROWS_FILE)
+    store = open_rows(out)
     notes = []
     if store.damaged:
         notes.append(
@@ -87,19 +88,13 @@ def benchmark(
     missing = [task for task in tasks if not finished.issuperset(row_keys(task))]
     missing.sort(key=lambda task: -task.samples)
     computed = 0
-    for done, rows in enumerate(_run(missing, jobs), start=1):
+    for done, rows in enumerate(run_cases(run_task, missing, jobs, ray_address), start=1):
         fresh = [row for row in rows if key(row) not in finished]
         store.append(fresh)
         computed += len(fresh)
         if progress is not None:
             progress(done, len(missing))
     return Outcome([store.rows[k] for k in _in_order(selection)], tuple(notes), computed)
-
-
-def _run(tasks: Sequence[Task], jobs: int) -> Iterator[list[Row]]:
-    # one task at a time to a worker, each result as soon as it is there: rows are written early
-    parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-    yield from parallel(delayed(run_task)(task) for task in tasks)
 
 
 def _tasks(selection: Selection) -> list[Task]:

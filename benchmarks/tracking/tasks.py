@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from baselines import make_controller
+from benchmarks.store import Row
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
+from benchmarks.tracking.rows import Key, key
 from benchmarks.tracking.scoring import one_line, score, status
 from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
-from benchmarks.tracking.store import Key, Row, key
 from benchmarks.tracking.suite import Case
 from rdpi_gym.arrays import Array
 from rdpi_gym.envs import ObservationLayout

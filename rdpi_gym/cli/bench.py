@@ -31,6 +31,14 @@ def bench(
     jobs: Annotated[
         int, typer.Option("--jobs", help="Worker processes; -1: one for each core.")
     ] = -1,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            "--ray",
+            metavar="ADDRESS",
+            help="Score on the nodes of a Ray cluster, host:port, in place of --jobs.",
+        ),
+    ] = None,
     controllers: Annotated[
         str | None,
         typer.Option("--controllers", metavar="NAME,...", help="Baselines; all by default."),
@@ -94,8 +102,8 @@ def bench(
     everything = controllers is plants is references is ts is None
     try:
         with _progress("scoring") as show:
-            outcome = benchmark(selection, out, jobs, show)
-        payoff = _payoff(out, jobs) if everything else None
+            outcome = benchmark(selection, out, jobs, show, ray)
+        payoff = _payoff(out, jobs, ray) if everything else None
     except KeyboardInterrupt:
         print(f"interrupted; the same command continues from the rows in {out}", file=sys.stderr)
         raise
@@ -119,7 +127,7 @@ def bench(
     print(f"page: {page}")
 
 
-def _payoff(out: Path, jobs: int) -> pd.DataFrame:
+def _payoff(out: Path, jobs: int, ray: str | None) -> pd.DataFrame:
     """Score the plants with hidden effects, with the beliefs of this release."""
     from benchmarks.payoff.beliefs import stored_beliefs
     from benchmarks.payoff.plants import HIDDEN_PLANTS
@@ -127,7 +135,7 @@ def _payoff(out: Path, jobs: int) -> pd.DataFrame:
 
     beliefs = {hidden: stored_beliefs(hidden) for hidden in HIDDEN_PLANTS}
     with _progress("hidden effects") as show:
-        return payoff_table(beliefs, out, jobs=jobs, progress=show)
+        return payoff_table(beliefs, out, jobs=jobs, progress=show, ray_address=ray)
 
 
 def _payoff_section(payoff: pd.DataFrame) -> Section:

@@ -136,7 +136,12 @@ def refit(
         try:
             first.append(
                 fit_joint(
-                    setting.train, hysteresis, effects, first_passes, held=held, samples=SEARCH_SAMPLES
+                    setting.train,
+                    hysteresis,
+                    effects,
+                    first_passes,
+                    held=held,
+                    samples=SEARCH_SAMPLES,
                 )
             )
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:

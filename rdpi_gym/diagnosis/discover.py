@@ -113,6 +113,7 @@ def discover(
     base = state = laboratory.base(given)
     steps: list[Finding] = []
     rounds: list[tuple[Finding, ...]] = []
+    rivals: dict[str, tuple[str, ...]] = {}
     last: list[Ranked] = []
     while len(steps) < MOST_STEPS and laboratory.decidable and not laboratory.at_floor(state):
         ranked = laboratory.ranked(state)
@@ -121,15 +122,18 @@ def discover(
         if not chosen:
             break
         last = chosen
+        for r in chosen:
+            rivals[r.finding.effect] = laboratory.rivals(state, r.finding, rounds[-1])
         state = laboratory.after(state, chosen)
         steps += [replace(r.finding, errors=state.outcome.errors) for r in chosen]
     state, removed = laboratory.eliminate(state, [s.effect for s in steps])
-    state, steps = laboratory.settle(state, [s for s in steps if s.effect not in removed])
-    model, state, notes = laboratory.model(state, given)
+    state, notes = laboratory.on_law(state, given)
+    kept = [s for s in steps if s.effect not in removed]
+    state, steps = laboratory.settle(state, kept, rivals)
     verdict = laboratory.verdict(state, bool(steps))
     groups = laboratory.groups(state)
     return Discovery(
-        model=model,
+        model=laboratory.model(state, given),
         steps=tuple(laboratory.final(state, step) for step in steps),
         rounds=tuple(rounds),
         removed=removed,
@@ -188,13 +192,13 @@ def add_effect(
     ranked = laboratory.ranked(base)
     laboratory.need(ranked, kind)
     state: State = laboratory.after(base, ranked[:1])
-    model, state, notes = laboratory.model(state, given)
+    state, notes = laboratory.on_law(state, given)
     verdict = laboratory.verdict(state, True)
     groups = laboratory.groups(state)
     if not ranked[0].earned:
         notes = (f"{kind.name} was added on request; these records do not earn it", *notes)
     return Discovery(
-        model=model,
+        model=laboratory.model(state, given),
         steps=(laboratory.final(state, replace(ranked[0].finding, errors=state.outcome.errors)),),
         rounds=(tuple(r.finding for r in ranked),),
         removed=(),

@@ -19,9 +19,16 @@ from rdpi_gym.diagnosis.candidates import (
     refit,
     refit_all,
 )
-from rdpi_gym.diagnosis.law import to_threshold_law
+from rdpi_gym.diagnosis.law import plant_of, to_threshold_law
 from rdpi_gym.diagnosis.noise import noise_floor
-from rdpi_gym.diagnosis.ranking import AT_FLOOR, LEAST_GAIN, Ranked, of_effect, rank
+from rdpi_gym.diagnosis.ranking import (
+    AT_FLOOR,
+    LEAST_GAIN,
+    SETTLED_GAIN,
+    Ranked,
+    of_effect,
+    rank,
+)
 from rdpi_gym.diagnosis.remainder import remainder
 from rdpi_gym.diagnosis.results import Errors, Finding, Verdict, View
 from rdpi_gym.diagnosis.scale import comb, data_scale, on_comb, pruned
@@ -44,6 +51,8 @@ from rdpi_gym.plant.effects.base import Effect, in_chain_order
 # At most this many times the noise floor is explained.
 EXPLAINED = 1.15
 _NOMINEES = 4
+# Rivals that are tried once more in the end: by the gain of the effect chosen, or by the noise.
+_CLOSE_GAIN, _CLOSE_NOISE = 0.03, 1.0
 # The best candidates of a round show the noise floor; what others leave is no smaller.
 _FLOOR_FROM = 3
 # Where all rates are alike, an effect at this cosine to that of δ2 is not to be told from it.
@@ -213,24 +222,40 @@ class Laboratory:
                 state, removed = State(without), [*removed, name]
         return state, tuple(removed)
 
-    def settle(self, state: State, steps: Sequence[Finding]) -> tuple[State, list[Finding]]:
+    def rivals(self, state: State, chosen: Finding, field: Sequence[Finding]) -> tuple[str, ...]:
+        """Return what came so close to a chosen effect in its round that it is tried once more."""
+        own = chosen.errors.validation_rmse_um**2
+        gain = state.outcome.mean_square - own
+        reach = max(_CLOSE_GAIN * gain, _CLOSE_NOISE * self.noise_um**2)
+        close = [f for f in field if f.errors.validation_rmse_um**2 - own <= reach]
+        barred = {chosen.effect, *self._like_rate}
+        return tuple(f.effect for f in close if f.effect not in barred)
+
+    def settle(
+        self, state: State, steps: Sequence[Finding], rivals: Mapping[str, Sequence[str]]
+    ) -> tuple[State, list[Finding]]:
         """Try each added effect's rivals once more, now that all others are there."""
         settled: list[Finding] = []
         for step in steps:
             others = in_chain_order(e for e in state.effects if e.name != step.effect)
             have = {e.name for e in state.effects}
-            rivals = [self.catalogue[name] for name in step.indistinguishable if name not in have]
-            if not rivals:
+            kinds = [self.catalogue[name] for name in rivals[step.effect] if name not in have]
+            if not kinds:
                 settled.append(replace(step, indistinguishable=()))
                 continue
-            self._progress(f"rivals of {step.effect}", 0, len(rivals))
-            outcomes = [refit(self.setting, state.hysteresis, others, kind) for kind in rivals]
+            self._progress(f"rivals of {step.effect}", 0, len(kinds))
+            outcomes = [refit(self.setting, state.hysteresis, others, kind) for kind in kinds]
+            # an effect is replaced only by one that fits the other records no worse either
+            most = state.outcome.errors.train_rmse_um * (1.0 + SETTLED_GAIN)
+            outcomes = [o for o in outcomes if o.errors.train_rmse_um <= most]
             own = replace(state.outcome, effect=step.effect)
-            kinds = [*rivals, self.catalogue[step.effect]]
             without = assess(
                 self.setting, "", fit_joint(self.setting.train, state.hysteresis, others)
             )
-            ranked = rank(without, [own, *outcomes], kinds, self.noise_um, self._seed)
+            ranked = rank(
+                without, [own, *outcomes], [*kinds, self.catalogue[step.effect]], self.noise_um,
+                self._seed, SETTLED_GAIN,
+            )  # fmt: skip
             best = ranked[0]
             if step.effect in (best.finding.effect, *best.finding.indistinguishable):
                 best = next(r for r in ranked if r.finding.effect == step.effect)
@@ -340,12 +365,15 @@ class Laboratory:
             found.append(View(record.name, record.role, *shown))
         return tuple(found)
 
-    def model(
-        self, state: State, given: PlantModel | None
-    ) -> tuple[PlantModel, State, tuple[str, ...]]:
-        """Return the plant to save, with the threshold law of Eq. 8 where it costs little."""
-        model, outcome, notes = to_threshold_law(self.setting, state.outcome, given, self.noise_um)
-        return model, State(outcome), (*self.orientation, *notes)
+    def on_law(self, state: State, given: PlantModel | None) -> tuple[State, tuple[str, ...]]:
+        """Return the model with the threshold law of Eq. 8 where it costs little, and remarks."""
+        plays = None if given is None else given.hysteresis.n
+        outcome, note = to_threshold_law(self.setting, state.outcome, plays, self.noise_um)
+        return State(outcome), (*self.orientation, note)
+
+    def model(self, state: State, given: PlantModel | None) -> PlantModel:
+        """Return the plant to save."""
+        return plant_of(self.setting, state.outcome, given)
 
     def _update_noise(self, state: State) -> None:
         records = (*self.setting.train, *self.setting.validation)

@@ -12,104 +12,72 @@ from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.plant import RDPI, PlantModel
 
-# Plays of a model that is not given.
-PLAYS = 10
 # Of the noise's variance and of the error's, what the law may cost and still be kept.
 _COST = 0.1
-_GRID = 16
+_GRID = 24
 _SEARCH_PASSES = 3
-_REFINEMENTS = 7
+# Of δ1, relative, and the most steps on the way there.
+_RESOLUTION, _REFINEMENTS = 3e-4, 16
+# Most plays of a law where no model says how many, and the share of all weights that one carries.
+_MOST_PLAYS, _LEAST_WEIGHT = 14, 1e-3
 
 
 def to_threshold_law(
-    setting: Setting, outcome: Outcome, given: PlantModel | None, noise_um: float
-) -> tuple[PlantModel, Outcome, tuple[str, ...]]:
-    """Return the plant that a diagnosis ends with, and what was decided on the way.
+    setting: Setting, outcome: Outcome, given: int | None, noise_um: float
+) -> tuple[Outcome, str]:
+    """Return the refit that a diagnosis ends with, and a sentence on what was decided.
 
     Parameters
     ----------
     setting
         The data.
     outcome
-        The final refit, on the comb.
+        The refit on the comb.
     given
-        The model that the diagnosis started from: its name, ranges and number of plays are kept.
+        Plays of the law; None: as many as carry weight.
     noise_um
         Noise floor (µm rms).
 
     Returns
     -------
-    PlantModel
-        With thresholds δ1 i where that costs little, else with those of the comb.
     Outcome
-        Its fit and errors.
-    tuple of str
-        Sentences.
+        With thresholds δ1 i where that costs little, else with those of the comb.
+    str
+        The sentence.
     """
     assert outcome.fit is not None
-    plays = PLAYS if given is None else given.hysteresis.n
-    law = assess(setting, "", _best_law(setting, outcome.fit, plays))
+    found = _best_law(setting, outcome.fit, given or _MOST_PLAYS)
+    law = assess(setting, "", found if given else _without_tail(found))
+    assert law.fit is not None
+    plays = law.fit.variant.hysteresis.n
     cost = law.mean_square - outcome.mean_square
     allowed = _COST * (noise_um**2 + outcome.mean_square)
     before, after = outcome.errors.validation_rmse_um, law.errors.validation_rmse_um
-    if cost <= allowed and law.fit is not None:
-        note = (
+    if cost <= allowed:
+        return law, (
             f"thresholds of Eq. 8 with {plays} plays: validation error {after:.4g} µm, "
             f"{before:.4g} µm on the comb of the diagnosis"
         )
-        return _plant(setting, law.fit, law, given), law, (note,)
-    note = (
+    return outcome, (
         f"the thresholds stay those of the comb ({before:.4g} µm): Eq. 8 with {plays} plays would "
         f"leave {after:.4g} µm on validation records"
     )
-    return _plant(setting, _slim(outcome.fit), outcome, given), outcome, (note,)
 
 
-def _best_law(setting: Setting, fit: JointFit, plays: int) -> JointFit:
-    """Search δ1: a grid, for its optima are many, then a golden section."""
-    span = setting.scale.span_V
+def plant_of(setting: Setting, outcome: Outcome, given: PlantModel | None) -> PlantModel:
+    """Return a refit as a plant to save, without the plays that have no weight.
 
-    def attempt(log_delta1: float, passes: int) -> JointFit:
-        a = fit.variant.hysteresis
-        delta1 = math.exp(log_delta1)
-        weights = (a.a0, *[a.S / plays] * plays)
-        start = RDPI.from_law(weights, delta1, a.delta2_s)
-        samples = SEARCH_SAMPLES if passes == _SEARCH_PASSES else None
-        return fit_joint(
-            setting.train, start, fit.variant.effects, passes=passes, samples=samples
-        )
-
-    grid = np.linspace(math.log(0.05 * span / plays), math.log(2.0 * span / plays), _GRID)
-    found = {float(x): attempt(float(x), _SEARCH_PASSES) for x in grid}
-    centre = min(found, key=lambda x: found[x].train_rmse_um)
-    low, high = centre - (grid[1] - grid[0]), centre + (grid[1] - grid[0])
-    ratio = (math.sqrt(5.0) - 1.0) / 2.0
-    for _ in range(_REFINEMENTS):
-        left, right = high - ratio * (high - low), low + ratio * (high - low)
-        for x in (left, right):
-            if x not in found:
-                found[x] = attempt(x, _SEARCH_PASSES)
-        if found[left].train_rmse_um < found[right].train_rmse_um:
-            high = right
-        else:
-            low = left
-    best = min(found, key=lambda x: found[x].train_rmse_um)
-    return attempt(best, 30)
-
-
-def _slim(fit: JointFit) -> JointFit:
-    """Drop the plays that have no weight."""
-    h = fit.variant.hysteresis
-    kept = [i for i, a in enumerate(h.weights[1:]) if a > 0] or [0]
-    weights = (h.a0, *(h.weights[1 + i] for i in kept))
-    thresholds = tuple(h.thresholds_V[i] for i in kept)
-    slim = RDPI(weights, thresholds, h.delta2_s, h.rate_bandwidth_hz)
-    return replace(fit, variant=replace(fit.variant, hysteresis=slim))
-
-
-def _plant(
-    setting: Setting, fit: JointFit, outcome: Outcome, given: PlantModel | None
-) -> PlantModel:
+    Parameters
+    ----------
+    setting
+        The data.
+    outcome
+        The refit.
+    given
+        The model that the diagnosis started from: its name and ranges are kept.
+    """
+    assert outcome.fit is not None
+    fit = _slim(outcome.fit)
     record = setting.train[0]
     y = simulate_effects([fit.variant], record)[:, 0]
     offset = float(np.mean((record.y_um - y)[record.error_mask]))
@@ -136,3 +104,52 @@ def _plant(
             "at_bound": list(fit.at_bound),
         },
     )
+
+
+def _best_law(setting: Setting, fit: JointFit, plays: int) -> JointFit:
+    """Search δ1: a grid, for its optima are many, then Brent's method around the best."""
+    from scipy.optimize import minimize_scalar
+
+    span = setting.scale.span_V
+    a = fit.variant.hysteresis
+    best = fit
+
+    def attempt(log_delta1: float) -> float:
+        nonlocal best
+        start = RDPI.from_law((a.a0, *[a.S / plays] * plays), math.exp(log_delta1), a.delta2_s)
+        trial = fit_joint(
+            setting.train, start, fit.variant.effects, _SEARCH_PASSES, samples=SEARCH_SAMPLES
+        )
+        if best is fit or trial.train_rmse_um < best.train_rmse_um:
+            best = trial
+        return trial.train_rmse_um
+
+    grid = np.linspace(math.log(0.05 * span / plays), math.log(2.0 * span / plays), _GRID)
+    errors = [attempt(float(x)) for x in grid]
+    centre, width = float(grid[int(np.argmin(errors))]), float(grid[1] - grid[0])
+    minimize_scalar(
+        attempt, bounds=(centre - width, centre + width), method="bounded",
+        options={"xatol": _RESOLUTION, "maxiter": _REFINEMENTS},
+    )  # fmt: skip
+    return fit_joint(setting.train, best.variant.hysteresis, best.variant.effects)
+
+
+def _without_tail(fit: JointFit) -> JointFit:
+    """Drop the last plays of a law that carry next to nothing."""
+    h = fit.variant.hysteresis
+    carrying = np.flatnonzero(np.array(h.weights[1:]) > _LEAST_WEIGHT * h.S)
+    n = int(carrying[-1]) + 1 if carrying.size else 1
+    law = RDPI(h.weights[: n + 1], h.thresholds_V[:n], h.delta2_s, h.rate_bandwidth_hz)
+    return replace(fit, variant=replace(fit.variant, hysteresis=law))
+
+
+def _slim(fit: JointFit) -> JointFit:
+    """Drop the plays that have no weight; those of a law belong together."""
+    h = fit.variant.hysteresis
+    if np.allclose(h.thresholds_V, h.thresholds_V[0] * np.arange(1, h.n + 1)):
+        return fit
+    kept = [i for i, a in enumerate(h.weights[1:]) if a > 0] or [0]
+    weights = (h.a0, *(h.weights[1 + i] for i in kept))
+    thresholds = tuple(h.thresholds_V[i] for i in kept)
+    slim = RDPI(weights, thresholds, h.delta2_s, h.rate_bandwidth_hz)
+    return replace(fit, variant=replace(fit.variant, hysteresis=slim))

@@ -24,6 +24,8 @@ LEAST_TRAIN_SHARE = 0.05
 LEAST_CONFIDENCE = 0.8
 # Rivals whose error lies this close (share of the winner's gain, or of the noise) are one class.
 SAME_GAIN = 0.02
+# The same in the end, where the thresholds are found too: only what the noise leaves open.
+SETTLED_GAIN = 0.005
 # A held-out record may lose this share of the gain before the candidate counts as harmful.
 _HARM = 0.5
 _DRAWS = 400
@@ -61,6 +63,7 @@ def rank(
     kinds: Sequence[type[Effect]],
     noise_um: float,
     seed: int,
+    same_gain: float | None = None,
 ) -> list[Ranked]:
     """Judge candidates by validation records, best first.
 
@@ -76,6 +79,9 @@ def rank(
         Noise floor (µm rms).
     seed
         Of the bootstrap over pieces of validation records.
+    same_gain
+        Rivals whose squared error lies this close, as a share of that of the better one, are one
+        class; by default they are compared by what they gain, for the comb of a round is coarse.
     """
     variance = noise_um**2
     excess = max(current.mean_square - variance, 0.0)
@@ -86,7 +92,12 @@ def rank(
     for outcome in usable:
         gain = current.mean_square - outcome.mean_square
         rivals = [o for o in usable if o is not outcome]
-        same = [o.effect for o in rivals if _same(outcome, o, gain, variance)]
+        close = (
+            max(SAME_GAIN * max(gain, 0.0), SAME_GAIN * variance)
+            if same_gain is None
+            else same_gain * min(o.mean_square for o in usable)
+        )
+        same = [o.effect for o in rivals if abs(o.mean_square - outcome.mean_square) <= close]
         others = [o for o in rivals if o.effect not in same]
         confidence = _confidence(current, outcome, others, rng)
         remarks = [f"{name} at its bound" for name in outcome.fit.at_bound] if outcome.fit else []
@@ -116,11 +127,6 @@ def rank(
         )
     failed = [o for o in outcomes if o.fit is None]
     return ranked + [Ranked(o, _failed(o), False) for o in failed]
-
-
-def _same(winner: Outcome, rival: Outcome, gain: float, variance: float) -> bool:
-    distance = rival.mean_square - winner.mean_square
-    return abs(distance) <= max(SAME_GAIN * max(gain, 0.0), SAME_GAIN * variance)
 
 
 def _train_share(current: Outcome, outcome: Outcome, variance: float) -> float:

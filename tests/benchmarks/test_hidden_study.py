@@ -8,14 +8,17 @@ import pandas as pd
 import pytest
 
 from benchmarks import hidden_effects
+from benchmarks.hidden import case_row
 from benchmarks.hidden import run as run_module
+from benchmarks.hidden.case_row import found as found_of
+from benchmarks.hidden.case_row import run_case
 from benchmarks.hidden.cases import NUMBERS, Case, make_cases, prepare
 from benchmarks.hidden.draws import HIDEABLE, MaskedError
 from benchmarks.hidden.fingerprint import statements
-from benchmarks.hidden.run import run_case, run_study
+from benchmarks.hidden.run import run_study
 from benchmarks.hidden.scoring import judge, judgements
-from benchmarks.hidden.store import RowFile
 from benchmarks.hidden.summary import agreement, as_markdown, by_subject, targets
+from benchmarks.store import named_rows
 from rdpi_gym.diagnosis.results import Discovery, Errors, Finding
 from rdpi_gym.errors import InputError
 from rdpi_gym.measurement import Dataset, Record
@@ -38,7 +41,7 @@ def discovery(steps, verdict="explained", excess_um=0.0, ranking=None, floor_um=
 
 def row(subject, steps, *, study="single", noise_um=0.012, number=0, variant="plain", **found):
     case = Case(study, tuple(subject), number, variant=variant)
-    result = run_module._found(discovery([finding(s) if isinstance(s, str) else s for s in steps], **found))  # fmt: skip
+    result = found_of(discovery([finding(s) if isinstance(s, str) else s for s in steps], **found))  # fmt: skip
     head = {
         "key": case.key, "study": study, "subject": list(subject), "number": number, "seed": 0,
         "variant": variant, "code": "abc", "status": "done", "noise_um": noise_um, "seconds": 2.0,
@@ -60,7 +63,7 @@ def quick(monkeypatch):
         titled = Dataset("+".join(case.subject), dataset.records)
         return titled, document
 
-    monkeypatch.setattr(run_module, "prepare", prepared)
+    monkeypatch.setattr(case_row, "prepare", prepared)
 
 
 def oracle(dataset, seed):
@@ -211,7 +214,7 @@ def test_an_interrupted_study_continues(quick, tmp_path):
     assert seen == again == ["creep", "delay"]
     assert done == [(2, 4), (3, 4), (4, 4)]
     assert [r["key"] for r in rows] == [case.key for case in cases]
-    assert len(RowFile(tmp_path / "rows.jsonl").rows) == 4
+    assert len(named_rows(tmp_path / "rows.jsonl").rows) == 4
 
 
 def test_rows_of_changed_code_are_set_aside(quick, tmp_path, monkeypatch):
@@ -237,7 +240,7 @@ def test_the_fingerprint_sees_statements_and_no_words():
 def test_a_foreign_file_is_no_store(tmp_path):
     (tmp_path / "rows.jsonl").write_text('{"format": "rdpi-bench-rows", "version": 1}\n')
     with pytest.raises(InputError, match="not a file of rows that this release wrote"):
-        RowFile(tmp_path / "rows.jsonl")
+        named_rows(tmp_path / "rows.jsonl")
 
 
 def test_a_row_is_json_that_says_what_was_found():

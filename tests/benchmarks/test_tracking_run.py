@@ -2,12 +2,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from benchmarks.store import RowStore
 from benchmarks.tracking import fingerprint, run
 from benchmarks.tracking.evaluation import evaluate
 from benchmarks.tracking.leaderboard import COLUMNS
 from benchmarks.tracking.results import write_tables
+from benchmarks.tracking.rows import FORMAT, ROWS_FILE, key
 from benchmarks.tracking.selection import select
-from benchmarks.tracking.store import key
 from benchmarks.tracking.tasks import row_keys
 from rdpi_gym.errors import InputError
 from rdpi_gym.plant import P5
@@ -101,7 +102,7 @@ def test_an_interrupted_run_continues_where_it_stopped(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         run.benchmark(small(), tmp_path / "cut", jobs=1, progress=interrupt)
     finished = len(calls)
-    kept = run.RowStore(tmp_path / "cut" / run.ROWS_FILE).rows
+    kept = RowStore(tmp_path / "cut" / ROWS_FILE, FORMAT, key).rows
     assert 0 < len(kept) < len(whole.rows)
 
     outcome = run.benchmark(small(), tmp_path / "cut", jobs=1)
@@ -114,7 +115,7 @@ def test_an_interrupted_run_continues_where_it_stopped(tmp_path, monkeypatch):
 
 def test_a_torn_line_costs_its_row_only(tmp_path):
     whole = run.benchmark(small(), tmp_path, jobs=1)
-    path = tmp_path / run.ROWS_FILE
+    path = tmp_path / ROWS_FILE
     path.write_bytes(path.read_bytes()[:-30])
     outcome = run.benchmark(small(), tmp_path, jobs=1)
     assert outcome.computed == 1
@@ -128,7 +129,7 @@ def test_rows_of_changed_code_are_set_aside(tmp_path, monkeypatch):
     second = run.benchmark(small(), tmp_path, jobs=1)
     assert second.computed == len(first.rows)
     assert "set aside in rows-stale-1.jsonl" in second.notes[0]
-    aside = run.RowStore(tmp_path / "rows-stale-1.jsonl").rows
+    aside = RowStore(tmp_path / "rows-stale-1.jsonl", FORMAT, key).rows
     assert set(aside) == {key(row) for row in first.rows}
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import time
 
 import numpy as np
 import pytest
@@ -143,14 +142,3 @@ def test_written_records_are_read_back(tmp_path_factory, voltages, seed) -> None
     for name in ("t_s", "u_V", "y_um", "reference_um", "period"):
         np.testing.assert_allclose(getattr(read, name), getattr(record, name), rtol=1e-12)
     assert read.ts_s == pytest.approx(5e-3, rel=1e-12)
-
-
-def test_a_hundred_thousand_lines_in_a_second(tmp_path) -> None:
-    t = 1e-4 * np.arange(100_000)
-    write_csv(Record("run", t, np.sin(9 * t), np.cos(7 * t), 1e-4), tmp_path / "run.csv")
-    durations = []
-    for _ in range(3):
-        begin = time.perf_counter()
-        load(tmp_path / "run.csv")
-        durations.append(time.perf_counter() - begin)
-    assert min(durations) < 1.0

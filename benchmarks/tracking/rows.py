@@ -1,0 +1,48 @@
+"""What names a row of the tracking benchmark, and the store of its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from benchmarks.store import RowStore
+
+ROWS_FILE = "rows.jsonl"
+FORMAT = "rdpi-bench-rows"
+Key: TypeAlias = tuple[str, str, str, float, float, int]
+
+
+def key(row: Mapping[str, Any]) -> Key:
+    """Return what names a row: controller, plant, reference, frequency (Hz), Ts (s), seed.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        It is no row of the benchmark.
+
+    Examples
+    --------
+    >>> key({"controller": "none", "plant": "P5", "reference": "sine", "frequency_hz": 1,
+    ...      "ts_s": 1e-3, "seed": 0, "rmse_um": 0.5})
+    ('none', 'P5', 'sine', 1.0, 0.001, 0)
+    """
+    return (
+        str(row["controller"]),
+        str(row["plant"]),
+        str(row["reference"]),
+        float(row["frequency_hz"]),
+        float(row["ts_s"]),
+        int(row["seed"]),
+    )
+
+
+def open_rows(folder: Path) -> RowStore[Key]:
+    """Return the store of the rows in a folder.
+
+    Raises
+    ------
+    InputError
+        The file there is something else, or cannot be read.
+    """
+    return RowStore(folder / ROWS_FILE, FORMAT, key)
