@@ -1,0 +1,173 @@
+"""The effects' kernels on tensors: one sample of every lane at a time.
+
+Each function is the twin of a kernel of :mod:`rdpi_gym.plant.effects` and reads the same rows of
+parameters; rows of the state are the kernel's, fewer, or (:func:`delay`) filled in another order.
+All are float64: their poles are close to one, and creep's slowest element gains less in a sample
+than float32 resolves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
+
+import torch
+from torch import Tensor
+
+from rdpi_gym.plant.effects.asymmetry import asymmetry_block
+from rdpi_gym.plant.effects.backlash import backlash_block
+from rdpi_gym.plant.effects.base import Block
+from rdpi_gym.plant.effects.congruency import congruency_block
+from rdpi_gym.plant.effects.creep import creep_block
+from rdpi_gym.plant.effects.delay import delay_block
+from rdpi_gym.plant.effects.gain_drift import gain_drift_block
+from rdpi_gym.plant.effects.linear import linear_block
+from rdpi_gym.plant.effects.mains_hum import mains_hum_block
+from rdpi_gym.plant.effects.rate_law import rate_law_block
+from rdpi_gym.plant.effects.saturation import saturation_block
+from rdpi_gym.plant.effects.slew_limit import slew_limit_block
+from rdpi_gym.plant.effects.thermal_drift import thermal_drift_block
+from rdpi_gym.torch_plant.hysteresis import known
+
+Twin: TypeAlias = Callable[[Tensor, Tensor, Tensor, Tensor, float], tuple[Tensor, Tensor]]
+"""``twin(x, u, p, state, ts_s) -> (y, state)``: input and command ``float64[B]``, parameters
+``float64[P, 1 or B]``, state ``float64[S, B]`` with NaN in row 0 of a lane without a past."""
+
+# Below it a rate is as good as none; a power of zero would have no derivative.
+_SLOWEST_V_S = 1e-200
+
+
+def _begun(state: Tensor, values: Tensor) -> Tensor:
+    """State, with `values` in the lanes that have no past."""
+    return torch.where(known(state[0]), state, values)
+
+
+def _clock(state: Tensor) -> Tensor:
+    """Samples since the beginning, ``float64[1, B]``."""
+    return torch.where(known(state[:1]), state[:1], 0.0)
+
+
+def linear(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.linear.linear_block`: lags and resonances."""
+    m = round(math.sqrt(p.shape[0] + 3.0)) - 2
+    f, g0, g1, c, d, rest = p.tensor_split(
+        (m * m, m * m + m, m * m + 2 * m, m * m + 3 * m, m * m + 3 * m + 1)
+    )
+    state = _begun(state[: m + 1], torch.cat([torch.ones_like(d), rest]) * x)
+    moved = (f.view(m, m, -1) * state[1:]).sum(1) + g0 * state[0] + g1 * x
+    return (c * moved).sum(0) + d[0] * x, torch.cat([x[None], moved])
+
+
+def creep(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.creep.creep_block`."""
+    state = _begun(state, x)
+    z = p[1::3] * state[1:] + p[2::3] * state[0] + p[3::3] * x
+    return x + p[0] * z.sum(0), torch.cat([x[None], z])
+
+
+def delay(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.delay.delay_block`.
+
+    Row 0 of the state counts a lane's samples, the others are the ring. It is written in place
+    (but where gradients need what it held), and what stands there from before the first sample is
+    not read.
+    """
+    ring = state[1:]
+    k = _clock(state)[0].to(torch.int64)
+    whole = p[0].to(torch.int64)
+
+    def past(samples: Tensor) -> Tensor:
+        place = (k - samples).clamp(min=0) % len(ring)
+        return torch.where((k == 0) | (samples == 0), x, ring.gather(0, place[None])[0])
+
+    older, newer = past(whole + 1), past(whole)
+    state = state.clone() if x.requires_grad else state
+    state[1:].scatter_(0, (k % len(ring))[None], x[None])
+    state[0] = k + 1
+    return newer + p[1] * (older - newer), state
+
+
+def saturation(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.saturation.saturation_block`."""
+    limit, centre = p
+    return centre + limit * torch.tanh((x - centre) / limit), state
+
+
+def slew_limit(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.slew_limit.slew_limit_block`."""
+    step = p[0]
+    last, out = _begun(state, x)
+    change = x - last
+    ahead = torch.where(change < 0.0, last - out, out - last)
+    back = (ahead / (change.abs() + step)).clamp(max=1.0)
+    turned = out + change.sign() * step * (1.0 - 2.0 * back)
+    followed = torch.clamp(x, out - step, out + step)
+    y = torch.where((change.abs() > step) & (ahead > 0.0), turned, followed)
+    return y, torch.stack([x, y])
+
+
+def rate_law(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.rate_law.rate_law_block`."""
+    return x * (x.abs().clamp(min=_SLOWEST_V_S) / p[1]) ** p[0], state
+
+
+def congruency(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.congruency.congruency_block`."""
+    return x + p[1] * u * u * (x - p[0] * u), state
+
+
+def asymmetry(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.asymmetry.asymmetry_block`."""
+    return x + p[0] * x * x, state
+
+
+def backlash(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.backlash.backlash_block`."""
+    y = torch.clamp(_begun(state, x)[0], x - p[0], x + p[0])
+    return y, y[None]
+
+
+def gain_drift(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.gain_drift.gain_drift_block`."""
+    clock = _clock(state)
+    return x + p[0] * (clock[0] * ts_s) * x, clock + 1.0
+
+
+def thermal_drift(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.thermal_drift.thermal_drift_block`."""
+    clock = _clock(state)
+    return x - p[0] * p[1] * torch.expm1(-clock[0] * ts_s / p[1]), clock + 1.0
+
+
+def mains_hum(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.mains_hum.mains_hum_block`."""
+    clock = _clock(state)
+    return x + p[0] * torch.sin(p[1] * (clock[0] * ts_s) + p[2]), clock + 1.0
+
+
+TWINS: Mapping[Block, Twin] = {
+    linear_block: linear,
+    creep_block: creep,
+    delay_block: delay,
+    saturation_block: saturation,
+    slew_limit_block: slew_limit,
+    rate_law_block: rate_law,
+    congruency_block: congruency,
+    asymmetry_block: asymmetry,
+    backlash_block: backlash,
+    gain_drift_block: gain_drift,
+    thermal_drift_block: thermal_drift,
+    mains_hum_block: mains_hum,
+}
+"""The twin of each kernel; an effect whose kernel is not among them has no form in torch."""

@@ -1,0 +1,48 @@
+"""What plants on a device remember from one step to the next."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+ROW = torch.float64
+"""Type of what a lane has one of: command, rate, displacement, and the states of effects."""
+
+
+class State(NamedTuple):
+    """What a plant remembers: everything that a step changes.
+
+    Parameters
+    ----------
+    u_V
+        Command that the plays saw last (V), ``float64[B]``; NaN before a record begins.
+    rate_V_s
+        Its rate (V/s), ``float64[B]``.
+    held_V
+        What the converter holds (V), ``float64[B]``.
+    samples
+        Steps since the last reset of all lanes, ``int64[]``.
+    xi_V
+        Play states (V), n times ``[B]`` in the plant's dtype.
+    effects
+        One ``float64[S, B]`` an effect, in the chain's order.
+    """
+
+    u_V: Tensor
+    rate_V_s: Tensor
+    held_V: Tensor
+    samples: Tensor
+    xi_V: tuple[Tensor, ...]
+    effects: tuple[Tensor, ...]
+
+    def tensors(self) -> tuple[Tensor, ...]:
+        """All of them, one after the other."""
+        return (*self[:4], *self.xi_V, *self.effects)
+
+    def clone(self) -> State:
+        """A copy that shares no memory."""
+        u, v, held, samples = (tensor.clone() for tensor in self[:4])
+        xi, effects = (tuple(tensor.clone() for tensor in part) for part in self[4:])
+        return State(u, v, held, samples, xi, effects)
