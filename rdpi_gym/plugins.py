@@ -46,5 +46,5 @@ def load_attribute(name: str, wanted: str) -> Any:
         return getattr(module, attribute)
     except AttributeError:
         raise InputError(
-            f"module {module_name!r} has no {attribute!r}; {name!r} should be a {wanted}"
+            f"module {module_name!r} has no {attribute!r}; after the colon of {name!r} stands the name of the {wanted}"
         ) from None

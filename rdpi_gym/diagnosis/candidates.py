@@ -29,6 +29,8 @@ SEARCH_SAMPLES = 24_000
 _FIRST_PASSES = 6
 # Along a cusp: reach in the parameter's logarithm, sections, and passes for everything else.
 _CUSP_REACH, _CUSP_STEPS, _CUSP_PASSES = 0.2, 16, 3
+# Rounds along cusps of effects that are there already, ended by one that gains less than this.
+_CUSP_ROUNDS, _CUSP_ENDS = 4, 0.9
 # Passes at a start on the way to a cusp: everything else stands where it is already.
 _SCAN_PASSES = 2
 # Only where a start takes this much from the error without the effect is there a cusp to find.
@@ -144,8 +146,8 @@ def refit(
                     samples=SEARCH_SAMPLES,
                 )
             )
-        except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
-            troubles.append(str(error))
+        except Exception as error:  # a user's effect may raise anything; the others go on
+            troubles.append(f"{type(error).__name__}: {error}".splitlines()[0])
     first = [fit for fit in first if math.isfinite(fit.train_rmse_um)]
     if not first:
         nowhere = Errors(math.inf, math.inf, math.inf, {})
@@ -165,6 +167,34 @@ def refit(
             setting.train, best.variant.hysteresis, best.variant.effects, samples=SEARCH_SAMPLES
         )
     return assess(setting, kind.name, best)
+
+
+def past_cusps(setting: Setting, outcome: Outcome, present: Sequence[Effect]) -> Outcome:
+    """Move the effects that are there already along their cusps too, where no refit leads them.
+
+    Parameters
+    ----------
+    setting
+        The data.
+    outcome
+        A refit with `present`.
+    present
+        Effects added before.
+    """
+    kinked = [(e.name, e.kinked) for e in present if e.kinked is not None]
+    if outcome.fit is None or not kinked:
+        return outcome
+    fit = outcome.fit
+    for _ in range(_CUSP_ROUNDS):
+        before = fit.train_rmse_um
+        for name, parameter in kinked:
+            fit = _along_cusp(setting, fit, name, parameter)
+        fit = fit_joint(
+            setting.train, fit.variant.hysteresis, fit.variant.effects, samples=SEARCH_SAMPLES
+        )
+        if fit.train_rmse_um > _CUSP_ENDS * before:
+            break
+    return assess(setting, outcome.effect, fit)
 
 
 def _along_cusp(setting: Setting, fit: JointFit, effect: str, parameter: str) -> JointFit:
@@ -233,6 +263,8 @@ class Checkpoint:
     """
 
     def __init__(self, path: Path | None, setting: Setting) -> None:
+        if path is not None and path.parent.exists() and not path.parent.is_dir():
+            raise InputError(f"{path.parent} is a file; give a folder for the results")
         self._path = path
         digest = hashlib.sha256()
         for record in (*setting.train, *setting.validation):

@@ -61,7 +61,7 @@ def diagnose(
     laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint)
     state = laboratory.base(given)
     ranked = laboratory.ranked(state)
-    best = laboratory.choose(state, ranked)
+    best = laboratory.choose(state, ranked) if laboratory.decidable else []
     end = laboratory.after(state, best) if best else state
     verdict = laboratory.verdict(end, bool(best))
     groups = laboratory.groups(end)
@@ -130,6 +130,9 @@ def discover(
     state, notes = laboratory.on_law(state, given)
     kept = [s for s in steps if s.effect not in removed]
     state, steps = laboratory.settle(state, kept, rivals)
+    if steps:  # the staircase ends at the model that is saved
+        end = steps[-1].errors
+        steps = [replace(s, errors=state.outcome.errors) if s.errors is end else s for s in steps]
     verdict = laboratory.verdict(state, bool(steps))
     groups = laboratory.groups(state)
     return Discovery(

@@ -16,6 +16,7 @@ from rdpi_gym.diagnosis.candidates import (
     Progress,
     Setting,
     assess,
+    past_cusps,
     refit,
     refit_all,
 )
@@ -53,6 +54,8 @@ EXPLAINED = 1.15
 _NOMINEES = 4
 # Rivals that are tried once more in the end: by the gain of the effect chosen, or by the noise.
 _CLOSE_GAIN, _CLOSE_NOISE = 0.03, 1.0
+# Candidates of a round for which the effects that are there already are moved past their cusps.
+_LEADERS = 4
 # The best candidates of a round show the noise floor; what others leave is no smaller.
 _FLOOR_FROM = 3
 # Where all rates are alike, an effect at this cosine to that of δ2 is not to be told from it.
@@ -144,6 +147,9 @@ class Laboratory:
             self._jobs,
             lambda done, total: self._progress(stage, done, total),
         )  # fmt: skip
+        outcomes = [past_cusps(self.setting, o, state.effects) for o in outcomes[:_LEADERS]] + (
+            outcomes[_LEADERS:]
+        )
         for outcome in [o for o in outcomes if o.fit is not None][:_FLOOR_FROM]:
             self._update_noise(State(outcome))
         ranked = rank(state.outcome, outcomes, kinds, self.noise_um, self._seed)

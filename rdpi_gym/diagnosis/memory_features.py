@@ -30,8 +30,9 @@ FAMILIES: tuple[tuple[str, ...], ...] = (
     ("path", "powers", "products", "output"),
     ("output", "time"),
     ("path", "powers", "output", "time"),
+    ("output", "time", "heat"),
     ("path", "powers", "output", "time", "rate"),
-    ("path", "powers", "products", "mixed", "output", "time", "rate"),
+    ("path", "powers", "products", "mixed", "output", "time", "rate", "heat"),
 )
 """Sets of features that a learner may have, from few to all."""
 
@@ -60,7 +61,8 @@ def memory_features(
         ``path`` (rate-independent memory: command, play operators, memory that fades along the
         path), ``powers`` of these, ``products`` of the fading ones, ``mixed`` with the command,
         ``output`` (the model's displacement with the command), ``time`` (low-passes and
-        oscillators), ``rate`` (rates times play operators).
+        oscillators), ``heat`` (low-passes of the squared rate, as losses warm the stack),
+        ``rate`` (rates times play operators).
 
     Notes
     -----
@@ -86,6 +88,7 @@ def memory_features(
     rate = _rate(u, record.ts_s, scale)[rows]
     time = [*_low_passes(u, record.ts_s, scale, rows), *_low_passes(y, record.ts_s, scale, rows)]
     time += _oscillations(y, record.ts_s, scale, rows)
+    heat = _low_passes(_rate(u, record.ts_s, scale) ** 2, record.ts_s, scale, rows)
     x, z = u[rows, None], y[rows, None]
     path = np.column_stack([x, plays, fading])
     sizes = np.column_stack([np.abs(rate), np.sqrt(np.abs(rate))])
@@ -98,6 +101,7 @@ def memory_features(
         "mixed": np.column_stack([x * remembered, x**2 * remembered]),
         "output": np.column_stack([z, z**2, z**3, z * x, z**2 * x, z * x**2]),
         "time": np.column_stack([*time, rate]),
+        "heat": np.column_stack(heat),
         "rate": np.column_stack([sizes, sizes[:, :1] * moved, sizes[:, 1:] * moved]),
     }
 

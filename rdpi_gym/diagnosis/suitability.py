@@ -11,6 +11,8 @@ from rdpi_gym.diagnosis.half_cycles import half_cycles
 from rdpi_gym.measurement import Dataset, Record
 
 _FEWEST_SAMPLES = 500
+# Fewer half cycles of another size or pace are how a record begins and ends.
+_FEWEST_OTHERS = 3
 TURNED = (
     "the displacement falls where the voltage rises: its sign was turned, the model describes -y"
 )
@@ -52,8 +54,8 @@ def poverty(records: Sequence[Record], train: Sequence[Record]) -> str | None:
         return None
     if len(swings) < 3:
         return "The data are too poor to decide: the command turns fewer than three times."
-    alike = [np.ptp(np.quantile(x, (0.05, 0.95))) < 0.1 * np.median(x) for x in (swings, paces)]
-    if all(alike):
+    others = [np.abs(x - np.median(x)) > 0.1 * np.median(x) for x in (swings, paces)]
+    if all(int(other.sum()) < _FEWEST_OTHERS for other in others):
         return (
             "The data are too poor to decide: one amplitude at one frequency shows neither memory "
             "at several depths nor rate."

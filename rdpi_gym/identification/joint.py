@@ -147,7 +147,10 @@ def free_numbers(
     )
     numbers = [Free(None, delta2)]
     numbers += [
-        Free(i, p) for i, effect in enumerate(effects) for p in effect.parameters if not p.fixed
+        Free(i, p)
+        for i, effect in enumerate(effects)
+        for p in effect.parameters
+        if not p.fixed and f"{effect.name}.{p.name}" not in held
     ]
     return numbers
 

@@ -25,6 +25,7 @@ _MOVES = 0.03  # of the swing
 _ORDER = 12  # of the predictor that leaves the noise of a command
 _LAGS = 10
 _NOISELESS = 1e-5  # of the swing: a command that is computed, not measured
+_ROUGH = 0.03  # of the swing, what is new from sample to sample
 _GAUSSIAN = 0.6745  # median of the modulus of noise over its standard deviation
 _LONGEST = 10_000
 _FEWEST_PERIODS = 6
@@ -147,6 +148,9 @@ def _follows(u: Array, y: Array) -> tuple[float, float] | None:
         gram + 1e-12 * np.trace(gram) * np.eye(_ORDER), past.T @ columns[:, 0]
     )
     new = columns[:, 0] - past @ weights
+    # a command that is rough by design tells nothing of noise
+    if float(np.std(new)) > _ROUGH * swing:
+        return None
     # what is new at corners and jumps only is no noise
     if float(np.median(np.abs(new))) / _GAUSSIAN < max(
         _NOISELESS * swing, 0.3 * float(np.std(new))

@@ -56,8 +56,9 @@ class InitialMemory(Effect):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """An extremum on either side."""
-        return tuple(cls.within_bounds(extremum_V=k * scale.span_V) for k in (0.5, -0.5))
+        """Extrema on either side: beyond the last play, or short of the first, is no slope."""
+        sizes = (0.08, 0.25, 0.6, -0.08, -0.25, -0.6)
+        return tuple(cls.within_bounds(extremum_V=k * scale.span_V) for k in sizes)
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
         """The extremum (V); the kernel does not read it."""

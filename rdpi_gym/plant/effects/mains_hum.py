@@ -13,7 +13,6 @@ from rdpi_gym.arrays import Array
 from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
 from rdpi_gym.plant.rdpi import RDPI
 
-
 # Samples after which the phasor is set anew: rounding stays far below a picometre.
 _RENEWED = 256
 
