@@ -1,0 +1,107 @@
+"""The effects' pages are what their files say, and their pictures what the effects do."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.effect_pages import __main__ as command
+from benchmarks.effect_pages import panels
+from benchmarks.effect_pages.shown import SHOWN
+from benchmarks.effect_pages.study import bare_records, study_effect
+from benchmarks.effect_pages.text import page_texts
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects.linear import lag_step
+
+PAGES = Path(__file__).parents[2] / "docs" / "effects"
+MAKE = "run python -m benchmarks.effect_pages"
+
+
+@pytest.fixture(scope="module")
+def without():
+    return bare_records()
+
+
+def test_every_effect_has_a_page():
+    own = {name for name, kind in CATALOGUE.items() if kind.__module__.startswith("rdpi_gym.")}
+    assert set(SHOWN) == own
+
+
+@pytest.mark.parametrize("name", list(page_texts()))
+def test_committed_page_is_what_the_command_makes(name):
+    assert (PAGES / name).read_text(encoding="utf-8") == page_texts()[name], MAKE
+
+
+def test_pictures_are_small_and_no_file_is_left_over():
+    pictures = {f"{name}.png" for name in SHOWN}
+    assert {path.name for path in PAGES.iterdir()} == pictures | set(page_texts())
+    for name in pictures:
+        content = (PAGES / name).read_bytes()
+        assert content.startswith(b"\x89PNG")
+        assert len(content) < 40_000, name
+
+
+@pytest.mark.parametrize("name", list(SHOWN))
+def test_a_page_says_all_that_its_file_declares(name):
+    kind, text = CATALOGUE[name], (PAGES / f"{name}.md").read_text(encoding="utf-8")
+    for said in (kind.equation, kind.source, kind.signature, kind.experiment):
+        assert said in text
+    for parameter in kind.parameters:
+        assert f"| `{parameter.name}` | {parameter.meaning} | {parameter.unit} |" in text
+    for other in kind.mistaken_for:
+        assert f"[`{other}`]({other}.md)" in text
+
+
+def test_delay_turns_the_phase_and_keeps_the_gain(without):
+    study = study_effect("delay", SHOWN["delay"].values, without)
+    bare, turned = panels.phase(study, "").lines
+    np.testing.assert_allclose(bare.y, 0.0, atol=1e-6)
+    np.testing.assert_allclose(
+        turned.y, -360.0 * turned.x * study.effect.values["delay_s"], atol=0.05
+    )
+    same, gain = panels.gain(study, "").lines
+    np.testing.assert_allclose(gain.y, same.y, rtol=1e-4)
+
+
+def test_sensor_lag_lowers_the_gain(without):
+    study = study_effect("sensor_lag", SHOWN["sensor_lag"].values, without)
+    bare, lower = panels.gain(study, "").lines
+    ts_s, tau_s = study.having["multisine-small"].ts_s, study.effect.values["time_constant_s"]
+    # a first-order lag behind a command that is linear between samples
+    decay, before, after = lag_step(tau_s, ts_s)
+    one_sample = np.exp(-2j * np.pi * lower.x * ts_s)
+    gain = np.abs((after + before * one_sample) / (1.0 - decay * one_sample))
+    np.testing.assert_allclose(lower.y, bare.y * gain, rtol=1e-3)
+
+
+def test_gain_drift_shows_in_a_repeat(without):
+    study = study_effect("gain_drift", SHOWN["gain_drift"].values, without)
+    panel = panels.displacement_of_repeats(study, "triangle-slow", "triangle-slow-again", "")
+    bare, drifted = panel.lines
+    np.testing.assert_allclose(bare.y, 0.0, atol=1e-9)
+    records = study.having
+    apart_s = records["triangle-slow-again"].t_s[0] - records["triangle-slow"].t_s[0]
+    slope = np.polyfit(drifted.x, drifted.y, 1)[0]
+    assert slope == pytest.approx(3e-4 * apart_s, rel=0.02)
+
+
+def test_every_picture_shows_its_effect(without):
+    """Each line with the effect is told from the one without it, and labels carry units."""
+    for name in ("backlash", "mains_hum"):
+        for panel in SHOWN[name].panels(study_effect(name, SHOWN[name].values, without)):
+            assert panel.x_label.endswith(")")
+            assert panel.y_label.endswith(")")
+            assert max(np.nanmax(np.abs(line.y)) for line in panel.lines) > 0.02
+
+
+def test_the_command_writes_pages_and_pictures(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(command, "SHOWN", {"delay": SHOWN["delay"]})
+    assert command.main(["--out", str(tmp_path / "new")]) == 0
+    assert {path.name for path in (tmp_path / "new").iterdir()} == {*page_texts(), "delay.png"}
+    assert str(tmp_path) in capsys.readouterr().out
+
+
+def test_a_folder_that_is_a_file_is_refused(tmp_path, capsys):
+    (tmp_path / "taken").write_text("x")
+    assert command.main(["--out", str(tmp_path / "taken")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

@@ -1,0 +1,212 @@
+"""The pages that walk through the laboratory: made from their templates, by commands that exist."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+
+from benchmarks.tutorial.__main__ import TEMPLATES
+from benchmarks.tutorial.__main__ import main as make
+from benchmarks.tutorial.results import contradiction, is_claim, quoted
+from benchmarks.tutorial.session import ELISION, Session
+from benchmarks.tutorial.template import CONSOLE, FENCE, PROMPT, fill
+from rdpi_gym.cli import app
+from rdpi_gym.errors import InputError
+from rdpi_gym.files import write_json
+from rdpi_gym.measurement import DATA_HINT, DataOptions, load, measured_data
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+MAKE = "run python -m benchmarks.tutorial"
+
+
+def prose_and_commands(text):
+    """Lines of a page or a template, without what its commands print."""
+    kept, block = [], ""
+    for line in text.splitlines():
+        if block == CONSOLE and line != FENCE and not line.startswith(PROMPT):
+            continue
+        kept.append(line)
+        if block:
+            block = "" if line == FENCE else block
+        elif line.startswith(FENCE):
+            block = line
+    return kept
+
+
+def as_pattern(line):
+    """A line of a template as a pattern of the page's line."""
+    line = re.sub(r'^(!\[.*\]\(\S+) ".*"\)$', r"\1)", line)
+    return "(.+)".join(re.escape(part) for part in re.split(r"\{\{.*?\}\}", line))
+
+
+def commands():
+    lines = [line for path in TEMPLATES.values() for line in path.read_text("utf-8").splitlines()]
+    return sorted({line for line in lines if line.startswith(f"{PROMPT}rdpi ")})
+
+
+@pytest.mark.parametrize("name", list(TEMPLATES))
+def test_page_is_made_from_its_template(name):
+    template = prose_and_commands(TEMPLATES[name].read_text(encoding="utf-8"))
+    wanted = [as_pattern(line) for line in template if not is_claim(line)]
+    page = prose_and_commands((DOCS / f"{name}.md").read_text(encoding="utf-8"))
+    assert len(page) == len(wanted), MAKE
+    for pattern, line in zip(wanted, page, strict=True):
+        assert re.fullmatch(pattern, line), MAKE
+
+
+@pytest.mark.parametrize("name", list(TEMPLATES))
+def test_every_command_of_a_page_has_printed_something(name):
+    page = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    for block in re.findall(r"^```console\n(.*?)^```$", page, flags=re.M | re.S):
+        for said in re.split(r"^\$ .*\n", block, flags=re.M)[1:]:
+            assert said.strip() or "make_data" in block
+    assert "/tmp" not in page
+    assert "Traceback" not in page
+
+
+@pytest.mark.parametrize("command", commands())
+def test_every_command_is_understood(command):
+    _, _, name, *words = command.split()
+    group = typer.main.get_command(app)
+    context = group.make_context("rdpi", [name], resilient_parsing=True)
+    parsed = group.get_command(context, name).make_context(name, words, parent=context)
+    assert parsed.params
+
+
+def test_pictures_exist_are_small_and_none_is_left_over():
+    shown = set()
+    for name in TEMPLATES:
+        page = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+        shown |= set(re.findall(r"^!\[.*\]\((tutorial/\S+)\)$", page, flags=re.M))
+    assert {f"tutorial/{path.name}" for path in (DOCS / "tutorial").iterdir()} == shown
+    for path in shown:
+        content = (DOCS / path).read_bytes()
+        assert content.startswith(b"\x89PNG")
+        assert len(content) < 40_000, path
+
+
+@pytest.mark.parametrize("page", ["README.md", *(p.name for p in sorted(DOCS.glob("*.md")))])
+def test_links_lead_somewhere(page):
+    path = ROOT / page if page == "README.md" else DOCS / page
+    for link in re.findall(r"\]\(([^)#\s]+)", path.read_text(encoding="utf-8")):
+        if "://" not in link:
+            assert (path.parent / link).exists(), link
+
+
+@pytest.fixture
+def session(tmp_path):
+    write_json(
+        tmp_path / "add.json",
+        {"format": "rdpi-add", "version": 1, "steps": [{"effect": "creep", "size": 0.01234}, {"effect": "delay", "size": 2.0}]},
+    )  # fmt: skip
+    return Session(tmp_path, {"DATA": tmp_path / "somewhere"})
+
+
+def test_numbers_and_names_are_filled_in(session):
+    line = "{{add.json:steps.*.effect}}: {{add.json:steps.0.size:.2g}} µm"
+    assert quoted(line, session.folder) == "creep and delay: 0.012 µm"
+    with pytest.raises(InputError, match=r"add\.json has no steps\.5\.size"):
+        quoted("{{add.json:steps.5.size}}", session.folder)
+
+
+@pytest.mark.parametrize(
+    ("claim", "holds"),
+    [
+        ("steps.0.effect = creep", True),
+        ("steps.0.effect = delay", False),
+        ("steps.*.effect = creep, delay", True),
+        ("steps.-1.size > 1.5", True),
+        ("steps.-1.size < 1.5", False),
+        ("steps.0.effect ~ ree", True),
+        ("steps.0.effect ~ reed", False),
+        ("steps.*.effect ! lag", True),
+        ("steps.*.effect ! delay", False),
+    ],
+)
+def test_claims_are_held_against_the_results(claim, holds, session):
+    assert (contradiction(f"<!-- claim: add.json:{claim} -->", session.folder) is None) is holds
+
+
+def test_a_claim_that_cannot_be_read_is_refused(session):
+    with pytest.raises(InputError, match="write <!-- claim"):
+        contradiction("<!-- claim: all is well -->", session.folder)
+
+
+def test_template_is_filled(session):
+    template = (
+        'Text.\n\n![Alt](tutorial/a.png "results/report.html: Loops / first (train)")\n'
+        "<!-- claim: add.json:steps.0.effect = creep -->\n```console\n$ rdpi effects delay\n```\n"
+        "```toml sub/dataset.toml\nskip_s = 1.0\n```\n"
+    )
+    drawn = []
+
+    def draw(page, section, choice):
+        drawn.append((page.relative_to(session.folder).as_posix(), section, choice))
+        return b"PNG"
+
+    page, pictures = fill(template, session, draw)
+    assert drawn == [("results/report.html", "Loops", "first (train)")]
+    assert pictures == {"tutorial/a.png": b"PNG"}
+    lines = page.splitlines()
+    assert lines[2] == "![Alt](tutorial/a.png)"
+    assert lines[3:5] == [CONSOLE, "$ rdpi effects delay"]
+    assert any("y(t) = y_m(t - T)" in line for line in lines)
+    assert (session.folder / "sub" / "dataset.toml").read_text() == "skip_s = 1.0\n"
+    with pytest.raises(InputError, match=r"effect is creep, the prose says = delay"):
+        fill("<!-- claim: add.json:steps.0.effect = delay -->", session, draw)
+
+
+def test_the_list_of_records_is_printed_once(session):
+    (session.folder / "say.py").write_text(
+        "import sys\nprint('data', *(f'  record {k}' for k in range(4)), '', '', sys.argv[1], sep='\\n')\n"
+    )
+    assert session.run("python say.py one")[-2:] == ["", "one"]
+    assert session.run("python say.py two") == [ELISION, "", "two"]
+
+
+def test_a_variable_stands_for_a_path_both_ways(session):
+    (session.folder / "say.py").write_text("import sys\nprint(sys.argv[1])\n")
+    assert session.run("python say.py $DATA/a.csv") == ["$DATA/a.csv"]
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("rdpi simulate --hide crep", "'crep' is unknown"),
+        ("rm -r results", "a page runs rdpi, python, head and nothing else"),
+        ("python missing.py", "missing.py"),
+    ],
+)
+def test_a_command_that_fails_is_named(command, said, session):
+    with pytest.raises(InputError, match=said):
+        session.run(command)
+
+
+def test_an_unknown_page_is_refused(capsys):
+    assert make(["nothing"]) == 2
+    assert "no page is named 'nothing'" in capsys.readouterr().err
+
+
+def test_the_settings_shown_read_the_published_files(tmp_path):
+    """Tab-separated, without header or time: as `DATA_HINT`'s repository has them."""
+    folder = measured_data("picma")
+    if folder is None or not (folder / "identification.csv").is_file():
+        pytest.skip(f"picma/identification.csv is absent. {DATA_HINT}")
+    (settings,) = re.findall(
+        r"^```toml\n(.*?)^```$", TEMPLATES["tutorial"].read_text("utf-8"), re.M | re.S
+    )
+    (tmp_path / "dataset.toml").write_text(settings, encoding="utf-8")
+    for name, columns in (("identification", 7), ("validation", 11)):
+        table = np.genfromtxt(folder / f"{name}.csv", delimiter=",", names=True)
+        raw = np.zeros((len(table), columns))
+        raw[:, 0], raw[:, 4] = table["u"], table["y"]
+        np.savetxt(tmp_path / f"{name}.dat", raw, fmt="%.6f", delimiter="\t")
+    found = load(tmp_path, DataOptions(sampling_time_s=5e-3))
+    for ours, theirs in zip(found.records, load(folder).records, strict=True):
+        assert (ours.name, ours.role) == (theirs.name, theirs.role)
+        np.testing.assert_allclose(ours.u_V, theirs.u_V)
+        np.testing.assert_allclose(ours.y_um, theirs.y_um)
+        np.testing.assert_allclose(ours.t_s, theirs.t_s)
