@@ -28,6 +28,8 @@ CONTROLLERS: Mapping[str, ControllerFactory] = MappingProxyType(
     }
 )
 """Every baseline by its name, simplest first."""
+LEARNED = "learned:"
+"""What the name of a trained policy begins with; its folder, or its name if it is shipped, follows."""
 
 
 def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
@@ -36,8 +38,9 @@ def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) ->
     Parameters
     ----------
     name
-        A name of :data:`CONTROLLERS`, or ``module:attribute`` of a callable that takes a belief and
-        a layout and returns an object with ``predict``.
+        A name of :data:`CONTROLLERS`, ``learned:`` and the folder of a trained policy or the name of
+        a shipped one, or ``module:attribute`` of a callable that takes a belief and a layout and
+        returns an object with ``predict``.
     belief
         What the controller knows of the plant.
     layout
@@ -47,7 +50,7 @@ def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) ->
     ------
     InputError
         The name is unknown, the attribute makes no controller, or the layout reads actions as
-        corrections.
+        corrections, or a policy cannot be read.
 
     Examples
     --------
@@ -63,11 +66,13 @@ def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) ->
     """
     if name in CONTROLLERS:
         return CONTROLLERS[name](belief, layout)
+    if name.startswith(LEARNED):
+        return _learned(name.removeprefix(LEARNED), belief, layout)
     if ":" not in name:
         close = difflib.get_close_matches(name, CONTROLLERS, 1)
         hint = f"did you mean {close[0]!r}? " if close else ""
         raise InputError(
-            f"no controller is named {name!r}; {hint}Known are {', '.join(CONTROLLERS)}, and module:attribute"
+            f"no controller is named {name!r}; {hint}Known are {', '.join(CONTROLLERS)}, learned:FOLDER, and module:attribute"
         )
     factory = load_attribute(name, "controller")
     made = factory(belief, layout) if callable(factory) else factory
@@ -76,3 +81,14 @@ def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) ->
             f"{name!r} makes a {type(made).__name__} without predict; it should be a callable (belief, layout) that returns a controller"
         )
     return cast(Controller, made)
+
+
+def _learned(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
+    try:
+        from baselines.learned.controller import LearnedController  # torch, only where needed
+        from baselines.learned.policy import find_policy
+    except ImportError as error:
+        raise InputError(
+            f"a learned controller needs torch ({error}); install rdpi-gym[rl]"
+        ) from error
+    return LearnedController(find_policy(name), belief, layout)

@@ -2,8 +2,8 @@
 
     python -m benchmarks.discovery_cost
 
-Two effects (creep and delay) are hidden by ``rdpi simulate``; ``rdpi discover`` is run as its users
-run it, compiled code in the cache, with two processes. Memory is the largest resident set of the
+Two effects (creep and delay) are hidden by ``rdpi simulate``; they are discovered in a process of its
+own with two workers, compiled code in the cache. Memory is the largest resident set of the
 main process plus that of the largest worker for each worker: no less than what was held at once.
 """
 
@@ -13,7 +13,6 @@ import argparse
 import json
 import os
 import platform
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -36,36 +35,51 @@ OTHERS = (
 _JOBS = 2
 _RUN = """
 import json, resource, sys, time
-from rdpi_gym.cli import main
+from pathlib import Path
+from rdpi_gym.diagnosis.discover import discover
+from rdpi_gym.measurement import load
+from rdpi_gym.plant.effects import CATALOGUE
+data, jobs, names = sys.argv[1], int(sys.argv[2]), sys.argv[3].split(",")
 began = time.perf_counter()
-try:
-    main()
-except SystemExit as end:
-    if end.code:
-        raise
+found = discover(load(Path(data)), catalogue={name: CATALOGUE[name] for name in names}, jobs=jobs)
 seconds = time.perf_counter() - began
-own, worker = (resource.getrusage(w).ru_maxrss / 1024 for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-cpu = sum(sum(resource.getrusage(w)[:2]) for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-print("COST " + json.dumps({"seconds": seconds, "cpu_s": cpu, "main_mib": own, "worker_mib": worker}))
+owners = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
+own, worker = (resource.getrusage(owner).ru_maxrss / 1024 for owner in owners)
+print("COST " + json.dumps({
+    "seconds": seconds,
+    "cpu_s": sum(sum(resource.getrusage(owner)[:2]) for owner in owners),
+    "main_mib": own,
+    "worker_mib": worker,
+    "found": "+".join(sorted(step.effect for step in found.steps)),
+    "verdict": found.verdict,
+}))
 """
 
 
-def run_command(arguments: Sequence[str]) -> dict[str, float]:
-    """Run an ``rdpi`` command in a process of its own and return what it cost.
+def cost(data: Path, candidates: Sequence[str]) -> dict[str, Any]:
+    """Discover what is hidden in a process of its own and return what it cost.
 
     Parameters
     ----------
-    arguments
-        Of the command.
+    data
+        Folder of records.
+    candidates
+        Effects that are tried.
 
     Returns
     -------
     dict
-        ``seconds``, ``cpu_s`` (all processes), ``main_mib``, ``worker_mib``.
+        ``seconds``, ``cpu_s`` (all processes), ``main_mib``, ``worker_mib``, ``found``,
+        ``verdict``.
+
+    Raises
+    ------
+    RuntimeError
+        The process failed.
     """
     threads = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL")}
     done = subprocess.run(
-        [sys.executable, "-c", _RUN, *arguments],
+        [sys.executable, "-c", _RUN, str(data), str(_JOBS), ",".join(candidates)],
         capture_output=True,
         text=True,
         check=False,
@@ -73,9 +87,9 @@ def run_command(arguments: Sequence[str]) -> dict[str, float]:
     )
     lines = [line for line in done.stdout.splitlines() if line.startswith("COST ")]
     if done.returncode or not lines:
-        raise RuntimeError(f"rdpi {' '.join(arguments)}: {done.stderr.strip()[-300:]}")
-    cost: dict[str, float] = json.loads(lines[-1].removeprefix("COST "))
-    return cost
+        raise RuntimeError(f"discovery in {data} failed: {done.stderr.strip()[-300:]}")
+    found: dict[str, Any] = json.loads(lines[-1].removeprefix("COST "))
+    return found
 
 
 def measure(folder: Path, ts_factor: float, candidates: int, repeats: int) -> dict[str, Any]:
@@ -84,7 +98,7 @@ def measure(folder: Path, ts_factor: float, candidates: int, repeats: int) -> di
     Parameters
     ----------
     folder
-        For the data and the results.
+        For the data.
     ts_factor
         Factor on the protocol's sampling times.
     candidates
@@ -94,28 +108,39 @@ def measure(folder: Path, ts_factor: float, candidates: int, repeats: int) -> di
     """
     data = folder / f"data-{ts_factor:g}"
     if not data.exists():
-        run_command(
-            ["simulate", "--hide", ",".join(HIDDEN), "--ts-factor", str(ts_factor), "--out", str(data)]
-        )  # fmt: skip
+        simulate(data, ",".join(HIDDEN), ts_factor)
     names = [*HIDDEN, *OTHERS][:candidates]
-    options = [option for name in names for option in ("--effect", name)]
-    costs = []
-    for number in range(repeats):
-        out = folder / f"found-{ts_factor:g}-{candidates}-{number}"
-        arguments = [str(data / "data"), "--jobs", str(_JOBS), "--out", str(out), *options]
-        costs.append(run_command(["discover", *arguments]))
-    found = json.loads((out / "discovery.json").read_text(encoding="utf-8"))
-    best = min(costs, key=lambda cost: cost["seconds"])
+    costs = [cost(data / "data", names) for _ in range(repeats)]
+    best = min(costs, key=lambda c: float(c["seconds"]))
     return {
         "ts_factor": ts_factor,
         "training_samples": _training_samples(data / "data"),
         "candidates": candidates,
-        "found": "+".join(sorted(step["effect"] for step in found["steps"])),
-        "verdict": found["verdict"],
+        "found": best["found"],
+        "verdict": best["verdict"],
         "seconds": round(best["seconds"], 2),
         "cpu_s": round(best["cpu_s"], 2),
         "memory_mib": round(max(c["main_mib"] + _JOBS * c["worker_mib"] for c in costs)),
     }
+
+
+def simulate(folder: Path, hidden: str, ts_factor: float) -> None:
+    """Write a data set with hidden effects, as ``rdpi simulate`` does.
+
+    Parameters
+    ----------
+    folder
+        Where to.
+    hidden
+        Effects.
+    ts_factor
+        Factor on the protocol's sampling times.
+    """
+    from rdpi_gym.cli import main as rdpi
+
+    arguments = ["simulate", "--hide", hidden, "--ts-factor", str(ts_factor), "--out", str(folder)]
+    if rdpi(arguments):
+        raise RuntimeError(f"rdpi {' '.join(arguments)} failed")
 
 
 def _training_samples(data: Path) -> int:
@@ -148,12 +173,11 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=2)
     arguments = parser.parse_args()
     every = len(HIDDEN) + len(OTHERS)
-    cells = [(2.0, every), (1.0, every), (0.5, every), (1.0, 4), (1.0, 8)]
+    cells = [(2.0, every), (1.0, every), (0.5, every), (1.0, 3), (1.0, 8)]
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        run_command(["simulate", "--hide", "creep", "--ts-factor", "2", "--out", str(folder / "w")])
-        run_command(["discover", str(folder / "w" / "data"), "--out", str(folder / "warm")])
-        shutil.rmtree(folder / "warm")
+        simulate(folder / "warm", "creep", 2.0)
+        cost(folder / "warm" / "data", HIDDEN)
         rows = []
         for ts_factor, candidates in cells:
             rows.append(measure(folder, ts_factor, candidates, arguments.repeats))

@@ -84,7 +84,7 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
         summary,
         by_sampling_time(counted),
         measured,
-        (*left_out(selection), *_unranked(beyond)),
+        (*selection.notes, *left_out(selection), *_unranked(beyond)),
     )
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import baselines
 import rdpi_gym
+from benchmarks.tracking.learned import is_learned, policy_bytes
 from benchmarks.tracking.suite import SUITE_VERSION
 from rdpi_gym.plant import PlantModel
 
@@ -36,10 +37,10 @@ def code_fingerprint() -> str:
 
 
 def task_fingerprint(controller: str, plant: PlantModel) -> str:
-    """Return a hash of a plant's content and, for ``module:attribute``, of the module's source.
+    """Return a hash of a plant's content and of a policy's, or of the source of ``module:attribute``.
 
-    What else a module reads, such as trained weights, is not seen: give another folder for results
-    after a change of that.
+    What else a module of your own reads is not seen: give another folder for results after a change
+    of that.
 
     Examples
     --------
@@ -49,7 +50,9 @@ def task_fingerprint(controller: str, plant: PlantModel) -> str:
     False
     """
     parts = [json.dumps(plant.to_dict(), sort_keys=True).encode(), controller.encode()]
-    if ":" in controller:
+    if is_learned(controller):
+        parts.append(policy_bytes(controller))
+    elif ":" in controller:
         spec = find_spec(controller.partition(":")[0])
         if spec is not None and spec.origin and Path(spec.origin).is_file():
             parts.append(Path(spec.origin).read_bytes())

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from baselines import make_controller
+from benchmarks.tracking.learned import is_learned
 from benchmarks.tracking.scoring import one_line
 from rdpi_gym.arrays import Array
 from rdpi_gym.envs import ObservationLayout
@@ -88,6 +89,8 @@ def score_records(data: Dataset, controllers: Sequence[str], belief: PlantModel)
         kept = slice(max(0, record.t_s.size - round(SHOWN_S / record.ts_s)), None)
         shown = {"t_s": record.t_s[kept], "applied": record.u_V[kept]}
         for name in controllers:
+            if is_learned(name):
+                continue  # it answers observations, of which a record has none
             row: dict[str, object] = {
                 "controller": name, "belief": belief.name, "record": record.name, "ts_s": record.ts_s,
             }  # fmt: skip

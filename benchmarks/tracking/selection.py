@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
 from baselines import CONTROLLERS
+from benchmarks.tracking.learned import is_learned, shipped_policies, trained_at_s
 from benchmarks.tracking.stages import EFFECT_AWARE, Stage, make_stage
 from benchmarks.tracking.suite import FEWEST_SAMPLES, MOST_SAMPLES, REFERENCES, SEEDS
 from rdpi_gym.errors import InputError
@@ -24,19 +25,22 @@ class Selection:
     Parameters
     ----------
     controllers
-        Names of ``baselines.CONTROLLERS``, or ``module:attribute``.
+        Names of ``baselines.CONTROLLERS``, ``learned:`` and a policy, or ``module:attribute``.
     stages
         Plants, each with its sampling times.
     references
         Names of :data:`~benchmarks.tracking.suite.REFERENCES`.
     seeds
         Seeds; 0 is the nominal plant.
+    notes
+        What was left out, one sentence each.
     """
 
     controllers: tuple[str, ...]
     stages: tuple[Stage, ...]
     references: tuple[str, ...]
     seeds: tuple[int, ...]
+    notes: tuple[str, ...] = ()
 
 
 def select(
@@ -56,16 +60,18 @@ def select(
     controllers, plants, references
         Names.
     ts_s
-        Sampling times (s); by default those that suit each plant.
+        Sampling times (s); by default those that suit each plant, and those of learned controllers.
     seeds
         Seeds; 0 is the nominal plant.
     own_controllers, own_plants
-        Further ones, ``module:attribute``; a plant also by the path of its JSON file.
+        Further ones, ``module:attribute``; a controller also as ``learned:`` and the folder or name
+        of a policy, a plant also by the path of its JSON file.
 
     Raises
     ------
     InputError
-        An unknown name, a sampling time that is not above zero, or no case that suits them.
+        An unknown name, a policy that cannot be read, a sampling time that is not above zero, or no
+        case that suits them.
 
     Examples
     --------
@@ -74,9 +80,12 @@ def select(
     """
     asked = [*(DEFAULT_PLANTS if plants is None else plants), *own_plants]
     models = [_plant(name) for name in dict.fromkeys(asked)]
+    notes: tuple[str, ...] = ()
     if controllers is None:
+        shipped, notes = shipped_policies()
         with_effects = any(model.effects for model in models)
         controllers = [name for name in CONTROLLERS if with_effects or name not in EFFECT_AWARE]
+        controllers += shipped
     names = tuple(dict.fromkeys((*controllers, *own_controllers)))
     for name in names:
         if ":" not in name:
@@ -90,7 +99,9 @@ def select(
         raise InputError(
             f"two different plants are named {doubled.pop()!r}; give one of them another name"
         )
-    selection = Selection(names, tuple(make_stage(m, times) for m in models), wanted, tuple(seeds))
+    own_s = trained_at_s(names)
+    stages = tuple(_with_times(make_stage(m, times), own_s if ts_s is None else []) for m in models)
+    selection = Selection(names, stages, wanted, tuple(seeds), notes)
     if not (names and wanted and models and seeds):
         raise InputError(
             "nothing to score; give at least one controller, plant, reference and seed"
@@ -101,9 +112,16 @@ def select(
             f"{FEWEST_SAMPLES} to {MOST_SAMPLES} samples; give another --ts, for example 2e-4"
         )
     for name in names:
-        if ":" in name:
+        if ":" in name and not is_learned(name):
             load_attribute(name, "controller")
     return selection
+
+
+def _with_times(stage: Stage, ts_s: Sequence[float]) -> Stage:
+    """Add the sampling times of policies between those that suit a plant: they run at no other."""
+    low, high = min(stage.ts_s), max(stage.ts_s)
+    added = {ts for ts in ts_s if low <= ts <= high}
+    return replace(stage, ts_s=tuple(sorted({*stage.ts_s, *added}))) if added else stage
 
 
 def _known(name: str, what: str, known: Iterable[str], otherwise: str = "") -> None:

@@ -19,6 +19,8 @@ COMMANDS = (
     "discover",
     "simulate",
     "effects",
+    "train",
+    "export",
 )
 
 app = typer.Typer(

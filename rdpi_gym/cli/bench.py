@@ -59,8 +59,9 @@ def bench(
         list[str] | None,
         typer.Option(
             "--controller",
-            metavar="MODULE:ATTRIBUTE",
-            help="A controller of your own, made by a callable (belief, layout); may be repeated.",
+            metavar="MODULE:ATTRIBUTE|learned:FOLDER",
+            help="A controller of your own, made by a callable (belief, layout), or a trained policy; "
+            "may be repeated.",
         ),
     ] = None,
     plant: Annotated[

@@ -15,8 +15,8 @@ from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PlantModel
 
 
-class Correction:
-    """The command that a baseline would give, sample by sample.
+def make_baseline(name: str, belief: PlantModel, layout: ObservationLayout) -> Any:
+    """Return a baseline that gives commands, from the observation of an environment.
 
     Parameters
     ----------
@@ -25,6 +25,30 @@ class Correction:
         here and nowhere else: an environment without a baseline does not need it.
     belief
         What the baseline believes of the plant.
+    layout
+        Of commands.
+
+    Raises
+    ------
+    InputError
+        No controller has that name.
+    """
+    try:
+        make_controller = import_module("baselines").make_controller
+    except ImportError as error:
+        raise InputError(
+            f"baseline {name!r} needs the package baselines, which cannot be imported ({error})"
+        ) from error
+    return make_controller(name, belief, layout)
+
+
+class Correction:
+    """The command that a baseline would give, sample by sample.
+
+    Parameters
+    ----------
+    name, belief
+        As :func:`make_baseline`.
     layout
         The environment's; the baseline reads the same observation and gives commands.
 
@@ -40,14 +64,8 @@ class Correction:
     """
 
     def __init__(self, name: str, belief: PlantModel, layout: ObservationLayout) -> None:
-        try:
-            make_controller = import_module("baselines").make_controller
-        except ImportError as error:
-            raise InputError(
-                f"baseline {name!r} needs the package baselines, which cannot be imported ({error})"
-            ) from error
         self._layout = replace(layout, action="command")
-        self._controller = make_controller(name, belief, self._layout)
+        self._controller = make_baseline(name, belief, self._layout)
         self._state: Any = None
         self._start = True
         self.command_V = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,19 @@ if TYPE_CHECKING:
 # Samples of the reference made at a time: one registered episode, and what it looks ahead.
 _CHUNK = 2048
 _OPTIONS = ("reference", "frequency_hz", *PLANT_OPTIONS)
+
+
+def check_options(options: Mapping[str, Any]) -> None:
+    """Refuse options of a reset that an environment does not have.
+
+    Raises
+    ------
+    InputError
+        With the option.
+    """
+    for key in options:
+        if key not in _OPTIONS:
+            raise InputError(f"reset has no option {key!r}; it has {', '.join(_OPTIONS)}")
 
 
 class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
@@ -131,6 +144,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
     | `belief` | the nominal plant, without effects | what the baseline believes, as `plant` |
     | `noise_um`, `resolution_um` | the plant's | standard deviation and step of the sensor's reading (µm) |
     | `randomise` | `0.0` | relative half-width of weights, thresholds and δ2, drawn per episode |
+    | `randomise_effects` | `0.0` | relative half-width of the parameters of the plant's effects, drawn per episode at one of 33 levels |
     | `command_cost` | `0.0` | price of a command change over the whole range |
     | `render_mode` | `None` | `"rgb_array"`: hysteresis loop, tracking and error of the last moments |
 
@@ -181,12 +195,13 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         noise_um: float | None = None,
         resolution_um: float | None = None,
         randomise: float = 0.0,
+        randomise_effects: float = 0.0,
         command_cost: float = 0.0,
         render_mode: str | None = None,
     ) -> None:
         sensor = {"noise_um": noise_um, "resolution_um": resolution_um}
-        self._truths = TruthSource(plant, rate_bandwidth_hz, sensor, randomise)
-        self.truth = self.nominal = self._truths.nominal
+        self.truths = TruthSource(plant, rate_bandwidth_hz, sensor, randomise, randomise_effects)
+        self.truth = self.nominal = self.truths.nominal
         unaware = replace(self.nominal, effects=())
         self.belief = unaware if belief is None else choose_plant(belief)
         self._low_V, self._high_V = low, high = self.nominal.command_range_V
@@ -202,7 +217,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             action_scale_V=0.05 * self._span_V if action_scale_V is None else action_scale_V,
         )
         self._commands_place = action == "command"
-        self._references = ReferenceSource(
+        self.references = ReferenceSource(
             reference_choices(reference),
             frequency_bounds(frequency_hz),
             self.layout.scale_um,
@@ -211,10 +226,11 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         )
         if not (math.isfinite(command_cost) and command_cost >= 0.0):
             raise InputError(f"command_cost is {command_cost}; give a finite price of 0 or above")
-        self._command_cost = float(command_cost)
+        self.command_cost = float(command_cost)
+        self.baseline = baseline
         self._correction = self._make_correction(baseline)
-        self._bound_um = self._truths.bound_um(self.layout)
-        bound = np.full(self.layout.size, self._bound_um / self.layout.scale_um, dtype=np.float32)
+        self.bound_um = self.truths.bound_um(self.layout)
+        bound = np.full(self.layout.size, self.bound_um / self.layout.scale_um, dtype=np.float32)
         bound[-1] = 1.0
         self.observation_space = Box(-bound, bound, dtype=np.float32)
         self.action_space = UnitBox()
@@ -239,18 +255,16 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         """
         super().reset(seed=seed)
         chosen = dict(options or {})
-        for key in chosen:
-            if key not in _OPTIONS:
-                raise InputError(f"reset has no option {key!r}; it has {', '.join(_OPTIONS)}")
+        check_options(chosen)
         plant_seed, reference_seed, noise_seed = self.np_random.integers(2**63, size=3).tolist()
-        truth = self._truths.draw(np.random.default_rng(plant_seed), chosen, self.layout)
-        signal = self._references.draw(
+        truth = self.truths.draw(np.random.default_rng(plant_seed), chosen, self.layout)
+        signal = self.references.draw(
             np.random.default_rng(reference_seed),
             chosen.get("reference"),
             chosen.get("frequency_hz"),
         )
         known = _CHUNK + self.layout.preview
-        reference = self._reference_um(signal, 0, known)
+        reference = self.reference_um(signal, 0, known)
         if truth is not self.truth:
             self._task, self.truth = TrackingTask(truth, self.layout), truth
         self.signal, self._known = signal, known
@@ -283,13 +297,13 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         observation = self._task.step(command)
         self._k += 1
         if self._k + layout.preview + 1 >= self._known:  # the next step would outlive the reference
-            self._task.extend(self._reference_um(signal, self._known, self._known + _CHUNK))
+            self._task.extend(self.reference_um(signal, self._known, self._known + _CHUNK))
             self._known += _CHUNK
         if self._correction is not None:
             self._correction.observe(observation)
         info = self._info()
         reward = -abs(info["error_um"]) / layout.scale_um
-        reward -= self._command_cost * abs(command - self._command_V) / self._span_V
+        reward -= self.command_cost * abs(command - self._command_V) / self._span_V
         self._command_V = command
         return observation[0], reward, False, False, info
 
@@ -338,15 +352,21 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             "saturated": float(self._saturated),
         }
 
-    def _reference_um(self, signal: Signal, start: int, stop: int) -> Array:
-        """Sample an episode's reference (µm), ``(stop - start, 1)``."""
+    def reference_um(self, signal: Signal, start: int, stop: int) -> Array:
+        """Sample an episode's reference (µm), ``(stop - start, 1)``.
+
+        Raises
+        ------
+        InputError
+            It goes farther than what can be shown.
+        """
         layout = self.layout
         reference = signal(layout.ts_s * np.arange(start, stop))
         farthest = float(np.abs(reference - layout.centre_um).max())
-        if farthest > self._bound_um:
+        if farthest > self.bound_um:
             raise InputError(
                 f"reference {signal.name} goes {farthest:.4g} µm from its centre, and what can be "
-                f"shown ends at {self._bound_um:.4g} µm; give it a smaller amplitude_um"
+                f"shown ends at {self.bound_um:.4g} µm; give it a smaller amplitude_um"
             )
         return reference[:, None]
 

@@ -60,7 +60,7 @@ class ReferenceSource:
         if not self.choices:
             raise InputError("reference is empty; give at least one, for example 'sine'")
         for choice in self.choices:
-            self._make(choice, self.frequency_hz[0], 0)
+            self.make(choice, self.frequency_hz[0], 0)
 
     def draw(
         self,
@@ -70,13 +70,18 @@ class ReferenceSource:
     ) -> Signal:
         """Return the reference of an episode, with what is given instead of what would be drawn."""
         index, position, seed = rng.integers(len(self.choices)), rng.random(), rng.integers(2**31)
-        low, high = self.frequency_hz if frequency_hz is None else frequency_bounds(frequency_hz)
-        # exp(log(f)) is not f: a frequency that is not drawn stays as given.
-        frequency = low if low == high else low * (high / low) ** float(position)
+        bounds = self.frequency_hz if frequency_hz is None else frequency_bounds(frequency_hz)
         choice = self.choices[index] if reference is None else reference
-        return self._make(choice, frequency, int(seed))
+        return self.make(choice, frequency_at(bounds, float(position)), int(seed))
 
-    def _make(self, choice: ReferenceChoice, frequency_hz: float, seed: int) -> Signal:
+    def make(self, choice: ReferenceChoice, frequency_hz: float, seed: int) -> Signal:
+        """Return the signal that a choice means at a frequency (Hz), from a seed of its own.
+
+        Raises
+        ------
+        InputError
+            An unknown signal or field, or a bad value.
+        """
         if isinstance(choice, Signal):
             return choice
         given = {"signal": choice} if isinstance(choice, str) else dict(choice)
@@ -121,6 +126,19 @@ def reference_choices(
                 f"reference {choice!r} is {type(choice).__name__}; give a name, a dictionary or a signal"
             )
     return choices
+
+
+def frequency_at(bounds_hz: tuple[float, float], position: float) -> float:
+    """Return the frequency (Hz) at a place of 0 to 1 between two, evenly in its logarithm.
+
+    Examples
+    --------
+    >>> frequency_at((10.0, 10.0), 0.3), frequency_at((1.0, 100.0), 0.5)
+    (10.0, 10.0)
+    """
+    low, high = bounds_hz
+    # exp(log(f)) is not f: a frequency that is not drawn stays as given.
+    return low if low == high else low * (high / low) ** position
 
 
 def frequency_bounds(frequency_hz: FrequencyChoice) -> tuple[float, float]:

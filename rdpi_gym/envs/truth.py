@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -12,11 +12,15 @@ import numpy as np
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PlantModel, find_plant
+from rdpi_gym.plant.effects import Effect
 
 # What an episode's options may say of its plant: a plant, and fields of its RDPI.
 PLANT_OPTIONS = ("plant", "weights", "thresholds_V", "delta2_s")
 # The bound of readings in units of what the hysteresis reaches; effects (a resonance) go farther.
 _MARGIN, _MARGIN_WITH_EFFECTS = 2.0, 10.0
+
+EFFECT_LEVELS = 33
+"""Values that a randomised parameter of an effect takes: few, so that what follows from them is kept."""
 
 PlantChoice: TypeAlias = str | Path | Mapping[str, Any] | PlantModel
 
@@ -92,6 +96,61 @@ def randomise_plant(model: PlantModel, half_width: float, rng: np.random.Generat
     return model.with_hysteresis(hysteresis)
 
 
+def drawn_parameters(effect: Effect) -> list[str]:
+    """Return the parameters of an effect that are randomised: all but scales that are chosen.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> drawn_parameters(CATALOGUE["rate_law"]())
+    ['exponent']
+    """
+    return [parameter.name for parameter in effect.parameters if not parameter.fixed]
+
+
+def effect_at(effect: Effect, levels: Sequence[int], half_width: float) -> Effect:
+    """Return an effect with each of its :func:`drawn_parameters` at a level of its range.
+
+    Level 0 is ``1 - half_width`` times its value, the last ``1 + half_width`` times, the others
+    evenly between; physical bounds are kept.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> effect_at(CATALOGUE["creep"](gain_per_decade=0.02), [32], 0.5)
+    Creep(gain_per_decade=0.03)
+    """
+    middle = (EFFECT_LEVELS - 1) / 2
+    values = effect.values
+    for name, level in zip(drawn_parameters(effect), levels, strict=True):
+        values[name] *= 1.0 + half_width * (level / middle - 1.0)
+    return type(effect).within_bounds(**values)
+
+
+def randomise_effects(model: PlantModel, half_width: float, rng: np.random.Generator) -> PlantModel:
+    """Return the plant with the parameters of its effects drawn about their values.
+
+    Each is at a level of its own, see :func:`effect_at`, drawn uniformly.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> model = replace(choose_plant("P5"), effects=(CATALOGUE["creep"](gain_per_decade=0.02),))
+    >>> drawn = randomise_effects(model, 0.5, np.random.default_rng(0)).effects[0]
+    >>> 0.01 <= drawn.values["gain_per_decade"] <= 0.03
+    True
+    """
+    if half_width == 0.0:
+        return model
+    counts = [len(drawn_parameters(effect)) for effect in model.effects]
+    levels = (rng.random(sum(counts)) * EFFECT_LEVELS).astype(int).tolist()
+    effects = []
+    for effect, count in zip(model.effects, counts, strict=True):
+        effects.append(effect_at(effect, levels[:count], half_width))
+        levels = levels[count:]
+    return replace(model, effects=tuple(effects))
+
+
 def with_parameters(model: PlantModel, parameters: Mapping[str, Any]) -> PlantModel:
     """Return the plant with other values of some fields of its `RDPI`.
 
@@ -137,8 +196,9 @@ class TruthSource:
         Cut-off of its rate at most (Hz), or None: see :func:`limit_band`.
     sensor
         Fields of its `Sensor` (µm) to replace; None leaves the plant's own.
-    half_width
-        Relative half-width of :func:`randomise_plant`, 0 or more and below 1.
+    half_width, effects_half_width
+        Relative half-widths of :func:`randomise_plant` and :func:`randomise_effects`, 0 or more
+        and below 1.
 
     Raises
     ------
@@ -163,12 +223,13 @@ class TruthSource:
         rate_bandwidth_hz: float | None,
         sensor: Mapping[str, float | None],
         half_width: float,
+        effects_half_width: float = 0.0,
     ) -> None:
-        if not 0.0 <= half_width < 1.0:
-            raise InputError(
-                f"randomise is {half_width}; give a relative half-width of 0 to below 1"
-            )
-        self._half_width = float(half_width)
+        widths = {"randomise": half_width, "randomise_effects": effects_half_width}
+        for name, width in widths.items():
+            if not 0.0 <= width < 1.0:
+                raise InputError(f"{name} is {width}; give a relative half-width of 0 to below 1")
+        self.half_width, self.effects_half_width = float(half_width), float(effects_half_width)
         self._rate_bandwidth_hz = rate_bandwidth_hz
         self._sensor = {name: value for name, value in sensor.items() if value is not None}
         self.nominal = self._equip(plant)
@@ -176,7 +237,7 @@ class TruthSource:
     def bound_um(self, layout: ObservationLayout) -> float:
         """Distance from the layout's centre (µm) that no reading of an episode goes beyond."""
         margin = _MARGIN_WITH_EFFECTS if self.nominal.effects else _MARGIN
-        return margin * (1.0 + self._half_width) * farthest_um(self.nominal, layout)
+        return margin * (1.0 + self.half_width) * farthest_um(self.nominal, layout)
 
     def draw(
         self, rng: np.random.Generator, options: Mapping[str, Any], layout: ObservationLayout
@@ -197,9 +258,23 @@ class TruthSource:
         InputError
             The options say no plant, or one that reaches beyond what can be shown.
         """
+        model = self.given(options, layout)
+        if model is not None:
+            return model
+        model = randomise_plant(self.nominal, self.half_width, rng)
+        return randomise_effects(model, self.effects_half_width, rng)
+
+    def given(self, options: Mapping[str, Any], layout: ObservationLayout) -> PlantModel | None:
+        """Return the plant that the options of an episode say; None where they say nothing of it.
+
+        Raises
+        ------
+        InputError
+            As :meth:`draw`.
+        """
         parameters = {key: options[key] for key in PLANT_OPTIONS[1:] if key in options}
         if "plant" not in options and not parameters:
-            return randomise_plant(self.nominal, self._half_width, rng)
+            return None
         model = self._equip(options["plant"]) if "plant" in options else self.nominal
         model = with_parameters(model, parameters)
         farthest, bound = farthest_um(model, layout), self.bound_um(layout)

@@ -1,0 +1,132 @@
+"""What an interrupted training goes on from: networks, optimisers, replay buffer; no code in it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+
+from baselines.learned.folders import replaced_folder
+from rdpi_gym.errors import InputError
+from rdpi_gym.files import read_json, write_json
+
+FORMAT, VERSION = "rdpi-checkpoint", 1
+_DESCRIPTION, _MODEL, _REPLAY = "checkpoint.json", "model.pt", "replay.npz"
+_REPLAYED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+def save_checkpoint(
+    folder: Path, model: BaseAlgorithm, progress: dict[str, Any], finished: bool = False
+) -> None:
+    """Keep a model as it is now, instead of what was kept before.
+
+    Parameters
+    ----------
+    folder
+        Holds one folder a checkpoint, named by its step.
+    model
+        The model; what it draws next is not kept, see :mod:`baselines.learned.training`.
+    progress
+        Whatever else is needed to go on, as JSON.
+    finished
+        Nothing goes on from it: the replay buffer is left out.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written.
+    """
+    newest = folder / f"{model.num_timesteps:012d}"
+    with replaced_folder(newest) as fresh:
+        variables = {name: getattr(model, name).data for name in _variables(model)}
+        torch.save({"parameters": model.get_parameters(), "variables": variables}, fresh / _MODEL)
+        if isinstance(model, OffPolicyAlgorithm) and not finished:
+            np.savez(fresh / _REPLAY, **_replayed(model))
+        document = {
+            "format": FORMAT,
+            "version": VERSION,
+            "algorithm": type(model).__name__,
+            "timesteps": model.num_timesteps,
+            "updates": model._n_updates,
+            "finished": finished,
+            "progress": progress,
+        }
+        write_json(fresh / _DESCRIPTION, document)
+    for other in _checkpoints(folder):
+        if other != newest:
+            shutil.rmtree(other)
+
+
+def load_checkpoint(folder: Path, model: BaseAlgorithm) -> dict[str, Any] | None:
+    """Bring a model to where the newest checkpoint left it.
+
+    Returns
+    -------
+    dict or None
+        What was given as `progress`; None where there is no checkpoint.
+
+    Raises
+    ------
+    InputError
+        The checkpoint was cut off, is of another version, or of another model.
+    """
+    kept = _checkpoints(folder)
+    if not kept:
+        return None
+    newest = kept[-1]
+    document = read_json(newest / _DESCRIPTION, FORMAT, VERSION)
+    if document.get("algorithm") != type(model).__name__:
+        raise InputError(
+            f"{newest} is a checkpoint of {document.get('algorithm')} and not of {type(model).__name__}"
+        )
+    try:
+        saved = torch.load(newest / _MODEL, map_location=model.device, weights_only=True)
+        model.set_parameters(saved["parameters"], exact_match=True, device=model.device)
+        for name in _variables(model):
+            getattr(model, name).data = saved["variables"][name]
+        if isinstance(model, OffPolicyAlgorithm) and not document["finished"]:
+            _replay(model, newest / _REPLAY)
+        model.num_timesteps = int(document["timesteps"])
+        model._n_updates = int(document["updates"])
+        progress: dict[str, Any] = dict(document["progress"])
+    except Exception as error:  # a damaged archive raises whatever its reader trips over
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(
+            f"{newest} cannot be gone on from, perhaps a file in it was cut off ({reason}); "
+            "delete it to begin anew, or give another folder"
+        ) from error
+    return progress
+
+
+def _checkpoints(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    return sorted(path for path in folder.iterdir() if re.fullmatch(r"\d{12}", path.name))
+
+
+def _variables(model: BaseAlgorithm) -> list[str]:
+    """Name the parameters that belong to no network: SAC's entropy coefficient."""
+    return [name for name in ("log_ent_coef",) if getattr(model, name, None) is not None]
+
+
+def _replayed(model: OffPolicyAlgorithm) -> dict[str, Any]:
+    buffer = model.replay_buffer
+    assert buffer is not None
+    filled = buffer.buffer_size if buffer.full else buffer.pos
+    arrays = {name: getattr(buffer, name)[:filled] for name in _REPLAYED}
+    return arrays | {"position": buffer.pos, "full": buffer.full}
+
+
+def _replay(model: OffPolicyAlgorithm, path: Path) -> None:
+    buffer = model.replay_buffer
+    assert buffer is not None
+    with np.load(path, allow_pickle=False) as saved:
+        for name in _REPLAYED:
+            getattr(buffer, name)[: len(saved[name])] = saved[name]
+        buffer.pos, buffer.full = int(saved["position"]), bool(saved["full"])

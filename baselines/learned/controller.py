@@ -1,0 +1,138 @@
+"""A trained policy as a controller, scored by the same code as every compensator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from baselines.base import Controller
+from baselines.learned.policy import Policy
+from baselines.registry import make_controller
+from rdpi_gym.arrays import Array
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import PlantModel
+
+
+class LearnedController(Controller):
+    """What a trained policy does in its environment, from the same observations.
+
+    Observations and actions are relative to the layout's amplitude and command range, so a policy
+    runs on a plant of another size too; :meth:`warning` says so. Its memory has the history's rows
+    r, measured and command of k-1, ... k-H, then those of its baseline.
+
+    Parameters
+    ----------
+    policy
+        What was trained.
+    belief, layout
+        As :class:`baselines.base.Controller`; the belief is its baseline's.
+
+    Raises
+    ------
+    InputError
+        The policy was trained at another sampling time, or its baseline is no controller of this
+        package.
+
+    Examples
+    --------
+    >>> from baselines.learned.network import Network
+    >>> from rdpi_gym.plant import named_plant
+    >>> plant = named_plant("P10")
+    >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-4)
+    >>> actor = Network((layout.size, 1), "Tanh", "Tanh").build()
+    >>> policy = Policy(layout, history=0, frequency_hz=100.0, error=0.02, actor=actor)
+    >>> action, state = LearnedController(policy, plant, layout).predict(np.zeros((3, 7)))
+    >>> action.shape
+    (3, 1)
+    """
+
+    def __init__(self, policy: Policy, belief: PlantModel, layout: ObservationLayout) -> None:
+        super().__init__(belief, layout)
+        self.policy = policy
+        own = policy.layout
+        if abs(layout.ts_s - own.ts_s) > 1e-9 * own.ts_s:
+            raise InputError(
+                f"a policy trained at Ts = {own.ts_s:g} s belongs to another observation layout than "
+                f"one of Ts = {layout.ts_s:g} s; run it at its own"
+            )
+        self._scaling = policy.scaling
+        self._history = self._scaling.history
+        self._rows = 3 * policy.history
+        self._columns = [*range(own.preview + 1), layout.preview + 1, layout.preview + 2]
+        span_V = layout.command_range_V[1] - layout.command_range_V[0]
+        own_span_V = own.command_range_V[1] - own.command_range_V[0]
+        self._scale_V = own.action_scale_V * span_V / own_span_V
+        self.baseline = (
+            None if policy.baseline is None else _baseline(policy.baseline, belief, layout)
+        )
+
+    @property
+    def needed_preview(self) -> int:
+        """Samples of the reference that the policy was shown."""
+        return self.policy.layout.preview
+
+    def warning(self) -> str | None:
+        """Return one line where the policy was trained on another amplitude or command range."""
+        own, layout = self.policy.layout, self.layout
+        trained = (own.centre_um, own.scale_um, own.command_range_V)
+        if trained == (layout.centre_um, layout.scale_um, layout.command_range_V):
+            return None
+        return (
+            f"trained for {own.scale_um:g} µm about {own.centre_um:g} µm and commands from "
+            f"{own.command_range_V[0]:g} to {own.command_range_V[1]:g} V"
+        )
+
+    def start(self, reference_um: Array) -> Array:
+        """Return the memory at rest; the history is filled when the first observation is there."""
+        past = np.full((self._rows, len(reference_um)), np.nan)
+        if self.baseline is None:
+            return past
+        return np.concatenate([past, self.baseline.start(reference_um)])
+
+    def next_command(
+        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
+    ) -> Array:
+        """Return the network's answer; see :meth:`baselines.base.Controller.next_command`.
+
+        Raises
+        ------
+        InputError
+            The observation shows less of the reference ahead than the policy was trained with.
+        """
+        if self.layout.preview < self.needed_preview:
+            raise InputError(
+                f"the policy was shown {self.needed_preview} samples of the reference ahead and belongs "
+                f"to another observation layout than one of preview {self.layout.preview}"
+            )
+        shown = np.ascontiguousarray(observation[:, self._columns], dtype=np.float32)
+        past = state[: self._rows].T.astype(np.float32)
+        begins = np.isnan(past).any(axis=1)
+        if begins.any():
+            past[begins] = self._history.begin(shown[begins])
+        with torch.no_grad():
+            scaled = torch.from_numpy(self._scaling(self._history.stack(shown, past)))
+            action = self.policy.actor(scaled).numpy()[:, 0].astype(np.float64)
+        state[: self._rows] = self._history.past(shown, past).T
+        if self.policy.layout.action == "command":
+            command = self.layout.place_to_V(action)
+        elif self.baseline is None:
+            command = self.layout.command_V(observation) + self._scale_V * action
+        else:
+            base = self.baseline.next_command(observation, reference_um, state[self._rows :])
+            command = base + self._scale_V * action
+        return np.clip(command, self.limits.low_V, self.limits.high_V)
+
+
+def _baseline(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
+    """Make the controller that a policy corrects; it must not plan beyond what is observed."""
+    made = make_controller(name, belief, replace(layout, action="command"))
+    if not isinstance(made, Controller) or hasattr(made, "plan"):
+        raise InputError(
+            f"the policy corrects {name!r}, which is no controller of this package that runs on observations alone"
+        )
+    return made

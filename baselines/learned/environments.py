@@ -1,0 +1,70 @@
+"""The plants that agents are trained and evaluated on, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+import rdpi_gym  # noqa: F401  # registers the environments
+from baselines.learned.options import TrainingOptions
+from baselines.learned.settings import ENVIRONMENT_ID, Settings
+from rdpi_gym.envs.history import VectorHistoryObservation
+from rdpi_gym.envs.scaling import VectorScaledObservation
+from rdpi_gym.envs.side_by_side import SideBySideVectorEnv
+from rdpi_gym.envs.stable_baselines import StableBaselinesVecEnv
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import PlantModel
+
+
+def make_lanes(
+    plants: Sequence[PlantModel], lanes: int, samples: int, **keywords: Any
+) -> SideBySideVectorEnv:
+    """Make lanes of several plants, as many of each as can be, with SAME_STEP autoreset.
+
+    Parameters
+    ----------
+    plants
+        The nominal truths.
+    lanes
+        Number of lanes in all.
+    samples
+        Length of an episode.
+    keywords
+        Of the environment.
+
+    Raises
+    ------
+    InputError
+        Fewer lanes than plants, plants of other sizes, or keywords that make no environment.
+    """
+    if lanes < len(plants):
+        raise InputError(f"{lanes} lanes for {len(plants)} plants; give at least one for each")
+    shares = [len(part) for part in np.array_split(np.arange(lanes), len(plants))]
+    return SideBySideVectorEnv(
+        [
+            gym.make_vec(
+                ENVIRONMENT_ID,
+                num_envs=share,
+                vectorization_mode="vector_entry_point",
+                max_episode_steps=samples,
+                autoreset_mode=AutoresetMode.SAME_STEP,
+                plant=plant,
+                **keywords,
+            )
+            for plant, share in zip(plants, shares, strict=True)
+        ]
+    )
+
+
+def training_environment(options: TrainingOptions, settings: Settings) -> StableBaselinesVecEnv:
+    """Make what an agent is trained in: observations with their history, scaled."""
+    lanes = options.lanes or settings.lanes
+    env = make_lanes(options.models, lanes, options.episode, **options.environment())
+    stacked = VectorHistoryObservation(env, settings.history)
+    return StableBaselinesVecEnv(
+        VectorScaledObservation(stacked, settings.frequency_hz, settings.error)
+    )

@@ -1,0 +1,147 @@
+"""What is asked of a training: the options that every algorithm shares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from rdpi_gym.envs.layout import ActionMode
+from rdpi_gym.envs.references import ReferenceChoice
+from rdpi_gym.envs.truth import choose_plant
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import P10, PlantModel, Sensor
+from rdpi_gym.plant.effects.actuator_lag import ActuatorLag
+from rdpi_gym.plant.effects.creep import Creep
+from rdpi_gym.plant.effects.resonance import Resonance
+
+_LAG, _CREEP = ActuatorLag(time_constant_s=2e-4), Creep(gain_per_decade=0.015)
+# The mode of the stage that the effect's file cites.
+_MODE = Resonance(f0_hz=739.0, damping=0.03)
+_NOISY = replace(P10, sensor=Sensor(noise_um=0.01))
+
+PLANTS = (
+    replace(_NOISY, name="P10 with lag, creep and resonance", effects=(_LAG, _CREEP, _MODE)),
+    replace(_NOISY, name="P10 with lag and creep", effects=(_LAG, _CREEP)),
+    replace(_NOISY, name="P10 with creep and resonance", effects=(_CREEP, _MODE)),
+    replace(_NOISY, name="P10 with noise"),
+)
+"""What agents are trained on: the paper's plant with a noisy sensor, behind an amplifier, with
+creep and a mode. An agent that has only met all of them dithers where one is missing."""
+
+REFERENCES: tuple[ReferenceChoice, ...] = (
+    "sine",
+    "triangle",
+    {"signal": "multisine", "frequency_hz": 20.0, "lines": 5},
+)
+
+
+@dataclass(frozen=True)
+class TrainingOptions:
+    """Options of a training; the comment under each says what it does.
+
+    Raises
+    ------
+    InputError
+        A value that nothing can be trained with.
+    """
+
+    out: Path
+    # Folder of the run. The same options with the same folder continue an interrupted run.
+    seed: int = 0
+    # Of weights, exploration, plants, references and noise: the same seed, the same run.
+    timesteps: int | None = None
+    # Steps of all lanes together; None: `n_timesteps` of the hyper-parameters.
+    lanes: int | None = None
+    # Plants side by side; None: `n_envs` of the hyper-parameters.
+    hyperparameters: Path | None = None
+    # YAML as rl-baselines3-zoo reads it; None: the file of this release for the algorithm.
+    every: int | None = None
+    # Steps between evaluations, each with a checkpoint; None: a twentieth of all.
+    tensorboard: bool = False
+    # Whether TensorBoard's logs are written, in the folder `tensorboard`.
+    threads: int = 1
+    # Threads of torch. Networks this small gain nothing from more, and their number may show in
+    # the last digits.
+
+    plants: tuple[str | PlantModel, ...] = PLANTS
+    # Nominal truths, each with a part of the lanes: names, paths of JSON files, or plants.
+    belief: str | PlantModel | None = None
+    # What the baseline believes; None: the plant without its effects.
+    randomise: float = 0.05
+    # Relative half-width of weights, thresholds and δ2, drawn for each episode.
+    randomise_effects: float = 0.4
+    # The same of the parameters of the plant's effects.
+    reference: tuple[ReferenceChoice, ...] = REFERENCES
+    # One is drawn for each episode.
+    frequency_hz: tuple[float, float] = (20.0, 100.0)
+    # Lowest and highest, for references that are given without one.
+    ts_s: float = 1e-4
+    # Sampling time (s).
+    episode: int = 500
+    # Samples of an episode.
+    preview: int = 8
+    # Samples of the reference that are shown ahead.
+    action: ActionMode = "correction"
+    # How actions are read: "command", "increment" or "correction".
+    baseline: str = "classical-reference-rate"
+    # What is corrected; with another reading of actions, what the agent is compared with.
+    action_scale_V: float | None = None
+    # Command (V) of an action of 1; None: 5 % of the range.
+    command_cost: float = 0.5
+    # Price of a command change over the whole range, beside errors in amplitudes.
+
+    def __post_init__(self) -> None:
+        for name in ("timesteps", "lanes", "every", "threads", "episode"):
+            value = getattr(self, name)
+            if value is not None and (type(value) is not int or value < 1):
+                raise InputError(f"{name} is {value!r}; give a whole number of 1 or more")
+        if not self.plants:
+            raise InputError("no plant; give at least one")
+        if type(self.seed) is not int or not 0 <= self.seed < 2**32:
+            raise InputError(f"seed is {self.seed!r}; give a whole number of 0 to 2^32 - 1")
+
+    @property
+    def models(self) -> tuple[PlantModel, ...]:
+        """The nominal truths."""
+        return tuple(choose_plant(plant) for plant in self.plants)
+
+    def environment(self) -> dict[str, Any]:
+        """Keyword arguments of the environment in which is trained, the plant aside."""
+        correcting = self.action == "correction"
+        return self.world() | {
+            "action": self.action,
+            "action_scale_V": self.action_scale_V,
+            "baseline": self.baseline if correcting else None,
+        }
+
+    def world(self) -> dict[str, Any]:
+        """Those of an environment whose actions are commands."""
+        return {
+            "belief": None if self.belief is None else choose_plant(self.belief),
+            "randomise": self.randomise,
+            "randomise_effects": self.randomise_effects,
+            "reference": list(self.reference),
+            "frequency_hz": self.frequency_hz,
+            "ts_s": self.ts_s,
+            "preview": self.preview,
+            "command_cost": self.command_cost,
+        }
+
+    def document(self) -> dict[str, Any]:
+        """All that the result depends on, as JSON holds it: the folder and logs are left out."""
+        left_out = ("out", "tensorboard", "hyperparameters")
+        kept = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in left_out}
+        belief = None if self.belief is None else choose_plant(self.belief).to_dict()
+        return kept | {
+            "plants": [model.to_dict() for model in self.models],
+            "belief": belief,
+            "reference": [_written(choice) for choice in self.reference],
+            "frequency_hz": list(self.frequency_hz),
+        }
+
+
+def _written(choice: ReferenceChoice) -> Any:
+    if isinstance(choice, str):
+        return choice
+    return dict(choice) if isinstance(choice, dict) else repr(choice)

@@ -1,0 +1,183 @@
+"""Hyper-parameters from YAML, in the form that rl-baselines3-zoo reads."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rdpi_gym.errors import InputError
+
+SHIPPED = Path(__file__).parent / "hyperparameters"
+"""One file an algorithm."""
+
+ENVIRONMENT_ID = "rdpi_gym/PiezoTracking-v0"
+_WRAPPERS = {
+    "rdpi_gym.envs.history.HistoryObservation": ("history",),
+    "rdpi_gym.envs.scaling.ScaledObservation": ("frequency_hz", "error"),
+}
+_OWN = ("env", "seed", "device", "tensorboard_log", "verbose", "_init_setup_model")
+_COUNTS = ("batch_size", "n_steps", "n_epochs", "buffer_size")
+_TEXT = ("learning_rate", "clip_range", "clip_range_vf", "train_freq", "ent_coef")
+_SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a file of hyper-parameters says.
+
+    Parameters
+    ----------
+    lanes, timesteps
+        ``n_envs`` and ``n_timesteps``.
+    history
+        Earlier samples that observations are stacked with (``env_wrapper``).
+    frequency_hz, error
+        Units of the scaling (``env_wrapper``).
+    algorithm
+        The other keys: arguments of the algorithm, as the file has them.
+
+    Examples
+    --------
+    >>> settings = Settings(4, 1000, algorithm={"learning_rate": "lin_0.001", "gamma": 0.9})
+    >>> made = settings.arguments()
+    >>> made["gamma"], made["learning_rate"](0.5)
+    (0.9, 0.0005)
+    """
+
+    lanes: int
+    timesteps: int
+    history: int = 0
+    frequency_hz: float = 100.0
+    error: float = 0.02
+    algorithm: Mapping[str, Any] = field(default_factory=dict)
+
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of the algorithm: schedules and noise made from what the file says."""
+        # Copied: the library writes into what it is given.
+        made = deepcopy(dict(self.algorithm))
+        noise = {name: made.pop(name, None) for name in ("noise_type", "noise_std")}
+        for name in _SCHEDULED:
+            if isinstance(made.get(name), str):
+                made[name] = _schedule(name, made[name])
+        if isinstance(made.get("train_freq"), list):
+            made["train_freq"] = tuple(made["train_freq"])
+        if noise["noise_type"] is not None:
+            made["action_noise"] = _noise(noise)
+        return made
+
+
+def read_settings(path: Path, algorithm: Callable[..., Any]) -> Settings:
+    """Read hyper-parameters for the environment of this package.
+
+    Parameters
+    ----------
+    path
+        YAML with one mapping an environment; the one under ``default`` serves those not named.
+    algorithm
+        Class of Stable-Baselines3 that takes them.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no YAML, names no such environment, or has a key that neither the
+        algorithm nor this package knows.
+    """
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); give a YAML file") from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"{path} is no YAML file ({' '.join(str(error).split())})") from error
+    entries = document if isinstance(document, dict) else {}
+    values = entries.get(ENVIRONMENT_ID, entries.get("default"))
+    if not isinstance(values, dict):
+        raise InputError(f"{path} has no hyper-parameters under {ENVIRONMENT_ID} or default")
+    left = dict(values)
+    try:
+        lanes, timesteps = _count(left, "n_envs"), _count(left, "n_timesteps")
+        wrappers = _wrappers(left.pop("env_wrapper", []))
+        settings = Settings(lanes, timesteps, **wrappers, algorithm=left)
+        _check(left, algorithm)
+        settings.arguments()
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return settings
+
+
+def _check(values: Mapping[str, Any], algorithm: Callable[..., Any]) -> None:
+    """Refuse what the algorithm does not take, and what is of another kind than its default."""
+    parameters = inspect.signature(algorithm).parameters
+    for name, value in values.items():
+        if name in ("noise_type", "noise_std"):
+            continue
+        if name in _OWN or name not in parameters:
+            raise InputError(f"{name} is no hyper-parameter of {algorithm.__name__}")
+        default = parameters[name].default
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if name == "policy_kwargs" and not isinstance(value, dict):
+            raise InputError(f"policy_kwargs is {value!r}; give a mapping")
+        if isinstance(default, bool) and not isinstance(value, bool):
+            raise InputError(f"{name} is {value!r}; give true or false")
+        if type(default) in (int, float) and not (number or name in _TEXT):
+            raise InputError(f"{name} is {value!r}; give a number")
+        if name in _COUNTS and (type(value) is not int or value < 1):
+            raise InputError(f"{name} is {value!r}; give a whole number of 1 or more")
+
+
+def _count(values: dict[str, Any], name: str) -> int:
+    value = values.pop(name, None)
+    if isinstance(value, float) and value.is_integer():  # !!float 1e6
+        value = int(value)
+    if type(value) is not int or value < 1:
+        raise InputError(f"{name} is {value!r}; give a whole number of 1 or more")
+    return value
+
+
+def _wrappers(listed: Any) -> dict[str, Any]:
+    """Read the two wrappers of this package; each has a vector twin, which is used here."""
+    found: dict[str, Any] = {}
+    for entry in listed if isinstance(listed, list) else [listed]:
+        name, options = entry, dict[str, Any]()
+        if isinstance(entry, dict) and len(entry) == 1:
+            ((name, options),) = entry.items()
+        takes = _WRAPPERS.get(name) if isinstance(name, str) else None
+        if takes is None:
+            raise InputError(f"env_wrapper {name!r} is unknown; known are {', '.join(_WRAPPERS)}")
+        for option, value in (options or {}).items():
+            if option not in takes:
+                raise InputError(f"{name} has no option {option!r}; it has {', '.join(takes)}")
+            if not isinstance(value, int | float):
+                raise InputError(f"{option} of {name} is {value!r}; give a number")
+            found[option] = value
+    return found
+
+
+def _schedule(name: str, text: str) -> Callable[[float], float]:
+    """Read ``lin_3e-4``: linear from that value to 0, over what is left of the training."""
+    word, _, number = text.partition("_")
+    try:
+        first = float(number)
+    except ValueError:
+        first = -1.0
+    if word != "lin" or first < 0.0:
+        raise InputError(f"{name} is {text!r}; give a number, for example 0.0003, or lin_3e-4")
+    return lambda left: first * left
+
+
+def _noise(values: Mapping[str, Any]) -> Any:
+    from stable_baselines3.common.noise import NormalActionNoise
+
+    kind, deviation = values.get("noise_type"), values.get("noise_std")
+    if kind != "normal" or not isinstance(deviation, int | float) or deviation < 0:
+        raise InputError(
+            f"noise_type is {kind!r} with noise_std {deviation!r}; give normal and a deviation of 0 or more"
+        )
+    import numpy as np
+
+    return NormalActionNoise(mean=np.zeros(1), sigma=deviation * np.ones(1))

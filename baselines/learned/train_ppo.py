@@ -1,0 +1,63 @@
+"""Train a policy with PPO: ``rdpi train ppo``.
+
+From Python: ``python -m baselines.learned.train_ppo`` takes the options below as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from stable_baselines3 import PPO
+from torch import nn
+
+from baselines.learned.course import Progress
+from baselines.learned.options import TrainingOptions
+from baselines.learned.training import Run
+
+
+@dataclass(frozen=True)
+class Options(TrainingOptions):
+    """Options of a training with PPO; its hyper-parameters are in ``hyperparameters/ppo.yml``."""
+
+    out: Path = Path("results/train-ppo")
+
+
+def train(options: Options, progress: Progress | None = None) -> Path:
+    """Train, or go on with what was interrupted.
+
+    Parameters
+    ----------
+    options
+        What is asked for.
+    progress
+        Called with the number of steps done, and in all.
+
+    Returns
+    -------
+    Path
+        Folder of the policy that did best on held-out plants and references.
+
+    Raises
+    ------
+    InputError
+        Options that nothing can be trained with, or a folder that holds something else.
+    """
+    # What was asked for; a folder with a run of other options is refused.
+    run = Run.open(options, "ppo", PPO)
+    # Thousands of plants side by side: observations with their history, in fixed units.
+    env = run.environment()
+    # The agent, its networks drawn from the seed, as the hyper-parameters say.
+    model = run.model(PPO, env)
+    # Between stretches it is evaluated, and a checkpoint kept; the best policy stays.
+    return run.learn(model, actor, progress)
+
+
+def actor(model: PPO) -> list[nn.Module]:
+    """Return the deterministic actor: the mean of its Gaussian, clipped as actions are."""
+    policy = model.policy
+    return [*policy.mlp_extractor.policy_net, policy.action_net, nn.Hardtanh()]
+
+
+if __name__ == "__main__":
+    print(train(Options()))

@@ -1,0 +1,62 @@
+"""Train a policy with TD3: ``rdpi train td3``.
+
+From Python: ``python -m baselines.learned.train_td3`` takes the options below as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from stable_baselines3 import TD3
+from torch import nn
+
+from baselines.learned.course import Progress
+from baselines.learned.options import TrainingOptions
+from baselines.learned.training import Run
+
+
+@dataclass(frozen=True)
+class Options(TrainingOptions):
+    """Options of a training with TD3; its hyper-parameters are in ``hyperparameters/td3.yml``."""
+
+    out: Path = Path("results/train-td3")
+
+
+def train(options: Options, progress: Progress | None = None) -> Path:
+    """Train, or go on with what was interrupted.
+
+    Parameters
+    ----------
+    options
+        What is asked for.
+    progress
+        Called with the number of steps done, and in all.
+
+    Returns
+    -------
+    Path
+        Folder of the policy that did best on held-out plants and references.
+
+    Raises
+    ------
+    InputError
+        Options that nothing can be trained with, or a folder that holds something else.
+    """
+    # What was asked for; a folder with a run of other options is refused.
+    run = Run.open(options, "td3", TD3)
+    # Thousands of plants side by side: observations with their history, in fixed units.
+    env = run.environment()
+    # The agent, its networks drawn from the seed, as the hyper-parameters say.
+    model = run.model(TD3, env)
+    # Between stretches it is evaluated, and a checkpoint kept; the best policy stays.
+    return run.learn(model, actor, progress)
+
+
+def actor(model: TD3) -> list[nn.Module]:
+    """Return the deterministic actor: its network."""
+    return list(model.actor.mu)
+
+
+if __name__ == "__main__":
+    print(train(Options()))

@@ -1,0 +1,87 @@
+"""Trained policies among the controllers that are scored."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import baselines
+from baselines.registry import LEARNED
+from rdpi_gym.errors import InputError
+
+if TYPE_CHECKING:
+    from baselines.learned.policy import Policy
+
+POLICIES = Path(baselines.__file__).parent / "learned" / "policies"
+"""Where the policies of this release lie, each in a folder of its name."""
+_DESCRIPTION = "policy.json"
+
+
+def is_learned(controller: str) -> bool:
+    """Whether a controller's name is that of a trained policy.
+
+    Examples
+    --------
+    >>> is_learned("learned:results/train/policy"), is_learned("pi")
+    (True, False)
+    """
+    return controller.startswith(LEARNED)
+
+
+def shipped_policies() -> tuple[list[str], tuple[str, ...]]:
+    """Return the shipped policies that can run here, and one sentence where torch is missing.
+
+    Returns
+    -------
+    list of str
+        Their names as controllers.
+    tuple of str
+        Nothing, or what was left out.
+    """
+    names = sorted(path.parent.name for path in POLICIES.glob(f"*/{_DESCRIPTION}"))
+    if names and find_spec("torch") is None:
+        left_out = f"Left out, since torch is not installed (rdpi-gym[rl]): {', '.join(names)}."
+        return [], (left_out,)
+    return [LEARNED + name for name in names], ()
+
+
+def read_policy(controller: str) -> Policy:
+    """Read the policy of a learned controller.
+
+    Raises
+    ------
+    InputError
+        There is none, it cannot be read, or torch is missing.
+    """
+    try:
+        from baselines.learned.policy import find_policy  # torch, only where needed
+    except ImportError as error:
+        raise InputError(f"{controller!r} needs torch ({error}); install rdpi-gym[rl]") from error
+    return find_policy(controller.removeprefix(LEARNED))
+
+
+def trained_at_s(controllers: Iterable[str]) -> list[float]:
+    """Return the sampling times (s) of the learned ones among some controllers.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_policy`.
+
+    Examples
+    --------
+    >>> trained_at_s(["none", "pi"])
+    []
+    """
+    learned = filter(is_learned, controllers)
+    return list(dict.fromkeys(read_policy(name).layout.ts_s for name in learned))
+
+
+def policy_bytes(controller: str) -> bytes:
+    """Return a policy's description, which holds a hash of its weights; nothing where it is none."""
+    name = controller.removeprefix(LEARNED)
+    shipped = POLICIES / name / _DESCRIPTION
+    path = shipped if shipped.is_file() else Path(name) / _DESCRIPTION
+    return path.read_bytes() if path.is_file() else b""

@@ -1,0 +1,158 @@
+"""`rdpi train`: trains an agent with Stable-Baselines3."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from contextlib import contextmanager
+from enum import StrEnum
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rdpi_gym.cli.options import OutOption, SeedOption
+from rdpi_gym.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from types import ModuleType
+
+
+class Algorithm(StrEnum):
+    """What can be trained with."""
+
+    ppo = "ppo"
+    sac = "sac"
+    td3 = "td3"
+
+
+def train(
+    algorithm: Annotated[Algorithm, typer.Argument(metavar="ppo|sac|td3", show_default=False)],
+    out: OutOption = Path("results/train"),
+    seed: SeedOption = 0,
+    timesteps: Annotated[
+        int | None,
+        typer.Option("--timesteps", help="Steps of all plants together; else the YAML's."),
+    ] = None,
+    lanes: Annotated[
+        int | None, typer.Option("--lanes", help="Plants side by side; else the YAML's.")
+    ] = None,
+    hyperparameters: Annotated[
+        Path | None,
+        typer.Option("--hyperparameters", metavar="YAML", help="As rl-baselines3-zoo reads them."),
+    ] = None,
+    every: Annotated[
+        int | None,
+        typer.Option("--every", metavar="STEPS", help="Between evaluations and checkpoints."),
+    ] = None,
+    action: Annotated[
+        str | None,
+        typer.Option("--action", help="correction (default), command or increment."),
+    ] = None,
+    baseline: Annotated[
+        str | None,
+        typer.Option("--baseline", metavar="NAME", help="Compensator to correct or compare with."),
+    ] = None,
+    plants: Annotated[
+        str | None,
+        typer.Option(
+            "--plants", metavar="NAME|FILE,...", help="Else P10 with and without further effects."
+        ),
+    ] = None,
+    belief: Annotated[
+        str | None,
+        typer.Option("--belief", metavar="NAME|FILE", help="The baseline's; else no effects."),
+    ] = None,
+    references: Annotated[
+        str | None, typer.Option("--references", metavar="NAME,...", help="One is drawn each time.")
+    ] = None,
+    frequency: Annotated[
+        str | None, typer.Option("--frequency", metavar="HZ,HZ", help="Lowest and highest.")
+    ] = None,
+    ts: Annotated[
+        float | None, typer.Option("--ts", metavar="SECONDS", help="Sampling time.")
+    ] = None,
+    command_cost: Annotated[
+        float | None, typer.Option("--command-cost", help="Price of command changes.")
+    ] = None,
+    tensorboard: Annotated[
+        bool, typer.Option("--tensorboard", help="Write TensorBoard's logs too.")
+    ] = False,
+) -> None:
+    """Train a policy that tracks on plants with effects its belief lacks.
+
+    The same command continues an interrupted run, exactly. The policy is then a controller:
+    `rdpi bench --controller learned:DIR/policy`.
+    """
+    given: dict[str, Any] = {
+        "timesteps": timesteps,
+        "lanes": lanes,
+        "hyperparameters": hyperparameters,
+        "every": every,
+        "action": action,
+        "baseline": baseline,
+        "plants": _words(plants),
+        "belief": belief,
+        "reference": _words(references),
+        "frequency_hz": None if frequency is None else _frequencies(frequency),
+        "ts_s": ts,
+        "command_cost": command_cost,
+    }
+    options = {name: value for name, value in given.items() if value is not None}
+    script = _script(algorithm.value)
+    asked = script.Options(out=out, seed=seed, tensorboard=tensorboard, **options)
+    try:
+        with _progress() as show:
+            policy = script.train(asked, show)
+    except KeyboardInterrupt:
+        print(f"interrupted; the same command continues in {out}", file=sys.stderr)
+        raise
+    print(_summary(out / "training.csv", asked.baseline))
+    print(f"policy: {policy}")
+
+
+def _script(algorithm: str) -> ModuleType:
+    try:
+        return import_module(f"baselines.learned.train_{algorithm}")
+    except ImportError as error:
+        raise InputError(f"training needs {error.name}; install rdpi-gym[rl]") from error
+
+
+def _words(text: str | None) -> tuple[str, ...] | None:
+    return None if text is None else tuple(word.strip() for word in text.split(","))
+
+
+def _frequencies(text: str) -> tuple[float, float]:
+    try:
+        low, high = map(float, text.split(","))
+    except ValueError:
+        raise InputError(
+            f"--frequency {text!r} is not two numbers; give the lowest and the highest (Hz), for example 20,100"
+        ) from None
+    return low, high
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[int, int], None]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = ("training", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        task = bar.add_task("training", total=None)
+        yield lambda done, total: bar.update(task, completed=min(done, total), total=total)
+
+
+def _summary(curve: Path, compensator: str) -> str:
+    """Say in one line how the best policy tracks the held-out references."""
+    with curve.open(encoding="utf-8", newline="") as file:
+        best = max(csv.DictReader(file), key=lambda row: float(row["reward"]))
+    rmse, variation = float(best["rmse_um"]), float(best["command_variation_V_s"])
+    return (
+        f"after {best['timesteps']} steps, on held-out plants: RMSE {rmse:.3g} um, "
+        f"{compensator} {float(best['compensator_rmse_um']):.3g} um; command variation "
+        f"{variation / float(best['compensator_command_variation_V_s']):.3g} of its"
+    )

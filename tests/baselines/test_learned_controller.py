@@ -1,0 +1,168 @@
+"""A trained policy does in the benchmark what it did in its environment."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+import torch
+
+import rdpi_gym  # noqa: F401  # registers the environments
+from baselines.learned.controller import LearnedController
+from baselines.learned.policy import Network, Policy
+from benchmarks.tracking.episode import record
+from rdpi_gym.envs import ObservationLayout, PiezoTrackingEnv, TrackingTask
+from rdpi_gym.envs.history import HistoryObservation
+from rdpi_gym.envs.scaling import ScaledObservation
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import named_plant
+
+P10 = named_plant("P10")
+BASELINES = {"command": None, "increment": None, "correction": "pi-classical-low-passed"}
+
+
+def make_policy(action, history=3, preview=2, scale_V=8.0, seed=0, baseline=None):
+    torch.manual_seed(seed)
+    layout = ObservationLayout.for_plant(
+        P10, ts_s=1e-4, preview=preview, action=action, action_scale_V=scale_V
+    )
+    actor = Network((layout.size + 3 * history, 16, 1), "Tanh", "Hardtanh").build()
+    with torch.no_grad():
+        actor[2].weight *= 0.1  # a loop that does not amplify the last digits
+    return Policy(layout, history, 100.0, 0.02, actor, baseline or BASELINES[action])
+
+
+def environment(action, **keywords):
+    return PiezoTrackingEnv(
+        plant="P10", preview=2, action=action, baseline=BASELINES[action], noise_um=0.01,
+        frequency_hz=60.0, **keywords,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("history", [0, 3])
+@pytest.mark.parametrize("action", BASELINES)
+def test_it_commands_what_the_policy_commanded_in_its_environment(action, history):
+    policy = make_policy(action, history)
+    env = ScaledObservation(HistoryObservation(environment(action), history))
+    shown, info = env.reset(seed=5)
+    expected = []
+    for _ in range(150):
+        with torch.no_grad():
+            answer = policy.actor(torch.from_numpy(shown[None]))[0].numpy()
+        shown, *_, info = env.step(answer)
+        expected.append(info["command_V"])
+    plain = environment("command") if action != "increment" else environment("increment")
+    controller = LearnedController(policy, plain.belief, plain.layout)
+    observation, _ = plain.reset(seed=5)
+    state, found = None, []
+    for k in range(150):
+        answer, state = controller.predict(observation, state, np.array([k == 0]))
+        observation, *_, info = plain.step(answer)
+        found.append(info["command_V"])
+    # A float32 action rounds a command to 1e-5 V, which the PI and the policy feed back.
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    assert np.ptp(expected) > 1.0
+
+
+def test_lanes_are_the_episodes_one_by_one_and_begin_where_they_are_told():
+    policy = make_policy("correction")
+    layout = ObservationLayout.for_plant(P10, ts_s=1e-4, preview=2)
+    shown = np.random.default_rng(0).uniform(-0.5, 0.5, (12, 3, layout.size)).astype(np.float32)
+    starts = np.zeros((12, 3), dtype=bool)
+    starts[0] = starts[7, 1] = starts[4, 2] = True
+    controller = LearnedController(policy, P10, layout)
+    state, together = None, []
+    for k in range(12):
+        action, state = controller.predict(shown[k], state, starts[k])
+        together.append(action[:, 0])
+    for lane in range(3):
+        state = None
+        for k in range(12):
+            if starts[k, lane]:
+                state = None
+            action, state = controller.predict(shown[k, lane], state)
+            assert action[0] == pytest.approx(together[k][lane], abs=1e-6)
+
+
+def test_a_state_is_never_changed_behind_the_callers_back():
+    policy = make_policy("correction")
+    controller = LearnedController(policy, P10, ObservationLayout.for_plant(P10, 1e-4, preview=2))
+    shown = np.full((2, 5), 0.1, dtype=np.float32)
+    _, state = controller.predict(shown)
+    before = state.copy()
+    first, _ = controller.predict(2.0 * shown, state)
+    np.testing.assert_array_equal(state, before)
+    again, _ = controller.predict(2.0 * shown, state)
+    np.testing.assert_array_equal(first, again)
+
+
+def test_a_longer_preview_changes_nothing():
+    policy = make_policy("command")
+    references = 20.0 * np.sin(0.03 * np.arange(80.0))[:, None]
+    found = []
+    for preview in (2, 7):
+        layout = ObservationLayout.for_plant(P10, 1e-4, preview=preview)
+        controller = LearnedController(policy, P10, layout)
+        assert controller.needed_preview == 2
+        rngs = [np.random.default_rng(0)]
+        found.append(record(controller, [P10], layout, references, rngs).command_V)
+    np.testing.assert_array_equal(*found)
+
+
+def test_a_shorter_preview_is_another_observation_layout():
+    layout = ObservationLayout.for_plant(P10, 1e-4, preview=1)
+    controller = LearnedController(make_policy("command"), P10, layout)
+    with pytest.raises(InputError, match="another observation layout than one of preview 1"):
+        controller.predict(np.zeros((1, 4), dtype=np.float32))
+
+
+def test_another_sampling_time_is_another_observation_layout():
+    with pytest.raises(InputError, match=r"Ts = 0\.0001 s belongs to another observation layout"):
+        LearnedController(make_policy("command"), P10, ObservationLayout.for_plant(P10, 5e-5))
+
+
+def test_on_a_plant_of_another_size_it_acts_in_proportion_and_says_so():
+    policy = make_policy("correction", baseline="none")
+    small = replace(P10, name="small", reference_um=(0.0, 4.0), command_range_V=(-8.0, 8.0))
+    corrections = []
+    for plant in (P10, small):
+        layout = ObservationLayout.for_plant(plant, 1e-4, preview=2)
+        controller = LearnedController(policy, plant, layout)
+        assert (controller.warning() is None) == (plant is P10)
+        shown = np.full((1, 5), 0.2, dtype=np.float32)
+        corrected = controller.predict(shown)[0][0, 0]
+        corrections.append(corrected - controller.baseline.predict(shown)[0][0, 0])
+    assert corrections[0] == pytest.approx(corrections[1], abs=1e-6)
+    assert abs(corrections[0]) > 1e-3
+
+
+def test_a_baseline_that_plans_ahead_is_refused():
+    policy = make_policy("correction", baseline="preview-oracle")
+    with pytest.raises(InputError, match="preview-oracle"):
+        LearnedController(policy, P10, ObservationLayout.for_plant(P10, 1e-4, preview=2))
+
+
+def test_commands_stay_in_the_range():
+    policy = make_policy("increment", scale_V=1000.0)
+    layout = ObservationLayout.for_plant(P10, 1e-4, preview=2)
+    controller = LearnedController(policy, P10, layout)
+    task = TrackingTask([P10] * 4, layout)
+    observation = task.reset(np.tile(np.linspace(-40, 40, 4), (50, 1)))
+    state = None
+    for _ in range(40):
+        action, state = controller.predict(observation, state)
+        assert (np.abs(action) <= 1.0).all()
+        observation = task.step(layout.place_to_V(action[:, 0].astype(float)))
+
+
+def test_stable_baselines_evaluates_it_as_any_policy():
+    evaluation = pytest.importorskip("stable_baselines3.common.evaluation")
+    monitor = pytest.importorskip("stable_baselines3.common.monitor")
+    env = gym.make("rdpi_gym/PiezoTracking-v0", preview=2, max_episode_steps=100)
+    plain = env.unwrapped
+    controller = LearnedController(make_policy("correction"), plain.belief, plain.layout)
+    mean, _ = evaluation.evaluate_policy(controller, monitor.Monitor(env), 2, warn=False)
+    assert np.isfinite(mean)

@@ -1,0 +1,187 @@
+"""A saved policy: whole or refused, and read without executing anything."""
+
+import json
+import pickle
+import subprocess
+import sys
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+import torch
+
+from baselines import make_controller
+from baselines.learned import policy as policy_module
+from baselines.learned.policy import Network, Policy, find_policy
+from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import named_plant
+
+P10 = named_plant("P10")
+
+
+def layout(**fields):
+    return ObservationLayout.for_plant(P10, ts_s=1e-4, **({"preview": 2} | fields))
+
+
+def make_policy(action="correction", history=3, seed=0, output="Hardtanh", **fields):
+    torch.manual_seed(seed)
+    shown = layout(action=action, action_scale_V=8.0)
+    actor = Network((shown.size + 3 * history, 8, 1), "Tanh", output).build()
+    baseline = "classical-static" if action == "correction" else None
+    return Policy(shown, history, 100.0, 0.02, actor, baseline, **fields)
+
+
+def test_a_policy_comes_back_as_it_was_saved(tmp_path):
+    saved = make_policy(training={"algorithm": "ppo", "seed": 3})
+    folder = saved.save(tmp_path / "policy")
+    assert sorted(path.name for path in folder.iterdir()) == ["policy.json", "weights.pt"]
+    found = Policy.load(folder)
+    assert (found.layout, found.history, found.baseline) == (saved.layout, 3, "classical-static")
+    assert (found.frequency_hz, found.error, found.training) == (100.0, 0.02, saved.training)
+    x = torch.randn(5, 14)
+    assert torch.equal(found.actor(x), saved.actor(x))
+    assert not any(p.requires_grad for p in found.actor.parameters())
+
+
+def test_saving_again_replaces_the_policy_and_leaves_nothing_else(tmp_path):
+    make_policy(seed=0).save(tmp_path / "policy")
+    make_policy(seed=1).save(tmp_path / "policy")
+    assert [path.name for path in tmp_path.iterdir()] == ["policy"]
+    x = torch.randn(5, 14)
+    assert torch.equal(Policy.load(tmp_path / "policy").actor(x), make_policy(seed=1).actor(x))
+
+
+def test_a_folder_of_something_else_is_not_overwritten(tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(InputError, match="holds no policy"):
+        make_policy().save(tmp_path)
+    assert (tmp_path / "thesis.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["policy.json", "weights.pt"])
+@pytest.mark.parametrize("part", [0.0, 0.5, 0.98])
+def test_a_file_that_was_cut_off_is_one_line(tmp_path, name, part):
+    folder = make_policy().save(tmp_path / "policy")
+    content = (folder / name).read_bytes()
+    (folder / name).write_bytes(content[: int(part * len(content))])
+    with pytest.raises(InputError, match="cut off") as caught:
+        Policy.load(folder)
+    assert "\n" not in str(caught.value)
+
+
+def changed(folder, **fields):
+    path = folder / "policy.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | fields))
+    return folder
+
+
+def widths(*values):
+    return {"widths": list(values), "activation": "Tanh", "output": "Hardtanh"}
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"version": 2}, "version 2"),
+        ({"format": "rdpi-plant"}, "rdpi-plant"),
+        ({"history": 4}, "another observation layout"),
+        ({"network": widths(14, 9, 1)}, "does not fit"),
+        ({"network": widths(14, 8, 8, 1)}, "does not fit"),
+        ({"network": widths(15, 8, 1)}, "does not fit"),
+        ({"network": {**widths(14, 8, 1), "activation": "os.system"}}, "os.system"),
+        ({"baseline": None}, "correction"),
+        ({"scaling": {"frequency_hz": 100.0, "error": 0.0}}, "error is 0"),
+        ({"scaling": None}, "does not describe"),
+        ({"layout": {"preview": 2}}, "does not describe"),
+    ],
+)
+def test_a_description_that_fits_nothing_is_one_line(tmp_path, fields, message):
+    folder = changed(make_policy().save(tmp_path / "policy"), **fields)
+    with pytest.raises(InputError, match=message) as caught:
+        Policy.load(folder)
+    assert "\n" not in str(caught.value)
+
+
+def test_weights_that_are_not_finite_are_refused(tmp_path):
+    policy = make_policy()
+    with torch.no_grad():
+        policy.actor[0].bias[2] = float("nan")
+    with pytest.raises(InputError, match=r"weights.pt holds a weight in '0.bias' that is not fin"):
+        Policy.load(policy.save(tmp_path / "policy"))
+
+
+class Bomb:
+    def __reduce__(self):
+        return (sys.exit, ("code of a policy was executed",))
+
+
+def test_weights_that_carry_code_are_refused_and_the_code_is_not_run(tmp_path, monkeypatch):
+    folder = make_policy().save(tmp_path / "policy")
+    path = folder / "weights.pt"
+    with zipfile.ZipFile(path) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in entries.items():
+            archive.writestr(
+                name, pickle.dumps(Bomb(), protocol=2) if name.endswith(".pkl") else content
+            )
+    monkeypatch.setattr(policy_module.hashlib, "sha256", lambda _: Same(folder))
+    with pytest.raises(InputError, match=r"weights\.pt holds no weights alone"):
+        Policy.load(folder)
+
+
+class Same:
+    """A hash that agrees with whatever the description says."""
+
+    def __init__(self, folder):
+        self.stated = json.loads((folder / "policy.json").read_text())["weights_sha256"]
+
+    def hexdigest(self):
+        return self.stated
+
+
+def test_the_folder_of_a_policy_is_a_controllers_name(tmp_path):
+    folder = make_policy().save(tmp_path / "policy")
+    controller = make_controller(f"learned:{folder}", P10, layout(preview=4))
+    assert controller.policy.layout.preview == controller.needed_preview == 2
+    assert controller.warning() is None
+
+
+def test_a_name_without_a_policy_is_one_line(tmp_path):
+    with pytest.raises(InputError, match=r"no policy is at .*nowhere.*policy\.json"):
+        find_policy(str(tmp_path / "nowhere"))
+
+
+def test_a_network_that_cannot_be_kept_is_refused():
+    from torch import nn
+
+    with pytest.raises(InputError, match="Dropout"):
+        Network.of([nn.Linear(3, 3), nn.Dropout(), nn.Linear(3, 1), nn.Tanh()])
+
+
+def test_every_shipped_policy_is_whole_and_all_are_small():
+    folders = sorted(policy_module.SHIPPED.glob("*/policy.json"))
+    for path in folders:
+        policy = find_policy(path.parent.name)
+        controller = make_controller(
+            f"learned:{path.parent.name}", P10, replace(policy.layout, action="command")
+        )
+        shown = np.zeros((2, policy.layout.size), dtype=np.float32)
+        assert np.isfinite(controller.predict(shown)[0]).all()
+    size = sum(path.stat().st_size for path in policy_module.SHIPPED.glob("*/*"))
+    assert size < 2**20
+
+
+def test_torch_is_not_loaded_before_a_learned_controller_is_asked_for():
+    code = (
+        "import sys, rdpi_gym, baselines, benchmarks.tracking.tasks, rdpi_gym.cli;"
+        "from rdpi_gym.cli import main; main(['--help']);"
+        "sys.exit('torch' in sys.modules or 'stable_baselines3' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert run.returncode == 0, run.stderr

@@ -1,0 +1,106 @@
+"""A trained policy is scored by the benchmark as every other controller is."""
+
+import csv
+
+import pytest
+
+pytest.importorskip("torch")
+
+import torch
+
+from baselines.learned.network import Network
+from baselines.learned.policy import SHIPPED, Policy
+from benchmarks.tracking import learned, selection
+from benchmarks.tracking.fingerprint import task_fingerprint
+from rdpi_gym.cli import main
+from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.errors import InputError
+from rdpi_gym.plant import named_plant
+
+P5 = named_plant("P5")
+TS_S = 4e-4
+BASELINE = "classical-reference-rate"
+
+
+def save(folder, weight=0.0):
+    """Keep a policy that corrects a baseline by a constant: by nothing where the weight is 0."""
+    layout = ObservationLayout.for_plant(P5, TS_S, preview=2, action="correction")
+    actor = Network((layout.size, 1), "Tanh", "Hardtanh").build()
+    with torch.no_grad():
+        actor[0].weight.zero_()
+        actor[0].bias.fill_(weight)
+    Policy(layout, 0, 100.0, 0.02, actor, BASELINE).save(folder)
+    return f"learned:{folder}"
+
+
+def test_one_that_corrects_nothing_scores_as_the_baseline_that_it_corrects(tmp_path):
+    name = save(tmp_path / "idle")
+    out = tmp_path / "out"
+    asked = [
+        "bench", "--controllers", BASELINE, "--controller", name, "--references", "triangle",
+        "--plants", "P5", "--seeds", "1", "--jobs", "1", "--out", str(out),
+    ]  # fmt: skip
+    assert main(asked) == 0
+    with (out / "leaderboard.csv").open(encoding="utf-8") as file:
+        rows = {(row["controller"], float(row["ts_s"])): row for row in csv.DictReader(file)}
+    own, base = rows[name, TS_S], rows[BASELINE, TS_S]
+    assert own["status"] == base["status"] == "ok"
+    # Its observations are float32.
+    assert float(own["rmse_um"]) == pytest.approx(float(base["rmse_um"]), rel=1e-3)
+    # It runs at no other sampling time, and says so.
+    others = [row for (who, ts), row in rows.items() if who == name and ts != TS_S]
+    assert len(others) == 3
+    assert all("trained at Ts = 0.0004 s" in row["status"] for row in others)
+
+
+def test_its_rows_belong_to_its_weights(tmp_path):
+    name = save(tmp_path / "mine")
+    before = task_fingerprint(name, P5)
+    save(tmp_path / "mine")
+    assert task_fingerprint(name, P5) == before
+    save(tmp_path / "mine", weight=0.5)
+    assert task_fingerprint(name, P5) != before
+
+
+def test_the_given_sampling_times_are_kept(tmp_path):
+    name = save(tmp_path / "mine")
+    (stage,) = selection.select([name], ["P5"], ["sine"], [1e-3, 2e-4], [0]).stages
+    assert stage.ts_s == (1e-3, 2e-4)
+
+
+def test_a_slow_plant_is_not_sampled_faster_for_its_sake(tmp_path):
+    name = save(tmp_path / "mine")
+    (stage,) = selection.select([name], ["picma"], ["sine"], None, [0]).stages
+    assert TS_S not in stage.ts_s
+
+
+def test_a_folder_without_a_policy_is_refused_in_one_line(tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["bench", "--controller", f"learned:{tmp_path}", "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "no policy is at" in said
+    assert said.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_policy_that_was_cut_off_is_refused_in_one_line(tmp_path):
+    name = save(tmp_path / "cut")
+    weights = tmp_path / "cut" / "weights.pt"
+    weights.write_bytes(weights.read_bytes()[:100])
+    with pytest.raises(InputError, match="cut off"):
+        selection.select([name], ["P5"])
+
+
+def test_shipped_policies_are_scored_by_default_and_left_out_without_torch(tmp_path, monkeypatch):
+    assert learned.POLICIES == SHIPPED
+    save(tmp_path / "mine")
+    monkeypatch.setattr(learned, "POLICIES", tmp_path)
+    monkeypatch.setattr("baselines.learned.policy.SHIPPED", tmp_path)
+    assert "learned:mine" in selection.select(None, ["P5"]).controllers
+    before = task_fingerprint("learned:mine", P5)
+    save(tmp_path / "mine", weight=0.5)
+    assert task_fingerprint("learned:mine", P5) != before
+    monkeypatch.setattr(learned, "find_spec", lambda name: None)
+    without = selection.select(None, ["P5"])
+    assert "learned:mine" not in without.controllers
+    assert without.notes == ("Left out, since torch is not installed (rdpi-gym[rl]): mine.",)

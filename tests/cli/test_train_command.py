@@ -1,0 +1,162 @@
+"""`rdpi train`: what it writes, and bad input as one line with nothing overwritten."""
+
+import json
+
+import pandas as pd
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+from baselines.learned import evaluation
+from baselines.learned.policy import Policy
+from rdpi_gym.cli import main
+
+YAML = """
+default:
+  n_envs: 4
+  n_timesteps: 128
+  n_steps: 16
+  batch_size: 32
+"""
+
+
+SCALING = "rdpi_gym.envs.scaling.ScaledObservation"
+
+
+@pytest.fixture(autouse=True)
+def _few_samples(monkeypatch, tmp_path):
+    for name, value in {"LANES": 4, "SAMPLES": 30, "FIRST": 5}.items():
+        monkeypatch.setattr(evaluation, name, value)
+    (tmp_path / "small.yml").write_text(YAML)
+    monkeypatch.chdir(tmp_path)
+
+
+def train(*words):
+    return main(["train", "ppo", "--hyperparameters", "small.yml", "--out", "run", *words])
+
+
+def test_it_writes_policy_curve_configuration_and_checkpoint(tmp_path, capsys):
+    assert train("--every", "64", "--frequency", "30,60", "--references", "sine, triangle") == 0
+    out = capsys.readouterr().out
+    assert "RMSE" in out
+    assert "classical-reference-rate" in out
+    run = tmp_path / "run"
+    assert sorted(p.name for p in run.iterdir()) == [
+        "checkpoint", "config.json", "policy", "training.csv",
+    ]  # fmt: skip
+    curve = pd.read_csv(run / "training.csv")
+    assert curve["timesteps"].tolist() == [0, 64, 128]
+    assert (curve[["rmse_um", "compensator_rmse_um", "command_variation_V_s"]] > 0).all(axis=None)
+    config = json.loads((run / "config.json").read_text())
+    assert (config["format"], config["algorithm"], config["lanes"]) == ("rdpi-training", "ppo", 4)
+    assert config["options"]["frequency_hz"] == [30.0, 60.0]
+    assert config["options"]["reference"] == ["sine", "triangle"]
+    trained = [[e["effect"] for e in p["effects"]] for p in config["options"]["plants"]]
+    assert trained == [
+        ["actuator_lag", "creep", "resonance"], ["actuator_lag", "creep"], ["creep", "resonance"], [],
+    ]  # fmt: skip
+    assert Policy.load(run / "policy").baseline == "classical-reference-rate"
+
+
+def test_the_same_command_again_finds_it_finished(tmp_path):
+    assert train() == 0
+    before = (tmp_path / "run" / "training.csv").read_bytes()
+    assert train() == 0
+    assert (tmp_path / "run" / "training.csv").read_bytes() == before
+
+
+def test_it_trains_on_a_plants_file_from_the_command_alone(tmp_path):
+    from rdpi_gym.plant import named_plant
+
+    named_plant("P5").save(tmp_path / "mine.json")
+    assert train("--plants", "mine.json", "--belief", "P5-static", "--action", "command") == 0
+    policy = Policy.load(tmp_path / "run" / "policy")
+    assert (policy.layout.action, policy.layout.scale_um) == ("command", 10.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--lanes", "0"], "lanes is 0"),
+        (["--lanes", "3"], "3 lanes for 4 plants"),
+        (["--plants", "P5,P10"], "amplitude"),
+        (["--timesteps", "-5"], "timesteps is -5"),
+        (["--every", "0"], "every is 0"),
+        (["--plants", "P10,P11"], "P11"),
+        (["--belief", "missing.json"], "missing.json"),
+        (["--baseline", "clasical-static"], "classical-static"),
+        (["--references", "sine,sin"], "sin"),
+        (["--frequency", "20"], "--frequency '20'"),
+        (["--frequency", "100,20"], "frequency_hz"),
+        (["--action", "jump"], "jump"),
+        (["--ts", "0"], "ts_s is 0.0"),
+        (["--command-cost", "-1"], "command_cost"),
+        (["--hyperparameters", "none.yml"], "none.yml"),
+        (["--out", "small.yml"], "small.yml"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, message):
+    assert train(*words) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("rdpi: ")
+    assert message in lines[0]
+    assert [path.name for path in tmp_path.iterdir()] == ["small.yml"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("default: [", "YAML"),
+        ("default:\n  n_envs: 2", "n_timesteps is None"),
+        ("other:\n  n_envs: 2", "no hyper-parameters under rdpi_gym/PiezoTracking-v0"),
+        ("[1, 2]", "no hyper-parameters"),
+        (YAML + "  gama: 0.9\n", "gama is no hyper-parameter of PPO"),
+        (YAML + "  learning_rate: 1e-3\n", "learning_rate is '1e-3'"),
+        (YAML + "  env_wrapper: os.system\n", "env_wrapper 'os.system' is unknown"),
+        (YAML + "  env_wrapper: [3]\n", "env_wrapper 3 is unknown"),
+        (YAML + f"  env_wrapper: [{{{SCALING}: {{error: big}}}}]\n", "error of"),
+        (YAML + f"  env_wrapper: [{{{SCALING}: {{unit: 1}}}}]\n", "no option 'unit'"),
+        (YAML + f"  env_wrapper: [{{{SCALING}: {{error: 0}}}}]\n", "error is 0"),
+        (YAML + "  policy_kwargs: {nets: [8]}\n", "PPO refuses its hyper-parameters"),
+        (YAML + "  seed: 3\n", "seed is no hyper-parameter"),
+        (YAML.replace("n_envs: 4", "n_envs: 0"), "n_envs is 0"),
+        (YAML + "  policy_kwargs: 'dict(net_arch=[8])'\n", "policy_kwargs"),
+        (YAML + "  gamma: high\n", "gamma"),
+        (YAML.replace("32", "-1"), "batch_size"),
+    ],
+)
+def test_bad_hyperparameters_are_one_line_and_leave_nothing(tmp_path, capsys, text, message):
+    (tmp_path / "small.yml").write_text(text)
+    assert train() == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert [path.name for path in tmp_path.iterdir()] == ["small.yml"]
+
+
+def test_other_options_are_refused_and_nothing_is_overwritten(tmp_path, capsys):
+    assert train() == 0
+    before = {p: p.read_bytes() for p in (tmp_path / "run").glob("**/*") if p.is_file()}
+    capsys.readouterr()
+    assert train("--seed", "1") == 2
+    assert "run holds a training with options.seed 0, asked for is 1" in capsys.readouterr().err
+    after = {p: p.read_bytes() for p in (tmp_path / "run").glob("**/*") if p.is_file()}
+    assert after == before
+
+
+def test_an_unknown_algorithm_is_one_line(capsys):
+    assert main(["train", "ddpg"]) == 2
+    assert "'ddpg' is not one of 'ppo', 'sac', 'td3'" in capsys.readouterr().err
+
+
+def test_an_interrupted_command_says_that_it_continues(capsys, monkeypatch):
+    from baselines.learned.course import Course
+
+    def interrupt(self):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Course, "_on_rollout_end", interrupt)
+    assert train() == 130
+    assert "the same command continues in run" in capsys.readouterr().err
+    monkeypatch.undo()

@@ -1,0 +1,189 @@
+"""Lane by lane, step by step, the vector environment is the single one, to rounding."""
+
+from dataclasses import dataclass, replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from numba import njit
+
+import rdpi_gym  # noqa: F401  # registers the environments
+from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
+from rdpi_gym.plant import named_plant
+from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter
+from rdpi_gym.plant.effects.base import SLOTS
+
+NAME = "rdpi_gym/PiezoTracking-v0"
+# Of the largest displacement; the vector units add the plays up in another order.
+ROUNDING = 1e-12
+EVERY_EFFECT = replace(
+    named_plant("P10"), effects=tuple(kind() for kind in CATALOGUE.values()), offset_um=3.0
+)
+
+
+def difference(ours, theirs, lane):
+    """Return the largest difference of one lane's numbers: observation, reward, info."""
+    observation, reward, info = ours
+    one, its_reward, its_info = theirs
+    assert {key for key in info if not key.startswith("_")} >= set(its_info)
+    numbers = [abs(info[key][lane] - value) for key, value in its_info.items()]
+    # Observations are float32: a number of a few units, as the plant of every effect shows.
+    shown = np.abs(observation[lane].astype(float) - one).max() - 4e-7 * np.abs(one).max()
+    return max(*numbers, abs(reward[lane] - its_reward), shown)
+
+
+def largest_difference(lanes, steps, episode, seed=7, **keywords):
+    """Step lanes and single environments side by side, over autoresets; return what differs."""
+    envs = PiezoTrackingVectorEnv(
+        lanes, max_episode_steps=episode, autoreset_mode="SameStep", **keywords
+    )
+    unlimited = -1  # as gymnasium.make says None
+    limit = unlimited if episode is None else episode
+    singles = [gym.make(NAME, max_episode_steps=limit, **keywords) for _ in range(lanes)]
+    observation, info = envs.reset(seed=seed)
+    zeros, worst = np.zeros(lanes), 0.0
+    for lane, env in enumerate(singles):
+        one, its_info = env.reset(seed=seed + lane)
+        worst = max(worst, difference((observation, zeros, info), (one, 0.0, its_info), lane))
+    actions = np.random.default_rng(0).uniform(-1.1, 1.1, (steps, lanes, 1)).astype(np.float32)
+    for action in actions:
+        observation, reward, terminated, truncated, info = envs.step(action)
+        for lane, env in enumerate(singles):
+            one, its_reward, *over, its_info = env.step(action[lane])
+            assert [terminated[lane], truncated[lane]] == over
+            if truncated[lane]:
+                final = (info["final_obs"], reward, info["final_info"])
+                worst = max(worst, difference(final, (one, its_reward, its_info), lane))
+                one, its_info = env.reset()
+            numbers = (observation, reward, info), (one, its_reward, its_info)
+            worst = max(worst, difference(*numbers, lane))
+    return worst
+
+
+@pytest.mark.parametrize("action", ["command", "increment"])
+def test_every_effect_of_the_catalogue_randomised_over_episodes(action):
+    assert {effect.slot for effect in EVERY_EFFECT.effects} == set(SLOTS)
+    found = largest_difference(
+        lanes=5,
+        steps=130,
+        episode=40,
+        plant=EVERY_EFFECT,
+        action=action,
+        randomise=0.2,
+        randomise_effects=0.4,
+        noise_um=0.05,
+        command_cost=0.5,
+        reference=["sine", "triangle", {"signal": "multisine", "lines": 4}],
+    )
+    assert found < 100.0 * ROUNDING
+
+
+@pytest.mark.parametrize("name", list(CATALOGUE))
+def test_each_effect_alone(name):
+    plant = replace(named_plant("P5"), effects=(CATALOGUE[name](),))
+    found = largest_difference(
+        lanes=2, steps=120, episode=50, plant=plant, randomise=0.1, randomise_effects=0.2
+    )
+    assert found < 25.0 * ROUNDING
+
+
+@pytest.mark.parametrize(
+    "keywords",
+    [
+        {},
+        {"plant": "P10-bench", "ts_s": 1e-5, "randomise": 0.3},  # a converter that holds
+        {"plant": "P5-static", "preview": 1, "rate_bandwidth_hz": None},
+        {"plant": "picma", "resolution_um": 0.02},
+        {"action": "correction", "baseline": "pi-classical-low-passed", "noise_um": 0.01},
+        {"action": "correction", "baseline": "extended-inverse", "belief": "P10-static"},
+        {"amplitude_um": 20.0, "offset_um": -5.0, "smooth_start_s": 0.0, "frequency_hz": 50.0},
+        {
+            "reference": [
+                {"signal": "sine", "frequency_hz": 77.0, "phase_rad": 1.0, "smooth_start_s": 4e-3},
+                {"signal": "sine", "amplitude_um": 3.0},
+                {"signal": "random-steps"},
+            ]
+        },
+    ],
+)
+def test_options(keywords):
+    assert largest_difference(lanes=4, steps=130, episode=45, **keywords) < 100.0 * ROUNDING
+
+
+def test_a_baseline_that_plans_ahead():
+    found = largest_difference(
+        lanes=2, steps=25, episode=10, plant="P5", action="correction", baseline="preview-oracle",
+        frequency_hz=100.0,
+    )  # fmt: skip
+    assert found < 25.0 * ROUNDING
+
+
+def test_episodes_longer_than_the_tables_of_references_and_noise():
+    found = largest_difference(
+        lanes=2, steps=4300, episode=None, plant="P5", noise_um=0.1, reference=["sine", "triangle"],
+        frequency_hz=(3.0, 30.0), seed=3,
+    )  # fmt: skip
+    assert found < 25.0 * ROUNDING
+
+
+@pytest.mark.parametrize("lanes", [33, 300])
+def test_any_number_of_lanes(lanes):
+    assert largest_difference(lanes, steps=6, episode=4, randomise=0.2) < 80.0 * ROUNDING
+
+
+@njit
+def wobble_block(x, u, p, state, ts, y):
+    """Kernel of an effect that the catalogue does not have."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            if np.isnan(state[0, b]):
+                state[0, b] = 0.0
+            y[t, b] = x[t, b] + p[0, b] * np.sin(0.1 * state[0, b]) * u[t, b]
+            state[0, b] += 1.0
+
+
+@dataclass(frozen=True)
+class Wobble(Effect):
+    """A user's own effect."""
+
+    gain: float = 0.1
+
+    name = "wobble"
+    slot = "output"
+    order = 5
+    parameters = (Parameter("gain", "µm/V", 0.0, 1.0, (0.1, 0.1), "gain"),)
+    equation = source = signature = experiment = "a test"
+    mistaken_for = ()
+    block = staticmethod(wobble_block)
+
+    def coefficients(self, ts_s, hysteresis):
+        """Gain over a_0."""
+        return [self.gain / hysteresis.a0]
+
+    def state_rows(self, ts_s):
+        """The clock."""
+        return 1
+
+
+def test_an_effect_of_ones_own_among_those_of_the_catalogue():
+    plant = replace(EVERY_EFFECT, effects=(*EVERY_EFFECT.effects, Wobble()))
+    found = largest_difference(
+        lanes=3, steps=60, episode=25, plant=plant, randomise=0.1, randomise_effects=0.3
+    )
+    assert found < 100.0 * ROUNDING
+
+
+def test_effects_are_drawn_at_levels_of_their_range():
+    plant = replace(named_plant("P5"), effects=(CATALOGUE["creep"](gain_per_decade=0.02),))
+    env = gym.make(NAME, plant=plant, randomise_effects=0.5).unwrapped
+    drawn = []
+    for episode in range(300):
+        env.reset(seed=0 if episode == 0 else None)
+        drawn.append(env.truth.effects[0].values["gain_per_decade"])
+        assert env.truth.hysteresis == env.nominal.hysteresis
+        assert env.belief.effects == ()
+    levels = 0.02 * (1.0 + 0.5 * np.linspace(-1.0, 1.0, 33))
+    nearest = np.abs(np.array(drawn)[:, None] - levels).argmin(axis=1)
+    np.testing.assert_allclose(drawn, levels[nearest], rtol=1e-12)
+    # 300 draws of 33 levels leave each of them out with a chance of 1e-4.
+    assert len(set(nearest.tolist())) >= 32
