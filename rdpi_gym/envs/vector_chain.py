@@ -92,7 +92,7 @@ def _run_stage(
     )  # fmt: skip
 
 
-@njit(cache=True, _nrt=False)
+@njit(cache=True)
 def run_chain(
     p: Array,
     state: Array,

@@ -36,7 +36,7 @@ from rdpi_gym.envs.vector_lanes import (
     Sources,
 )
 
-_ROWS = {"cache": True, "_nrt": False}
+_ROWS = {"cache": True}
 # Ends of the named tuples in the arguments of a step.
 _LANES = len(Lanes._fields)
 _SOURCES = _LANES + len(Sources._fields)
