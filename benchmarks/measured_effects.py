@@ -80,8 +80,9 @@ def summary(name: str, found: Discovery) -> tuple[pd.DataFrame, str]:
         *[f"- {step.effect}: {', '.join(step.remarks) or 'no remark'}" for step in found.steps],
         *[f"- cannot be told apart: {', '.join(group)}" for group in found.indistinguishable],
         *[f"- {note}" for note in found.notes],
-        f"Next experiment: {found.next_experiment}",
     ]
+    if found.next_experiment:
+        words.append(f"Next experiment: {found.next_experiment}")
     return table, "\n\n".join(words)
 
 

@@ -10,7 +10,7 @@ from rdpi_gym.envs.layout import ActionMode
 from rdpi_gym.envs.references import ReferenceChoice
 from rdpi_gym.envs.truth import choose_plant
 from rdpi_gym.errors import InputError
-from rdpi_gym.plant import P10, PlantModel, Sensor
+from rdpi_gym.plant import P10, PlantModel, Sensor, check_ts
 from rdpi_gym.plant.effects.actuator_lag import ActuatorLag
 from rdpi_gym.plant.effects.creep import Creep
 from rdpi_gym.plant.effects.resonance import Resonance
@@ -28,6 +28,8 @@ PLANTS = (
 )
 """What agents are trained on: the paper's plant with a noisy sensor, behind an amplifier, with
 creep and a mode. An agent that has only met all of them dithers where one is missing."""
+
+_FEWEST, _MOST = 4.0, 1e6  # samples of a period
 
 REFERENCES: tuple[ReferenceChoice, ...] = (
     "sine",
@@ -100,6 +102,13 @@ class TrainingOptions:
             raise InputError("no plant; give at least one")
         if type(self.seed) is not int or not 0 <= self.seed < 2**32:
             raise InputError(f"seed is {self.seed!r}; give a whole number of 0 to 2^32 - 1")
+        ts, (low, high) = check_ts(self.ts_s), self.frequency_hz
+        ordered = 0.0 < low <= high  # or refused, with its reason, by the environment
+        if ordered and not (1.0 / (high * ts) >= _FEWEST and 1.0 / (low * ts) <= _MOST):
+            raise InputError(
+                f"ts_s is {ts:g} s: periods of {low:g} to {high:g} Hz have {1.0 / (low * ts):.3g} to "
+                f"{1.0 / (high * ts):.3g} samples; give a ts_s with which they have {_FEWEST:g} to {_MOST:g}"
+            )
 
     @property
     def models(self) -> tuple[PlantModel, ...]:

@@ -1,4 +1,4 @@
-"""Command line of the study of trained agents: train, score, and show the domain gap."""
+"""Command line of the study of trained agents, stage by stage."""
 
 from __future__ import annotations
 
@@ -13,18 +13,25 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import benchmarks.agents
+from benchmarks.agents.curves import PICTURE, curves_text, learning_bands, learning_curves
+from benchmarks.agents.page import page_texts, walk_template
 from benchmarks.agents.scores import Run, contestants, score_all
-from benchmarks.agents.study import FULL, QUICK, Study
+from benchmarks.agents.study import BASELINE, FULL, QUICK, Study
 from benchmarks.agents.summary import gap_summary, summarise
 from benchmarks.agents.tables import agents_text, gap_text
-from benchmarks.agents.training import all_trainings, train_all
+from benchmarks.agents.training import Training, all_trainings, train_all
+from benchmarks.agents.walk import FILE, take_walk
 from benchmarks.agents.worlds import GAP, GROUPS, World, with_literal
+from benchmarks.png import small_png
 from rdpi_gym.errors import InputError
-from rdpi_gym.files import write_atomic
+from rdpi_gym.files import write_atomic, write_json
 
-OUT = Path(__file__).parents[1] / "results" / "agents"
+_ROOT = Path(__file__).parents[2]
+OUT, DOCS = _ROOT / "benchmarks" / "results" / "agents", _ROOT / "docs"
+POLICIES = _ROOT / "baselines" / "learned" / "policies"
 RUNS, QUICK_RUNS = Path("results/agents"), Path("results/agents-quick")
-STAGES = ("train", "score", "gap")
+STAGES = ("train", "score", "gap", "curves")
+BY_NAME = ("ship", "walk", "page")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="agents", description=benchmarks.agents.__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("--stage", choices=(*STAGES, "all"), default="all")
+    parser.add_argument("--stage", choices=(*STAGES, "all", *BY_NAME), default="all")
     parser.add_argument("--out", type=Path, help="folder for tables")
     parser.add_argument(
         "--runs", type=Path,
@@ -55,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--quick", action="store_true", help="every step, tiny; learns nothing")
     options = parser.parse_args(arguments)
     study = QUICK if options.quick else FULL
-    # a quick run must not take the place of published tables
+    # a quick run must not take the place of published tables, policies and pages
     options.out = options.out or (QUICK_RUNS / "tables" if options.quick else OUT)
     options.runs = options.runs or (QUICK_RUNS if options.quick else RUNS)
     try:
@@ -100,10 +107,53 @@ def _gap(study: Study, options: argparse.Namespace) -> None:
     print(f"table: {write_atomic(options.out / 'gap.md', gap_text(study, summary, trained))}")
 
 
+def _curves(study: Study, options: argparse.Namespace) -> None:
+    from rdpi_gym.report.learning_picture import learning_picture  # matplotlib, only where needed
+
+    curves = learning_curves(_finished(study, options.runs))
+    level = float(curves["compensator_rmse_um"].median())
+    picture = learning_picture(learning_bands(curves), BASELINE, level)
+    _write(options.out / "curves.csv", curves)
+    write_atomic(options.out / PICTURE, small_png(picture))
+    print(f"curves: {write_atomic(options.out / 'curves.md', curves_text(curves))}")
+
+
+def _ship(study: Study, options: argparse.Namespace) -> None:
+    try:
+        from benchmarks.agents.shipping import ship
+    except ImportError as error:
+        raise InputError(f"shipping needs {error.name}; install rdpi-gym[rl]") from error
+    scores = options.out / "scores.csv"
+    if not scores.exists():
+        raise InputError(f"{scores} is missing; run --stage score")
+    target = options.runs / "policies" if study is QUICK else POLICIES
+    shipped = ship(pd.read_csv(scores), _finished(study, options.runs), target)
+    _write(options.out / "shipped.csv", shipped)
+    for one in shipped.itertuples():
+        print(
+            f"{target / str(one.agent)}: seed {one.seed}, the median of {one.trainings} trainings"
+        )
+
+
+def _walk(study: Study, options: argparse.Namespace) -> None:
+    walk = take_walk(walk_template(study))
+    print(f"{walk['seconds']:.0f} s: {write_json(options.out / FILE, walk)}")
+
+
+def _page(study: Study, options: argparse.Namespace) -> None:
+    folder = options.out / "docs" if study is QUICK else DOCS
+    for name, text in page_texts(study, options.out).items():
+        print(f"page: {write_atomic(folder / f'{name}.md', text)}")
+
+
 _STAGES: dict[str, Callable[[Study, argparse.Namespace], None]] = {
     "train": _train,
     "score": _score,
     "gap": _gap,
+    "curves": _curves,
+    "ship": _ship,
+    "walk": _walk,
+    "page": _page,
 }
 
 
@@ -111,14 +161,8 @@ def _scores(
     study: Study, worlds: Sequence[World], options: argparse.Namespace
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Score the compensators and the trainings that are finished."""
-    finished = [
-        each for each in all_trainings(study, options.runs.absolute()) if each.is_finished()
-    ]
+    finished = _finished(study, options.runs)
     rows = [each.row() for each in finished]
-    if not finished:
-        raise InputError(
-            f"{options.runs} holds no finished training; run --stage train, or give its folder as --runs"
-        )
     runs = [
         Run(one, world, study.plants, study.references)
         for one in contestants(study.rivals, finished)
@@ -128,6 +172,15 @@ def _scores(
         table = score_all(runs, options.runs, options.jobs, show, options.ray)
     table["training_seed"] = table["training_seed"].astype("Int64")
     return pd.DataFrame(rows).astype({"seconds": float}), table
+
+
+def _finished(study: Study, runs: Path) -> list[Training]:
+    found = [each for each in all_trainings(study, runs.absolute()) if each.is_finished()]
+    if not found:
+        raise InputError(
+            f"{runs} holds no finished training; run --stage train, or give its folder as --runs"
+        )
+    return found
 
 
 def _write(path: Path, table: pd.DataFrame) -> None:

@@ -10,8 +10,9 @@ from baselines import CONTROLLERS
 from benchmarks.tracking.stages import EFFECT_AWARE
 from rdpi_gym.envs.layout import ActionMode
 
-BASELINE = "classical-reference-rate"
-"""What corrections correct, and what trainings are compared with."""
+BASELINE = "inversion-free-low-passed"
+"""What corrections correct, and what trainings are compared with: the best causal compensator on plants
+with all effects, where PI with a belief that lacks them is unstable."""
 
 
 @dataclass(frozen=True)

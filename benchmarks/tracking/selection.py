@@ -113,7 +113,12 @@ def select(
         )
     for name in names:
         if ":" in name and not is_learned(name):
-            load_attribute(name, "controller")
+            found = load_attribute(name, "controller")
+            if not (callable(found) or callable(getattr(found, "predict", None))):
+                raise InputError(
+                    f"{name!r} is {type(found).__name__}; give a callable (belief, layout) that returns "
+                    "a controller"
+                )
     return selection
 
 

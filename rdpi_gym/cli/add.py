@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,16 +17,8 @@ from rdpi_gym.cli.data_options import (
     ValidateOption,
     data_options,
 )
-from rdpi_gym.cli.laboratory import (
-    CHECKPOINT,
-    JobsOption,
-    candidates,
-    check_jobs,
-    print_staircase,
-    print_verdict,
-    progress_bar,
-)
-from rdpi_gym.cli.options import OutOption, SeedOption
+from rdpi_gym.cli.laboratory import Work, candidates
+from rdpi_gym.cli.options import JobsOption, OutOption, SeedOption, model_option
 
 if TYPE_CHECKING:
     from rdpi_gym.diagnosis.results import Discovery
@@ -45,11 +38,8 @@ def add(
     data: DataArgument,
     model: Annotated[
         str,
-        typer.Option(
-            "--model",
-            metavar="M",
-            help="A plant file, as `rdpi fit` writes it, or a plant's name; its effects are kept.",
-            show_default=False,
+        model_option(
+            "A plant file, as `rdpi fit` writes it, or a plant's name; its effects are kept."
         ),
     ],
     out: OutOption = Path("results/add"),
@@ -66,34 +56,14 @@ def add(
     Writes model.json, add.json and the page report.html.
     """
     from rdpi_gym.diagnosis.discover import add_effect
-    from rdpi_gym.files import write_json
-    from rdpi_gym.measurement import load
-    from rdpi_gym.plant import find_plant
     from rdpi_gym.plant.effects import load_effect
-    from rdpi_gym.report.discovery_page import write_discovery_page
 
-    check_jobs(jobs)
     options = data_options(columns, units, sampling_time, validate, skip)
     kind = load_effect(effect)
     catalogue = candidates([effect] if ":" in effect else None)
-    given = find_plant(model)
-    dataset = load(data, options)
-    with progress_bar() as show:
-        result = add_effect(
-            dataset, given, kind, jobs=jobs, seed=seed, progress=show, checkpoint=out / CHECKPOINT
-        )
-        plant = result.model.save(out / "model.json")
-        numbers = write_json(out / "add.json", document(result))
-        show("drawing", 0, 0)
-        page = write_discovery_page(
-            out / "report.html", f"{kind.name} added: {dataset.title}", result, catalogue
-        )
-    print(dataset.describe())
-    print_staircase(result)
-    print_verdict(result)
-    for note in result.notes:
-        print(note)
-    print(f"\n{plant}\n{numbers}\n{page}")
+    Work(data, options, model, out, jobs, seed, catalogue).carry_out(
+        partial(add_effect, kind=kind), document, "add.json", f"{kind.name} added"
+    )
 
 
 def document(result: Discovery) -> dict[str, Any]:

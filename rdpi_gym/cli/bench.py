@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rdpi_gym.cli.options import OutOption
+from rdpi_gym.cli.options import OutOption, check_jobs, words
 from rdpi_gym.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,7 +29,10 @@ def bench(
     ] = 5,
     seed: Annotated[int, typer.Option("--seed", min=0, help="The first of them.")] = 0,
     jobs: Annotated[
-        int, typer.Option("--jobs", help="Worker processes; -1: one for each core.")
+        int,
+        typer.Option(
+            "--jobs", help="Worker processes; -1: one for each core.", callback=check_jobs
+        ),
     ] = -1,
     ray: Annotated[
         str | None,
@@ -87,14 +90,10 @@ def bench(
     from rdpi_gym.report.benchmark_page import write_benchmark_page
     from rdpi_gym.report.benchmark_picture import leaderboard_picture
 
-    if jobs == 0 or jobs < -1:
-        raise InputError(
-            f"--jobs is {jobs}; give the number of worker processes, or -1 for all cores"
-        )
     selection = select(
-        _words(controllers),
-        _words(plants),
-        _words(references),
+        words(controllers),
+        words(plants),
+        words(references),
         None if ts is None else [_seconds(word) for word in ts.split(",")],
         range(seed, seed + seeds),
         own_controllers=controller or (),
@@ -146,12 +145,6 @@ def _payoff_section(payoff: pd.DataFrame) -> Section:
 
     summary = payoff_summary(payoff)
     return payoff_section(summary, summary_view(summary), plain(METHOD))
-
-
-def _words(text: str | None) -> list[str] | None:
-    if text is None:
-        return None
-    return [word.strip() for word in text.split(",") if word.strip()]
 
 
 def _seconds(word: str) -> float:

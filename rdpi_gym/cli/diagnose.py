@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
-
-import typer
 
 from rdpi_gym.cli.data_options import (
     ColumnsOption,
@@ -16,29 +15,17 @@ from rdpi_gym.cli.data_options import (
     ValidateOption,
     data_options,
 )
-from rdpi_gym.cli.laboratory import (
-    CHECKPOINT,
-    EffectOption,
-    JobsOption,
-    candidates,
-    check_jobs,
-    print_ranking,
-    print_verdict,
-    progress_bar,
-)
-from rdpi_gym.cli.options import OutOption, SeedOption
+from rdpi_gym.cli.laboratory import Work, candidates
+from rdpi_gym.cli.options import EffectOption, JobsOption, OutOption, SeedOption, model_option
 
 
 def diagnose(
     data: DataArgument,
     model: Annotated[
         str | None,
-        typer.Option(
-            "--model",
-            metavar="M",
-            help="A plant file, as `rdpi fit` writes it, or a plant's name; its effects are kept. "
-            "Without it the bare model is fitted.",
-            show_default=False,
+        model_option(
+            "A plant file, as `rdpi fit` writes it, or a plant's name; its effects are kept. "
+            "Without it the bare model is fitted."
         ),
     ] = None,
     out: OutOption = Path("results/diagnose"),
@@ -56,32 +43,13 @@ def diagnose(
     Writes diagnosis.json and the page report.html; an interrupted run continues.
     """
     from rdpi_gym.diagnosis.discover import diagnose as diagnose_data
-    from rdpi_gym.files import write_json
-    from rdpi_gym.measurement import load
-    from rdpi_gym.plant import find_plant
-    from rdpi_gym.report.discovery_page import write_discovery_page
+    from rdpi_gym.diagnosis.results import Diagnosis
 
-    check_jobs(jobs)
     options = data_options(columns, units, sampling_time, validate, skip)
     catalogue = candidates(effect)
-    given = None if model is None else find_plant(model)
-    dataset = load(data, options)
-    with progress_bar() as show:
-        result = diagnose_data(
-            dataset,
-            given,
-            catalogue=catalogue,
-            jobs=jobs,
-            seed=seed,
-            progress=show,
-            checkpoint=out / CHECKPOINT,
-        )
-        numbers = write_json(out / "diagnosis.json", result.to_dict())
-        show("drawing", 0, 0)
-        page = write_discovery_page(
-            out / "report.html", f"What is missing: {dataset.title}", result, catalogue
-        )
-    print(dataset.describe())
-    print_ranking(result.candidates, result.base)
-    print_verdict(result)
-    print(f"\n{numbers}\n{page}")
+    Work(data, options, model, out, jobs, seed, catalogue).carry_out(
+        partial(diagnose_data, catalogue=catalogue),
+        Diagnosis.to_dict,
+        "diagnosis.json",
+        "What is missing",
+    )

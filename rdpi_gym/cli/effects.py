@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rdpi_gym.cli.options import check_folder
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
@@ -41,6 +43,8 @@ def effects(
     from rdpi_gym.plant.effects import CATALOGUE, load_effect
     from rdpi_gym.plant.effects.description import describe, pages
 
+    if out is not None:
+        check_folder(out)
     console = Console(highlight=False)
     if name is None:
         kinds = list(CATALOGUE.values())

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from rdpi_gym.cli.options import check_folder
 from rdpi_gym.errors import InputError
 
 
@@ -19,6 +20,7 @@ def export(
     ] = Path("policy.onnx"),
 ) -> None:
     """Write a trained policy as an ONNX file: stacked observation in, action out."""
+    check_folder(out.parent)
     try:
         from baselines.learned.onnx_export import export_onnx
         from baselines.learned.policy import find_policy

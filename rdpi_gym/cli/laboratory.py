@@ -1,53 +1,108 @@
-"""What `rdpi diagnose`, `rdpi add` and `rdpi discover` share: options, progress, printed tables."""
+"""What `rdpi diagnose`, `rdpi add` and `rdpi discover` share: candidates, the work, its files."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, TypeAlias
-
-import typer
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from rdpi_gym.errors import InputError
 
 if TYPE_CHECKING:
-    from rdpi_gym.diagnosis.results import Diagnosis, Discovery, Errors, Finding
+    from pathlib import Path
+
+    from rdpi_gym.diagnosis.results import Diagnosis, Discovery
+    from rdpi_gym.measurement import DataOptions
     from rdpi_gym.plant.effects import Effect
 
 CHECKPOINT = "candidates.jsonl"
 """File in the folder of results that keeps finished candidates: an interrupted run goes on."""
 
-EffectOption: TypeAlias = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--effect",
-        metavar="MODULE:CLASS",
-        help="An effect of your own, tried beside the catalogue; may be repeated.",
-    ),
-]
-JobsOption: TypeAlias = Annotated[
-    int, typer.Option("--jobs", help="Processes that refit candidates; -1: one for each core.")
-]
-
 Show: TypeAlias = Callable[[str, int, int], None]
+Result = TypeVar("Result", "Diagnosis", "Discovery")
 
 
-def check_jobs(jobs: int) -> int:
-    """Return the number of processes, or refuse it.
+@dataclass(frozen=True)
+class Work:
+    """What a command of the laboratory is asked for.
 
-    Raises
-    ------
-    InputError
-        0, or below -1.
-
-    Examples
-    --------
-    >>> check_jobs(2)
-    2
+    Parameters
+    ----------
+    data, options
+        The measurement, and how it is read.
+    model
+        Plant file or plant's name to start from; None: the bare model is fitted.
+    out
+        Folder of the results.
+    jobs, seed
+        Processes that refit candidates; seed of the bootstrap.
+    catalogue
+        Effects by name.
     """
-    if jobs == 0 or jobs < -1:
-        raise InputError(f"--jobs is {jobs}; give the number of processes, or -1 for all cores")
-    return jobs
+
+    data: Path
+    options: DataOptions
+    model: str | None
+    out: Path
+    jobs: int
+    seed: int
+    catalogue: Mapping[str, type[Effect]]
+
+    def carry_out(
+        self,
+        search: Callable[..., Result],
+        document: Callable[[Result], dict[str, Any]],
+        file_name: str,
+        heading: str,
+    ) -> None:
+        """Read data and model, search, write what is found, print it with the paths written.
+
+        Parameters
+        ----------
+        search
+            Called as ``search(dataset, given, jobs=, seed=, progress=, checkpoint=)``.
+        document
+            The content of the JSON file.
+        file_name
+            Of the JSON file; a model that was found is saved as ``model.json`` beside it.
+        heading
+            Of the page ``report.html``; the title of the data follows it.
+
+        Raises
+        ------
+        InputError
+            Data or model cannot be read, or the search refuses them.
+        """
+        from rdpi_gym.cli.laboratory_tables import print_result
+        from rdpi_gym.diagnosis.results import Discovery
+        from rdpi_gym.files import write_json
+        from rdpi_gym.measurement import load
+        from rdpi_gym.plant import find_plant
+        from rdpi_gym.report.discovery_page import write_discovery_page
+
+        given = None if self.model is None else find_plant(self.model)
+        dataset = load(self.data, self.options)
+        written: list[Path] = []
+        with progress_bar() as show:
+            result = search(
+                dataset,
+                given,
+                jobs=self.jobs,
+                seed=self.seed,
+                progress=show,
+                checkpoint=self.out / CHECKPOINT,
+            )
+            if isinstance(result, Discovery):
+                written.append(result.model.save(self.out / "model.json"))
+            written.append(write_json(self.out / file_name, document(result)))
+            show("drawing", 0, 0)
+            title = f"{heading}: {dataset.title}"
+            page = self.out / "report.html"
+            written.append(write_discovery_page(page, title, result, self.catalogue))
+        print(dataset.describe())
+        print_result(result)
+        print("", *written, sep="\n")
 
 
 def candidates(effects: Sequence[str] | None) -> Mapping[str, type[Effect]]:
@@ -102,87 +157,3 @@ def progress_bar() -> Iterator[Show]:
             bar.update(task, description=stage, completed=done, total=total or None)
 
         yield show
-
-
-def print_ranking(candidates: Sequence[Finding], before: Errors) -> None:
-    """Print the candidates of a round, best first."""
-    from rdpi_gym.report.discovery_words import micrometres
-
-    rows = [
-        (
-            finding.effect,
-            micrometres(finding.errors.validation_rmse_um),
-            _percent(finding.share),
-            _percent(finding.confidence),
-            ", ".join(finding.indistinguishable),
-            "; ".join(finding.remarks),
-        )
-        for finding in candidates
-    ]
-    _print(
-        f"Candidates, refitted; without one {micrometres(before.validation_rmse_um)}",
-        ("candidate", "validation", "share", "confidence", "not to be told from", "remarks"),
-        rows,
-    )
-
-
-def print_staircase(result: Diagnosis | Discovery) -> None:
-    """Print the error from model to model, training and validation."""
-    from rdpi_gym.report.discovery_words import micrometres, staircase
-
-    floor = result.noise_floor_um
-    rows = [
-        (
-            name,
-            micrometres(errors.train_rmse_um),
-            micrometres(errors.validation_rmse_um),
-            f"{errors.validation_nrmse_percent:.3g} %",
-            f"{errors.validation_rmse_um / floor:.2f}" if floor > 0 else "",
-        )
-        for name, errors in staircase(result)
-    ]
-    _print(
-        "Error, step by step",
-        ("model", "training", "validation", "of the stroke", "times the noise floor"),
-        rows,
-    )
-
-
-def print_verdict(result: Diagnosis | Discovery) -> None:
-    """Print the verdict, what speaks for each effect, what is left and what to measure next."""
-    from rdpi_gym.report.discovery_words import (
-        closed,
-        confounded_sentence,
-        finding_sentence,
-        found,
-        verdict_sentence,
-    )
-
-    print(verdict_sentence(result))
-    for finding in found(result):
-        print(f"- {finding_sentence(finding)}")
-    for sentence in filter(None, [result.remainder, confounded_sentence(result)]):
-        print(closed(sentence))
-    if result.next_experiment:
-        print(f"Next experiment: {result.next_experiment}")
-
-
-def _percent(share: float) -> str:
-    from math import isfinite
-
-    return f"{round(100 * share)} %" if isfinite(share) else ""
-
-
-def _print(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(title=escape(title), title_justify="left", box=SIMPLE)
-    for i, head in enumerate(heads):
-        table.add_column(head, no_wrap=i < len(heads) - 2)
-    for row in rows:
-        table.add_row(*map(escape, row))
-    # without a terminal there is no width to keep to
-    Console(width=None if Console().is_terminal else 140, highlight=False).print(table)

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from rdpi_gym.cli.options import OutOption, SeedOption
-from rdpi_gym.errors import InputError
 
 
 def reproduce(
@@ -40,7 +39,6 @@ def reproduce(
     from rdpi_gym.files import write_atomic
     from rdpi_gym.report.paper_figures import write_paper_figures
 
-    _check_folder(out)
     bar = Progress(
         TextColumn("reproduce"),
         BarColumn(bar_width=24),
@@ -68,12 +66,3 @@ def reproduce(
         if row.case == SWEEP_LABEL and row.ts_s == min(TABLE_TS_S) and row.reading != "none":
             print(f"{row.reading}: {row.verdict}")
     print(f"{page}: the paper's figures and numbers beside ours; {len(rows)} rows in paper.csv")
-
-
-def _check_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"--out {out} is no folder that can be written ({error.strerror}); name a new or an existing folder"
-        ) from error

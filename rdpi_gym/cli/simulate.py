@@ -44,8 +44,6 @@ def simulate(
     from benchmarks.hidden import hide as hide_named
     from rdpi_gym.plant import find_plant
 
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; give a folder for --out")
     names = _names(hide, HIDEABLE)
     truth = Truth(find_plant(model), (), noise_um, seed, ts_factor)
     known = [effect.name for effect in truth.plant.effects]

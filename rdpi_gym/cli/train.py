@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rdpi_gym.cli.options import OutOption, SeedOption
+from rdpi_gym.cli.options import OutOption, SeedOption, words
 from rdpi_gym.errors import InputError
 
 if TYPE_CHECKING:
@@ -93,9 +93,9 @@ def train(
         "every": every,
         "action": action,
         "baseline": baseline,
-        "plants": _words(plants),
+        "plants": None if plants is None else tuple(words(plants) or ()),
         "belief": belief,
-        "reference": _words(references),
+        "reference": None if references is None else tuple(words(references) or ()),
         "frequency_hz": None if frequency is None else _frequencies(frequency),
         "ts_s": ts,
         "command_cost": command_cost,
@@ -118,10 +118,6 @@ def _script(algorithm: str) -> ModuleType:
         return import_module(f"baselines.learned.train_{algorithm}")
     except ImportError as error:
         raise InputError(f"training needs {error.name}; install rdpi-gym[rl]") from error
-
-
-def _words(text: str | None) -> tuple[str, ...] | None:
-    return None if text is None else tuple(word.strip() for word in text.split(","))
 
 
 def _frequencies(text: str) -> tuple[float, float]:

@@ -122,7 +122,7 @@ def ranking(
         shared_yaxes=True,
         column_widths=[0.64, 0.36],
         horizontal_spacing=0.04,
-        subplot_titles=["Error with the candidate added", "Confidence, share of the excess gone"],
+        subplot_titles=["Validation error,<br>candidate added", "Confidence,<br>share"],
     )
     names = [figure_text(c.effect) for c in candidates]
     reach = _ROOM * max(without.validation_rmse_um, noise_floor_um, 1e-12)
@@ -130,8 +130,10 @@ def ranking(
     _certainty_dots(figure, candidates)
     _floor_line(figure, noise_floor_um, axis="x")
     _line(figure, without.validation_rmse_um, "without a candidate", BEFORE, axis="x")
-    figure.update_xaxes(title_text="Validation error, rms (µm)", range=[0.0, reach], row=1, col=1)
-    figure.update_xaxes(title_text="Per cent (%)", range=[-8.0, 108.0], row=1, col=2)
+    figure.update_xaxes(title_text="RMS error (µm)", range=[0.0, reach], nticks=4, row=1, col=1)
+    figure.update_xaxes(title_text="Value (%)", range=[-8.0, 108.0], row=1, col=2)
+    figure.update_xaxes(tickangle=0)
+    figure.update_annotations(font_size=13)  # titles fit over their panels on a narrow page
     figure.update_yaxes(
         categoryorder="array", categoryarray=names, range=[len(names) - 0.4, -0.6], showgrid=False
     )

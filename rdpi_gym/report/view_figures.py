@@ -143,7 +143,7 @@ def loops(view: View, noise_floor_um: float, samples: int = 2 * DISPLAY_SAMPLES)
         rows=1,
         cols=2,
         horizontal_spacing=0.11,
-        subplot_titles=["Loops", "What is left along the loops"],
+        subplot_titles=["Loops", "What is left"],
     )
     figure.add_scatter(
         x=u, y=gapped(view.y_um, k), name="measured", line={"color": MEASURED}, row=1, col=1

@@ -165,6 +165,8 @@ def refused(words, out, capsys):
     [
         (["diagnose", "DATA", "--model", "none.json"], "'none.json' is neither a plant file nor"),
         (["diagnose", "DATA", "--jobs", "0"], "--jobs is 0"),
+        (["add", "creep", "DATA", "--model", "P5", "--jobs", "-2"], "--jobs is -2"),
+        (["discover", "DATA", "--skip", "nan"], "--skip is nan"),
         (["diagnose", "DATA", "--effect", "math:pi"], "is a float"),
         (["discover", "DATA", "--effect", "no_such_module:Wobble"], "cannot be imported"),
         (["discover", "DATA", "--effect", "my_bend_effect:Creep"], "as another effect is; rename"),

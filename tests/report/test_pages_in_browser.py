@@ -31,6 +31,15 @@ _DRAWN = """() => [...document.querySelectorAll(".figure:not([hidden])")].map((b
           area: Math.max(0, ...areas), traces: traces};
 })"""
 
+# How far each title in a figure reaches beyond the figure's left and right edge (pixels).
+_BEYOND = """() => [...document.querySelectorAll(".figure:not([hidden])")].flatMap((box) => {
+  const frame = box.getBoundingClientRect();
+  return [...box.querySelectorAll(".annotation-text, .xtitle, .ytitle, .gtitle")].map((title) => {
+    const r = title.getBoundingClientRect();
+    return {text: title.textContent, beyond: Math.max(frame.left - r.left, r.right - frame.right)};
+  });
+})"""
+
 
 @pytest.fixture(scope="module")
 def browser():
@@ -130,6 +139,17 @@ def test_page_draws_every_figure_silently_and_alone(page, visit):
         assert figure["traces"] > 0, figure
     assert opened.said == []
     assert opened.asked == []
+
+
+@pytest.mark.parametrize("width", [400, 800, 1280])
+def test_titles_are_not_clipped(width, tmp_path, visit, made_diagnosis):
+    opened = visit(write_discovery_page(tmp_path / "report.html", "narrow", made_diagnosis()))
+    opened.page.set_viewport_size({"width": width, "height": 900})
+    opened.page.reload()
+    opened.figures()
+    titles = opened.page.evaluate(_BEYOND)
+    assert any("Confidence" in title["text"] for title in titles)
+    assert [title for title in titles if title["beyond"] > 0] == []
 
 
 def test_page_that_breaks_the_rules_is_noticed(tmp_path, visit):

@@ -1,0 +1,106 @@
+"""What `rdpi diagnose`, `rdpi add` and `rdpi discover` print: rankings, errors, the verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rdpi_gym.diagnosis.results import Diagnosis, Discovery, Errors, Finding
+
+
+def print_result(result: Diagnosis | Discovery) -> None:
+    """Print a diagnosis with its ranking, or a discovery with its steps, and the verdict on it."""
+    from rdpi_gym.diagnosis.results import Diagnosis
+
+    if isinstance(result, Diagnosis):
+        _print_ranking(result.candidates, result.base)
+        _print_verdict(result)
+        return
+    _print_staircase(result)
+    _print_verdict(result)
+    for note in result.notes:
+        print(note)
+
+
+def _print_ranking(candidates: Sequence[Finding], before: Errors) -> None:
+    """Print the candidates of a round, best first."""
+    from rdpi_gym.report.discovery_words import micrometres
+
+    rows = [
+        (
+            finding.effect,
+            micrometres(finding.errors.validation_rmse_um),
+            _percent(finding.share),
+            _percent(finding.confidence),
+            ", ".join(finding.indistinguishable),
+            "; ".join(finding.remarks),
+        )
+        for finding in candidates
+    ]
+    _print_table(
+        f"Candidates, refitted; without one {micrometres(before.validation_rmse_um)}",
+        ("candidate", "validation", "share", "confidence", "not to be told from", "remarks"),
+        rows,
+    )
+
+
+def _print_staircase(result: Discovery) -> None:
+    """Print the error from model to model, training and validation."""
+    from rdpi_gym.report.discovery_words import micrometres, staircase
+
+    floor = result.noise_floor_um
+    rows = [
+        (
+            name,
+            micrometres(errors.train_rmse_um),
+            micrometres(errors.validation_rmse_um),
+            f"{errors.validation_nrmse_percent:.3g} %",
+            f"{errors.validation_rmse_um / floor:.2f}" if floor > 0 else "",
+        )
+        for name, errors in staircase(result)
+    ]
+    _print_table(
+        "Error, step by step",
+        ("model", "training", "validation", "of the stroke", "times the noise floor"),
+        rows,
+    )
+
+
+def _print_verdict(result: Diagnosis | Discovery) -> None:
+    """Print the verdict, what speaks for each effect, what is left and what to measure next."""
+    from rdpi_gym.report.discovery_words import (
+        closed,
+        confounded_sentence,
+        finding_sentence,
+        found,
+        verdict_sentence,
+    )
+
+    print(verdict_sentence(result))
+    for finding in found(result):
+        print(f"- {finding_sentence(finding)}")
+    for sentence in filter(None, [result.remainder, confounded_sentence(result)]):
+        print(closed(sentence))
+    if result.next_experiment:
+        print(f"Next experiment: {result.next_experiment}")
+
+
+def _percent(share: float) -> str:
+    return f"{round(100 * share)} %" if math.isfinite(share) else ""
+
+
+def _print_table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=escape(title), title_justify="left", box=SIMPLE)
+    for i, head in enumerate(heads):
+        table.add_column(head, no_wrap=i < len(heads) - 2)
+    for row in rows:
+        table.add_row(*map(escape, row))
+    # without a terminal there is no width to keep to
+    Console(width=None if Console().is_terminal else 140, highlight=False).print(table)
