@@ -322,7 +322,13 @@ class Checkpoint:
 def _lines(path: Path | None) -> Iterator[dict[str, Any]]:
     if path is None or not path.exists():
         return
-    for text in path.read_text(encoding="utf-8").splitlines():
+    try:
+        kept = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read ({error.strerror}); move it away, or give another folder for --out"
+        ) from error
+    for text in kept.splitlines():
         try:
             line = json.loads(text)
         except json.JSONDecodeError:  # the line that an interruption cut off

@@ -66,16 +66,15 @@ def load(path: Path | str, options: DataOptions | None = None) -> Dataset:
     remarks: list[str] = []
     if source.is_dir():
         folder, files = source, _data_files(source, remarks)
-        siblings = files
     elif source.is_file():
         _reader_ending(source)
         folder, files = source.parent, [source]
-        siblings = _data_files(folder, [])
     else:
         raise InputError(f"{source} does not exist; give a data file or a folder of data files")
     settings = Settings()
     toml = folder / SETTINGS_FILE
     if toml.is_file():
+        siblings = files if source.is_dir() else _data_files(folder, [])
         settings = read_settings(toml, [file.stem for file in siblings])
         if files != siblings:
             remarks.append(f"{toml} holds for this file too")

@@ -84,6 +84,6 @@ def find_plant(name_or_path: str) -> PlantModel:
     """
     if name_or_path in PLANTS:
         return named_plant(name_or_path)
-    if not Path(name_or_path).exists():
+    if not Path(name_or_path).is_file():
         raise InputError(f"{name_or_path!r} is neither a plant file nor one of {', '.join(PLANTS)}")
     return PlantModel.load(name_or_path)

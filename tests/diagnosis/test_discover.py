@@ -136,7 +136,7 @@ def test_an_interrupted_run_goes_on_from_its_candidates(lagging, tmp_path):
     path = tmp_path / "candidates.jsonl"
     first = diagnose(lagging, catalogue=FEW, checkpoint=path)
     lines = path.read_text().splitlines()
-    path.write_text("\n".join(lines[:2]) + '\n{"key": "cut o')
+    path.write_bytes("\n".join(lines[:2]).encode() + b'\n\xff{"key": "cut o')
     stages: list[tuple[int, int]] = []
     again = diagnose(
         lagging, catalogue=FEW, checkpoint=path,
@@ -145,6 +145,11 @@ def test_an_interrupted_run_goes_on_from_its_candidates(lagging, tmp_path):
     assert (2, 4) in stages
     assert (1, 4) not in stages
     assert [c.effect for c in again.candidates] == [c.effect for c in first.candidates]
+
+
+def test_a_checkpoint_that_is_a_folder_is_named(lagging, tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        diagnose(lagging, catalogue=FEW, checkpoint=tmp_path)
 
 
 def test_adding_an_effect_that_is_not_earned_is_said(lagging):

@@ -154,3 +154,8 @@ def test_files_that_are_no_records(folder, write) -> None:
 def test_two_files_of_one_name(folder, write, refusal) -> None:
     write("one.dat", "")
     assert "one.dat and one.csv are both record 'one'; rename one" in refusal(folder)
+
+
+def test_one_file_does_not_care_for_its_neighbours(folder, write) -> None:
+    write("one.dat", "")
+    assert [r.name for r in load(folder / "two.csv").records] == ["two"]

@@ -18,7 +18,8 @@ def rate_law_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Arr
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
             v = x[t, b]
-            y[t, b] = v * (abs(v) / p[1, b]) ** p[0, b] if v != 0.0 else 0.0
+            share = abs(v) / p[1, b]  # 0 too where a decaying rate underflows
+            y[t, b] = v * share ** p[0, b] if share > 0.0 else 0.0
 
 
 @dataclass(frozen=True)

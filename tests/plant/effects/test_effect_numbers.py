@@ -177,3 +177,11 @@ def test_initial_memory_is_wiped_out_by_the_first_larger_excursion():
     remembered = Plant(memory, 1e-3).simulate(u)
     assert np.abs(remembered - bare)[:50].max() > 1.0
     np.testing.assert_allclose(remembered[130:], bare[130:], atol=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [0.2, 0.9997, 3.0])
+def test_a_rate_that_decays_below_all_numbers_leaves_the_thresholds_at_rest(exponent):
+    law = CATALOGUE["rate_law"](exponent=exponent, reference_rate_V_s=1e4)
+    widened = law.run(np.array([1e-300, -5e-324, 5e-324, 0.0]), 1e-3)
+    assert np.isfinite(widened).all()
+    assert np.abs(widened[1:]).max() < 1e-50
