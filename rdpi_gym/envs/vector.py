@@ -74,7 +74,7 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
     | `num_envs` | `1` | number of lanes |
     | `max_episode_steps` | `2000` | steps of an episode; `None`: it never ends |
     | `autoreset_mode` | `NEXT_STEP` | member of `gymnasium.vector.AutoresetMode`, or its value |
-    | `threads` | `None` | largest number of threads; `None`: those of numba, from 2048 lanes on. What a lane does is the same for any number |
+    | `threads` | `None` | largest number of threads; `None`: one for every 2048 lanes, at most numba's (`NUMBA_NUM_THREADS`, the cores). What a lane does is the same for any number |
     | `render_mode` | `None` | `"rgb_array"`: a frame for each lane |
 
     A reset's `seed` is a number (lane i takes seed + i) or one for each lane; its `options` are the

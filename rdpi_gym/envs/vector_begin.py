@@ -9,13 +9,14 @@ from numba import njit
 
 from rdpi_gym.arrays import Array
 from rdpi_gym.envs.truth import EFFECT_LEVELS
-from rdpi_gym.envs.vector_kernels import encode, encode_present, report, sample_references
+from rdpi_gym.envs.vector_kernels import add_offsets, encode, read_sensors, report
 from rdpi_gym.envs.vector_lanes import (
     AMPLITUDE,
     BEGUN,
     CENTRE,
     COMMAND,
     HELD,
+    MEASURED,
     NEVER,
     NOISE,
     OFFSET,
@@ -36,6 +37,7 @@ from rdpi_gym.envs.vector_random import (
     next_uniform,
     seed_generator,
 )
+from rdpi_gym.envs.vector_sines import sample_references
 
 
 class Column(NamedTuple):
@@ -206,32 +208,40 @@ def show_first(
     row
         Of `work`.
     fresh
-        One block; its references and observations are filled.
+        One block; its references are filled.
     sources, law
         As for a step; tables and noise of these lanes only.
-    work : float64[8, W]
+    work : float64[WORK, W]
         Written over.
     out
         Observations and info of m lanes are filled.
     """
-    numbers, window_um = fresh.numbers, fresh.window_um
-    columns = np.zeros((3, work.shape[1]), dtype=np.float32)
-    lanes, rows, y = out.info.shape[1], window_um.shape[1], work[row]
+    numbers, window_um, info, observation = (
+        fresh.numbers,
+        fresh.window_um,
+        out.info,
+        out.observation,
+    )
+    lanes, rows = info.shape[1], window_um.shape[1]
     size = rows + 2
     if len(sources.stages):
-        for b in range(lanes):
-            y[b] += numbers[0, OFFSET, b]
-    encode_present(0, step, numbers, sources, law, y, work[7], columns)
-    observed = fresh.observed[0]
+        add_offsets(0, row, numbers, work)
+    measured = row
+    if law.sensed:
+        read_sensors(0, step, row, numbers, sources.noise, work)
+        measured = MEASURED
+    middle, per_half = 0.5 * (law.low_V + law.high_V), 2.0 / (law.high_V - law.low_V)
     for b in range(lanes):
-        observed[b * size + rows] = columns[1, b]
-        observed[b * size + rows + 1] = columns[2, b]
+        last = (b + 1) * size - 1
+        observation[last - 1] = encode(work[measured, b], law.centre_um, law.per_scale)
+        observation[last] = encode(numbers[0, COMMAND, b], middle, per_half)
     for j in range(rows):
-        value = window_um[0, (step + j) % rows]
-        sample_references(0, step + j, True, numbers, sources, law.ts_s, value)
-        encode(value, law.centre_um, law.per_scale, columns[0])
+        ring = (step + j) % rows
+        sample_references(
+            0, step + j, True, law.ts_s, numbers, sources.rises, sources.references_um,
+            window_um[0, ring],
+        )  # fmt: skip
         for b in range(lanes):
-            observed[b * size + j] = columns[0, b]
-    for i in range(lanes * size):
-        out.observation[i] = observed[i]
-    report(0, 0, lanes, window_um[0, step % rows], y, numbers, out.info)
+            shown = encode(window_um[0, ring, b], law.centre_um, law.per_scale)
+            observation[b * size + j] = shown
+    report(0, row, step % rows, work, numbers, window_um, info)

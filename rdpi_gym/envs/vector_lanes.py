@@ -32,11 +32,20 @@ RISE = 11  # row of its smooth start
 FIRST = 12  # sample at which the table of a reference begins
 NUMBERS = 13
 
+# Rows that a thread writes over in every block; the plant's chain takes the first six.
+CHANGE = 6  # of the command (V), absolute
+MEASURED = 7  # displacement as the sensor reads it (µm)
+WORK = 8
+
+# Places by which the observations slide on, one a step, before they begin at the first one again.
+SLIDE = 64
+
 # A step that no environment reaches: begun and unlimited episodes, without overflow of their sum.
 NEVER = 2**61
 
-# Lanes of a block: what one step of it reads and writes fits a first-level cache.
-_BLOCK = 256
+# Lanes of a block: what one step of it reads and writes fits a second-level cache, and its rows lie
+# no power of two apart, which caches take for the same place.
+_BLOCK = 416
 # Blocks are filled up to whole vectors, and beyond the width at which stage kernels change loops.
 _MULTIPLE = 32
 _ALIGNMENT = 64
@@ -51,16 +60,9 @@ class Lanes(NamedTuple):
     stage_state: Array  # float64[N, S', W]
     numbers: Array  # float64[N, NUMBERS, W]
     window_um: Array  # float64[N, preview + 1, W]: the reference from now on, a ring
-    observed: Floats32  # float32[N, W D]: the last observations
+    observed: Floats32  # float32[N, W D + SLIDE]: the last observations, from step % SLIDE on
     rising: Integers  # int64[N]: first step whose newest reference is beyond all smooth starts
     ending: Integers  # int64[N]: first step at which an episode of it ends
-
-
-class Scratch(NamedTuple):
-    """Rows that a thread writes over in every block."""
-
-    work: Array  # float64[threads, 8, W]
-    columns: Floats32  # float32[threads, 3, W]: reference, measured, command as observed
 
 
 class Sources(NamedTuple):
@@ -118,7 +120,7 @@ def block_shape(lanes: int) -> tuple[int, int]:
     Examples
     --------
     >>> block_shape(4096), block_shape(300), block_shape(1)
-    ((16, 256), (2, 160), (1, 32))
+    ((10, 416), (1, 320), (1, 32))
     """
     blocks = -(-lanes // _BLOCK)
     width = -(-lanes // blocks)
@@ -153,7 +155,7 @@ def make_lanes(
         stage_state=aligned((blocks, rows[3], width)),
         numbers=aligned((blocks, NUMBERS, width)),
         window_um=aligned((blocks, preview + 1, width)),
-        observed=aligned((blocks, width * (preview + 3)), np.float32),
+        observed=aligned((blocks, width * (preview + 3) + SLIDE), np.float32),
         rising=np.zeros(blocks, dtype=np.int64),
         ending=np.zeros(blocks, dtype=np.int64),
     )
@@ -176,13 +178,25 @@ def unshared(lanes: Lanes) -> Lanes:
 
 
 @njit(cache=True)
-def scatter(fresh: Lanes, indices: Integers, lanes: Lanes, max_steps: int, rise: int) -> None:
+def scatter(
+    step: int,
+    fresh: Lanes,
+    observation: Floats32,
+    indices: Integers,
+    lanes: Lanes,
+    max_steps: int,
+    rise: int,
+) -> None:
     """Put lanes that have just begun, in one block of their own, in their places.
 
     Parameters
     ----------
+    step
+        Of the environment.
     fresh
         One block; its lane j goes to the place ``indices[j]``.
+    observation : float32[m D]
+        What these lanes show first.
     indices : int64[m]
         Places.
     lanes
@@ -191,7 +205,7 @@ def scatter(fresh: Lanes, indices: Integers, lanes: Lanes, max_steps: int, rise:
         Steps of an episode, and samples of the longest smooth start.
     """
     blocks, _, width = lanes.state.shape
-    size = lanes.observed.shape[1] // width
+    at, size = step % SLIDE, lanes.window_um.shape[1] + 2
     changed = np.zeros(blocks, dtype=np.bool_)
     for j in range(len(indices)):
         n, b = indices[j] // width, indices[j] % width
@@ -205,7 +219,7 @@ def scatter(fresh: Lanes, indices: Integers, lanes: Lanes, max_steps: int, rise:
         _copy_lane(fresh.numbers, j, lanes.numbers[n], b)
         _copy_lane(fresh.window_um, j, lanes.window_um[n], b)
         for i in range(size):
-            lanes.observed[n, b * size + i] = fresh.observed[0, j * size + i]
+            lanes.observed[n, at + b * size + i] = observation[j * size + i]
         lanes.rising[n] = max(lanes.rising[n], int(fresh.numbers[0, BEGUN, j]) + rise)
     for n in range(blocks):
         if changed[n]:

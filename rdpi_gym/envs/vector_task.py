@@ -21,15 +21,17 @@ from rdpi_gym.envs.vector_begin import (
     show_first,
 )
 from rdpi_gym.envs.vector_chain import run_chain
+from rdpi_gym.envs.vector_commands import command_block
 from rdpi_gym.envs.vector_correction import VectorCorrection
 from rdpi_gym.envs.vector_effects import EffectStages
-from rdpi_gym.envs.vector_kernels import advance, advance_parallel, command_block, show_block
+from rdpi_gym.envs.vector_kernels import advance, advance_parallel, show_block
 from rdpi_gym.envs.vector_lanes import (
     NEVER,
+    SLIDE,
+    WORK,
     Floats32,
     Integers,
     Law,
-    Scratch,
     Shown,
     Sources,
     aligned,
@@ -44,8 +46,8 @@ from rdpi_gym.envs.vector_references import References
 from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PlantModel, empty_state, pack
 
-# Blocks of lanes that are worth a second thread: waking it takes as long as stepping one of them.
-_BLOCKS_A_THREAD = 4
+# Lanes that are worth a thread more: they take several times as long as waking it.
+_LANES_A_THREAD = 2048
 
 
 class VectorTask:
@@ -108,11 +110,9 @@ class VectorTask:
         self._lanes.p[:] = self._column.p[:, None]
         self._lanes.stage_p[:] = self._column.stage_p[:, None]
         if threads is None:
-            threads = min(numba.get_num_threads(), shape[0] // _BLOCKS_A_THREAD)
+            threads = min(numba.get_num_threads(), lanes // _LANES_A_THREAD)
         threads = max(1, min(threads, shape[0]))
-        self._scratch = Scratch(
-            aligned((threads, 8, shape[1])), aligned((threads, 3, shape[1]), np.float32)
-        )
+        self._work: Array = aligned((threads, WORK, shape[1]))
         self._correction: VectorCorrection | None = None
         if single.baseline is not None:
             self._correction = VectorCorrection(single.baseline, single.belief, layout, lanes)
@@ -127,12 +127,13 @@ class VectorTask:
     @property
     def threads(self) -> int:
         """Number of threads that share a step."""
-        return len(self._scratch.work)
+        return len(self._work)
 
     def observations(self) -> Floats32:
         """Return the last observations, a fresh float32[B, D]."""
-        size = self._layout.size
-        return self._lanes.observed.reshape(-1, size)[: self._lane_count].copy()
+        size, at = self._layout.size, self.step % SLIDE
+        observed = self._lanes.observed[:, at : at + size * self._lanes.state.shape[2]]
+        return observed.reshape(-1, size)[: self._lane_count].copy()
 
     def seed(self, indices: Integers, seeds: Words) -> None:
         """Begin the generators of some lanes anew, as ``numpy.random.default_rng(seed)``."""
@@ -177,7 +178,7 @@ class VectorTask:
         if not drawing:
             self._take_plant(column)
         fresh = make_lanes((1, max(32, -(-count // 32) * 32)), self._rows, self._layout.preview)
-        work = aligned((8, fresh.state.shape[2]))
+        work = aligned((WORK, fresh.state.shape[2]))
         place_plants(self.step, self._rest_V, column, drawn, fresh)
         place_sines(*offer.bounds_hz, offer.table, drawn, fresh)
         extrema = np.full(count, column.extremum_V)
@@ -194,9 +195,9 @@ class VectorTask:
             np.empty(count * size, np.float32), np.empty(0), np.empty(0, bool), np.empty((5, count))
         )
         show_first(self.step, row, fresh, sources, self._law, work, shown)
-        observation = shown.observation.reshape(count, size)
         rise = self._references.rises.shape[1]
-        scatter(fresh, indices, self._lanes, self._max_steps, rise)
+        scatter(self.step, fresh, shown.observation, indices, self._lanes, self._max_steps, rise)
+        observation = shown.observation.reshape(count, size)
         self._sources = self._current_sources()
         self.next_end = int(self._lanes.ending.min())
         self._begins[indices] = True
@@ -237,14 +238,18 @@ class VectorTask:
         if self._effects.compiled:
             run = advance_parallel if self.threads > 1 else advance
             run(
-                self.step, actions, base_V, *self._lanes, *self._sources, *law, *self._scratch, *out
-            )
+                len(self._lanes.state), self.step, actions, base_V, self._work,
+                *self._lanes, *self._sources, *out, *law,
+            )  # fmt: skip
             return out
-        work, columns = self._scratch.work[0], self._scratch.columns[0]
-        for n in range(len(self._lanes.state)):
-            command_block(n, self.step, actions, base_V, self._lanes, law, work)
-            row = self._run_chain(self._lanes, n, work)
-            show_block(n, self.step, row, self._lanes, self._sources, law, work, columns, out)
+        work, its = self._work[0], self._lanes
+        for n in range(len(its.state)):
+            command_block(n, self.step, actions, base_V, law, work, its.numbers)
+            row = self._effects.run(its, n, work)
+            show_block(
+                n, self.step, row, law, work, its.numbers, its.window_um, its.observed, its.rising,
+                its.ending, *self._sources, *out,
+            )  # fmt: skip
         return out
 
     def _run_chain(self, lanes: Any, n: int, work: Array) -> int:

@@ -4,6 +4,7 @@ import pickle
 import warnings
 
 import gymnasium as gym
+import numba
 import numpy as np
 import pytest
 from gymnasium.spaces import Box
@@ -81,9 +82,19 @@ def test_the_action_space_is_uniform_and_seeded():
 
 
 def test_the_action_space_takes_any_generator():
-    space = UnitBoxes(3, seed=np.random.Generator(np.random.MT19937(0)))
-    plain = Box(-1.0, 1.0, (3, 1), np.float32, seed=np.random.Generator(np.random.MT19937(0)))
-    np.testing.assert_array_equal(space.sample(), plain.sample())
+    space, again = (UnitBoxes(3, np.random.Generator(np.random.MT19937(0))) for _ in range(2))
+    drawn = space.sample()
+    assert drawn in space
+    np.testing.assert_array_equal(again.sample(), drawn)
+
+
+def test_an_action_is_drawn_by_splitmix64():
+    word, mask = int(UnitBoxes(2, seed=3).np_random.bit_generator.random_raw()), 2**64 - 1
+    for action in UnitBoxes(2, seed=3).sample()[:, 0]:
+        z = (word ^ (word >> 30)) * 0xBF58476D1CE4E5B9 & mask
+        z = (z ^ (z >> 27)) * 0x94D049BB133111EB & mask
+        assert action == ((z ^ (z >> 31)) >> 40) * 2.0**-23 - 1.0
+        word = word + 0x9E3779B97F4A7C15 & mask
 
 
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
@@ -107,20 +118,34 @@ def test_what_is_returned_belongs_to_the_caller(mode):
     np.testing.assert_array_equal(observation, kept.reset(options={"reset_mask": mask})[0])
 
 
+def test_lanes_that_are_not_reset_show_what_they_showed_last():
+    """At every place to which observations slide (64 of them), in two blocks of lanes."""
+    envs = PiezoTrackingVectorEnv(500, randomise=0.1)
+    envs.reset(seed=0)
+    mask = np.arange(500) % 7 == 0
+    action = np.full((500, 1), 0.2, dtype=np.float32)
+    for _ in range(130):
+        last = envs.step(action)[0]
+        found, _ = envs.reset(options={"reset_mask": mask})
+        np.testing.assert_array_equal(found[~mask], last[~mask])
+        assert (found[mask, -1] != last[mask, -1]).all()  # the command rests again
+
+
 def test_threads_change_no_bit():
-    """700 lanes are three blocks: one, two or three threads, which take them differently."""
+    """1100 lanes are three blocks: one, two or three threads, which take them differently."""
     keywords = {"randomise": 0.3, "noise_um": 0.01, "max_episode_steps": 20}
     found = []
     for threads in (1, 2, 3, 99):
-        envs = PiezoTrackingVectorEnv(700, threads=threads, **keywords)
+        envs = PiezoTrackingVectorEnv(1100, threads=threads, **keywords)
         assert envs.threads == min(threads, 3)
         found.append(run(envs))
     for other in found[1:]:
         np.testing.assert_array_equal(other, found[0])
 
 
-def test_few_lanes_take_one_thread():
-    assert PiezoTrackingVectorEnv(1000).threads == 1
+def test_threads_are_as_many_as_there_are_lanes_for():
+    assert PiezoTrackingVectorEnv(4095).threads == 1
+    assert PiezoTrackingVectorEnv(4096).threads == min(2, numba.get_num_threads())
 
 
 def test_a_lane_does_not_depend_on_how_many_there_are():
