@@ -183,17 +183,28 @@ def gap_view(gap: pd.DataFrame) -> pd.DataFrame:
 
 
 def dither(gap: pd.DataFrame) -> str:
-    """Put the agents' signs of dither beside those of compensators that track."""
-    agents = gap[gap["kind"] == "agent"]
+    """Say domain by domain whether the agents' commands dither, or exploit the literal rate."""
+    lines = []
+    for domain, part in gap.groupby("domain", sort=False):
+        agents = part[part["kind"] == "agent"]
+        rough = agents.loc[agents["variation_ratio"] > VARIATION_GOAL, "contestant"]
+        verdict = "smooth, all of them"
+        if len(rough):
+            names = ", ".join(f"`{name}`" for name in rough)
+            verdict = f"above {VARIATION_GOAL:g} are {names}: they dither, or pass noise on"
+        lines.append(
+            f"- **{domain}**: command variation {_span(agents['variation_ratio'])} times that of the best "
+            f"compensator, {verdict}. Error on the literal plants {_span(agents['literal_ratio'])} times that "
+            "on the low-passed ones."
+        )
     smooth = gap[
         gap["kind"].isin(("feedforward", "feedback")) & (gap["rmse_percent"] < UNSTABLE_PERCENT)
     ]
-    return (
-        f"Over the domains, the agents' command variation is {_span(agents['variation_ratio'])} times that of "
-        f"the best compensator. Their error on the literal plants is {_span(agents['literal_ratio'])} times that on "
-        f"the low-passed ones; of the compensators that track (RMSE below {UNSTABLE_PERCENT:g} %), "
-        f"{_span(smooth['literal_ratio'])} times."
+    lines.append(
+        f"- Of the compensators that track (RMSE below {UNSTABLE_PERCENT:g} %), over all domains: error on the "
+        f"literal plants {_span(smooth['literal_ratio'])} times that on the low-passed ones."
     )
+    return "\n".join(lines)
 
 
 def _span(values: pd.Series) -> str:
