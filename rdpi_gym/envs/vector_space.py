@@ -9,7 +9,6 @@ from gymnasium.spaces import Box
 from numba import njit
 from numpy.typing import NDArray
 
-
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_A, _MIX_B = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 
