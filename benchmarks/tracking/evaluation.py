@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from benchmarks.store import Row
@@ -14,6 +16,7 @@ from benchmarks.tracking.leaderboard import (
     ranking,
     score_table,
 )
+from benchmarks.tracking.learned import trained_at_s
 from benchmarks.tracking.measured import MeasuredScores, no_scores, score_measured
 from benchmarks.tracking.run import Outcome
 from benchmarks.tracking.selection import Selection
@@ -34,9 +37,11 @@ class Evaluation:
         Rows of the controllers that were asked for, some with a ``trace``.
     table
         Their scores, as ``leaderboard.csv`` holds them.
-    ranking, by_case, by_sampling_time
+    ranking, by_case, by_sampling_time, where_trained
         Summaries, see :mod:`benchmarks.tracking.leaderboard`. Only `by_case` holds the cases beyond
-        a plant's identification, marked in its column ``extrapolated``.
+        a plant's identification, marked in its column ``extrapolated``. `where_trained` are rankings
+        over the cases of one sampling time (s) each: those of learned controllers, which run at no
+        other; empty where nothing else was scored.
     measured
         Scores on measured records.
     notes
@@ -49,6 +54,7 @@ class Evaluation:
     ranking: pd.DataFrame
     by_case: pd.DataFrame
     by_sampling_time: pd.DataFrame
+    where_trained: Mapping[float, pd.DataFrame]
     measured: MeasuredScores
     notes: tuple[str, ...]
 
@@ -75,7 +81,9 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
     if MEASURED_PLANT in plants:
         measured = score_measured(selection.controllers, plants[MEASURED_PLANT])
     else:
-        measured = no_scores(f"Scored only together with the plant {MEASURED_PLANT}.")
+        measured = no_scores(
+            f"No scores on measured records: the plant {MEASURED_PLANT} is not among those scored."
+        )
     return Evaluation(
         selection,
         tuple(row for row in outcome.rows if row["controller"] in selection.controllers),
@@ -83,6 +91,7 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
         ranking(counted),
         summary,
         by_sampling_time(counted),
+        _where_trained(selection, counted),
         measured,
         (*selection.notes, *left_out(selection), *_unranked(beyond)),
     )
@@ -129,3 +138,12 @@ def _unranked(beyond: list[tuple[str, str, float, float]]) -> list[str]:
         f"{', '.join(dict.fromkeys(listed))}."
         for plant, listed in names.items()
     ]
+
+
+def _where_trained(selection: Selection, counted: pd.DataFrame) -> dict[float, pd.DataFrame]:
+    found = {}
+    for ts in trained_at_s(selection.controllers):
+        part = counted[np.isclose(counted["ts_s"], ts)]
+        if 0 < len(part) < len(counted):
+            found[ts] = ranking(part)
+    return found

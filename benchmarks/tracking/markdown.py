@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 import numpy as np
 import pandas as pd
 
@@ -21,6 +23,10 @@ METHOD = f"""\
 - **Means and intervals.** Means over cases and seeds are geometric. An interval in brackets is the {100 * CONFIDENCE:g} % confidence interval of the mean over the drawn seeds, by Student's t on the logarithms; seed 0 is not among them.
 - **`microseconds_per_sample`** is the median time of one decision for one plant through `predict`, on the machine and under the load of this run.
 """
+WHERE_TRAINED = (
+    "A learned controller runs at the sampling time of its training only; at any other its rows count as "
+    "failed. Here all controllers are ranked over the cases of that sampling time."
+)
 
 
 def leaderboard_text(evaluation: Evaluation) -> str:
@@ -39,6 +45,7 @@ def leaderboard_text(evaluation: Evaluation) -> str:
         "`RMSE, seed 0`: where the belief is true. Mean rank: by RMSE within each case and seed, the "
         "oracle aside.",
         markdown_table(ranking_view(evaluation.ranking)),
+        *_where_trained(evaluation.where_trained),
         "## What the numbers mean",
         METHOD,
     ]
@@ -59,6 +66,13 @@ def leaderboard_text(evaluation: Evaluation) -> str:
     if not measured.table.empty:
         parts.append(markdown_table(measured.table, digits=4))
     return "\n\n".join(part.strip() for part in parts if part.strip()) + "\n"
+
+
+def _where_trained(rankings: Mapping[float, pd.DataFrame]) -> Iterator[str]:
+    for ts, ranked in rankings.items():
+        yield f"## Ranking at Ts = {ts:g} s, where learned controllers run"
+        yield WHERE_TRAINED
+        yield markdown_table(ranking_view(ranked))
 
 
 def markdown_table(frame: pd.DataFrame, digits: int = 3) -> str:

@@ -82,7 +82,13 @@ def bench(
     effects, by what is believed of them.
     """
     from benchmarks.tracking.evaluation import evaluate
-    from benchmarks.tracking.markdown import METHOD, measured_text, plain, ranking_view
+    from benchmarks.tracking.markdown import (
+        METHOD,
+        WHERE_TRAINED,
+        measured_text,
+        plain,
+        ranking_view,
+    )
     from benchmarks.tracking.results import write_tables
     from benchmarks.tracking.run import benchmark
     from benchmarks.tracking.selection import select
@@ -115,6 +121,7 @@ def bench(
         results,
         plain(METHOD),
         plain(measured_text(results.measured)),
+        WHERE_TRAINED,
         None if payoff is None else _payoff_section(payoff),
     )
     print(f"{len(outcome.rows)} rows, {outcome.computed} of them computed now")
@@ -123,6 +130,8 @@ def bench(
     if results.measured.table.empty:
         print(results.measured.note)
     _print_top(ranking_view(results.ranking))
+    for at_s, ranked in results.where_trained.items():
+        _print_top(ranking_view(ranked), f" at Ts = {at_s:g} s")
     print(f"leaderboard: {leaderboard}")
     print(f"page: {page}")
 
@@ -166,7 +175,7 @@ def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
-def _print_top(ranking: pd.DataFrame) -> None:
+def _print_top(ranking: pd.DataFrame, where: str = "") -> None:
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
@@ -175,6 +184,7 @@ def _print_top(ranking: pd.DataFrame) -> None:
 
     shown = ["controller", "RMSE (%)", "RMSE, seed 0 (%)", "mean rank", "command variation"]
     title = f"The first {_TOP} of {len(ranking)} controllers" if len(ranking) > _TOP else "Ranking"
+    title += where
     table = Table(title=title, title_justify="left", box=SIMPLE)
     for name in shown:
         table.add_column(name, no_wrap=True)

@@ -30,7 +30,12 @@ _RANKING = {
 
 
 def write_benchmark_page(
-    path: Path, results: Evaluation, method: str, measured: str, payoff: Section | None = None
+    path: Path,
+    results: Evaluation,
+    method: str,
+    measured: str,
+    where_trained: str,
+    payoff: Section | None = None,
 ) -> Path:
     """Write the results as a self-contained page.
 
@@ -40,8 +45,9 @@ def write_benchmark_page(
         The HTML file.
     results
         From :func:`benchmarks.tracking.evaluation.evaluate`.
-    method, measured
-        How the rows were scored, and how those on measured records were: plain text.
+    method, measured, where_trained
+        How the rows were scored, how those on measured records were, and what a ranking at the
+        sampling time of learned controllers is: plain text.
     payoff
         What it pays to know an effect, if that was scored.
 
@@ -63,6 +69,7 @@ def write_benchmark_page(
             figures.ranking_figure(results.ranking) if _finished(results) else None,
             results.ranking[list(_RANKING)].rename(columns=_RANKING),
         ),
+        *_where_trained(results, where_trained),
         Section("What the numbers mean", method),
         *_curves(results),
         *_pairs(results),
@@ -78,6 +85,18 @@ def write_benchmark_page(
         _measured(results, measured),
     ]
     return write_page(path, "Tracking benchmark", _summary(results), sections)
+
+
+def _where_trained(results: Evaluation, text: str) -> list[Section]:
+    return [
+        Section(
+            f"Ranking at Ts = {ts:g} s",
+            text,
+            figures.ranking_figure(ranked) if ranked["rmse_percent"].notna().any() else None,
+            ranked[list(_RANKING)].rename(columns=_RANKING),
+        )
+        for ts, ranked in results.where_trained.items()
+    ]
 
 
 def _finished(results: Evaluation) -> bool:

@@ -51,6 +51,12 @@ def test_one_that_corrects_nothing_scores_as_the_baseline_that_it_corrects(tmp_p
     others = [row for (who, ts), row in rows.items() if who == name and ts != TS_S]
     assert len(others) == 3
     assert all("trained at Ts = 0.0004 s" in row["status"] for row in others)
+    # Where it runs it is ranked beside the others.
+    text = (out / "leaderboard.md").read_text(encoding="utf-8")
+    part = text.partition("## Ranking at Ts = 0.0004 s")[2].partition("## What")[0]
+    (line,) = [line for line in part.splitlines() if line.startswith(f"| {name} ")]
+    assert float(line.split("|")[3]) == pytest.approx(float(own["rmse_percent"]), rel=1e-2)
+    assert "Ranking at Ts = 0.0004 s" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_its_rows_belong_to_its_weights(tmp_path):
