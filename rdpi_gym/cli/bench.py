@@ -13,7 +13,7 @@ from rdpi_gym.cli.options import OutOption, check_jobs, words
 from rdpi_gym.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     import pandas as pd
 
@@ -129,9 +129,10 @@ def bench(
         print(note)
     if results.measured.table.empty:
         print(results.measured.note)
-    _print_top(ranking_view(results.ranking))
+    own = controller or []
+    _print_top(ranking_view(results.ranking), own)
     for at_s, ranked in results.where_trained.items():
-        _print_top(ranking_view(ranked), f" at Ts = {at_s:g} s")
+        _print_top(ranking_view(ranked), own, f" at Ts = {at_s:g} s")
     print(f"leaderboard: {leaderboard}")
     print(f"page: {page}")
 
@@ -175,7 +176,8 @@ def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
-def _print_top(ranking: pd.DataFrame, where: str = "") -> None:
+def _print_top(ranking: pd.DataFrame, own: Sequence[str], where: str = "") -> None:
+    """Print the first of a ranking, and the user's own wherever they stand."""
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
@@ -183,12 +185,16 @@ def _print_top(ranking: pd.DataFrame, where: str = "") -> None:
     from benchmarks.tracking.markdown import number
 
     shown = ["controller", "RMSE (%)", "RMSE, seed 0 (%)", "mean rank", "command variation"]
-    title = f"The first {_TOP} of {len(ranking)} controllers" if len(ranking) > _TOP else "Ranking"
+    printed = (ranking.index < _TOP) | ranking["controller"].isin(own)
+    title = "Ranking"
+    if len(ranking) > _TOP:
+        yours = ", and yours" if printed.sum() > _TOP else ""
+        title = f"The first {_TOP} of {len(ranking)} controllers{yours}"
     title += where
     table = Table(title=title, title_justify="left", box=SIMPLE)
     for name in shown:
         table.add_column(name, no_wrap=True)
-    for row in ranking[shown].head(_TOP).itertuples(index=False):
+    for row in ranking.loc[printed, shown].itertuples(index=False):
         table.add_row(*(number(cell) if isinstance(cell, float) else str(cell) for cell in row))
     # without a terminal there is no width to keep to
     Console(width=None if Console().is_terminal else 140).print(table)

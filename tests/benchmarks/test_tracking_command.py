@@ -5,6 +5,7 @@ import pytest
 
 from benchmarks.tracking.leaderboard import COLUMNS
 from rdpi_gym.cli import main
+from rdpi_gym.cli.bench import _print_top
 
 SMALL = [
     "bench", "--controllers", "none,classical-static", "--references", "sine",
@@ -92,3 +93,13 @@ def test_the_oracle_alone_is_scored_as_any_other(tmp_path):
     table = pd.read_csv(out / "leaderboard.csv")
     assert (table["optimality_gap"] == 1.0).all()
     assert (table["seed"] == 4).all()
+
+
+def test_the_users_own_controller_is_printed_wherever_it_stands(capsys):
+    names = [f"c{i}" for i in range(12)]
+    columns = ["RMSE (%)", "RMSE, seed 0 (%)", "mean rank", "command variation"]
+    ranked = pd.DataFrame({"controller": names} | dict.fromkeys(columns, "1"))
+    _print_top(ranked, ["c10"])
+    said = capsys.readouterr().out
+    assert "The first 8 of 12 controllers, and yours" in said
+    assert [name for name in names if f" {name} " in said] == [*names[:8], "c10"]
