@@ -204,9 +204,8 @@ class Laboratory:
         if fit is None:
             return state
         whole = on_comb(fit.variant.hysteresis, comb(self.setting.train))
-        return State(
-            assess(self.setting, "", fit_joint(self.setting.train, whole, fit.variant.effects))
-        )
+        again = fit_joint(self.setting.train, whole, fit.variant.effects)
+        return State(assess(self.setting, "", again))
 
     def need(self, ranked: Sequence[Ranked], kind: type[Effect]) -> None:
         """Refuse where an effect that was asked for is there already or cannot be fitted."""
@@ -337,9 +336,8 @@ class Laboratory:
         """Return the classes of effects that the records to fit cannot tell apart."""
         if self._trouble is not None:
             return ()
-        kinds = {
-            n: k for n, k in self.catalogue.items() if n not in {e.name for e in state.effects}
-        }
+        present = {e.name for e in state.effects}
+        kinds = {n: k for n, k in self.catalogue.items() if n not in present}
         effects = typical_effects(kinds, self.setting.scale)
         found = separability(self.setting.train, state.hysteresis, state.effects, effects)
         return found.groups(self.noise_um)
