@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.limits import Limits
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 
 class Controller(ABC):

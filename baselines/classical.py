@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from baselines.classical_inverse_kernels import inverse_memory, pack_inverse
 from baselines.feedforward import Feedforward
-from rdpi_gym.arrays import Array
+from rdpi_gym.support.arrays import Array
 
 
 class ClassicalInverse(Feedforward):

@@ -1,7 +1,7 @@
 """The classical inverse of the RDPI model: itself a weighted sum of plays, with b_i and s_i.
 
-Its parameters are packed as the plant's (:mod:`rdpi_gym.plant.play`), so with a given rate it runs
-on the plant's own kernel :func:`rdpi_gym.plant.play.given_rate_block`, from µm to V.
+Its parameters are packed as the plant's (:mod:`rdpi_gym.plant.cores.play`), so with a given rate it runs
+on the plant's own kernel :func:`rdpi_gym.plant.cores.play.given_rate_block`, from µm to V.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from baselines.limits import limited
-from rdpi_gym.arrays import Array
-from rdpi_gym.plant.rdpi import RDPI
+from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.support.arrays import Array
 
 
 def pack_inverse(models: Sequence[RDPI], ts_s: float) -> Array:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from baselines.classical import ClassicalInverse
 from baselines.classical_inverse_kernels import classical_own_rate
 from baselines.stability import classical_polynomial
-from rdpi_gym.arrays import Array
 from rdpi_gym.plant import RDPI
+from rdpi_gym.support.arrays import Array
 
 
 class ClassicalLiteral(ClassicalInverse):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from baselines.classical import ClassicalInverse
 from baselines.limits import limit_block
-from rdpi_gym.arrays import Array
-from rdpi_gym.plant.play import given_rate_block
+from rdpi_gym.plant.cores.play import given_rate_block
+from rdpi_gym.support.arrays import Array
 
 
 class ClassicalReferenceRate(ClassicalInverse):

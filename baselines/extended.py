@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.classical_reference_rate import ClassicalReferenceRate
-from baselines.effect_inverses import Inverse, inverses_of
-from baselines.effect_inverses.chain import followed, run_stages, start_stages
-from baselines.effect_inverses.congruency import congruent_inverse_block, rising_range
 from baselines.feedforward import checked_reference
+from baselines.inverses import Inverse, inverses_of
+from baselines.inverses.chain import followed, run_stages, start_stages
+from baselines.inverses.congruency import congruent_inverse_block, rising_range
 from baselines.limits import limit_block
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, pack
-from rdpi_gym.plant.play import given_rate_block
+from rdpi_gym.plant.cores.play import given_rate_block
+from rdpi_gym.support.arrays import Array
 
 
 class ExtendedInverse(ClassicalReferenceRate):

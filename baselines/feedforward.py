@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.base import Controller
 from baselines.stability import spectral_radius
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import RDPI, Plant, PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 
 def checked_reference(reference_um: ArrayLike) -> Array:

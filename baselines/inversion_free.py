@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from baselines.feedforward import Feedforward
-from rdpi_gym.arrays import Array
 from rdpi_gym.plant import pack
+from rdpi_gym.support.arrays import Array
 
 
 class InversionFree(Feedforward):

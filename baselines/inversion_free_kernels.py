@@ -1,6 +1,6 @@
 """The inversion-free compensator, Eq. 6 and 7, over (time, batch) blocks.
 
-Parameters and state are laid out as the plant's own (:mod:`rdpi_gym.plant.play`): the compensator
+Parameters and state are laid out as the plant's own (:mod:`rdpi_gym.plant.cores.play`): the compensator
 is the model restructured, so it runs on the parameters that :func:`rdpi_gym.plant.pack` returns.
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from baselines.limits import limited
-from rdpi_gym.arrays import Array
+from rdpi_gym.support.arrays import Array
 
 
 @njit(cache=True)

@@ -7,8 +7,8 @@ import math
 from baselines.inversion_free import InversionFree
 from baselines.inversion_free_kernels import inversion_free_own_rate
 from baselines.stability import inversion_free_polynomial
-from rdpi_gym.arrays import Array
 from rdpi_gym.plant import RDPI
+from rdpi_gym.support.arrays import Array
 
 
 class InversionFreeLiteral(InversionFree):

@@ -6,7 +6,7 @@ import numpy as np
 
 from baselines.inversion_free import InversionFree
 from baselines.inversion_free_kernels import inversion_free_given_rate
-from rdpi_gym.arrays import Array
+from rdpi_gym.support.arrays import Array
 
 
 class InversionFreeReferenceRate(InversionFree):

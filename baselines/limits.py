@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.support.arrays import Array
 
 
 class Limits(NamedTuple):

@@ -13,9 +13,9 @@ from baselines.feedforward import Feedforward
 from baselines.limits import limited
 from baselines.pi_margin import gains_within_margin
 from baselines.pi_tuning import simc_gains
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
 
 
 @njit(cache=True)

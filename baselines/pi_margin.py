@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.pi_tuning import Gains
-from rdpi_gym.arrays import Array
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.linear import linear_block
+from rdpi_gym.support.arrays import Array
 
 # Largest |1 / (1 + L)|: gain margin 2, phase margin 29° at least.
 _SENSITIVITY = 2.0

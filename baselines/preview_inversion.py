@@ -17,11 +17,11 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
-from baselines.effect_inverses.whole_record import LinearUndo
+from baselines.inverses.whole_record import LinearUndo
 from baselines.limits import Limits, limit_block
 from baselines.stability import nyquist_gain
-from rdpi_gym.arrays import Array
 from rdpi_gym.plant import RDPI, Plant, PlantModel
+from rdpi_gym.support.arrays import Array
 
 LEARNING_GAIN = 1.0
 """γ to begin with; halved wherever it ceases to help, down to 1/8."""

@@ -13,10 +13,10 @@ from baselines.classical_static import ClassicalStatic
 from baselines.feedforward import checked_reference
 from baselines.feedforwards import FEEDFORWARDS
 from baselines.preview_inversion import invert_ahead
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import Plant, PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 # Share of the scale below which an error is that of actions, which are float32.
 _ENOUGH = 1e-7

@@ -13,9 +13,9 @@ from baselines.feedforwards import FEEDFORWARDS
 from baselines.pi import PI
 from baselines.preview_oracle import PreviewOracle
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.plugins import load_attribute
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.plugins import load_attribute
 
 ControllerFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Controller]
 
@@ -62,7 +62,7 @@ def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) ->
     >>> make_controller("clasical-static", plant, layout)
     Traceback (most recent call last):
     ...
-    rdpi_gym.errors.InputError: no controller is named 'clasical-static'; did you mean 'classical-static'? Known are ...
+    rdpi_gym.support.errors.InputError: no controller is named 'clasical-static'; did you mean 'classical-static'? Known are ...
     """
     if name in CONTROLLERS:
         return CONTROLLERS[name](belief, layout)

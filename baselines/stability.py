@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.plant import RDPI
+from rdpi_gym.support.arrays import Array
 
 DEFAULT_CUTOFF_HZ = 500.0
 """Low-pass (Hz) on an own rate where that is well within the limit."""

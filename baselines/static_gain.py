@@ -7,8 +7,8 @@ import numpy as np
 from baselines.classical_inverse_kernels import pack_inverse
 from baselines.feedforward import Feedforward
 from baselines.limits import limit_block
-from rdpi_gym.arrays import Array
 from rdpi_gym.plant import RDPI
+from rdpi_gym.support.arrays import Array
 
 
 class StaticGain(Feedforward):

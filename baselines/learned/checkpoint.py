@@ -13,8 +13,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from baselines.learned.folders import replaced_folder
-from rdpi_gym.errors import InputError
-from rdpi_gym.files import read_json, write_json
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_json, write_json
 
 FORMAT, VERSION = "rdpi-checkpoint", 1
 _DESCRIPTION, _MODEL, _REPLAY = "checkpoint.json", "model.pt", "replay.npz"

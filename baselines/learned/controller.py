@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from baselines.base import Controller
 from baselines.learned.policy import Policy
 from baselines.registry import make_controller
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 
 class LearnedController(Controller):

@@ -25,8 +25,8 @@ from baselines.learned.checkpoint import save_checkpoint
 from baselines.learned.controller import LearnedController
 from baselines.learned.evaluation import Evaluation, HeldOut
 from baselines.learned.policy import Policy
-from rdpi_gym.envs.history import layout_of
-from rdpi_gym.files import write_atomic
+from rdpi_gym.envs.wrappers.history import layout_of
+from rdpi_gym.support.files import write_atomic
 
 if TYPE_CHECKING:
     from baselines.learned.training import Run

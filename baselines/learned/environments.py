@@ -12,12 +12,12 @@ from gymnasium.vector import AutoresetMode
 import rdpi_gym  # noqa: F401  # registers the environments
 from baselines.learned.options import TrainingOptions
 from baselines.learned.settings import ENVIRONMENT_ID, Settings
-from rdpi_gym.envs.history import VectorHistoryObservation
-from rdpi_gym.envs.scaling import VectorScaledObservation
-from rdpi_gym.envs.side_by_side import SideBySideVectorEnv
-from rdpi_gym.envs.stable_baselines import StableBaselinesVecEnv
-from rdpi_gym.errors import InputError
+from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
+from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
+from rdpi_gym.envs.wrappers.side_by_side import SideBySideVectorEnv
+from rdpi_gym.envs.wrappers.stable_baselines import StableBaselinesVecEnv
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.errors import InputError
 
 
 def make_lanes(

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from torch import nn
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 ACTIVATIONS: Mapping[str, type[nn.Module]] = {
     each.__name__: each for each in (nn.Tanh, nn.ReLU, nn.ELU, nn.SiLU, nn.Hardtanh)

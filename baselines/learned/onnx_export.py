@@ -16,8 +16,8 @@ import torch
 from torch import Tensor, nn
 
 from baselines.learned.policy import Policy
-from rdpi_gym.errors import InputError
-from rdpi_gym.files import write_atomic
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
 
 FORMAT, VERSION = "rdpi-policy-onnx", 1
 METADATA = "rdpi-gym"
@@ -94,7 +94,7 @@ def export_onnx(policy: Policy, out: Path) -> Path:
     """Write the deterministic actor, with its scaling, as one ONNX file.
 
     Input ``observation``, float32 ``(batch, size)``: the environment's observation with its history
-    behind, as :class:`rdpi_gym.envs.history.History` stacks it, not scaled. Output ``action``,
+    behind, as :class:`rdpi_gym.envs.wrappers.history.History` stacks it, not scaled. Output ``action``,
     float32 ``(batch, 1)`` in [-1, 1]. The metadata holds :func:`description`.
 
     Parameters

@@ -9,11 +9,11 @@ from typing import Any
 from rdpi_gym.envs.layout import ActionMode
 from rdpi_gym.envs.references import ReferenceChoice
 from rdpi_gym.envs.truth import choose_plant
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import P10, PlantModel, Sensor, check_ts
 from rdpi_gym.plant.effects.actuator_lag import ActuatorLag
 from rdpi_gym.plant.effects.creep import Creep
 from rdpi_gym.plant.effects.resonance import Resonance
+from rdpi_gym.support.errors import InputError
 
 _LAG, _CREEP = ActuatorLag(time_constant_s=2e-4), Creep(gain_per_decade=0.015)
 # The mode of the stage that the effect's file cites.

@@ -14,11 +14,11 @@ from torch import nn
 
 from baselines.learned.folders import replaced_folder
 from baselines.learned.network import Network
-from rdpi_gym.envs.history import History
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.envs.scaling import Scaling
-from rdpi_gym.errors import InputError
-from rdpi_gym.files import read_json, write_json
+from rdpi_gym.envs.wrappers.history import History
+from rdpi_gym.envs.wrappers.scaling import Scaling
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_json, write_json
 
 FORMAT, VERSION = "rdpi-policy", 1
 DESCRIPTION, WEIGHTS = "policy.json", "weights.pt"
@@ -35,9 +35,9 @@ class Policy:
     layout
         Observation and reading of actions of the environment that it was trained in.
     history
-        Earlier samples that are stacked, see :class:`rdpi_gym.envs.history.History`.
+        Earlier samples that are stacked, see :class:`rdpi_gym.envs.wrappers.history.History`.
     frequency_hz, error
-        Units of :class:`rdpi_gym.envs.scaling.Scaling`.
+        Units of :class:`rdpi_gym.envs.wrappers.scaling.Scaling`.
     actor
         From scaled observations ``(B, size)`` to actions ``(B, 1)`` in [-1, 1].
     baseline

@@ -25,10 +25,10 @@ from torch import Tensor, nn
 import rdpi_gym  # noqa: F401  # registers the environments
 from baselines.learned.network import Network
 from baselines.learned.policy import Policy
-from rdpi_gym.envs.history import VectorHistoryObservation, layout_of
-from rdpi_gym.envs.scaling import VectorScaledObservation
-from rdpi_gym.errors import InputError
-from rdpi_gym.files import write_atomic
+from rdpi_gym.envs.wrappers.history import VectorHistoryObservation, layout_of
+from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
 
 COLUMNS = ("steps", "reward", "rmse_um", "policy_loss", "value_loss", "entropy", "approximate_kl")
 """Of ``training.csv``, one row an iteration: means over its steps or minibatches."""

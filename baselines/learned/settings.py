@@ -11,15 +11,15 @@ from typing import Any
 
 import yaml
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 SHIPPED = Path(__file__).parent / "hyperparameters"
 """One file an algorithm."""
 
 ENVIRONMENT_ID = "rdpi_gym/PiezoTracking-v0"
 _WRAPPERS = {
-    "rdpi_gym.envs.history.HistoryObservation": ("history",),
-    "rdpi_gym.envs.scaling.ScaledObservation": ("frequency_hz", "error"),
+    "rdpi_gym.envs.wrappers.history.HistoryObservation": ("history",),
+    "rdpi_gym.envs.wrappers.scaling.ScaledObservation": ("frequency_hz", "error"),
 }
 _OWN = ("env", "seed", "device", "tensorboard_log", "verbose", "_init_setup_model")
 _COUNTS = ("batch_size", "n_steps", "n_epochs", "buffer_size")

@@ -17,9 +17,9 @@ from baselines.learned.course import CHECKPOINT, CURVE, POLICY, ActorOf, Course,
 from baselines.learned.environments import training_environment
 from baselines.learned.options import TrainingOptions
 from baselines.learned.settings import SHIPPED, Settings, read_settings
-from rdpi_gym.envs.stable_baselines import StableBaselinesVecEnv
-from rdpi_gym.errors import InputError
-from rdpi_gym.files import read_json, write_json
+from rdpi_gym.envs.wrappers.stable_baselines import StableBaselinesVecEnv
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_json, write_json
 
 FORMAT, VERSION = "rdpi-training", 1
 CONFIG = "config.json"

@@ -17,8 +17,8 @@ from benchmarks.paper.stability import (
 )
 from benchmarks.paper.tracking import PERIODS, Sine, Tracking, track
 from benchmarks.paper.verdicts import judge
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B, RDPI
+from rdpi_gym.support.errors import InputError
 
 PLANTS: dict[str, RDPI] = {"P5": PAPER_III_B, "P10": PAPER_IV_B}
 """The paper's two parameter sets, Sections III-B and IV-B."""

@@ -14,9 +14,9 @@ from baselines.stability import (
 )
 from benchmarks.paper.readings import Chain, Reading
 from benchmarks.paper.tracking import PERIODS, Sine
-from rdpi_gym.arrays import Array
 from rdpi_gym.plant import RDPI, empty_state, pack
-from rdpi_gym.plant.play import rdpi_block
+from rdpi_gym.plant.cores.play import rdpi_block
+from rdpi_gym.support.arrays import Array
 
 SLIDE_V_S = 1000.0
 """Rate (V/s) of the ramps on which all plays slide."""

@@ -38,7 +38,7 @@ def paper_markdown(results: PaperResults) -> str:
     Returns
     -------
     str
-        Markdown; the figures are named as :mod:`rdpi_gym.report.paper_figures` writes them.
+        Markdown; the figures are named as :mod:`rdpi_gym.report.paper.figures` writes them.
     """
     sections: tuple[Callable[[PaperResults], str], ...] = (
         _verdict,

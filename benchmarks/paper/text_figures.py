@@ -22,7 +22,7 @@ from benchmarks.paper.readings import READINGS
 from benchmarks.paper.run import PaperResults
 from benchmarks.paper.tracking import Tracking
 from benchmarks.paper.verdicts import COMPLETE_PERCENT, loop_opening_percent
-from rdpi_gym.arrays import Array
+from rdpi_gym.support.arrays import Array
 
 
 def errors(run: Tracking) -> str:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.paper.readings import Chain, Reading
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import RDPI
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 PERIODS = 3
 """Periods simulated; errors are taken over the last."""

@@ -12,15 +12,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import benchmarks.payoff
-from benchmarks.parallel import run_cases
 from benchmarks.payoff.beliefs import FOLDER, make_beliefs
 from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
 from benchmarks.payoff.scores import ROWS_FILE, payoff_table
 from benchmarks.payoff.tables import payoff_summary, payoff_text
-from rdpi_gym.errors import InputError
-from rdpi_gym.files import write_atomic
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.report.payoff_picture import payoff_picture
+from rdpi_gym.report.payoff.picture import payoff_picture
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.parallel import run_cases
 
 OUT = FOLDER.parent
 

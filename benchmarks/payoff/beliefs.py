@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.hidden import Truth, simulate_dataset
-from benchmarks.hidden.fingerprint import study_fingerprint
+from benchmarks.hidden_effects.fingerprint import study_fingerprint
 from benchmarks.payoff.plants import NOISE_UM, HiddenPlant
-from rdpi_gym.diagnosis.discover import discover
-from rdpi_gym.errors import InputError
+from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.identification import fit
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.virtual_lab import Truth, simulate_dataset
 
 MEASURED = ("fitted", "discovered")
 BELIEFS = ("bare", *MEASURED, "true")
@@ -22,7 +22,7 @@ fitted to records of the plant; ``discovered``: what ``rdpi discover`` makes of 
 ``true``: the plant itself."""
 
 
-FOLDER = Path(__file__).parents[1] / "results" / "payoff" / "beliefs"
+FOLDER = Path(__file__).parent / "beliefs"
 """Where the beliefs of this release lie."""
 
 

@@ -12,20 +12,20 @@ import numpy as np
 import pandas as pd
 
 from baselines import make_controller
-from benchmarks.parallel import run_cases
 from benchmarks.payoff.beliefs import BELIEFS
 from benchmarks.payoff.plants import HiddenPlant
-from benchmarks.store import Row, named_rows
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.fingerprint import code_fingerprint
 from benchmarks.tracking.leaderboard import COLUMNS as SCORES
 from benchmarks.tracking.scoring import score, status
 from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ, Stage, make_stage
 from benchmarks.tracking.suite import ORACLE, Case
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10, PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.store import Row, named_rows
 
 CONTROLLERS = ("extended-inverse", "pi-extended-inverse", ORACLE)
 TS_S = 5e-5

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
 
 TIMED_SAMPLES = 300
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from benchmarks.store import Row
 from benchmarks.tracking.leaderboard import (
     CASE,
     by_case,
@@ -21,6 +20,7 @@ from benchmarks.tracking.measured import MeasuredScores, no_scores, score_measur
 from benchmarks.tracking.run import Outcome
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.suite import FEWEST_SAMPLES, MOST_SAMPLES, cases
+from rdpi_gym.support.store import Row
 
 MEASURED_PLANT = "picma"
 

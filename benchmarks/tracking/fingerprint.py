@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Iterable
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,6 +12,7 @@ import rdpi_gym
 from benchmarks.tracking.learned import is_learned, policy_bytes
 from benchmarks.tracking.suite import SUITE_VERSION
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.fingerprint import code_parts, fingerprint
 
 # What a score depends on; the tables and pages made of scores are not among it.
 _ROOMS = ("plant", "signals", "envs")
@@ -30,10 +29,10 @@ def code_fingerprint() -> str:
     16
     """
     package = Path(rdpi_gym.__file__).parent
-    files = [file for room in _ROOMS for file in sorted((package / room).glob("**/*.py"))]
-    files += sorted(Path(baselines.__file__).parent.glob("**/*.py"))
+    files = [file for room in _ROOMS for file in (package / room).glob("**/*.py")]
+    files += Path(baselines.__file__).parent.glob("**/*.py")
     files += [Path(__file__).parent / name for name in _SCORING]
-    return _digest([str(SUITE_VERSION).encode(), *(file.read_bytes() for file in files)])
+    return fingerprint([str(SUITE_VERSION).encode(), *code_parts(files)])
 
 
 def task_fingerprint(controller: str, plant: PlantModel) -> str:
@@ -56,11 +55,4 @@ def task_fingerprint(controller: str, plant: PlantModel) -> str:
         spec = find_spec(controller.partition(":")[0])
         if spec is not None and spec.origin and Path(spec.origin).is_file():
             parts.append(Path(spec.origin).read_bytes())
-    return _digest(parts)
-
-
-def _digest(parts: Iterable[bytes]) -> str:
-    digest = hashlib.sha256()
-    for part in parts:
-        digest.update(len(part).to_bytes(8, "big") + part)
-    return digest.hexdigest()[:16]
+    return fingerprint(parts)

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from benchmarks.store import Row
 from benchmarks.tracking.rows import key
 from benchmarks.tracking.scoring import words
 from benchmarks.tracking.suite import ORACLE
-from rdpi_gym.arrays import Array
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.store import Row
 
 COLUMNS = (
     "controller", "plant", "belief", "reference", "frequency_hz", "ts_s", "seed",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import baselines
 from baselines.registry import LEARNED
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
     from baselines.learned.policy import Policy

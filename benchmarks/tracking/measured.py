@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from baselines import make_controller
 from benchmarks.tracking.learned import is_learned
 from benchmarks.tracking.scoring import one_line
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
 from rdpi_gym.plant import RDPI, Plant, PlantModel
-from rdpi_gym.plant.play import play_columns
+from rdpi_gym.plant.cores.play import play_columns
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 

@@ -10,7 +10,7 @@ from benchmarks.payoff.tables import payoff_part
 from benchmarks.tracking.evaluation import Evaluation
 from benchmarks.tracking.leaderboard import COLUMNS
 from benchmarks.tracking.markdown import leaderboard_text
-from rdpi_gym.files import write_atomic
+from rdpi_gym.support.files import write_atomic
 
 
 def write_tables(out: Path, evaluation: Evaluation, payoff: pd.DataFrame | None = None) -> Path:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from benchmarks.store import RowStore
+from rdpi_gym.support.store import RowStore
 
 ROWS_FILE = "rows.jsonl"
 FORMAT = "rdpi-bench-rows"

@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.parallel import run_cases
-from benchmarks.store import Row
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
 from benchmarks.tracking.rows import Key, key, open_rows
 from benchmarks.tracking.scoring import words
@@ -15,7 +13,9 @@ from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import Stage
 from benchmarks.tracking.suite import ORACLE
 from benchmarks.tracking.tasks import Lane, Task, make_tasks, row_keys, run_task
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.store import Row
 
 
 @dataclass(frozen=True)

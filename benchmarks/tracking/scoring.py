@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.tracking.stages import COVERED
-from rdpi_gym.arrays import Array
+from rdpi_gym.support.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from baselines import CONTROLLERS
 from benchmarks.tracking.learned import is_learned, shipped_policies, trained_at_s
 from benchmarks.tracking.stages import EFFECT_AWARE, Stage, make_stage
 from benchmarks.tracking.suite import FEWEST_SAMPLES, MOST_SAMPLES, REFERENCES, SEEDS
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PLANTS, PlantModel, check_ts, find_plant
-from rdpi_gym.plugins import load_attribute
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.plugins import load_attribute
 
 DEFAULT_PLANTS = ("P5", "P10", "picma")
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.signals import Signal, make_signal
+from rdpi_gym.support.arrays import Array
 
 SUITE_VERSION = 1
 REFERENCES = ("sine", "triangle", "raster", "steps", "multisine", "nested-loops", "noise")

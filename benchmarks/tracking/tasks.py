@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from baselines import make_controller
-from benchmarks.store import Row
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.rows import Key, key
 from benchmarks.tracking.scoring import one_line, score, status
 from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
 from benchmarks.tracking.suite import Case
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.store import Row
 
 TRACE_SAMPLES = 200
 # Lanes whose lengths differ by more are run apart: a short one would idle to the end of a long one.

@@ -7,7 +7,7 @@ from importlib import import_module
 
 import typer
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 COMMANDS = (
     "bench",

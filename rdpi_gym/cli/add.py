@@ -55,7 +55,7 @@ def add(
 
     Writes model.json, add.json and the page report.html.
     """
-    from rdpi_gym.diagnosis.discover import add_effect
+    from rdpi_gym.diagnosis.search.discover import add_effect
     from rdpi_gym.plant.effects import load_effect
 
     options = data_options(columns, units, sampling_time, validate, skip)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rdpi_gym.cli.options import OutOption, check_jobs, words
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -92,9 +92,9 @@ def bench(
     from benchmarks.tracking.results import write_tables
     from benchmarks.tracking.run import benchmark
     from benchmarks.tracking.selection import select
-    from rdpi_gym.files import write_atomic
-    from rdpi_gym.report.benchmark_page import write_benchmark_page
-    from rdpi_gym.report.benchmark_picture import leaderboard_picture
+    from rdpi_gym.report.benchmark.page import write_benchmark_page
+    from rdpi_gym.report.benchmark.picture import leaderboard_picture
+    from rdpi_gym.support.files import write_atomic
 
     selection = select(
         words(controllers),
@@ -151,7 +151,7 @@ def _payoff(out: Path, jobs: int, ray: str | None) -> pd.DataFrame:
 def _payoff_section(payoff: pd.DataFrame) -> Section:
     from benchmarks.payoff.tables import METHOD, payoff_summary, summary_view
     from benchmarks.tracking.markdown import plain
-    from rdpi_gym.report.payoff_figures import payoff_section
+    from rdpi_gym.report.payoff.figures import payoff_section
 
     summary = payoff_summary(payoff)
     return payoff_section(summary, summary_view(summary), plain(METHOD))

@@ -45,10 +45,10 @@ def compare(
     from rich.progress import Progress
 
     from rdpi_gym.diagnosis import compare as compare_with
-    from rdpi_gym.files import write_json
     from rdpi_gym.measurement import load
     from rdpi_gym.plant import find_plant
-    from rdpi_gym.report.compare_page import write_compare_page
+    from rdpi_gym.report.comparison.page import write_compare_page
+    from rdpi_gym.support.files import write_json
 
     options = data_options(columns, units, sampling_time, validate, skip)
     console = Console(stderr=True)

@@ -42,8 +42,8 @@ def diagnose(
 
     Writes diagnosis.json and the page report.html; an interrupted run continues.
     """
-    from rdpi_gym.diagnosis.discover import diagnose as diagnose_data
     from rdpi_gym.diagnosis.results import Diagnosis
+    from rdpi_gym.diagnosis.search.discover import diagnose as diagnose_data
 
     options = data_options(columns, units, sampling_time, validate, skip)
     catalogue = candidates(effect)

@@ -42,8 +42,8 @@ def discover(
 
     Writes model.json, discovery.json and the page report.html; an interrupted run continues.
     """
-    from rdpi_gym.diagnosis.discover import discover as discover_effects
     from rdpi_gym.diagnosis.results import Discovery
+    from rdpi_gym.diagnosis.search.discover import discover as discover_effects
 
     options = data_options(columns, units, sampling_time, validate, skip)
     catalogue = candidates(effect)

@@ -39,9 +39,9 @@ def effects(
     from rich.console import Console
     from rich.markup import escape
 
-    from rdpi_gym.files import write_atomic, write_json
     from rdpi_gym.plant.effects import CATALOGUE, load_effect
     from rdpi_gym.plant.effects.description import describe, pages
+    from rdpi_gym.support.files import write_atomic, write_json
 
     if out is not None:
         check_folder(out)

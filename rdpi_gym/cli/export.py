@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from rdpi_gym.cli.options import check_folder
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 
 def export(

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -76,10 +76,10 @@ class Work:
         """
         from rdpi_gym.cli.laboratory_tables import print_result
         from rdpi_gym.diagnosis.results import Discovery
-        from rdpi_gym.files import write_json
         from rdpi_gym.measurement import load
         from rdpi_gym.plant import find_plant
-        from rdpi_gym.report.discovery_page import write_discovery_page
+        from rdpi_gym.report.discovery.page import write_discovery_page
+        from rdpi_gym.support.files import write_json
 
         given = None if self.model is None else find_plant(self.model)
         dataset = load(self.data, self.options)

@@ -26,7 +26,7 @@ def print_result(result: Diagnosis | Discovery) -> None:
 
 def _print_ranking(candidates: Sequence[Finding], before: Errors) -> None:
     """Print the candidates of a round, best first."""
-    from rdpi_gym.report.discovery_words import micrometres
+    from rdpi_gym.report.discovery.sentences import micrometres
 
     rows = [
         (
@@ -48,7 +48,7 @@ def _print_ranking(candidates: Sequence[Finding], before: Errors) -> None:
 
 def _print_staircase(result: Discovery) -> None:
     """Print the error from model to model, training and validation."""
-    from rdpi_gym.report.discovery_words import micrometres, staircase
+    from rdpi_gym.report.discovery.sentences import micrometres, staircase
 
     floor = result.noise_floor_um
     rows = [
@@ -70,7 +70,7 @@ def _print_staircase(result: Discovery) -> None:
 
 def _print_verdict(result: Diagnosis | Discovery) -> None:
     """Print the verdict, what speaks for each effect, what is left and what to measure next."""
-    from rdpi_gym.report.discovery_words import (
+    from rdpi_gym.report.discovery.sentences import (
         closed,
         confounded_sentence,
         finding_sentence,

@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 
 def check_folder(out: Path) -> Path:

@@ -36,8 +36,8 @@ def reproduce(
         to_csv,
     )
     from benchmarks.paper.cases import SWEEP_LABEL, TABLE_TS_S
-    from rdpi_gym.files import write_atomic
-    from rdpi_gym.report.paper_figures import write_paper_figures
+    from rdpi_gym.report.paper.figures import write_paper_figures
+    from rdpi_gym.support.files import write_atomic
 
     bar = Progress(
         TextColumn("reproduce"),

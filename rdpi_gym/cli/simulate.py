@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from rdpi_gym.cli.options import OutOption, SeedOption
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 
 def simulate(
@@ -40,9 +40,9 @@ def simulate(
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-    from benchmarks.hidden import HIDEABLE, Truth, hide_one, simulate_dataset, write_dataset
-    from benchmarks.hidden import hide as hide_named
     from rdpi_gym.plant import find_plant
+    from rdpi_gym.virtual_lab import HIDEABLE, Truth, hide_one, simulate_dataset, write_dataset
+    from rdpi_gym.virtual_lab import hide as hide_named
 
     names = _names(hide, HIDEABLE)
     truth = Truth(find_plant(model), (), noise_um, seed, ts_factor)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rdpi_gym.cli.options import OutOption, SeedOption, words
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

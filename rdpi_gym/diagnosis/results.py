@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
 
 Verdict = Literal["explained", "no missing effect", "unexplained"]
 VERSION = 1

@@ -9,9 +9,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PlantModel, check_ts
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 ActionMode = Literal["command", "increment", "correction"]
 

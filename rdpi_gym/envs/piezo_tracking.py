@@ -13,7 +13,6 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs.correction import Correction
 from rdpi_gym.envs.layout import ActionMode, ObservationLayout
 from rdpi_gym.envs.references import (
@@ -26,8 +25,9 @@ from rdpi_gym.envs.references import (
 from rdpi_gym.envs.tracking import TrackingTask
 from rdpi_gym.envs.truth import PLANT_OPTIONS, PlantChoice, TruthSource, choose_plant
 from rdpi_gym.envs.unit_box import UnitBox
-from rdpi_gym.errors import InputError
 from rdpi_gym.signals import Signal
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
     from rdpi_gym.envs.rendering import LiveFigure

@@ -9,9 +9,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.signals import SIGNALS, Measured, Signal, Sum, make_signal
 from rdpi_gym.signals import Sequence as SignalSequence
+from rdpi_gym.support.errors import InputError
 
 ReferenceChoice: TypeAlias = str | Mapping[str, Any] | Signal
 FrequencyChoice: TypeAlias = float | Sequence[float]

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.support.arrays import Array
 
 _INK, _REFERENCE, _DISPLACEMENT, _ERROR = "#30343b", "#e07b39", "#1f6fb4", "#b8336a"
 _LOOP_SAMPLES, _TRACE_SAMPLES = 2000, 1000

@@ -8,10 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import Plant, PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 # Samples of noise drawn at a time: one call of a generator costs as much as a hundred numbers.
 _NOISE_ROWS = 1024

@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PlantModel, find_plant
 from rdpi_gym.plant.effects import Effect
+from rdpi_gym.support.errors import InputError
 
 # What an episode's options may say of its plant: a plant, and fields of its RDPI.
 PLANT_OPTIONS = ("plant", "weights", "thresholds_V", "delta2_s")

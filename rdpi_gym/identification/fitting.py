@@ -9,8 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.identification.advice import bound_warnings, correlation_warning, delta2_warnings
 from rdpi_gym.identification.bounds import set_bounds
 from rdpi_gym.identification.rates import RateSpread, rate_spread
@@ -22,6 +20,8 @@ from rdpi_gym.identification.stack import Stack, stack_records
 from rdpi_gym.identification.uncertainty import correlation_length, standard_errors
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 # Plays that move (rms) less than this part of their command are told from the offset by a sliver
 # of the data near the extremes; their weights would fit whatever else happens there.

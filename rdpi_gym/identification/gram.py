@@ -23,8 +23,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.identification.stack import Stack
+from rdpi_gym.support.arrays import Array
 
 _FAST = {"reassoc", "contract"}
 # Plays in a vector register.

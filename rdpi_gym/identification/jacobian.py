@@ -14,14 +14,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.play import given_rate_block, rate_block
+from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.packing import empty_state, pack
 from rdpi_gym.plant.plant import settled_memory
-from rdpi_gym.plant.play import given_rate_block, rate_block
-from rdpi_gym.plant.rdpi import RDPI
 from rdpi_gym.plant.stages import Stage
+from rdpi_gym.support.arrays import Array
 
 # Samples that run through the stages at a time: their lanes stay in the cache.
 _CHUNK = 1024

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.identification.fitting import MIN_MOTION
 from rdpi_gym.identification.jacobian import Variant, change_rows, jacobian_rows
 from rdpi_gym.identification.nonnegative import bounded_least_squares
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, Parameter
-from rdpi_gym.plant.rdpi import RDPI
+from rdpi_gym.support.arrays import Array
 
 _WEIGHT_STEP = 1e-4  # of the largest gain: behind a nonlinear stage a weight acts nonlinearly
 _STEP = 1e-3  # of a free number, for finite differences

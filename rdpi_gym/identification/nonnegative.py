@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
+from rdpi_gym.support.arrays import Array
 
 BoolArray = NDArray[np.bool_]
 # A column this much dependent on the others (squared sine) adds nothing but rounding.

@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.identification.stack import Stack
+from rdpi_gym.support.arrays import Array
 
 # Movements below this part of a record's range are ripple, no turning points: looked at closely,
 # and from afar, where a fast tone upon a slow one is ripple too.

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.identification.bounds import Bounds
 from rdpi_gym.identification.gram import gram_matrices, tangent_matrices
 from rdpi_gym.identification.nonnegative import BoolArray, bounded_least_squares, cholesky_solve
 from rdpi_gym.identification.stack import Stack
+from rdpi_gym.support.arrays import Array
 
 
 class Point(NamedTuple):

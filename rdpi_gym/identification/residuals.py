@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import Plant, PlantModel, settled_memory
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.identification.bounds import Bounds, data_scales
 from rdpi_gym.identification.gram import gram_matrices
 from rdpi_gym.identification.refine import Point, begin, evaluate, project, refine
 from rdpi_gym.identification.stack import Stack, thin
+from rdpi_gym.support.arrays import Array
 
 Progress = Callable[[float], None]
 

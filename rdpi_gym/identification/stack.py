@@ -10,10 +10,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement import Record
-from rdpi_gym.plant.play import rate_block
+from rdpi_gym.plant.cores.play import rate_block
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 # A thinned record keeps a sample where command and rate together moved by this part of their
 # ranges, or by less where that leaves too few.

@@ -9,13 +9,13 @@ from typing import Literal
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.identification.bounds import data_scales
 from rdpi_gym.identification.stack import Stack, stack_records
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI, empty_state
-from rdpi_gym.plant.play import given_rate_block
+from rdpi_gym.plant.cores.play import given_rate_block
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 Method = Literal["trf", "SLSQP"]
 

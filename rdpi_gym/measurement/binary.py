@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement.table import Table, label, select
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 _HDF5_OFFSETS = (0, 512)  # MATLAB puts 512 bytes of its own before the HDF5 signature
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement.options import unit_factor
 from rdpi_gym.measurement.record import Record
 from rdpi_gym.measurement.sampling import JITTER, to_uniform
 from rdpi_gym.measurement.table import Table
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 MIN_SAMPLES = 16
 """Fewest samples of a record, and fewest that count in its error."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 from pathlib import Path
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 _MARKS = (
     (codecs.BOM_UTF8, "UTF-8"),

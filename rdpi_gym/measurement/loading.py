@@ -7,7 +7,6 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement.binary import read_matlab, read_npz
 from rdpi_gym.measurement.checking import make_record, mask_out
 from rdpi_gym.measurement.options import DataOptions
@@ -15,6 +14,7 @@ from rdpi_gym.measurement.record import Dataset, Record, Role
 from rdpi_gym.measurement.settings import SETTINGS_FILE, RecordSettings, Settings, read_settings
 from rdpi_gym.measurement.table import Table
 from rdpi_gym.measurement.text import read_text
+from rdpi_gym.support.errors import InputError
 
 _READERS = {
     ".csv": read_text,

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 COLUMNS = ("t", "u", "y", "reference", "temperature", "period")
 """Names of the columns: t (s), u (V), y (µm), reference (µm), temperature (°C), period (index)."""

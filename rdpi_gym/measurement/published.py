@@ -25,14 +25,14 @@ def measured_data(name: str) -> Path | None:
     Returns
     -------
     Path or None
-        The folder of that name below the one that ``RDPI_DATA`` names, by default
-        ``../shared/data`` beside the project's checkout; None where it is absent (say `DATA_HINT`).
+        The folder of that name below the one that the environment variable ``RDPI_DATA`` names;
+        None where it is absent (say `DATA_HINT`).
 
     Examples
     --------
     >>> measured_data("no such measurement") is None
     True
     """
-    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
-    folder = Path(os.environ.get("RDPI_DATA") or beside) / name
-    return folder if folder.is_dir() else None
+    data = os.environ.get("RDPI_DATA")
+    folder = Path(data) / name if data else None
+    return folder if folder is not None and folder.is_dir() else None

@@ -8,8 +8,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 BoolArray = NDArray[np.bool_]
 Role = Literal["train", "validation", "test"]

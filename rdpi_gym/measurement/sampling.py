@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement.record import BoolArray
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 JITTER = 0.01
 """Largest deviation of a time step from the mean step, over it, that counts as uniform."""

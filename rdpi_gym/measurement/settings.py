@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement.encoding import read_lines
 from rdpi_gym.measurement.options import check_columns, check_skip, unit_factor, unknown_name
 from rdpi_gym.measurement.record import ROLES, Role
+from rdpi_gym.support.errors import InputError
 
 SETTINGS_FILE = "dataset.toml"
 _KEYS = ("title", "skip_s", "columns", "units", "records")

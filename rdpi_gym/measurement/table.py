@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 REQUIRED = ("t", "u", "y")
 _MEANING = {

@@ -8,11 +8,11 @@ from typing import NoReturn
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement.encoding import read_lines
 from rdpi_gym.measurement.layout import Layout, find_layout, is_number, split_cells
 from rdpi_gym.measurement.table import REQUIRED, Table, label, select
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 
 def read_text(path: Path, columns: Mapping[str, str | int], *, time_needed: bool = True) -> Table:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rdpi_gym.files import write_atomic
 from rdpi_gym.measurement.record import Record
+from rdpi_gym.support.files import write_atomic
 
 
 def write_csv(record: Record, path: Path | str) -> Path:

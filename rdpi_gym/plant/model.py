@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from rdpi_gym.errors import InputError
-from rdpi_gym.files import read_json, write_json
-from rdpi_gym.plant.bench import Converter, Sensor
+from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, effect_from_dict, in_chain_order
-from rdpi_gym.plant.rdpi import RDPI
+from rdpi_gym.plant.instruments import Converter, Sensor
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_json, write_json
 
 FORMAT, VERSION = "rdpi-plant", 1
 

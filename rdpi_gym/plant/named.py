@@ -6,10 +6,10 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
-from rdpi_gym.errors import InputError
-from rdpi_gym.plant.bench import PAPER_CONVERTER, PAPER_SENSOR
+from rdpi_gym.plant.cores.rdpi import PAPER_III_B, PAPER_IV_B
+from rdpi_gym.plant.instruments import PAPER_CONVERTER, PAPER_SENSOR
 from rdpi_gym.plant.model import PlantModel
-from rdpi_gym.plant.rdpi import PAPER_III_B, PAPER_IV_B
+from rdpi_gym.support.errors import InputError
 
 P5 = PlantModel(PAPER_III_B, "P5", (-25.0, 25.0), (0.0, 10.0), note="the paper, Section III-B")
 P10 = PlantModel(PAPER_IV_B, "P10", (-80.0, 80.0), (0.0, 40.0), note="the paper, Section IV-B")

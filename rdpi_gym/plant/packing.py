@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
-from rdpi_gym.plant.rdpi import RDPI
+from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 
 def check_ts(ts_s: float) -> float:
@@ -31,7 +31,7 @@ def check_ts(ts_s: float) -> float:
 
 
 def pack(models: Sequence[RDPI], ts_s: float, offsets_um: Sequence[float]) -> Array:
-    """Pack RDPI parameters for the kernels of :mod:`rdpi_gym.plant.play`.
+    """Pack RDPI parameters for the kernels of :mod:`rdpi_gym.plant.cores.play`.
 
     Parameters
     ----------

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
+from rdpi_gym.plant.cores.play import given_rate_block, rate_block, rdpi_block
 from rdpi_gym.plant.model import PlantModel
 from rdpi_gym.plant.packing import check_ts, empty_state, pack
-from rdpi_gym.plant.play import given_rate_block, rate_block, rdpi_block
 from rdpi_gym.plant.stages import stages_of
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 
 class Plant:

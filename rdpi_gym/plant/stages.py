@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
+from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, Slot
-from rdpi_gym.plant.rdpi import RDPI
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 
 class Stage:

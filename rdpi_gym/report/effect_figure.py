@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.report.style import (
     FALLING,
     MODEL,
@@ -22,6 +21,7 @@ from rdpi_gym.report.style import (
     matplotlib_style,
 )
 from rdpi_gym.report.thin import thin_index
+from rdpi_gym.support.arrays import Array
 
 WITHOUT, WITH, LEFT = "without it", "with it", "left after a refit"
 """Names of the lines that have the same colour in every picture."""

@@ -12,9 +12,9 @@ from typing import Any
 import pandas as pd
 from plotly.offline import get_plotlyjs
 
-from rdpi_gym.files import write_atomic
 from rdpi_gym.report.assets import CSS, SCRIPT
 from rdpi_gym.report.tables import table_html
+from rdpi_gym.support.files import write_atomic
 
 # The browser is told to fetch nothing, whatever a figure may ask for.
 _POLICY = (

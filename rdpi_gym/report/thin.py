@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
+from rdpi_gym.support.arrays import Array
 
 DISPLAY_SAMPLES = 3000
 """Samples of one trace that a page is given: more than any screen has columns."""

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.diagnosis import Trace
 from rdpi_gym.report.style import FALLING, MEASURED, MODEL, RESIDUAL, RISING, styled
 from rdpi_gym.report.thin import DISPLAY_SAMPLES, thin_index
+from rdpi_gym.support.arrays import Array
 
 DISPLACEMENT_UM = "Displacement (µm)"
 _LOOP_SAMPLES = 120

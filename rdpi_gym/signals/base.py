@@ -9,9 +9,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.signals.checks import set_number
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 # A sample that falls on a jump or a corner up to rounding belongs to what comes after it, so that
 # k * 1e-3 and 10 k * 1e-4 see the same value. In units of one cycle, hold or grid interval.

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.signals.base import Signal
 from rdpi_gym.signals.checks import set_integer, set_number, set_positive
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 MOST_LINES = 5000
 

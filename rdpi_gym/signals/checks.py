@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 
 def refuse(signal: Any, field: str, wanted: str) -> InputError:

@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.signals.base import ROUNDING, Signal
 from rdpi_gym.signals.checks import refuse, set_numbers, set_positive
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 
 def first_order_reversals(loops: int) -> tuple[float, ...]:

@@ -13,10 +13,10 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.signals.base import ROUNDING, Signal
 from rdpi_gym.signals.checks import set_numbers
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

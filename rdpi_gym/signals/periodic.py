@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.signals.base import ROUNDING, Signal
 from rdpi_gym.signals.checks import set_number, set_positive
+from rdpi_gym.support.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True)

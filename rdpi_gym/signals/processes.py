@@ -11,10 +11,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
 from rdpi_gym.signals.base import ROUNDING, Signal
 from rdpi_gym.signals.checks import set_integer, set_positive
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 MOST_INCREMENTS = 10_000_000
 

@@ -8,11 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.signals.base import Signal
 from rdpi_gym.signals.checks import refuse, set_integer, set_number, set_positive
 from rdpi_gym.signals.periodic import Periodic, ramps, ramps_rate
 from rdpi_gym.signals.steps import Staircase
+from rdpi_gym.support.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True)

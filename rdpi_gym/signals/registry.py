@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.signals.base import Signal
 from rdpi_gym.signals.broadband import BandLimitedNoise, Multisine
 from rdpi_gym.signals.combine import Combination, Sequence, Sum
@@ -19,6 +18,7 @@ from rdpi_gym.signals.processes import LaplaceProcess, WienerProcess
 from rdpi_gym.signals.raster import Raster, RasterSlowRamp, RasterSlowStairs
 from rdpi_gym.signals.steps import Constant, RandomSteps, Steps
 from rdpi_gym.signals.sweeps import Chirp, DecayingSine
+from rdpi_gym.support.errors import InputError
 
 _CLASSES: tuple[type[Signal], ...] = (
     *(Constant, Sine, Triangle, Sawtooth, Steps, RandomSteps),
@@ -53,7 +53,7 @@ def make_signal(name: str, **fields: Any) -> Signal:
     >>> make_signal("sin")
     Traceback (most recent call last):
     ...
-    rdpi_gym.errors.InputError: unknown signal 'sin'; did you mean 'sine'? The signals are ...
+    rdpi_gym.support.errors.InputError: unknown signal 'sin'; did you mean 'sine'? The signals are ...
     """
     if name not in SIGNALS:
         raise InputError(

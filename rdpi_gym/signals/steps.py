@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.signals.base import ROUNDING, Signal, smoothstep, smoothstep_rate
 from rdpi_gym.signals.checks import refuse, set_integer, set_number, set_numbers, set_positive
+from rdpi_gym.support.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,9 +9,9 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.signals.base import Signal
 from rdpi_gym.signals.checks import refuse, set_positive
+from rdpi_gym.support.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""The RDPI model on tensors, Eq. 2 to 5 and 8: the functions of rdpi_gym.plant.play for one sample.
+"""The RDPI model on tensors, Eq. 2 to 5 and 8: the functions of rdpi_gym.plant.cores.play for one sample.
 
 What a lane has n of, its play states with their thresholds and weights, is in the plant's dtype:
 a play does not gather rounding errors, since Eq. 4 is a contraction. What a lane has one of, its
@@ -14,8 +14,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import RDPI, pack
+from rdpi_gym.support.errors import InputError
 
 
 class RDPITensors(NamedTuple):

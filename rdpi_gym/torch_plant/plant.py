@@ -9,9 +9,9 @@ import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects.base import Effect, Slot
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.torch_plant.hysteresis import RDPITensors, play_sum, rate
 from rdpi_gym.torch_plant.stages import TWINS, Twin
 from rdpi_gym.torch_plant.state import ROW, State

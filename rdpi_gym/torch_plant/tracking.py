@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.torch_plant.plant import TorchPlant
 from rdpi_gym.torch_plant.state import ROW
 

@@ -11,8 +11,8 @@ import pytest
 from baselines import CONTROLLERS, FEEDFORWARDS, make_controller
 from baselines.static_gain import StaticGain
 from rdpi_gym.envs import ObservationLayout, TrackingTask
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import P5, P10, RDPI, Plant, PlantModel
+from rdpi_gym.support.errors import InputError
 
 TS = 1e-3  # every literal loop is stable here, so traces are reproducible
 OFFSET = PlantModel(

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baselines import make_controller
-from baselines.effect_inverses.whole_record import LinearUndo
+from baselines.inverses.whole_record import LinearUndo
 from baselines.pi_margin import gains_within_margin
 from baselines.pi_tuning import simc_gains
 from baselines.preview_inversion import SMOOTHING_HZ, learning_recursion

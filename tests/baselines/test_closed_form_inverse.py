@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from baselines.classical_inverse_kernels import inverse_memory, pack_inverse
 from rdpi_gym.plant import RDPI, Plant, PlantModel, pack, settled_memory
-from rdpi_gym.plant.play import given_rate_block, rate_block
+from rdpi_gym.plant.cores.play import given_rate_block, rate_block
 
 TS = 1e-4
 

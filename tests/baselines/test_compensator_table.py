@@ -12,7 +12,7 @@ from baselines.classical_inverse_kernels import pack_inverse
 from baselines.inversion_free_kernels import inversion_free_given_rate
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import P5, P10, Plant, empty_state, pack
-from rdpi_gym.plant.play import given_rate_block
+from rdpi_gym.plant.cores.play import given_rate_block
 
 TS = (1e-3, 1e-4, 1e-5, 1e-6)
 # max / RMS |e| as printed; * is one realisation.

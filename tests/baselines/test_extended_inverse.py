@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from baselines import make_controller
-from baselines.effect_inverses import INVERSES
+from baselines.inverses import INVERSES
 from rdpi_gym.envs import ObservationLayout, TrackingTask
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import Sine
+from rdpi_gym.support.errors import InputError
 
 TS = 5e-5
 BARE = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))

@@ -15,10 +15,10 @@ from baselines.learned.controller import LearnedController
 from baselines.learned.policy import Network, Policy
 from benchmarks.tracking.episode import record
 from rdpi_gym.envs import ObservationLayout, PiezoTrackingEnv, TrackingTask
-from rdpi_gym.envs.history import HistoryObservation
-from rdpi_gym.envs.scaling import ScaledObservation
-from rdpi_gym.errors import InputError
+from rdpi_gym.envs.wrappers.history import HistoryObservation
+from rdpi_gym.envs.wrappers.scaling import ScaledObservation
 from rdpi_gym.plant import named_plant
+from rdpi_gym.support.errors import InputError
 
 P10 = named_plant("P10")
 BASELINES = {"command": None, "increment": None, "correction": "pi-classical-low-passed"}

@@ -12,8 +12,8 @@ import stable_baselines3 as sb3
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from baselines.learned.settings import ENVIRONMENT_ID, SHIPPED, read_settings
-from rdpi_gym.envs.history import History
-from rdpi_gym.envs.scaling import Scaling
+from rdpi_gym.envs.wrappers.history import History
+from rdpi_gym.envs.wrappers.scaling import Scaling
 
 ALGORITHMS = {"ppo": sb3.PPO, "sac": sb3.SAC, "td3": sb3.TD3}
 

@@ -18,8 +18,8 @@ from baselines import make_controller
 from baselines.learned import policy as policy_module
 from baselines.learned.policy import Network, Policy, find_policy
 from rdpi_gym.envs import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import named_plant
+from rdpi_gym.support.errors import InputError
 
 P10 = named_plant("P10")
 

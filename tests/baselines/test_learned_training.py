@@ -15,13 +15,13 @@ from baselines.learned import evaluation, train_ppo, train_sac, train_td3
 from baselines.learned.checkpoint import _checkpoints
 from baselines.learned.options import PLANTS
 from baselines.learned.policy import Policy
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 SCRIPTS = {"ppo": train_ppo, "sac": train_sac, "td3": train_td3}
 WRAPPERS = """
   env_wrapper:
-    - rdpi_gym.envs.history.HistoryObservation: {history: 2}
-    - rdpi_gym.envs.scaling.ScaledObservation: {error: 0.05}
+    - rdpi_gym.envs.wrappers.history.HistoryObservation: {history: 2}
+    - rdpi_gym.envs.wrappers.scaling.ScaledObservation: {error: 0.05}
 """
 SMALL = {
     "ppo": "n_steps: 16\n  batch_size: 32\n  n_epochs: 2\n  learning_rate: lin_1e-3",

@@ -20,8 +20,8 @@ from baselines.learned.onnx_export import METADATA, export_onnx
 from baselines.learned.policy import Policy
 from rdpi_gym.cli.export import export
 from rdpi_gym.envs import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import named_plant
+from rdpi_gym.support.errors import InputError
 
 HISTORY = 3
 
@@ -88,7 +88,7 @@ def test_an_environment_with_its_history_is_what_it_takes(saved, exported):
     import gymnasium as gym
 
     import rdpi_gym  # noqa: F401  # registers the environments
-    from rdpi_gym.envs.history import VectorHistoryObservation
+    from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
 
     lanes = gym.make_vec("rdpi_gym/PiezoTracking-v0", num_envs=3, preview=2, reference="sine")
     env, policy, run = (

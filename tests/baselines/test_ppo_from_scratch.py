@@ -20,8 +20,8 @@ from baselines.learned.ppo_from_scratch import (
     parse,
     train,
 )
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import named_plant
+from rdpi_gym.support.errors import InputError
 
 SMALL = {
     "total_steps": 3 * 8 * 16, "lanes": 8, "rollout": 16, "episode": 20, "history": 2,

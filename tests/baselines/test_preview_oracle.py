@@ -9,9 +9,9 @@ import pytest
 
 from baselines import CONTROLLERS, FEEDFORWARDS, make_controller
 from rdpi_gym.envs import ObservationLayout, TrackingTask
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import P5, P10, Plant
 from rdpi_gym.signals import make_signal
+from rdpi_gym.support.errors import InputError
 
 
 def band_limited(model, hz=800.0):

@@ -7,22 +7,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import hidden_effects
-from benchmarks.hidden import case_row
-from benchmarks.hidden import run as run_module
-from benchmarks.hidden.case_row import found as found_of
-from benchmarks.hidden.case_row import run_case
-from benchmarks.hidden.cases import NUMBERS, Case, make_cases, prepare
-from benchmarks.hidden.draws import HIDEABLE, MaskedError
-from benchmarks.hidden.fingerprint import statements
-from benchmarks.hidden.run import run_study
-from benchmarks.hidden.scoring import judge, judgements
-from benchmarks.hidden.summary import agreement, as_markdown, by_subject, targets
-from benchmarks.store import named_rows
+from benchmarks.hidden_effects import __main__ as hidden_effects
+from benchmarks.hidden_effects import case_row
+from benchmarks.hidden_effects import run as run_module
+from benchmarks.hidden_effects.case_row import found as found_of
+from benchmarks.hidden_effects.case_row import run_case
+from benchmarks.hidden_effects.cases import NUMBERS, Case, make_cases, prepare
+from rdpi_gym.support.fingerprint import statements
+from benchmarks.hidden_effects.run import run_study
+from benchmarks.hidden_effects.scoring import judge, judgements
+from benchmarks.hidden_effects.summary import agreement, as_markdown, by_subject, targets
 from rdpi_gym.diagnosis.results import Discovery, Errors, Finding
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.store import named_rows
+from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError
 
 
 def finding(effect, error_um=0.013, indistinguishable=()):

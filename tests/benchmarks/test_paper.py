@@ -34,8 +34,8 @@ from benchmarks.paper.verdicts import (
     judge_series,
     order,
 )
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B, RDPI
+from rdpi_gym.support.errors import InputError
 
 # max / RMS |e| at 50 Hz, amplitude 10, as printed: at Ts = 1e-3, 1e-4, 1e-5, 1e-6 s
 TABLE = {

@@ -17,10 +17,10 @@ from benchmarks.payoff.tables import payoff_part, payoff_summary, payoff_text, s
 from benchmarks.tracking import selection
 from benchmarks.tracking.leaderboard import COLUMNS
 from rdpi_gym.cli import main
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import P10
-from rdpi_gym.report.payoff_figures import payoff_section
-from rdpi_gym.report.payoff_picture import payoff_picture
+from rdpi_gym.report.payoff.figures import payoff_section
+from rdpi_gym.report.payoff.picture import payoff_picture
+from rdpi_gym.support.errors import InputError
 
 LAG = HIDDEN_PLANTS[2]
 

@@ -15,11 +15,11 @@ from benchmarks.paper import (
 )
 from benchmarks.paper.cases import section_iii
 from rdpi_gym.cli import main
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 COLUMNS = "case,reading,frequency_hz,ts_s,max_error,rms_error,max_command_rate,paper_value,verdict"
 FIGURES = ("fig3", "fig4", "fig5", "fig7", "fig8", "stability", "limit", "irreproducible")
-COMMITTED = Path(__file__).parents[2] / "benchmarks" / "results" / "paper"
+COMMITTED = Path(__file__).parents[2] / "studies" / "results" / "paper"
 CHATTERING = ("literal", "closed-form own-rate")
 NUMBERS = ("max_error", "rms_error", "max_command_rate")
 

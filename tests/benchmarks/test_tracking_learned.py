@@ -14,8 +14,8 @@ from benchmarks.tracking import learned, selection
 from benchmarks.tracking.fingerprint import task_fingerprint
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import named_plant
+from rdpi_gym.support.errors import InputError
 
 P5 = named_plant("P5")
 TS_S = 4e-4

@@ -2,7 +2,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.store import RowStore
 from benchmarks.tracking import fingerprint, run
 from benchmarks.tracking.evaluation import evaluate
 from benchmarks.tracking.leaderboard import COLUMNS
@@ -10,8 +9,9 @@ from benchmarks.tracking.results import write_tables
 from benchmarks.tracking.rows import FORMAT, ROWS_FILE, key
 from benchmarks.tracking.selection import select
 from benchmarks.tracking.tasks import row_keys
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import P5
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.store import RowStore
 
 MINE = """
 import numpy as np

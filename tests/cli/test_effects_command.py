@@ -7,8 +7,8 @@ import typer
 from typer.testing import CliRunner
 
 from rdpi_gym.cli.effects import effects
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.support.errors import InputError
 
 app = typer.Typer(rich_markup_mode=None)
 app.command()(effects)

@@ -6,7 +6,7 @@ import pytest
 
 from rdpi_gym.cli import main
 from rdpi_gym.cli.options import check_folder
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 COMMANDS = (
     ["bench"],

@@ -20,7 +20,7 @@ default:
 """
 
 
-SCALING = "rdpi_gym.envs.scaling.ScaledObservation"
+SCALING = "rdpi_gym.envs.wrappers.scaling.ScaledObservation"
 
 
 @pytest.fixture(autouse=True)

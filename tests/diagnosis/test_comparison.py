@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis import compare
-from rdpi_gym.errors import InputError
 from rdpi_gym.identification import fit
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, P10, Plant, named_plant, settled_memory
+from rdpi_gym.support.errors import InputError
 
 
 def test_perfect_model_has_no_error_but_the_offset(sine_record, dataset):

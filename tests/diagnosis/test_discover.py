@@ -6,15 +6,15 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from benchmarks.independent import simulate_truth
-from rdpi_gym.diagnosis.discover import add_effect, diagnose, discover
-from rdpi_gym.errors import InputError
+from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.sensor_lag import SensorLag
 from rdpi_gym.signals import BandLimitedNoise, DecayingSine, Multisine, Sine
 from rdpi_gym.signals.experiments import polyline
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.virtual_lab.independent import simulate_truth
 
 NOISE_UM = 0.012
 _WALK = polyline([0.0, 40.0, -40.0, 30.0, -20.0, 12.0, -8.0, 3.0, 0.0], 400.0)

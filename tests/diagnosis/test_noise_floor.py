@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rdpi_gym.diagnosis.noise import noise_floor, quiet_noise, repeat_noise, rough_part
+from rdpi_gym.diagnosis.features.noise import noise_floor, quiet_noise, repeat_noise, rough_part
 from rdpi_gym.measurement import Record
 
 TS = 1e-3

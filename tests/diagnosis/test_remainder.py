@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.hidden.outside import BoucWen, Force, Preisach
-from benchmarks.hidden.truth import Truth
-from rdpi_gym.diagnosis.memory_features import FAMILIES, memory_features
-from rdpi_gym.diagnosis.remainder import FOLLOWS, remainder
-from rdpi_gym.diagnosis.scale import comb, data_scale
+from benchmarks.hidden_effects.outside import BoucWen, Force, Preisach
+from rdpi_gym.diagnosis.features.memory import FAMILIES, memory_features
+from rdpi_gym.diagnosis.search.remainder import FOLLOWS, remainder
+from rdpi_gym.diagnosis.search.scale import comb, data_scale
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record, hold_out_quarter
 from rdpi_gym.plant import P10
 from rdpi_gym.signals import BandLimitedNoise, DecayingSine, Multisine, Sine
 from rdpi_gym.signals.experiments import polyline
+from rdpi_gym.virtual_lab.truth import Truth
 
 NOISE_UM = 0.012
 TRUTH = Truth(P10, (), noise_um=NOISE_UM, seed=0)

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.effect_pages import __main__ as command
-from benchmarks.effect_pages import panels
-from benchmarks.effect_pages.shown import SHOWN
-from benchmarks.effect_pages.study import bare_records, study_effect
-from benchmarks.effect_pages.text import page_texts
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.linear import lag_step
+from studies.effect_pages import __main__ as command
+from studies.effect_pages import panels
+from studies.effect_pages.shown import SHOWN
+from studies.effect_pages.study import bare_records, study_effect
+from studies.effect_pages.text import page_texts
 
 PAGES = Path(__file__).parents[2] / "docs" / "effects"
-MAKE = "run python -m benchmarks.effect_pages"
+MAKE = "run python -m studies.effect_pages"
 
 
 @pytest.fixture(scope="module")

@@ -10,23 +10,23 @@ import pytest
 import typer
 
 from baselines.learned.options import PLANTS, REFERENCES, TrainingOptions
-from benchmarks.agents.__main__ import DOCS, OUT, STAGES
-from benchmarks.agents.__main__ import main as agents
-from benchmarks.agents.facts import HYPERPARAMETERS, page_facts
-from benchmarks.agents.findings import RMSE_GOAL
-from benchmarks.agents.page import TEMPLATES, WALK, page_texts, walk_template
-from benchmarks.agents.study import BASELINE, FULL, QUICK
-from benchmarks.agents.summary import gap_summary, summarise
-from benchmarks.agents.walk import FILE, RUN, STEPS, Recorded, take_walk
-from benchmarks.agents.worlds import GROUPS, LITERAL, TS_S
-from benchmarks.hidden_effects import _parse
+from benchmarks.hidden_effects.__main__ import _parse
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ
 from rdpi_gym.cli import app
 from rdpi_gym.cli import main as rdpi
 from rdpi_gym.envs import ObservationLayout, PiezoTrackingEnv
-from rdpi_gym.errors import InputError
-from rdpi_gym.files import write_atomic, write_json
 from rdpi_gym.plant import P10
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic, write_json
+from studies.agents.__main__ import DOCS, OUT, STAGES
+from studies.agents.__main__ import main as agents
+from studies.agents.facts import HYPERPARAMETERS, page_facts
+from studies.agents.findings import RMSE_GOAL
+from studies.agents.page import TEMPLATES, WALK, page_texts, walk_template
+from studies.agents.study import BASELINE, FULL, QUICK
+from studies.agents.summary import gap_summary, summarise
+from studies.agents.walk import FILE, RUN, STEPS, Recorded, take_walk
+from studies.agents.worlds import GROUPS, LITERAL, TS_S
 
 ROOT = Path(__file__).parents[2]
 TRAIN, AGENTS = (TEMPLATES[name].read_text(encoding="utf-8") for name in (WALK, "agents"))
@@ -102,7 +102,7 @@ def write_results(folder, errors=ERRORS, study=FULL):
 def test_committed_pages_are_what_the_command_makes():
     for name, text in page_texts(FULL, OUT).items():
         committed = (DOCS / f"{name}.md").read_text(encoding="utf-8")
-        assert committed == text, "run python -m benchmarks.agents --stage page"
+        assert committed == text, "run python -m studies.agents --stage page"
 
 
 def test_pages_are_filled_and_say_what_the_tables_say(tmp_path):
@@ -203,7 +203,7 @@ def test_commands_on_other_machines_are_understood():
     hidden, trained = (shlex.split(line)[2:] for line in studies)
     assert hidden[0] == "benchmarks.hidden_effects"
     assert _parse(hidden[1:]).ray == "HOST:6379"
-    assert trained[:3] == ["benchmarks.agents", "--stage", STAGES[0]]
+    assert trained[:3] == ["studies.agents", "--stage", STAGES[0]]
 
 
 def test_its_python_runs_with_a_policy(tmp_path, monkeypatch, capsys):

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 import typer
 
-from benchmarks.tutorial.__main__ import TEMPLATES
-from benchmarks.tutorial.__main__ import main as make
-from benchmarks.tutorial.results import contradiction, is_claim, quoted
-from benchmarks.tutorial.session import ELISION, Session
-from benchmarks.tutorial.template import CONSOLE, FENCE, PROMPT, fill
 from rdpi_gym.cli import app
-from rdpi_gym.errors import InputError
-from rdpi_gym.files import write_json
 from rdpi_gym.measurement import DATA_HINT, DataOptions, load, measured_data
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_json
+from studies.tutorial.__main__ import TEMPLATES
+from studies.tutorial.__main__ import main as make
+from studies.tutorial.results import contradiction, is_claim, quoted
+from studies.tutorial.session import ELISION, Session
+from studies.tutorial.template import CONSOLE, FENCE, PROMPT, fill
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-MAKE = "run python -m benchmarks.tutorial"
+MAKE = "run python -m studies.tutorial"
 
 
 def prose_and_commands(text):

@@ -7,7 +7,7 @@ import pytest
 import rdpi_gym  # noqa: F401  # registers the environments
 from baselines import make_controller
 from rdpi_gym.envs import PiezoTrackingEnv
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 ZERO = np.zeros(1, dtype=np.float32)
 BASELINES = ["none", "classical-low-passed", "pi-inversion-free-low-passed", "preview-oracle"]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.envs import PiezoTrackingEnv
-from rdpi_gym.errors import InputError
+from rdpi_gym.support.errors import InputError
 
 
 def refused(call, *args, **keywords):

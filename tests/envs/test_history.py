@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs import ObservationLayout, PiezoTrackingEnv
-from rdpi_gym.envs.history import History, HistoryObservation, VectorHistoryObservation
-from rdpi_gym.envs.scaling import ScaledObservation, Scaling, VectorScaledObservation
-from rdpi_gym.errors import InputError
+from rdpi_gym.envs.wrappers.history import History, HistoryObservation, VectorHistoryObservation
+from rdpi_gym.envs.wrappers.scaling import ScaledObservation, Scaling, VectorScaledObservation
 from rdpi_gym.plant import named_plant
+from rdpi_gym.support.errors import InputError
 
 ID = "rdpi_gym/PiezoTracking-v0"
 SAME, NEXT, NEVER = AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED

@@ -6,9 +6,9 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import rdpi_gym  # noqa: F401  # registers the environments
-from rdpi_gym.envs.history import VectorHistoryObservation
-from rdpi_gym.envs.side_by_side import SideBySideVectorEnv
-from rdpi_gym.errors import InputError
+from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
+from rdpi_gym.envs.wrappers.side_by_side import SideBySideVectorEnv
+from rdpi_gym.support.errors import InputError
 
 ID = "rdpi_gym/PiezoTracking-v0"
 SAME, NEXT, NEVER = AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED
@@ -54,7 +54,7 @@ def test_each_lane_is_what_it_is_alone(mode):
 
 def test_wrappers_and_the_adapter_take_it():
     pytest.importorskip("stable_baselines3")
-    from rdpi_gym.envs.stable_baselines import StableBaselinesVecEnv
+    from rdpi_gym.envs.wrappers.stable_baselines import StableBaselinesVecEnv
 
     both = SideBySideVectorEnv([group(length=7), group("P10-static", 3, 5)])
     env = StableBaselinesVecEnv(VectorHistoryObservation(both, 2))

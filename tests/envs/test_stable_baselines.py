@@ -7,9 +7,9 @@ from gymnasium.vector import AutoresetMode
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs import PiezoTrackingEnv
-from rdpi_gym.envs.history import HistoryObservation, VectorHistoryObservation
-from rdpi_gym.envs.scaling import ScaledObservation, VectorScaledObservation
-from rdpi_gym.errors import InputError
+from rdpi_gym.envs.wrappers.history import HistoryObservation, VectorHistoryObservation
+from rdpi_gym.envs.wrappers.scaling import ScaledObservation, VectorScaledObservation
+from rdpi_gym.support.errors import InputError
 
 pytest.importorskip("stable_baselines3")
 
@@ -18,7 +18,7 @@ from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack, VecMonitor, VecNormalize
 
-from rdpi_gym.envs.stable_baselines import StableBaselinesVecEnv
+from rdpi_gym.envs.wrappers.stable_baselines import StableBaselinesVecEnv
 
 ID = "rdpi_gym/PiezoTracking-v0"
 WAYS = ["sync", "vector_entry_point"]

@@ -5,8 +5,8 @@ import pytest
 
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.envs.truth import randomise_plant
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import Plant, named_plant
+from rdpi_gym.support.errors import InputError
 
 TS_S = 1e-4
 

@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
-from rdpi_gym.envs.vector_space import UnitBoxes
+from rdpi_gym.envs.vector.space import UnitBoxes
 
 IDS = sorted(name for name in gym.registry if name.startswith("rdpi_gym/"))
 

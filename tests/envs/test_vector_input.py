@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import named_plant
 from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.support.errors import InputError
 
 GOOD = np.zeros((3, 1), dtype=np.float32)
 

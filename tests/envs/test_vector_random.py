@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rdpi_gym.envs.vector_random import (
+from rdpi_gym.envs.vector.random import (
     draw_reference,
     next_seed,
     next_uniform,

@@ -160,8 +160,8 @@ def test_infos_as_a_list_of_dictionaries():
 
 
 def test_a_stack_of_them_with_the_packages_own():
-    from rdpi_gym.envs.history import VectorHistoryObservation
-    from rdpi_gym.envs.scaling import VectorScaledObservation
+    from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
+    from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
 
     own = VectorScaledObservation(VectorHistoryObservation(lanes(preview=2), 2))
     env = wrappers.RecordEpisodeStatistics(

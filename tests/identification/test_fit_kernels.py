@@ -12,7 +12,7 @@ from rdpi_gym.identification.rates import movements
 from rdpi_gym.identification.stack import Stack, command_rate, thin
 from rdpi_gym.identification.uncertainty import correlation_length
 from rdpi_gym.plant import settled_memory
-from rdpi_gym.plant.play import play_columns
+from rdpi_gym.plant.cores.play import play_columns
 
 N_PLAYS = 5
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement import DataOptions, load
+from rdpi_gym.support.errors import InputError
 
 Write = Callable[[str, str], Path]
 Lines = Callable[..., list[str]]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement import DataOptions, Record, load
+from rdpi_gym.support.errors import InputError
 
 
 def with_cell(lines: list[str], line: int, column: int, cell: str) -> str:

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement import Dataset, load
+from rdpi_gym.support.errors import InputError
 
 T = 0.02 * np.arange(40)
 COLUMNS = {"t": T, "u": np.sin(T), "y": np.cos(T)}

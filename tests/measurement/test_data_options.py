@@ -18,8 +18,8 @@ from rdpi_gym.cli.data_options import (
     ValidateOption,
     data_options,
 )
-from rdpi_gym.errors import InputError
 from rdpi_gym.measurement import DataOptions, load, parse_columns, parse_units
+from rdpi_gym.support.errors import InputError
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import (
     P5,
     P10,
@@ -22,6 +21,7 @@ from rdpi_gym.plant import (
     named_plant,
     settled_memory,
 )
+from rdpi_gym.support.errors import InputError
 
 ONE_LINE = r"^[^\n]*$"
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from rdpi_gym.plant import P5, P10, Plant, PlantModel
-from rdpi_gym.plant.play import play_columns
+from rdpi_gym.plant.cores.play import play_columns
 
 VOLTS = st.floats(-30.0, 30.0, allow_nan=False, width=32)
 THRESHOLD = st.floats(0.01, 20.0)

@@ -9,8 +9,8 @@ import pytest
 from rdpi_gym.diagnosis import compare
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, Plant, named_plant
-from rdpi_gym.report.compare_figures import error_by_frequency, record_errors, residual_plane
-from rdpi_gym.report.compare_page import MOST_RECORDS, write_compare_page
+from rdpi_gym.report.comparison.figures import error_by_frequency, record_errors, residual_plane
+from rdpi_gym.report.comparison.page import MOST_RECORDS, write_compare_page
 from rdpi_gym.report.trace_figures import largest_error, loops, time_traces
 
 

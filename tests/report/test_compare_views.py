@@ -8,8 +8,8 @@ import pytest
 from rdpi_gym.diagnosis import compare
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, Plant, named_plant
-from rdpi_gym.report.compare_page import write_compare_page
-from rdpi_gym.report.compare_views import (
+from rdpi_gym.report.comparison.page import write_compare_page
+from rdpi_gym.report.comparison.views import (
     distortion_parts,
     error_over_clock,
     error_since_rest,

@@ -6,14 +6,14 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from rdpi_gym.diagnosis.residual_views import residual_profiles, view_trace
+from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
 from rdpi_gym.diagnosis.results import View
 from rdpi_gym.plant import P5
-from rdpi_gym.report import candidate_sections as candidates
-from rdpi_gym.report import discovery_figures, view_figures
-from rdpi_gym.report.discovery_page import write_discovery_page
-from rdpi_gym.report.discovery_words import found, stages, staircase, verdict_sentence
-from rdpi_gym.report.view_sections import MOST_VIEWS, view_sections
+from rdpi_gym.report.discovery import candidates, view_figures
+from rdpi_gym.report.discovery import figures as discovery_figures
+from rdpi_gym.report.discovery.page import write_discovery_page
+from rdpi_gym.report.discovery.sentences import found, stages, staircase, verdict_sentence
+from rdpi_gym.report.discovery.view_sections import MOST_VIEWS, view_sections
 
 
 def page_of(result, tmp_path):

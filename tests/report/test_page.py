@@ -7,10 +7,10 @@ import pandas as pd
 import plotly.graph_objects as go
 import pytest
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.report import page as page_module
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.report.style import figure_text, styled
+from rdpi_gym.support.errors import InputError
 
 NASTY = '</script><script>alert(1)</script><b onload="x">&amp; "name"'
 LOADING = {"src", "href", "srcset", "action", "data", "poster", "background"}

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.signals import (
     SIGNALS,
     BandLimitedNoise,
@@ -33,6 +32,7 @@ from rdpi_gym.signals import (
     WienerProcess,
     first_order_reversals,
 )
+from rdpi_gym.support.errors import InputError
 
 COMMON = {"amplitude_um": 12.0, "offset_um": 15.0}
 EXAMPLES: list[Signal] = [

@@ -1,7 +1,6 @@
 """Signals by name, from JSON and from files, and what bad input is answered with."""
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.measurement import DATA_HINT, measured_data
 from rdpi_gym.signals import (
     SIGNALS,
     Measured,
@@ -22,6 +21,7 @@ from rdpi_gym.signals import (
     make_signal,
     signal_from_dict,
 )
+from rdpi_gym.support.errors import InputError
 
 NEEDED = {
     "sum": {"parts": (Sine(), make_signal("noise", seed=2))},
@@ -216,12 +216,10 @@ def test_a_record_that_cannot_be_read_is_refused(tmp_path):
 
 
 def test_the_measured_reference_of_the_picma_record():
-    repository = Path(__file__).resolve().parents[2]
-    folder = Path(os.environ.get("RDPI_DATA", repository.parent / "shared" / "data"))
-    path = folder / "picma" / "validation.csv"
-    if not path.exists():
-        pytest.skip(f"{path} is not there; set RDPI_DATA to the folder with the measured data")
-    reference = Measured.from_file(path, skip_s=1.0)
+    folder = measured_data("picma")
+    if folder is None:
+        pytest.skip(DATA_HINT)
+    reference = Measured.from_file(folder / "validation.csv", skip_s=1.0)
     t = np.arange(0.0, 30.0, 5e-3)
     assert np.ptp(reference(t)) == pytest.approx(45.0, abs=10.0)
     assert Sequence(parts=[reference], durations_s=[30.0])(35.0) == pytest.approx(reference(5.0))

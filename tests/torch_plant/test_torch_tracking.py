@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from rdpi_gym.envs import ActionMode, ObservationLayout, PiezoTrackingEnv, TrackingTask
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.asymmetry import Asymmetry
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.torch_plant import TorchPlant, TorchTracking
 
 STEPS = 1500

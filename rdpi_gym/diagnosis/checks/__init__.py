@@ -19,10 +19,10 @@ from rdpi_gym.diagnosis.checks.memory import initial_memory
 from rdpi_gym.diagnosis.checks.rate import rate_law
 from rdpi_gym.diagnosis.checks.repeats import repeats
 from rdpi_gym.diagnosis.checks.small_signal import small_signal
-from rdpi_gym.diagnosis.half_cycles import half_cycles
-from rdpi_gym.diagnosis.noise import rough_part
-from rdpi_gym.diagnosis.periods import steady_periods
-from rdpi_gym.diagnosis.rests import find_rests
+from rdpi_gym.diagnosis.features.half_cycles import half_cycles
+from rdpi_gym.diagnosis.features.noise import rough_part
+from rdpi_gym.diagnosis.features.periods import steady_periods
+from rdpi_gym.diagnosis.features.rests import find_rests
 from rdpi_gym.measurement import Dataset, Record
 
 __all__ = ["Check", "Zone", "run_checks"]

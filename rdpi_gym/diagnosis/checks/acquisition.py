@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
-from rdpi_gym.diagnosis.formats import digits, micrometres, pm
-from rdpi_gym.diagnosis.noise import rough_part
-from rdpi_gym.diagnosis.periods import Periods
+from rdpi_gym.diagnosis.features.noise import rough_part
+from rdpi_gym.diagnosis.features.periods import Periods
 from rdpi_gym.measurement import Record
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import digits, micrometres, pm
 
 CLIPPED_SAMPLES = 5
 """Samples at one extreme value in a row, while the command moves."""

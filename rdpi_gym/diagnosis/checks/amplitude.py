@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from rdpi_gym.diagnosis.checks.bias import Loop
 from rdpi_gym.diagnosis.checks.check import Check, Zone, cannot_tell, zone_of
-from rdpi_gym.diagnosis.formats import digits, pm
+from rdpi_gym.support.words import digits, pm
 
 NAME = "gain over amplitude"
 THRESHOLD_PERCENT = 0.5

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
-from rdpi_gym.diagnosis.formats import digits
-from rdpi_gym.diagnosis.half_cycles import HalfCycles
-from rdpi_gym.diagnosis.noise import rough_part
+from rdpi_gym.diagnosis.features.half_cycles import HalfCycles
+from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.measurement import Record
+from rdpi_gym.support.words import digits
 
 NAME = "congruency"
 THRESHOLD_PERCENT = 0.4

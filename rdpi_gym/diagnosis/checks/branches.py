@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
-from rdpi_gym.diagnosis.formats import digits
-from rdpi_gym.diagnosis.half_cycles import HalfCycles
-from rdpi_gym.diagnosis.noise import rough_part
+from rdpi_gym.diagnosis.features.half_cycles import HalfCycles
+from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.measurement import Record
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import digits
 
 NAME = "saturation"
 THRESHOLD_PERCENT = 0.5

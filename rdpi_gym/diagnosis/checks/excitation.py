@@ -8,11 +8,11 @@ import numpy as np
 
 from rdpi_gym.diagnosis.checks.check import Check
 from rdpi_gym.diagnosis.checks.repeats import same_command
-from rdpi_gym.diagnosis.formats import digits
-from rdpi_gym.diagnosis.half_cycles import HalfCycles
-from rdpi_gym.diagnosis.periods import Periods
-from rdpi_gym.diagnosis.rests import Rest
+from rdpi_gym.diagnosis.features.half_cycles import HalfCycles
+from rdpi_gym.diagnosis.features.periods import Periods
+from rdpi_gym.diagnosis.features.rests import Rest
 from rdpi_gym.measurement import Record
+from rdpi_gym.support.words import digits
 
 AMPLITUDE_RATIO = 3.0
 """Largest over smallest amplitude that the data should have."""

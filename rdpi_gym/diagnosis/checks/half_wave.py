@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
-from rdpi_gym.diagnosis.formats import digits
-from rdpi_gym.diagnosis.periods import Periods, harmonics, orders_off_mains
+from rdpi_gym.diagnosis.features.periods import Periods, harmonics, orders_off_mains
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import digits
 
 NAME = "asymmetry"
 THRESHOLD_PERCENT = 0.15

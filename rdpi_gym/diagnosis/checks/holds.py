@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from rdpi_gym.diagnosis.checks.check import Check, Zone, cannot_tell, zone_of
 from rdpi_gym.diagnosis.checks.rest_fit import RestFit, fit_rests
-from rdpi_gym.diagnosis.formats import digits, pm
-from rdpi_gym.diagnosis.rests import Rest
+from rdpi_gym.diagnosis.features.rests import Rest
+from rdpi_gym.support.words import digits, pm
 
 CREEP_PERCENT = 0.2
 """Creep (% of a step a decade): an actuator has 1 to 2."""

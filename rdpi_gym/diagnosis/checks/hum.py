@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell
-from rdpi_gym.diagnosis.formats import micrometres
-from rdpi_gym.diagnosis.rests import Rest
+from rdpi_gym.diagnosis.features.rests import Rest
 from rdpi_gym.measurement import Record
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import micrometres
 
 NAME = "mains hum"
 SHARE = 0.25

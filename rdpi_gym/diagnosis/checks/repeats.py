@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
 from rdpi_gym.diagnosis.checks.rest_fit import zero_um
-from rdpi_gym.diagnosis.formats import digits, pm
-from rdpi_gym.diagnosis.periods import Periods
+from rdpi_gym.diagnosis.features.periods import Periods
 from rdpi_gym.measurement import Record
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import digits, pm
 
 GAIN_PERCENT = 0.1
 """Change of the gain (%)."""

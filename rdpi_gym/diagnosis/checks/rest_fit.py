@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.diagnosis.rests import Rest
+from rdpi_gym.diagnosis.features.rests import Rest
 from rdpi_gym.measurement import Record
+from rdpi_gym.support.arrays import Array
 
 _BINS = 24
 _FEWEST = 10

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rdpi_gym.arrays import Array
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
-from rdpi_gym.diagnosis.formats import digits, pm
-from rdpi_gym.diagnosis.periods import Complexes, Periods, harmonics, orders_off_mains
+from rdpi_gym.diagnosis.features.periods import Complexes, Periods, harmonics, orders_off_mains
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import digits, pm
 
 PHASE_RAD = 0.06
 """A lag counts from this phase at the highest frequency on (rad)."""

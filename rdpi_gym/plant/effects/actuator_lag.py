@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, Parameter
 from rdpi_gym.plant.effects.linear import linear_block, pack_lag
-from rdpi_gym.plant.rdpi import RDPI
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rdpi_gym.arrays import Array
-from rdpi_gym.errors import InputError
-from rdpi_gym.plant.rdpi import RDPI
+from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 Slot = Literal["input", "rate", "memory", "hysteresis", "output"]
 """Where a stage stands: before the plays, on the rate that sets their thresholds, in their initial
@@ -131,7 +131,7 @@ class Effect(ABC):
     >>> CATALOGUE["delay"](delay_s=1.0)
     Traceback (most recent call last):
     ...
-    rdpi_gym.errors.InputError: delay delay_s is 1.0 s; physical values lie in 0 to 0.02
+    rdpi_gym.support.errors.InputError: delay delay_s is 1.0 s; physical values lie in 0 to 0.02
     """
 
     name: ClassVar[str]

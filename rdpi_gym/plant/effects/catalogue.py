@@ -12,10 +12,10 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from rdpi_gym.errors import InputError
+from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import SLOTS, Effect
-from rdpi_gym.plant.rdpi import RDPI
-from rdpi_gym.plugins import load_attribute
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.plugins import load_attribute
 
 ENTRY_POINTS = "rdpi_gym.effects"
 """Group in which another project's package names its effects."""
@@ -110,7 +110,7 @@ def load_effect(name: str) -> type[Effect]:
     >>> load_effect("math:pi")
     Traceback (most recent call last):
     ...
-    rdpi_gym.errors.InputError: effect 'math:pi' is a float; ...
+    rdpi_gym.support.errors.InputError: effect 'math:pi' is a float; ...
     """
     if ":" in name:
         return check_effect(load_attribute(name, "effect"), f"effect {name!r}")

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from rdpi_gym.arrays import Array
+from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, Parameter
 from rdpi_gym.plant.effects.linear import lag_step
-from rdpi_gym.plant.rdpi import RDPI
+from rdpi_gym.support.arrays import Array
 
 PER_DECADE = 2
 TIME_CONSTANTS_S = tuple(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from rdpi_gym.arrays import Array
+from rdpi_gym.support.arrays import Array
 
 
 def first_order_hold(a: Array, b: Array, ts_s: float) -> tuple[Array, Array, Array]:

@@ -8,9 +8,9 @@ from typing import Self
 
 import numpy as np
 
+from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
 from rdpi_gym.plant.effects.linear import linear_block, pack_linear
-from rdpi_gym.plant.rdpi import RDPI
 
 
 @dataclass(frozen=True)

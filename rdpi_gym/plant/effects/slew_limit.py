@@ -8,9 +8,9 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from rdpi_gym.arrays import Array
+from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
-from rdpi_gym.plant.rdpi import RDPI
+from rdpi_gym.support.arrays import Array
 
 
 @njit(cache=True)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import rdpi_gym.plant.effects as room
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import P5, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, catalogue, load_effect
 from rdpi_gym.plant.effects.description import describe, page, pages
+from rdpi_gym.support.errors import InputError
 
 FIFTEEN = {
     *("creep", "resonance", "actuator_lag", "sensor_lag", "delay", "asymmetry", "saturation"),

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rdpi_gym.errors import InputError
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.support.errors import InputError
 
 NAMES = tuple(CATALOGUE)
 TS = 1e-4

@@ -1,0 +1,110 @@
+"""What every inverse of an effect is: a stage that undoes it, sample by sample."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.effects import Effect
+from rdpi_gym.support.arrays import Array
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What an inverse may know beside its effect.
+
+    Parameters
+    ----------
+    ts_s
+        Sampling time (s).
+    hysteresis
+        The belief's RDPI parameters.
+    scale_um
+        Unit of displacements (µm); changes far below it are rounding.
+    rest
+        What enters the effect while the plant rests (V before the plays, µm behind them).
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import PAPER_IV_B
+    >>> Setting(5e-5, PAPER_IV_B, scale_um=40.0, rest=0.0).ts_s
+    5e-05
+    """
+
+    ts_s: float
+    hysteresis: RDPI
+    scale_um: float
+    rest: float
+
+
+class Inverse(ABC):
+    """Finds what must enter an effect for a wanted output; one subclass an effect.
+
+    It may look at wanted outputs that are still to come: what it returns belongs to the sample
+    `ahead` before the newest that it was given. It holds no memory itself, so that one serves many
+    loops in turn.
+
+    Parameters
+    ----------
+    effect
+        The effect to undo.
+    setting
+        What is known beside it.
+    ahead
+        Samples to come that it may look at.
+
+    Attributes
+    ----------
+    effect
+        Name of the effect.
+    ahead, rows
+        Samples that it looks ahead, and rows of its memory.
+    """
+
+    effect: ClassVar[str]
+    rows: int = 0
+
+    def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
+        self.ahead = min(ahead, self.wanted_ahead(effect, setting.ts_s))
+
+    @classmethod
+    def wanted_ahead(cls, effect: Effect, ts_s: float) -> int:
+        """Return how many samples to come the inverse makes use of; 0 where it needs none."""
+        return 0
+
+    def start(self, y: Array) -> tuple[Array, Array]:
+        """Return the memory where an output has been held, and the input that belongs to it.
+
+        Parameters
+        ----------
+        y
+            Output at the sample before the first that :meth:`run` gets, ``(B,)``.
+
+        Returns
+        -------
+        state : float64[rows, B]
+        x : float64[B]
+        """
+        state = np.empty((0, len(y)))
+        return state, self.run(np.ascontiguousarray(y[None]), state)[0]
+
+    @abstractmethod
+    def run(self, y: Array, state: Array) -> Array:
+        """Return inputs for wanted outputs.
+
+        Parameters
+        ----------
+        y
+            Wanted outputs, ``float64[T, B]``, contiguous.
+        state
+            Memory, ``float64[rows, B]``, moved on in place.
+
+        Returns
+        -------
+        float64[T, B]
+            Row t is the input `ahead` samples before that of ``y[t]``.
+        """

@@ -1,0 +1,210 @@
+"""The inverses of a belief's effects in a row, and how a short preview is shared among them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from baselines.inverses.base import Inverse, Setting
+from baselines.inverses.catalogue import INVERSES
+from rdpi_gym.plant import RDPI, Plant, PlantModel
+from rdpi_gym.plant.effects import Effect
+from rdpi_gym.support.arrays import Array
+
+# Who goes short last where the preview is too short: what cannot be had without it.
+_FIRST_SERVED = ("delay", "resonance", "sensor_lag", "actuator_lag")
+
+
+@dataclass(frozen=True)
+class Inverses:
+    """What can be undone of a belief's effects, in the order in which it is undone.
+
+    Parameters
+    ----------
+    output, command
+        Stages behind and before the plays, outermost first and innermost first: as the reference
+        passes through them.
+    congruency, rate
+        Effects that are dealt with together with the plays.
+    passed_over
+        Names of effects that are not inverted.
+    short
+        Names of effects that would make use of more preview.
+    wanted_ahead
+        Samples after the next one that all of them make use of.
+    rest_V
+        Voltage (V) that the plays see while the plant rests.
+    """
+
+    output: tuple[Inverse, ...]
+    command: tuple[Inverse, ...]
+    congruency: Effect | None
+    rate: tuple[Effect, ...]
+    passed_over: tuple[str, ...]
+    short: tuple[str, ...]
+    wanted_ahead: int
+    rest_V: float
+
+    @property
+    def ahead(self) -> int:
+        """Samples after the next one that the stages look at."""
+        return sum(stage.ahead for stage in (*self.output, *self.command))
+
+    @property
+    def changes_nothing(self) -> bool:
+        """Whether only the bare classical inverse is left."""
+        return not (self.output or self.command or self.congruency or self.rate)
+
+
+def inverses_of(
+    belief: PlantModel, ts_s: float, scale_um: float, rest_V: float, shown_ahead: int
+) -> Inverses:
+    """Build the inverses of a belief's effects.
+
+    Parameters
+    ----------
+    belief
+        The plant with its effects.
+    ts_s
+        Sampling time (s).
+    scale_um
+        Unit of displacements (µm).
+    rest_V
+        Command (V) at which the plant rests.
+    shown_ahead
+        Samples of the reference that are shown after the next one.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P10
+    >>> from rdpi_gym.plant.effects import load_effect
+    >>> effects = tuple(load_effect(name)() for name in ("delay", "creep", "mains_hum"))
+    >>> found = inverses_of(replace(P10, effects=effects), 5e-5, 40.0, 0.0, shown_ahead=9)
+    >>> [stage.effect for stage in found.output], found.passed_over, found.ahead
+    (['delay', 'creep'], ('mains_hum',), 2)
+    """
+    known = {effect.name: effect for effect in belief.effects}
+    wanted = {
+        name: INVERSES[name].wanted_ahead(effect, ts_s)
+        for name, effect in known.items()
+        if name in INVERSES
+    }
+    granted = _share(wanted, shown_ahead)
+    stages: dict[str, list[Inverse]] = {"input": [], "output": []}
+    for effect in reversed(belief.effects):
+        if effect.name in INVERSES:
+            rest = _rest_before(belief, effect, ts_s, rest_V)
+            setting = Setting(ts_s, belief.hysteresis, scale_um, rest)
+            place = "input" if effect.slot == "input" else "output"
+            stage = INVERSES[effect.name](effect, setting, granted[effect.name])
+            stages[place].append(stage)
+    followed = tuple(e for e in belief.effects if e.slot == "rate" and not e.state_rows(ts_s))
+    dealt_with = {"congruency", *INVERSES, *(effect.name for effect in followed)}
+    return Inverses(
+        output=tuple(stages["output"]),
+        command=tuple(stages["input"]),
+        congruency=known.get("congruency"),
+        rate=followed,
+        passed_over=tuple(
+            name
+            for name, effect in known.items()
+            if name not in dealt_with and effect.slot != "memory"
+        ),
+        short=tuple(name for name in _FIRST_SERVED if granted.get(name, 0) < wanted.get(name, 0)),
+        wanted_ahead=sum(wanted.values()),
+        rest_V=_rest_input([e for e in belief.effects if e.slot == "input"], ts_s, rest_V),
+    )
+
+
+def _share(wanted: dict[str, int], available: int) -> dict[str, int]:
+    granted = dict.fromkeys(wanted, 0)
+    for name in (*_FIRST_SERVED, *wanted):
+        if name in wanted and not granted[name]:
+            granted[name] = min(wanted[name], available)
+            available -= granted[name]
+    return granted
+
+
+def _rest_before(belief: PlantModel, effect: Effect, ts_s: float, rest_V: float) -> float:
+    """What enters an effect while the plant rests at a command (V)."""
+    before = belief.effects[: belief.effects.index(effect)]
+    if effect.slot == "input":
+        return _rest_input(before, ts_s, rest_V)
+    plant = Plant(replace(belief, effects=before, offset_um=0.0), ts_s)
+    plant.reset(u0_V=rest_V)
+    return float(plant.simulate(np.array([rest_V]))[0])
+
+
+def _rest_input(effects: Sequence[Effect], ts_s: float, rest_V: float) -> float:
+    for effect in effects:
+        rest_V = float(effect.run([rest_V], ts_s)[0])
+    return rest_V
+
+
+def followed(law: Effect, rate_V_s: Array, ts_s: float) -> Array:
+    """Return the rate (V/s) that sets the thresholds by a law without memory, ``float64[T, B]``.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import load_effect
+    >>> law = load_effect("rate_law")(exponent=0.5, reference_rate_V_s=100.0)
+    >>> followed(law, np.array([[-400.0]]), 1e-4).tolist()
+    [[-200.0]]
+    """
+    column = np.array(law.coefficients(ts_s, RDPI((1.0,), (), 0.0)))
+    parameters = np.repeat(column[:, None], rate_V_s.shape[1], axis=1)
+    out = np.empty_like(rate_V_s)
+    no_state = np.empty((0, rate_V_s.shape[1]))
+    type(law).block(rate_V_s, rate_V_s, parameters, no_state, ts_s, out)
+    return out
+
+
+def start_stages(stages: Sequence[Inverse], y: Array) -> tuple[list[Array], Array]:
+    """Return the memories of stages where an output has been held, and what leaves the last one.
+
+    Examples
+    --------
+    >>> start_stages([], np.zeros(2))
+    ([], array([0., 0.]))
+    """
+    states = []
+    for stage in stages:
+        state, y = stage.start(y)
+        states.append(state)
+    return states, y
+
+
+def run_stages(
+    stages: Sequence[tuple[Inverse, slice]], y: Array, state: Array, begins: bool
+) -> Array:
+    """Run stages one after the other.
+
+    Parameters
+    ----------
+    stages
+        Each with the rows of its memory.
+    y
+        Wanted outputs, ``float64[T, B]``.
+    state
+        All memory, ``float64[S, B]``.
+    begins
+        Whether the first row is the first sample of an episode: what a stage that looks ahead says
+        of samples before it is dropped.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P10
+    >>> from rdpi_gym.plant.effects import load_effect
+    >>> late = replace(P10, effects=(load_effect("delay")(delay_s=2e-4),))
+    >>> stage = inverses_of(late, 1e-4, 40.0, 0.0, shown_ahead=2).output[0]
+    >>> y = np.array([[1.0], [2.0], [3.0]])
+    >>> run_stages([(stage, slice(0, 0))], y, np.empty((0, 1)), begins=True).tolist()
+    [[3.0]]
+    """
+    for stage, rows in stages:
+        y = stage.run(y, state[rows])
+        if begins:
+            y = y[stage.ahead :]
+    return y

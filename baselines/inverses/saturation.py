@@ -1,0 +1,39 @@
+"""Saturation undone: the inverse hyperbolic tangent of the wanted voltage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from baselines.inverses.base import Inverse, Setting
+from rdpi_gym.plant.effects import Effect
+from rdpi_gym.support.arrays import Array
+
+# Voltages are kept within this share of the rails, where the inverse is finite.
+_REACHED = 1.0 - 1e-9
+
+
+class SaturationInverse(Inverse):
+    """Harder commands where the amplifier softens.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import PAPER_IV_B
+    >>> from rdpi_gym.plant.effects import load_effect
+    >>> amplifier = load_effect("saturation")(limit_V=100.0)
+    >>> inverse = SaturationInverse(amplifier, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
+    >>> wanted = amplifier.run([-30.0, 50.0], 1e-4)[:, None]
+    >>> inverse.run(wanted, np.empty((0, 1))).round(9)[:, 0].tolist()
+    [-30.0, 50.0]
+    """
+
+    effect = "saturation"
+
+    def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
+        super().__init__(effect, setting, ahead)
+        self._limit_V = effect.values["limit_V"]
+        self._centre_V = effect.values["centre_V"]
+
+    def run(self, y: Array, state: Array) -> Array:
+        """Invert the curve; see :meth:`Inverse.run`."""
+        share = np.clip((y - self._centre_V) / self._limit_V, -_REACHED, _REACHED)
+        return np.asarray(self._centre_V + self._limit_V * np.arctanh(share), dtype=np.float64)

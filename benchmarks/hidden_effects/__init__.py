@@ -1,0 +1,1 @@
+"""The study of hidden effects: how often the laboratory names what is missing."""

@@ -1,0 +1,92 @@
+"""One case of the study, from its plant to its row."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+from benchmarks.hidden_effects.cases import Case, prepare
+from benchmarks.hidden_effects.fingerprint import study_fingerprint
+from rdpi_gym.diagnosis.results import Discovery, Finding
+from rdpi_gym.measurement import Dataset
+from rdpi_gym.support.store import Row
+from rdpi_gym.virtual_lab.draws import MaskedError
+
+Engine = Callable[[Dataset, int], Discovery]
+"""Called with records and a seed."""
+
+
+def discover_engine(dataset: Dataset, seed: int) -> Discovery:
+    """Look for what is hidden as ``rdpi discover`` does, in this process."""
+    from rdpi_gym.diagnosis.search.discover import discover
+
+    return discover(dataset, jobs=1, seed=seed)
+
+
+def run_case(case: Case, engine: Engine = discover_engine) -> Row:
+    """Simulate one case, diagnose it, and return its row.
+
+    A case that cannot be simulated (``masked``) or on which the engine fails (``failed``) is a row
+    too.
+    """
+    row: Row = {
+        "key": case.key,
+        "study": case.study,
+        "subject": list(case.subject),
+        "number": case.number,
+        "seed": case.seed,
+        "variant": case.variant,
+        "code": study_fingerprint(),
+    }
+    try:
+        dataset, truth = prepare(case)
+    except MaskedError as error:
+        return row | {"status": "masked", "error": str(error)}
+    row |= {"truth": truth, "noise_um": truth["noise_um"]}
+    began = time.perf_counter()
+    try:
+        discovery = engine(dataset, case.seed)
+    except Exception as error:  # one failure must not end a night of work, and it counts
+        return row | {"status": "failed", "error": f"{type(error).__name__}: {error}"}
+    return row | {"status": "done", "seconds": time.perf_counter() - began} | found(discovery)
+
+
+def found(discovery: Discovery) -> dict[str, Any]:
+    """Return what a row says of a discovery, as JSON (errors in µm)."""
+    floor, unexplained = discovery.noise_floor_um, discovery.unexplained_rmse_um
+    return {
+        "floor_um": floor,
+        "base_um": discovery.base.validation_rmse_um,
+        # of the final model, after elimination; never below the noise floor that was found
+        "validation_um": math.hypot(floor, unexplained),
+        "verdict": discovery.verdict,
+        "unexplained_um": unexplained,
+        "ranking": [_finding(finding) for finding in discovery.rounds[0]]
+        if discovery.rounds
+        else [],
+        "steps": [_finding(finding) | _details(finding) for finding in discovery.steps],
+        "removed": list(discovery.removed),
+        "remainder": discovery.remainder,
+        "next_experiment": discovery.next_experiment,
+        "notes": list(discovery.notes),
+    }
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {
+        "effect": finding.effect,
+        "validation_um": finding.errors.validation_rmse_um,
+        "share": finding.share,
+        "confidence": finding.confidence,
+        "indistinguishable": list(finding.indistinguishable),
+    }
+
+
+def _details(finding: Finding) -> dict[str, Any]:
+    return {
+        "parameters": dict(finding.parameters),
+        "standard_errors": dict(finding.standard_errors),
+        "remarks": list(finding.remarks),
+    }

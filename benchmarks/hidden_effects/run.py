@@ -1,0 +1,64 @@
+"""The study: every case diagnosed, row by row into a store, on as many cores as there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from benchmarks.hidden_effects.case_row import Engine, discover_engine, run_case
+from benchmarks.hidden_effects.cases import Case
+from benchmarks.hidden_effects.fingerprint import study_fingerprint
+from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.store import Row, named_rows
+
+ROWS_FILE = "rows.jsonl"
+
+
+def run_study(
+    cases: Sequence[Case],
+    out: Path,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+    engine: Engine = discover_engine,
+    note: Callable[[str], None] | None = None,
+    ray_address: str | None = None,
+) -> list[Row]:
+    """Diagnose what is missing in the store and return the rows of all cases.
+
+    Parameters
+    ----------
+    cases
+        What is asked for.
+    out
+        Folder of the store; rows of code that has changed since are moved aside there.
+    jobs
+        Processes, of one thread each.
+    progress
+        Called with the number of cases done, and in all.
+    engine
+        What is put to the test.
+    note
+        Called with a sentence where rows were set aside.
+    ray_address
+        Of a Ray cluster that runs the cases in place of processes here.
+
+    Raises
+    ------
+    InputError
+        The folder or the cluster cannot be used.
+    """
+    store = named_rows(out / ROWS_FILE)
+    aside = store.set_aside(lambda row: row.get("code") != study_fingerprint())
+    if aside is not None and note is not None:
+        note(f"rows of code that has changed since were set aside in {aside}")
+    missing = [case for case in cases if case.key not in store.rows]
+    done = len(cases) - len(missing)
+    if progress is not None:
+        progress(done, len(cases))
+    for row in run_cases(partial(run_case, engine=engine), missing, jobs, ray_address):
+        store.append([row])
+        done += 1
+        if progress is not None:
+            progress(done, len(cases))
+    return [store.rows[case.key] for case in cases]

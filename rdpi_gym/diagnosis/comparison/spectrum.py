@@ -1,0 +1,161 @@
+"""The error by its own frequency: beside the noise, and as far as it follows linearly from the command."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from rdpi_gym.diagnosis.comparison.traces import Trace
+from rdpi_gym.diagnosis.features.periods import Complexes
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import digits, micrometres
+
+_SEGMENTS = 8  # of a record, half of each shared with its neighbour
+_SHORTEST = 32
+_SILENT = 1e-5  # of the command's strongest line: what does not come from it
+_OCTAVE_THIRDS = 10.0  # bands a decade
+_ABOVE = 2.0  # times the noise: the error is marked in a band
+_MUCH, _LITTLE = 50.0, 15.0  # per cent
+
+
+def spectrum_table(traces: Sequence[Trace], noise_um: float) -> pd.DataFrame:
+    """Error in third-octave bands (centres 10^(k/10) Hz), all records together.
+
+    Columns `residual_um` (rms in the band, over all samples), `noise_um` (what white noise of the
+    noise floor has there), `coherent_percent` (share of the squared residual that a linear filter
+    of the command gives). The squares of `residual_um` add up to the squared error, but for what is
+    slower than an eighth of a record.
+
+    Parameters
+    ----------
+    traces
+        Records beside their model.
+    noise_um
+        Noise floor (µm, rms).
+    """
+    parts = [part for each in traces if (part := _part(each, noise_um)) is not None]
+    if not parts:
+        return pd.DataFrame(
+            columns=[
+                "frequency_hz",
+                "low_hz",
+                "high_hz",
+                "residual_um",
+                "noise_um",
+                "coherent_percent",
+            ]
+        )
+    total = sum(part.samples for part in parts)
+    lines = pd.concat(
+        [
+            pd.DataFrame(
+                {
+                    "band": np.round(_OCTAVE_THIRDS * np.log10(part.frequency_hz)),
+                    "residual": part.power * part.samples / total,
+                    "noise": part.noise * part.samples / total,
+                    "coherent": part.coherent * part.samples / total,
+                }
+            )
+            for part in parts
+        ]
+    )
+    sums = lines.groupby("band").sum()
+    centre = 10.0 ** (sums.index.to_numpy() / _OCTAVE_THIRDS)
+    half = 10.0 ** (0.5 / _OCTAVE_THIRDS)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        coherent = 100.0 * sums["coherent"].to_numpy() / sums["residual"].to_numpy()
+    return pd.DataFrame(
+        {
+            "frequency_hz": centre,
+            "low_hz": centre / half,
+            "high_hz": centre * half,
+            "residual_um": np.sqrt(sums["residual"].to_numpy()),
+            "noise_um": np.sqrt(sums["noise"].to_numpy()),
+            "coherent_percent": np.nan_to_num(coherent),
+        }
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Lines of one record: power of the residual, of noise, and what is coherent (µm²)."""
+
+    frequency_hz: Array
+    power: Array
+    noise: Array
+    coherent: Array
+    samples: int
+
+
+def _part(each: Trace, noise_um: float) -> _Part | None:
+    run = _longest_run(each)
+    length = 2 ** int(np.log2(max((run.stop - run.start) / (0.5 * (_SEGMENTS + 1)), 1.0)))
+    if length < _SHORTEST:
+        return None
+    e, u = (_spectra(x[run], length) for x in (each.residual_um, each.u_V))
+    count = len(e)
+    power, of_u = np.mean(np.abs(e) ** 2, axis=0), np.mean(np.abs(u) ** 2, axis=0)
+    cross = np.mean(e * u.conj(), axis=0)
+    shown = (power > 0.0) & (of_u > _SILENT * of_u.max())
+    share = np.divide(np.abs(cross) ** 2, power * of_u, out=np.zeros_like(power), where=shown)
+    # a few segments are coherent by chance: one over their number
+    share = np.clip((share - 1.0 / count) / (1.0 - 1.0 / count), 0.0, 1.0)
+    lines = slice(1, None)
+    frequency = np.arange(1, power.size) / (length * each.ts_s)
+    noise = np.full(frequency.size, noise_um**2 / frequency.size)
+    return _Part(frequency, power[lines], noise, (share * power)[lines], run.stop - run.start)
+
+
+def _longest_run(each: Trace) -> slice:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], each.counted, [False]])))
+    longest = int(np.argmax(edges[1::2] - edges[::2]))
+    return slice(int(edges[2 * longest]), int(edges[2 * longest + 1]))
+
+
+def _spectra(x: Array, length: int) -> Complexes:
+    """Windowed spectra of the segments; their squared moduli add up to the variance."""
+    starts = np.arange(0, x.size - length + 1, length // 2)
+    window = np.hanning(length)
+    segments = np.stack([x[start : start + length] for start in starts])
+    segments = (segments - x.mean()) * window
+    scale = np.sqrt(2.0 / (length * np.sum(window**2)))
+    return np.asarray(np.fft.rfft(segments, axis=1) * scale, dtype=np.complex128)
+
+
+def spectrum_finding(table: pd.DataFrame) -> str:
+    """Say where in frequency the error is more than noise, and whether it follows linearly.
+
+    Parameters
+    ----------
+    table
+        From :func:`spectrum_table`.
+    """
+    power = table["residual_um"].to_numpy() ** 2
+    if not len(table) or power.sum() == 0.0:
+        return "The records are too short for a spectrum of the error."
+    excess = np.clip(power - table["noise_um"].to_numpy() ** 2, 0.0, None)
+    above = table["residual_um"].to_numpy() > _ABOVE * table["noise_um"].to_numpy()
+    if not above.any():
+        return "In no band of frequencies is the error much more than noise."
+    middle = np.cumsum(excess) / max(float(excess.sum()), 1e-300)
+    low = float(table["low_hz"].iloc[int(np.argmax(middle >= 0.1))])
+    high = float(table["high_hz"].iloc[int(np.argmax(middle >= 0.9))])
+    share = float((table["coherent_percent"].to_numpy() * power).sum() / power.sum())
+    worst = int(np.argmax(power))
+    facts = (
+        f"Most of what is more than noise lies between {digits(low)} and {digits(high)} Hz, the most "
+        f"near {digits(float(table['frequency_hz'].iloc[worst]))} Hz "
+        f"({micrometres(float(np.sqrt(power[worst])))} rms). {share:.0f} % of the squared error is "
+        "coherent with the command"
+    )
+    if share >= _MUCH:
+        return (
+            f"{facts}: most of it could be taken by a linear filter, such as a gain, a delay, a lag, "
+            "a resonance or creep."
+        )
+    if share >= _LITTLE:
+        return f"{facts}; the rest is shape of the loops, drift, disturbance or noise."
+    return f"{facts}: it does not follow linearly from the command; it is shape of the loops, drift, disturbance or noise."

@@ -1,0 +1,226 @@
+"""The noise floor: how much of a record no model can explain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rdpi_gym.diagnosis.features.half_cycles import half_cycles
+from rdpi_gym.diagnosis.features.periods import steady_periods
+from rdpi_gym.measurement import Record
+from rdpi_gym.support.arrays import Array
+
+_FEWEST = 64
+_MAINS_HZ = (50.0, 60.0)
+_CYCLES = 20.0
+_COLOURED = 1.1
+_ALIKE = 1.05
+_MOST = 40_000
+
+
+def rough_part(x: Array) -> float:
+    """Standard deviation of what changes from sample to sample, as if it were white noise.
+
+    Parameters
+    ----------
+    x : float64[T]
+        A residual; what is smooth in it does not count.
+
+    Returns
+    -------
+    float
+        In the unit of `x`.
+
+    Examples
+    --------
+    >>> smooth = np.sin(np.arange(20_000) / 500.0)
+    >>> noise = np.random.default_rng(0).normal(0.0, 0.02, 20_000)
+    >>> round(rough_part(smooth + noise), 3)
+    0.02
+
+    Notes
+    -----
+    Third differences, the weights 1, -3, 3, -1: a cubic leaves none (von Neumann's estimator,
+    carried to a higher difference). The median keeps jumps out.
+    """
+    third = np.diff(x, 3)
+    return float(np.median(np.abs(third)) / 0.6744897501960817 / math.sqrt(20.0))
+
+
+def repeat_noise(record: Record) -> float | None:
+    """Standard deviation (µm) of a record about the mean of its repetitions.
+
+    Parameters
+    ----------
+    record
+        Repetitions are those of `period`, else those of its command. Each has an offset and a
+        slope of its own, as creep and drift give it; repetitions of unlike length are cut.
+
+    Returns
+    -------
+    float or None
+        None without two full repetitions after the first, which may hold a transient.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) * 1e-3
+    >>> wave = np.sin(2 * np.pi * 4.0 * t)
+    >>> noise = np.random.default_rng(1).normal(0.0, 0.02, t.size)
+    >>> round(repeat_noise(Record("sine", t, wave, wave**3 + noise + 0.1 * t, ts_s=1e-3)), 3)
+    0.02
+    """
+    spread = _spread(record)
+    return None if spread is None else _rms(spread)
+
+
+def _spread(record: Record) -> Array | None:
+    """What repetitions differ by, ``(K, M)``."""
+    rows = _repetitions(record)
+    if rows is None:
+        return None
+    x = np.linspace(-1.0, 1.0, rows.shape[1])
+    differ = rows - rows.mean(axis=0)
+    differ -= differ.mean(axis=1, keepdims=True)
+    return np.asarray(differ - np.outer(differ @ x / (x @ x), x))
+
+
+def _repetitions(record: Record) -> Array | None:
+    if record.period is None:
+        found = steady_periods(record, half_cycles(record.u_V, record.ts_s))
+        if found is None or found.length < _FEWEST:
+            return None
+        # cut, not interpolated: interpolation would smooth the noise
+        starts = (found.first + np.round(found.length * np.arange(1, found.count))).astype(np.intp)
+        length = int(found.length)
+    else:
+        runs = [np.flatnonzero(record.period == p) for p in np.unique(record.period)][1:]
+        if len(runs) < 2:
+            return None
+        starts = np.array([run[0] for run in runs])
+        length = min(map(len, runs))
+    if len(starts) < 2 or length < _FEWEST:
+        return None
+    return np.stack([record.y_um[start : start + length] for start in starts])
+
+
+def quiet_noise(record: Record) -> float:
+    """Standard deviation (µm) of a quiet record about its slow trend and without the mains' lines.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) * 5e-4
+    >>> y = np.random.default_rng(2).normal(0.0, 0.02, t.size) + 0.3 * t**2
+    >>> hum = 0.1 * np.sin(2 * np.pi * 50.0 * t)
+    >>> round(quiet_noise(Record("rest", t, np.zeros(t.size), y + hum, ts_s=5e-4)), 3)
+    0.02
+    """
+    return float(np.std(_flattened(record), ddof=4))
+
+
+def _flattened(record: Record) -> Array:
+    """A quiet record without what drift, creep and the mains leave in it."""
+    t = record.t_s[:_MOST] - record.t_s[:_MOST].mean()
+    x = t / max(float(np.max(np.abs(t))), 1e-300)
+    measured = record.y_um[:_MOST]
+    slow = np.polynomial.polynomial.polyfit(x, measured, 3)
+    y = measured - np.polynomial.polynomial.polyval(x, slow)
+    duration = 2.0 * float(np.max(np.abs(t)))
+    for mains in _MAINS_HZ:
+        for f in (mains, 2.0 * mains, 3.0 * mains):
+            if f * record.ts_s < 0.45 and f * duration > _CYCLES:
+                y = y - _line(t, y, f, duration)
+    return np.asarray(y)
+
+
+def _line(t: Array, y: Array, frequency_hz: float, duration_s: float) -> Array:
+    """The strongest sine of a trace within 1 % of a frequency."""
+    step = 0.25 / duration_s
+    steps = max(1, math.ceil(0.01 * frequency_hz / step))
+    coarse = frequency_hz + step * np.arange(-steps, steps + 1)
+    near = coarse[int(np.argmax([_sine(t, y, f)[1] for f in coarse]))]
+    fine = near + step * np.linspace(-1.0, 1.0, 21)
+    lines = [_sine(t, y, f) for f in fine]
+    return max(lines, key=lambda line: line[1])[0]
+
+
+def _sine(t: Array, y: Array, frequency_hz: float) -> tuple[Array, float]:
+    """Sine of a frequency that fits a trace best, and its power."""
+    waves = np.column_stack(
+        [np.cos(2.0 * np.pi * frequency_hz * t), np.sin(2.0 * np.pi * frequency_hz * t)]
+    )
+    line = waves @ np.linalg.solve(waves.T @ waves, waves.T @ y)
+    return line, float(line @ line)
+
+
+def noise_floor(
+    quiet: Sequence[Record], records: Sequence[Record], residuals: Sequence[Array]
+) -> tuple[float, str]:
+    """Noise of a data set (µm, rms) and where the figure comes from.
+
+    Parameters
+    ----------
+    quiet
+        Records with constant command.
+    records, residuals
+        Moving records, and what a model leaves of each (µm).
+
+    Returns
+    -------
+    float
+        The smallest of what quiet records, repetitions and the residuals' rough part say (drift,
+        creep and an imperfect model make each of them too large), and the mean of those that agree
+        with it. Noise that is slower than white makes the rough part too small: it is scaled by
+        what it misses in quiet records, or else in repetitions.
+    str
+        A sentence.
+    """
+    still = [(_flattened(r), r.name) for r in quiet if len(r.y_um) >= _FEWEST]
+    spreads = [(spread, r.name) for r in records if (spread := _spread(r)) is not None]
+    found = [
+        _Level(float(np.std(noise, ddof=4)), noise.size, f"the quiet record {name}")
+        for noise, name in still
+    ]
+    found += [_Level(_rms(s), s.size, f"the repetitions in {name}") for s, name in spreads]
+    colours = [_slowness(noise) for noise, _ in still]
+    colours = colours or [_slowness(spread.ravel()) for spread, _ in spreads]
+    colour = max(1.0, float(np.median(colours))) if colours else 1.0
+    rough = [(rough_part(e), len(e)) for e in residuals if len(e) >= _FEWEST]
+    if rough:
+        origin = "the part of the residual that changes from sample to sample"
+        if colour > _COLOURED:
+            origin += f" (times {colour:.2g}: the noise is slower than white)"
+        typical = colour * float(np.median([value for value, _ in rough]))
+        found.append(_Level(typical, sum(size for _, size in rough), origin))
+    if not found:
+        return 0.0, "noise floor unknown: every record is too short"
+    smallest = min(found, key=lambda level: level.value_um)
+    # what agrees with the smallest is averaged, so that chance does not choose
+    alike = [level for level in found if level.value_um <= _ALIKE * smallest.value_um]
+    floor = math.sqrt(
+        sum(level.samples * level.value_um**2 for level in alike)
+        / sum(level.samples for level in alike)
+    )
+    most = max(alike, key=lambda level: level.samples)
+    return floor, f"noise floor {floor:.4g} µm rms, from {most.origin}"
+
+
+@dataclass(frozen=True)
+class _Level:
+    value_um: float
+    samples: int
+    origin: str
+
+
+def _rms(spread: Array) -> float:
+    """Standard deviation of noise from what repetitions differ by."""
+    count, length = spread.shape
+    return float(np.sqrt(np.sum(spread**2) / ((count - 1) * (length - 2))))
+
+
+def _slowness(noise: Array) -> float:
+    """Standard deviation of noise over what white noise of its roughness would have."""
+    rough = rough_part(noise)
+    return float(np.std(noise)) / rough if rough > 0.0 else 1.0

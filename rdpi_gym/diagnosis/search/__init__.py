@@ -1,0 +1,1 @@
+"""Which effect is missing: candidates refitted, ranked, added, and what is left."""

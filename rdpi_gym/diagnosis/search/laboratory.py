@@ -1,0 +1,400 @@
+"""The bench that a diagnosis works at: the data, the noise floor, the refits, what follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from rdpi_gym.diagnosis.features.noise import noise_floor
+from rdpi_gym.diagnosis.results import Errors, Finding, Verdict, View
+from rdpi_gym.diagnosis.search.candidates import (
+    Checkpoint,
+    Outcome,
+    Progress,
+    Setting,
+    assess,
+    past_cusps,
+    refit,
+    refit_all,
+)
+from rdpi_gym.diagnosis.search.law import plant_of, to_threshold_law
+from rdpi_gym.diagnosis.search.ranking import (
+    AT_FLOOR,
+    LEAST_GAIN,
+    SETTLED_GAIN,
+    Ranked,
+    of_effect,
+    rank,
+)
+from rdpi_gym.diagnosis.search.remainder import remainder
+from rdpi_gym.diagnosis.search.scale import comb, data_scale, on_comb, pruned
+from rdpi_gym.diagnosis.search.separability import (
+    RATE,
+    next_experiment,
+    separability,
+    typical_effects,
+)
+from rdpi_gym.diagnosis.search.suitability import TURNED, falls, poverty, turned
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.identification.rates import rate_spread
+from rdpi_gym.identification.stack import stack_records
+from rdpi_gym.measurement import Dataset
+from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant.effects.base import Effect, in_chain_order
+from rdpi_gym.support.errors import InputError
+
+# At most this many times the noise floor is explained.
+EXPLAINED = 1.15
+_NOMINEES = 4
+# Rivals that are tried once more in the end: by the gain of the effect chosen, or by the noise.
+_CLOSE_GAIN, _CLOSE_NOISE = 0.03, 1.0
+# Candidates of a round for which the effects that are there already are moved past their cusps.
+_LEADERS = 4
+# The best candidates of a round show the noise floor; what others leave is no smaller.
+_FLOOR_FROM = 3
+# Where all rates are alike, an effect at this cosine to that of δ2 is not to be told from it.
+_LIKE_RATE = 0.9
+
+
+@dataclass(frozen=True)
+class State:
+    """A refitted model and its errors."""
+
+    outcome: Outcome
+
+    @property
+    def fit(self) -> JointFit:
+        """The refit."""
+        assert self.outcome.fit is not None
+        return self.outcome.fit
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that it has."""
+        return self.fit.variant.effects
+
+    @property
+    def hysteresis(self) -> RDPI:
+        """Its comb of thresholds and weights."""
+        return self.fit.variant.hysteresis
+
+
+class Laboratory:
+    """One data set on the bench; arguments as :func:`rdpi_gym.diagnosis.search.discover.diagnose`."""
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        catalogue: Mapping[str, type[Effect]],
+        jobs: int,
+        seed: int,
+        progress: Progress | None,
+        checkpoint: Path | None,
+    ) -> None:
+        train, validation = tuple(dataset.train), tuple(dataset.validation)
+        if not train or not validation:
+            raise InputError(
+                "a diagnosis needs records to fit and records to validate on; the data set has "
+                f"{len(train)} and {len(validation)} in which the voltage moves"
+            )
+        reversed_sign = falls((*train, *validation))
+        if reversed_sign:
+            dataset = turned(dataset)
+            train, validation = tuple(dataset.train), tuple(dataset.validation)
+        self.orientation: tuple[str, ...] = (TURNED,) if reversed_sign else ()
+        self.dataset = dataset
+        self.catalogue = catalogue
+        self.setting = Setting(train, validation, data_scale((*train, *validation)))
+        self.noise_um, self.noise_origin = math.nan, ""
+        self._jobs, self._seed = jobs, seed
+        self._progress = progress or (lambda stage, done, total: None)
+        self._checkpoint = Checkpoint(checkpoint, self.setting)
+        self._trouble = poverty((*train, *validation), train)
+        self._like_rate: tuple[str, ...] = ()
+        self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
+
+    @property
+    def decidable(self) -> bool:
+        """Whether the data are rich enough for any decision."""
+        return self._trouble is None
+
+    def base(self, given: PlantModel | None) -> State:
+        """Refit the base model, with the effects that a given model has, on the comb."""
+        present = () if given is None else given.effects
+        self._progress("base model", 0, 1)
+        state = State(refit(self.setting, comb(self.setting.train), present, None))
+        self._update_noise(state)
+        if self._rates_alike:
+            bare = typical_effects(self.catalogue, self.setting.scale)
+            found = separability(self.setting.train, state.hysteresis, (), bare)
+            self._like_rate = found.alike(RATE, _LIKE_RATE)
+        self._progress("base model", 1, 1)
+        return state
+
+    def ranked(self, state: State) -> list[Ranked]:
+        """Refit every candidate that the model does not have, and rank them."""
+        have = {effect.name for effect in state.effects}
+        kinds = [kind for name, kind in self.catalogue.items() if name not in have]
+        stage = "with " + ", ".join(e.name for e in state.effects) if have else "candidates"
+        outcomes = refit_all(
+            self.setting, pruned(state.hysteresis), state.effects, kinds, self._checkpoint,
+            self._jobs,
+            lambda done, total: self._progress(stage, done, total),
+        )  # fmt: skip
+        outcomes = [past_cusps(self.setting, o, state.effects) for o in outcomes[:_LEADERS]] + (
+            outcomes[_LEADERS:]
+        )
+        for outcome in [o for o in outcomes if o.fit is not None][:_FLOOR_FROM]:
+            self._update_noise(State(outcome))
+        ranked = rank(state.outcome, outcomes, kinds, self.noise_um, self._seed)
+        if not self._rates_alike:
+            return ranked
+        return [_like_rate(r) if r.finding.effect in self._like_rate else r for r in ranked]
+
+    def choose(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
+        """Return what to add: the simplest of the best class, a pair, or nothing."""
+        earned = [r for r in ranked if r.earned]
+        if earned:
+            best = max(earned, key=lambda r: r.worth)
+            names = (best.finding.effect, *best.finding.indistinguishable)
+            equals = [r for r in earned if r.finding.effect in names]
+            return [min(equals, key=lambda r: (_bounds_hit(r), len(r.finding.parameters)))]
+        if self.noise_um * EXPLAINED >= state.outcome.errors.validation_rmse_um:
+            return []
+        return self._pair(state, ranked)
+
+    def _pair(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
+        """Try pairs of nominees: effects may help only together."""
+        fitted = [r for r in ranked if r.outcome.fit is not None and not r.barred]
+        by_train = sorted(fitted, key=lambda r: r.outcome.errors.train_rmse_um)
+        nominees = {r.finding.effect: r for r in (*fitted[:2], *by_train[:_NOMINEES])}
+        best: tuple[float, Outcome, list[str]] | None = None
+        pairs = list(combinations(nominees, 2))
+        for done, (first, second) in enumerate(pairs):
+            self._progress("pairs", done, len(pairs))
+            start = nominees[first].outcome.fit
+            assert start is not None
+            outcome = refit(
+                self.setting, start.variant.hysteresis, start.variant.effects,
+                self.catalogue[second],
+            )  # fmt: skip
+            if outcome.fit is not None and (best is None or outcome.mean_square < best[0]):
+                best = (outcome.mean_square, outcome, [first, second])
+        if best is None:
+            return []
+        kinds = [self.catalogue[name] for name in best[2]]
+        together = rank(state.outcome, [best[1]], kinds, self.noise_um, self._seed)[0]
+        alone = min(nominees[name].outcome.mean_square for name in best[2])
+        if not together.earned or best[0] > alone - LEAST_GAIN * self.noise_um**2:
+            return []
+        return [
+            Ranked(best[1], of_effect(together.finding, best[1].fit, name), True)
+            for name in best[2]
+        ]
+
+    def after(self, state: State, chosen: Sequence[Ranked]) -> State:
+        """Return the model with what was chosen, refitted on the whole comb."""
+        fit = chosen[-1].outcome.fit if chosen else None
+        if fit is None:
+            return state
+        whole = on_comb(fit.variant.hysteresis, comb(self.setting.train))
+        again = fit_joint(self.setting.train, whole, fit.variant.effects)
+        return State(assess(self.setting, "", again))
+
+    def need(self, ranked: Sequence[Ranked], kind: type[Effect]) -> None:
+        """Refuse where an effect that was asked for is there already or cannot be fitted."""
+        if not ranked:
+            raise InputError(f"the model has {kind.name} already; choose another effect")
+        if ranked[0].outcome.fit is None:
+            raise InputError(f"{kind.name}: {ranked[0].outcome.remark}")
+
+    def eliminate(self, state: State, added: Sequence[str]) -> tuple[State, tuple[str, ...]]:
+        """Take out what is not missed when it is gone."""
+        removed: list[str] = []
+        for name in added if len(added) > 1 else ():
+            self._progress("backward elimination", len(removed), len(added))
+            kept = in_chain_order(e for e in state.effects if e.name != name)
+            fit = fit_joint(self.setting.train, state.hysteresis, kept)
+            without = assess(self.setting, name, fit)
+            loss = without.mean_square - state.outcome.mean_square
+            if loss < 0.5 * LEAST_GAIN * self.noise_um**2:
+                state, removed = State(without), [*removed, name]
+        return state, tuple(removed)
+
+    def rivals(self, state: State, chosen: Finding, field: Sequence[Finding]) -> tuple[str, ...]:
+        """Return what came so close to a chosen effect in its round that it is tried once more."""
+        own = chosen.errors.validation_rmse_um**2
+        gain = state.outcome.mean_square - own
+        reach = max(_CLOSE_GAIN * gain, _CLOSE_NOISE * self.noise_um**2)
+        close = [f for f in field if f.errors.validation_rmse_um**2 - own <= reach]
+        barred = {chosen.effect, *self._like_rate}
+        return tuple(f.effect for f in close if f.effect not in barred)
+
+    def settle(
+        self, state: State, steps: Sequence[Finding], rivals: Mapping[str, Sequence[str]]
+    ) -> tuple[State, list[Finding]]:
+        """Try each added effect's rivals once more, now that all others are there."""
+        settled: list[Finding] = []
+        for step in steps:
+            others = in_chain_order(e for e in state.effects if e.name != step.effect)
+            have = {e.name for e in state.effects}
+            kinds = [self.catalogue[name] for name in rivals[step.effect] if name not in have]
+            if not kinds:
+                settled.append(replace(step, indistinguishable=()))
+                continue
+            self._progress(f"rivals of {step.effect}", 0, len(kinds))
+            outcomes = [refit(self.setting, state.hysteresis, others, kind) for kind in kinds]
+            # an effect is replaced only by one that fits the other records no worse either
+            most = state.outcome.errors.train_rmse_um * (1.0 + SETTLED_GAIN)
+            outcomes = [o for o in outcomes if o.errors.train_rmse_um <= most]
+            own = replace(state.outcome, effect=step.effect)
+            without = assess(
+                self.setting, "", fit_joint(self.setting.train, state.hysteresis, others)
+            )
+            ranked = rank(
+                without, [own, *outcomes], [*kinds, self.catalogue[step.effect]], self.noise_um,
+                self._seed, SETTLED_GAIN,
+            )  # fmt: skip
+            best = ranked[0]
+            if step.effect in (best.finding.effect, *best.finding.indistinguishable):
+                best = next(r for r in ranked if r.finding.effect == step.effect)
+            else:
+                state = State(best.outcome)
+            settled.append(
+                replace(best.finding, errors=step.errors, share=step.share, evidence=step.evidence)
+                if best.finding.effect == step.effect
+                else best.finding
+            )
+        return state, settled
+
+    def final(self, state: State, step: Finding) -> Finding:
+        """Return a step with the parameters of the final model."""
+        return of_effect(step, state.fit, step.effect)
+
+    def at_floor(self, state: State) -> bool:
+        """Whether so little exceeds the noise that no effect can be earned."""
+        excess = state.outcome.mean_square - self.noise_um**2
+        return excess < AT_FLOOR * self.noise_um**2
+
+    def verdict(self, state: State, added: bool) -> Verdict:
+        """Say in the file's words where the model stands."""
+        if not self.decidable:
+            return "unexplained"
+        if state.outcome.errors.validation_rmse_um <= EXPLAINED * self.noise_um:
+            return "explained" if added else "no missing effect"
+        return "unexplained"
+
+    def unexplained_um(self, state: State) -> float:
+        """Error over the noise floor (µm rms)."""
+        return math.sqrt(max(state.outcome.mean_square - self.noise_um**2, 0.0))
+
+    def remainder(self, state: State) -> str:
+        """Say whether what is left follows from the input."""
+        if self._trouble is not None:
+            return self._trouble
+        found = remainder(
+            state.fit.variant, self.setting.train, self.setting.validation, self.setting.scale,
+            self.noise_um,
+        )  # fmt: skip
+        return found.sentence
+
+    def next_experiment(
+        self,
+        state: State,
+        chosen: Sequence[Ranked],
+        verdict: Verdict,
+        groups: Sequence[Sequence[str]],
+    ) -> str | None:
+        """Name the experiment that would decide what these data cannot, `groups` among it."""
+        if self._trouble is not None:
+            return (
+                "Record the standard protocol: a slow decaying triangle, sines at several rates and "
+                "amplitudes, a multisine, steps with long holds."
+            )
+        effects = {e.name: e for e in state.effects}
+        typical = typical_effects(self.catalogue, self.setting.scale)
+        pairs = [
+            (effects[r.finding.effect], typical[rival])
+            for r in chosen
+            for rival in r.finding.indistinguishable
+            if r.finding.effect in effects and rival in typical
+        ]
+        if not pairs and verdict == "unexplained":
+            alike = [[typical[n] for n in g if n in typical] for g in groups]
+            pairs = [(group[0], group[1]) for group in alike if len(group) > 1]
+        if not pairs:
+            return None
+        return next_experiment(*pairs[0], state.hysteresis, self.setting.scale)
+
+    def groups(self, state: State) -> tuple[tuple[str, ...], ...]:
+        """Return the classes of effects that the records to fit cannot tell apart."""
+        if self._trouble is not None:
+            return ()
+        present = {e.name for e in state.effects}
+        kinds = {n: k for n, k in self.catalogue.items() if n not in present}
+        effects = typical_effects(kinds, self.setting.scale)
+        found = separability(self.setting.train, state.hysteresis, state.effects, effects)
+        return found.groups(self.noise_um)
+
+    def checks(self) -> tuple[str, ...]:
+        """Return what the tests without a model say."""
+        from rdpi_gym.diagnosis.checks import run_checks
+
+        return tuple(check.sentence for check in run_checks(self.dataset))
+
+    def given_errors(self, given: PlantModel | None) -> Errors | None:
+        """Return the errors of the model as it was given."""
+        if given is None:
+            return None
+        variant = Variant(given.hysteresis, given.effects)
+        fit = JointFit(variant, math.nan, (), {}, 0, True)
+        return assess(self.setting, "", fit).errors
+
+    def views(self, states: Mapping[str, State]) -> tuple[View, ...]:
+        """Return the records with what each model makes of them."""
+        found = []
+        for record in dict.fromkeys((*self.setting.train, *self.setting.validation)):
+            models = {}
+            for label, state in states.items():
+                y = simulate_effects([state.fit.variant], record)[:, 0]
+                counted = record.error_mask
+                models[label] = y + float(np.mean((record.y_um - y)[counted]))
+            shown = (record.t_s, record.u_V, record.y_um, models, counted.astype(np.float64))
+            found.append(View(record.name, record.role, *shown))
+        return tuple(found)
+
+    def on_law(self, state: State, given: PlantModel | None) -> tuple[State, tuple[str, ...]]:
+        """Return the model with the threshold law of Eq. 8 where it costs little, and remarks."""
+        plays = None if given is None else given.hysteresis.n
+        outcome, note = to_threshold_law(self.setting, state.outcome, plays, self.noise_um)
+        return State(outcome), (*self.orientation, note)
+
+    def model(self, state: State, given: PlantModel | None) -> PlantModel:
+        """Return the plant to save."""
+        return plant_of(self.setting, state.outcome, given)
+
+    def _update_noise(self, state: State) -> None:
+        records = (*self.setting.train, *self.setting.validation)
+        residuals = [
+            (r.y_um - simulate_effects([state.fit.variant], r)[:, 0])[r.error_mask] for r in records
+        ]
+        floor, origin = noise_floor(self.dataset.quiet, records, residuals)
+        if not self.noise_um <= floor:
+            self.noise_um, self.noise_origin = floor, origin
+
+
+def _bounds_hit(ranked: Ranked) -> int:
+    return 0 if ranked.outcome.fit is None else len(ranked.outcome.fit.at_bound)
+
+
+def _like_rate(ranked: Ranked) -> Ranked:
+    """Return a candidate that records of one rate cannot tell from δ2: not to be added."""
+    remark = "not to be told from δ2: all rates are alike"
+    finding = replace(ranked.finding, remarks=(*ranked.finding.remarks, remark))
+    return replace(ranked, finding=finding, earned=False, barred=True)

@@ -1,0 +1,155 @@
+"""From the comb of a diagnosis back to the threshold law of Eq. 8, and what that costs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from rdpi_gym.diagnosis.search.candidates import SEARCH_SAMPLES, Outcome, Setting, assess
+from rdpi_gym.identification.jacobian import simulate_effects
+from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.plant import RDPI, PlantModel
+
+# Of the noise's variance and of the error's, what the law may cost and still be kept.
+_COST = 0.1
+_GRID = 24
+_SEARCH_PASSES = 3
+# Of δ1, relative, and the most steps on the way there.
+_RESOLUTION, _REFINEMENTS = 3e-4, 16
+# Most plays of a law where no model says how many, and the share of all weights that one carries.
+_MOST_PLAYS, _LEAST_WEIGHT = 14, 1e-3
+
+
+def to_threshold_law(
+    setting: Setting, outcome: Outcome, given: int | None, noise_um: float
+) -> tuple[Outcome, str]:
+    """Return the refit that a diagnosis ends with, and a sentence on what was decided.
+
+    Parameters
+    ----------
+    setting
+        The data.
+    outcome
+        The refit on the comb.
+    given
+        Plays of the law; None: as many as carry weight.
+    noise_um
+        Noise floor (µm rms).
+
+    Returns
+    -------
+    Outcome
+        With thresholds δ1 i where that costs little, else with those of the comb.
+    str
+        The sentence.
+    """
+    assert outcome.fit is not None
+    found = _best_law(setting, outcome.fit, given or _MOST_PLAYS)
+    law = assess(setting, "", found if given else _without_tail(found))
+    assert law.fit is not None
+    plays = law.fit.variant.hysteresis.n
+    cost = law.mean_square - outcome.mean_square
+    allowed = _COST * (noise_um**2 + outcome.mean_square)
+    before, after = outcome.errors.validation_rmse_um, law.errors.validation_rmse_um
+    if cost <= allowed:
+        return law, (
+            f"thresholds of Eq. 8 with {plays} plays: validation error {after:.4g} µm, "
+            f"{before:.4g} µm on the comb of the diagnosis"
+        )
+    return outcome, (
+        f"the thresholds stay those of the comb ({before:.4g} µm): Eq. 8 with {plays} plays would "
+        f"leave {after:.4g} µm on validation records"
+    )
+
+
+def plant_of(setting: Setting, outcome: Outcome, given: PlantModel | None) -> PlantModel:
+    """Return a refit as a plant to save, without the plays that have no weight.
+
+    Parameters
+    ----------
+    setting
+        The data.
+    outcome
+        The refit.
+    given
+        The model that the diagnosis started from: its name and ranges are kept.
+    """
+    assert outcome.fit is not None
+    fit = _slim(outcome.fit)
+    record = setting.train[0]
+    y = simulate_effects([fit.variant], record)[:, 0]
+    offset = float(np.mean((record.y_um - y)[record.error_mask]))
+    scale = setting.scale
+    span = 1.02 * scale.span_V
+    shown = [r.y_um[r.error_mask] for r in setting.train]
+    low, high = min(map(np.min, shown)), max(map(np.max, shown))
+    return PlantModel(
+        hysteresis=fit.variant.hysteresis,
+        name="discovered" if given is None else given.name,
+        command_range_V=(scale.centre_V - span, scale.centre_V + span)
+        if given is None
+        else given.command_range_V,
+        reference_um=(float(low + high) / 2, 0.45 * float(high - low))
+        if given is None
+        else given.reference_um,
+        offset_um=offset,
+        effects=fit.variant.effects,
+        note="found by a diagnosis of measured records",
+        identification={
+            "train_rmse_um": outcome.errors.train_rmse_um,
+            "validation_rmse_um": outcome.errors.validation_rmse_um,
+            "standard_errors": dict(fit.standard_errors),
+            "at_bound": list(fit.at_bound),
+        },
+    )
+
+
+def _best_law(setting: Setting, fit: JointFit, plays: int) -> JointFit:
+    """Search δ1: a grid, for its optima are many, then Brent's method around the best."""
+    from scipy.optimize import minimize_scalar
+
+    span = setting.scale.span_V
+    a = fit.variant.hysteresis
+    best = fit
+
+    def attempt(log_delta1: float) -> float:
+        nonlocal best
+        start = RDPI.from_law((a.a0, *[a.S / plays] * plays), math.exp(log_delta1), a.delta2_s)
+        trial = fit_joint(
+            setting.train, start, fit.variant.effects, _SEARCH_PASSES, samples=SEARCH_SAMPLES
+        )
+        if best is fit or trial.train_rmse_um < best.train_rmse_um:
+            best = trial
+        return trial.train_rmse_um
+
+    grid = np.linspace(math.log(0.05 * span / plays), math.log(2.0 * span / plays), _GRID)
+    errors = [attempt(float(x)) for x in grid]
+    centre, width = float(grid[int(np.argmin(errors))]), float(grid[1] - grid[0])
+    minimize_scalar(
+        attempt, bounds=(centre - width, centre + width), method="bounded",
+        options={"xatol": _RESOLUTION, "maxiter": _REFINEMENTS},
+    )  # fmt: skip
+    return fit_joint(setting.train, best.variant.hysteresis, best.variant.effects)
+
+
+def _without_tail(fit: JointFit) -> JointFit:
+    """Drop the last plays of a law that carry next to nothing."""
+    h = fit.variant.hysteresis
+    carrying = np.flatnonzero(np.array(h.weights[1:]) > _LEAST_WEIGHT * h.S)
+    n = int(carrying[-1]) + 1 if carrying.size else 1
+    law = RDPI(h.weights[: n + 1], h.thresholds_V[:n], h.delta2_s, h.rate_bandwidth_hz)
+    return replace(fit, variant=replace(fit.variant, hysteresis=law))
+
+
+def _slim(fit: JointFit) -> JointFit:
+    """Drop the plays that have no weight; those of a law belong together."""
+    h = fit.variant.hysteresis
+    if np.allclose(h.thresholds_V, h.thresholds_V[0] * np.arange(1, h.n + 1)):
+        return fit
+    kept = [i for i, a in enumerate(h.weights[1:]) if a > 0] or [0]
+    weights = (h.a0, *(h.weights[1 + i] for i in kept))
+    thresholds = tuple(h.thresholds_V[i] for i in kept)
+    slim = RDPI(weights, thresholds, h.delta2_s, h.rate_bandwidth_hz)
+    return replace(fit, variant=replace(fit.variant, hysteresis=slim))

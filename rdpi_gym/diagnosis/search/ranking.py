@@ -1,0 +1,205 @@
+"""From refits to a ranking: share of the excess, confidence, what cannot be told apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rdpi_gym.diagnosis.results import Finding
+from rdpi_gym.diagnosis.search.candidates import Outcome
+from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.support.arrays import Array
+
+# An effect is earned by this much of the noise's variance, and this share of what exceeds it.
+LEAST_GAIN = 0.05
+# Closer to the noise floor than this share of its variance, no further effect is looked for.
+AT_FLOOR = 0.10
+LEAST_SHARE = 0.10
+# Of the training error's excess, less is no sign of an effect, whatever it does elsewhere.
+LEAST_TRAIN_SHARE = 0.05
+LEAST_CONFIDENCE = 0.8
+# Rivals whose error lies this close (share of the winner's gain, or of the noise) are one class.
+SAME_GAIN = 0.02
+# The same in the end, where the thresholds are found too: only what the noise leaves open.
+SETTLED_GAIN = 0.005
+# A held-out record may lose this share of the gain before the candidate counts as harmful.
+_HARM = 0.5
+_DRAWS = 400
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A candidate with its finding.
+
+    Parameters
+    ----------
+    outcome
+        The refit.
+    finding
+        What is reported.
+    earned
+        Whether it may be added.
+    worth
+        Share of the excess that it takes away from training and from validation records: the
+        smaller of the two.
+    barred
+        Whether these data cannot tell it from the base model, whatever it does to the error.
+    """
+
+    outcome: Outcome
+    finding: Finding
+    earned: bool
+    worth: float = 0.0
+    barred: bool = False
+
+
+def rank(
+    current: Outcome,
+    outcomes: Sequence[Outcome],
+    kinds: Sequence[type[Effect]],
+    noise_um: float,
+    seed: int,
+    same_gain: float | None = None,
+) -> list[Ranked]:
+    """Judge candidates by validation records, best first.
+
+    Parameters
+    ----------
+    current
+        The model without a further effect.
+    outcomes
+        The candidates' refits.
+    kinds
+        Their effects.
+    noise_um
+        Noise floor (µm rms).
+    seed
+        Of the bootstrap over pieces of validation records.
+    same_gain
+        Rivals whose squared error lies this close, as a share of that of the better one, are one
+        class; by default they are compared by what they gain, for the comb of a round is coarse.
+    """
+    variance = noise_um**2
+    excess = max(current.mean_square - variance, 0.0)
+    signatures = {kind.name: kind.signature for kind in kinds}
+    usable = sorted((o for o in outcomes if o.fit is not None), key=lambda o: o.mean_square)
+    rng = np.random.default_rng(seed)
+    ranked = []
+    for outcome in usable:
+        gain = current.mean_square - outcome.mean_square
+        rivals = [o for o in usable if o is not outcome]
+        close = (
+            max(SAME_GAIN * max(gain, 0.0), SAME_GAIN * variance)
+            if same_gain is None
+            else same_gain * min(o.mean_square for o in usable)
+        )
+        same = [o.effect for o in rivals if abs(o.mean_square - outcome.mean_square) <= close]
+        others = [o for o in rivals if o.effect not in same]
+        confidence = _confidence(current, outcome, others, rng)
+        remarks = [f"{name} at its bound" for name in outcome.fit.at_bound] if outcome.fit else []
+        worse = _worse_records(current, outcome, gain, variance)
+        remarks += [f"{name} becomes worse" for name in worse]
+        if outcome.fit and not outcome.fit.converged:
+            remarks.append("the search did not end")
+        share = gain / excess if excess > 0 else 0.0
+        enough = gain > max(LEAST_GAIN * variance, LEAST_SHARE * excess)
+        helps = _beats(current, outcome, rng) >= LEAST_CONFIDENCE
+        train_share = _train_share(current, outcome, variance)
+        helps = helps and train_share >= LEAST_TRAIN_SHARE
+        finding = Finding(
+            effect=outcome.effect,
+            errors=outcome.errors,
+            parameters={},
+            standard_errors={},
+            confidence=confidence,
+            share=share,
+            indistinguishable=tuple(same),
+            evidence=_evidence(current, outcome, share, signatures.get(outcome.effect, "")),
+            remarks=tuple(remarks),
+        )
+        finding = of_effect(finding, outcome.fit, outcome.effect)
+        ranked.append(
+            Ranked(outcome, finding, enough and helps and not worse, min(share, train_share))
+        )
+    failed = [o for o in outcomes if o.fit is None]
+    return ranked + [Ranked(o, _failed(o), False) for o in failed]
+
+
+def _train_share(current: Outcome, outcome: Outcome, variance: float) -> float:
+    before, after = current.errors.train_rmse_um**2, outcome.errors.train_rmse_um**2
+    return (before - after) / max(before - variance, 1e-300)
+
+
+def _beats(loser: Outcome, winner: Outcome, rng: np.random.Generator) -> float:
+    """Share of bootstrap draws of validation pieces in which the winner has the smaller error."""
+    difference = (loser.pieces - winner.pieces).ravel()
+    draws = rng.integers(0, difference.size, (_DRAWS, difference.size))
+    return float(np.mean(difference[draws].mean(axis=1) > 0.0))
+
+
+def _confidence(
+    current: Outcome, outcome: Outcome, others: Sequence[Outcome], rng: np.random.Generator
+) -> float:
+    """Probability of beating the model without it and every rival outside its class."""
+    return min([_beats(o, outcome, rng) for o in (current, *others)])
+
+
+def _worse_records(current: Outcome, outcome: Outcome, gain: float, variance: float) -> list[str]:
+    before: Array = current.pieces.mean(axis=1)
+    after: Array = outcome.pieces.mean(axis=1)
+    names = list(outcome.errors.by_record_um)[-len(after) :]
+    allowed = _HARM * max(gain, 0.0) + 0.25 * variance
+    return [name for name, b, a in zip(names, before, after, strict=True) if a - b > allowed]
+
+
+def of_effect(finding: Finding, fit: JointFit | None, name: str) -> Finding:
+    """Return a finding as that of an effect in a refit: its parameters and their errors.
+
+    Parameters
+    ----------
+    finding
+        What is known of it otherwise.
+    fit
+        The refit; None leaves the finding without parameters.
+    name
+        The effect.
+    """
+    if fit is None:
+        return finding
+    effect = {e.name: e for e in fit.variant.effects}[name]
+    own = f"{name}."
+    found = fit.standard_errors.items()
+    errors = {key.removeprefix(own): e for key, e in found if key.startswith(own)}
+    return replace(finding, effect=name, parameters=effect.values, standard_errors=errors)
+
+
+def _evidence(current: Outcome, outcome: Outcome, share: float, signature: str) -> str:
+    before, after = current.errors, outcome.errors
+    falls = {
+        name: before.by_record_um[name] - after.by_record_um[name] for name in after.by_record_um
+    }
+    most = max(falls, key=lambda name: falls[name])
+    return (
+        f"With {outcome.effect} refitted the validation error goes from "
+        f"{before.validation_rmse_um:.4g} to {after.validation_rmse_um:.4g} µm "
+        f"({100 * share:.0f} % of the excess over the noise), most on {most} "
+        f"({before.by_record_um[most]:.4g} to {after.by_record_um[most]:.4g} µm). {signature}"
+    )
+
+
+def _failed(outcome: Outcome) -> Finding:
+    return Finding(
+        outcome.effect,
+        outcome.errors,
+        {},
+        {},
+        0.0,
+        -math.inf,
+        (),
+        outcome.remark,
+        (outcome.remark,),
+    )

@@ -1,0 +1,187 @@
+"""What data can tell apart at all: the directions that effects leave beside the base model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rdpi_gym.identification.jacobian import Variant, jacobian_rows, simulate_effects
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
+from rdpi_gym.signals.experiments import Experiment, standard_protocol
+from rdpi_gym.support.arrays import Array
+
+# Above this cosine two effects are one class on the data.
+ALIKE = 0.95
+RATE = "rate-dependent threshold (δ2)"
+
+
+@dataclass(frozen=True)
+class Separability:
+    """Directions of effects after the weights and offsets have taken what they can.
+
+    Parameters
+    ----------
+    names
+        Effects, and the rate-dependent threshold.
+    cosines : float64[E, E]
+        Between the directions; 1 is the same.
+    visible_um : float64[E]
+        Size (µm rms) of what is left of each.
+    """
+
+    names: tuple[str, ...]
+    cosines: Array
+    visible_um: Array
+
+    def alike(self, name: str, limit: float = ALIKE) -> tuple[str, ...]:
+        """Return what cannot be told from an effect at a cosine, itself left out."""
+        row = np.abs(self.cosines[self.names.index(name)])
+        return tuple(n for n, c in zip(self.names, row, strict=True) if c > limit and n != name)
+
+    def groups(self, noise_um: float) -> tuple[tuple[str, ...], ...]:
+        """Return the classes of effects that leave a trace but not one of their own.
+
+        Parameters
+        ----------
+        noise_um
+            Noise floor (µm rms); a ten-thousandth of it is rounding and no trace.
+        """
+        seen = [n for n, s in zip(self.names, self.visible_um, strict=True) if s > 1e-4 * noise_um]
+        found: list[tuple[str, ...]] = []
+        for name in seen:
+            if any(name in group for group in found):
+                continue
+            group = (name, *(other for other in self.alike(name) if other in seen))
+            if len(group) > 1:
+                found.append(group)
+        return tuple(found)
+
+    def cosine(self, first: str, second: str) -> float:
+        """Return the size of the cosine between two effects."""
+        return float(abs(self.cosines[self.names.index(first), self.names.index(second)]))
+
+
+def separability(
+    records: Sequence[Record],
+    hysteresis: RDPI,
+    present: Sequence[Effect],
+    effects: Mapping[str, Effect],
+) -> Separability:
+    """Return the angles between effects, as far as the base model does not absorb them.
+
+    Parameters
+    ----------
+    records
+        Where they would have to show; displacements are not read.
+    hysteresis, present
+        The fitted model.
+    effects
+        Effects at the size that is asked for.
+    """
+    names = (*effects, RATE)
+    bare = replace(hysteresis, delta2_s=0.0)
+    base = Variant(bare, tuple(present))
+    weights, size = len(hysteresis.weights), len(hysteresis.weights) + len(names)
+    gram, samples = np.zeros((size, size)), 0
+    rated = Variant(replace(bare, delta2_s=_typical_delta2(hysteresis, records)), base.effects)
+    for record in records:
+        counted = np.flatnonzero(record.error_mask)
+        columns = jacobian_rows(base, [], np.zeros(0), 0.1 * hysteresis.A, record, counted)[:, :-1]
+        still = simulate_effects([base], record)[:, 0]
+        moved = [_with(rated if e.slot == "rate" else base, e) for e in effects.values()]
+        directions = [simulate_effects([v], record)[:, 0] - still for v in (*moved, rated)]
+        rows = np.column_stack([columns, *(d[counted] for d in directions)])
+        rows -= rows.mean(axis=0)
+        gram += rows.T @ rows
+        samples += len(rows)
+    return _angles(gram, weights, names, samples)
+
+
+def typical_effects(catalogue: Mapping[str, type[Effect]], scale: DataScale) -> dict[str, Effect]:
+    """Return every effect at the upper end of its typical range, scaled to the data.
+
+    Parameters
+    ----------
+    catalogue
+        Effects by name; those of the initial memory are no direction and left out.
+    scale
+        Size of the data.
+    """
+    found: dict[str, Effect] = {}
+    for name, kind in catalogue.items():
+        start = kind.starts(scale)[0]
+        sizes = {p.name: p.typical[1] for p in kind.parameters if p.neutral == 0.0}
+        if kind.slot != "memory":
+            found[name] = start.with_values(sizes)
+    return found
+
+
+def _with(base: Variant, effect: Effect) -> Variant:
+    others = [e for e in base.effects if e.name != effect.name]
+    return replace(base, effects=in_chain_order([*others, effect]))
+
+
+def _typical_delta2(hysteresis: RDPI, records: Sequence[Record]) -> float:
+    fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
+    return hysteresis.delta2_s or 0.1 * hysteresis.thresholds_V[-1] / fastest
+
+
+def _angles(gram: Array, weights: int, names: tuple[str, ...], samples: int) -> Separability:
+    inner = gram[:weights, :weights]
+    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    inverse = np.linalg.pinv(inner / np.outer(scale, scale), rcond=1e-9, hermitian=True)
+    cross = gram[:weights, weights:] / scale[:, None]
+    left = gram[weights:, weights:] - cross.T @ inverse @ cross
+    size = np.sqrt(np.maximum(np.diag(left), 0.0))
+    norm = np.maximum(size, 1e-12)
+    return Separability(names, left / np.outer(norm, norm), size / np.sqrt(max(samples, 1)))
+
+
+def next_experiment(
+    first: Effect,
+    second: Effect,
+    hysteresis: RDPI,
+    scale: DataScale,
+) -> str | None:
+    """Name the experiment of the standard protocol that tells two effects apart best.
+
+    Parameters
+    ----------
+    first, second
+        The effects at their fitted sizes.
+    hysteresis
+        The fitted model.
+    scale
+        Size of the data: the experiments use its range of commands.
+
+    Returns
+    -------
+    str or None
+        A sentence; None where no experiment shows a difference.
+    """
+    best: tuple[float, Experiment] | None = None
+    threshold = hysteresis.thresholds_V[0]
+    for experiment in standard_protocol(
+        scale.centre_V, scale.span_V, max(threshold, 0.02 * scale.span_V)
+    ):
+        if experiment.role == "validation" or experiment.name in ("quiet", "triangle-slow-again"):
+            continue
+        u = experiment.command_V()
+        record = Record(experiment.name, experiment.times_s(), u, u, experiment.ts_s)
+        found = separability([record], hysteresis, (), {first.name: first, second.name: second})
+        apart = np.sqrt(max(1.0 - found.cosine(first.name, second.name) ** 2, 0.0))
+        seen = apart * float(np.min(found.visible_um[:2]))
+        if best is None or seen > best[0]:
+            best = (seen, experiment)
+    if best is None or best[0] <= 0.0:
+        return None
+    chosen = best[1]
+    return (
+        f"Record other frequencies and amplitudes: of the standard protocol, {chosen.name} "
+        f"({chosen.purpose}; {chosen.duration_s:g} s at {1 / chosen.ts_s:g} samples a second) tells "
+        f"{first.name} from {second.name} best."
+    )

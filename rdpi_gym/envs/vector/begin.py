@@ -1,0 +1,247 @@
+"""How lanes begin their episodes: what is drawn, the plant at rest, the first sample."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.envs.truth import EFFECT_LEVELS
+from rdpi_gym.envs.vector.kernels import add_offsets, encode, read_sensors, report
+from rdpi_gym.envs.vector.lanes import (
+    AMPLITUDE,
+    BEGUN,
+    CENTRE,
+    COMMAND,
+    HELD,
+    MEASURED,
+    NEVER,
+    NOISE,
+    OFFSET,
+    OMEGA,
+    PHASE,
+    RESOLUTION,
+    RISE,
+    Integers,
+    Lanes,
+    Law,
+    Shown,
+    Sources,
+)
+from rdpi_gym.envs.vector.random import (
+    Words,
+    draw_reference,
+    next_seed,
+    next_uniform,
+    seed_generator,
+)
+from rdpi_gym.envs.vector.sines import sample_references
+from rdpi_gym.support.arrays import Array
+
+
+class Column(NamedTuple):
+    """A plant as the lanes hold it."""
+
+    p: Array  # float64[P]: as rdpi_gym.plant.packing packs it
+    gaps_V: Array  # float64[n]: between neighbouring thresholds
+    stage_p: Array  # float64[P']
+    extremum_V: float  # command at which it turned before the episode; NaN: none
+    offset_um: float  # behind its effects
+    noise_um: float
+    resolution_um: float
+
+
+class Drawn(NamedTuple):
+    """What m episodes draw."""
+
+    factors: Array  # float64[m, 2n + 2]: of weights, gaps and δ2; empty without randomisation
+    levels: Integers  # int64[m, L]: of the effects' parameters; empty without randomisation
+    choice: Integers  # int64[m]: of the references
+    position: Array  # float64[m]: between the lowest and the highest frequency
+    signal_seed: Integers  # int64[m]
+    noise_seed: Words  # uint64[m]
+
+
+# Columns of a table of references that may be drawn.
+FREQUENCY = 0  # Hz; NaN: drawn
+SINE_PHASE = 1  # NaN: not a sine, its samples stand in a table
+SINE_AMPLITUDE = 2
+SINE_CENTRE = 3
+SINE_RISE = 4
+CHOICE = 5
+
+
+@njit(cache=True)
+def seed_generators(seeds: Words, indices: Integers, generators: Words) -> None:
+    """Begin the generators of some lanes anew, each from its own seed."""
+    for j in range(len(indices)):
+        seed_generator(seeds[j], generators[indices[j]])
+
+
+@njit(cache=True)
+def draw_episodes(
+    generators: Words, indices: Integers, choices: int, half_width: float, drawn: Drawn
+) -> None:
+    """Draw what the single environment draws at a reset, for some lanes.
+
+    Parameters
+    ----------
+    generators : uint64[B, 4]
+        Of all lanes; those at `indices` move on.
+    indices : int64[m]
+        Lanes.
+    choices
+        Number of references.
+    half_width
+        Of the factors.
+    drawn
+        Filled.
+    """
+    rng = np.empty(4, dtype=np.uint64)
+    low, high = 1.0 - half_width, 1.0 + half_width
+    for j in range(len(indices)):
+        plant_seed = next_seed(generators[indices[j]])
+        reference_seed = next_seed(generators[indices[j]])
+        drawn.noise_seed[j] = next_seed(generators[indices[j]])
+        if drawn.factors.shape[1] + drawn.levels.shape[1] > 0:
+            seed_generator(plant_seed, rng)
+            for i in range(drawn.factors.shape[1]):
+                drawn.factors[j, i] = low + (high - low) * next_uniform(rng)
+            for i in range(drawn.levels.shape[1]):
+                drawn.levels[j, i] = int(next_uniform(rng) * EFFECT_LEVELS)
+        seed_generator(reference_seed, rng)
+        drawn.choice[j], drawn.position[j], drawn.signal_seed[j] = draw_reference(rng, choices)
+
+
+@njit(cache=True)
+def place_plants(step: int, rest_V: float, column: Column, drawn: Drawn, fresh: Lanes) -> None:
+    """Put plants, at rest and without memory, into a block of lanes that begin at a step."""
+    n = len(column.gaps_V)
+    p, state, numbers = fresh.p[0], fresh.state[0], fresh.numbers[0]
+    for row in range(len(p)):
+        p[row] = column.p[row]
+    for row in range(len(column.stage_p)):
+        fresh.stage_p[0, row] = column.stage_p[row]
+    fresh.stage_state[:] = np.nan
+    for b in range(state.shape[1]):
+        state[0, b], state[1, b] = rest_V, 0.0
+        numbers[BEGUN, b] = step if b < len(drawn.choice) else NEVER
+        numbers[COMMAND, b] = numbers[HELD, b] = rest_V
+        numbers[OFFSET, b] = column.offset_um
+        numbers[NOISE, b] = column.noise_um
+        numbers[RESOLUTION, b] = column.resolution_um
+    if drawn.factors.shape[1] == 0:
+        return
+    for b in range(len(drawn.choice)):
+        factors = drawn.factors[b]
+        threshold = 0.0
+        p[0, b] *= factors[0]
+        for i in range(n):
+            p[1 + i, b] *= factors[1 + i]
+            threshold += column.gaps_V[i] * factors[n + 1 + i]
+            p[n + 1 + i, b] = threshold
+        p[2 * n + 1, b] *= factors[2 * n + 1]
+
+
+@njit(cache=True)
+def place_sines(low_hz: float, high_hz: float, table: Array, drawn: Drawn, fresh: Lanes) -> None:
+    """Put the references of a block of lanes that begin: sines, and NaN where a table is read."""
+    numbers = fresh.numbers[0]
+    for b in range(len(drawn.choice)):
+        choice = table[min(drawn.choice[b], len(table) - 1)]
+        frequency = choice[FREQUENCY]
+        if np.isnan(frequency):
+            frequency = low_hz
+            if low_hz < high_hz:
+                frequency = low_hz * (high_hz / low_hz) ** drawn.position[b]
+        sine = not np.isnan(choice[SINE_PHASE])
+        numbers[OMEGA, b] = 2.0 * np.pi * frequency if sine else np.nan
+        numbers[PHASE, b] = choice[SINE_PHASE] if sine else 0.0
+        numbers[AMPLITUDE, b] = choice[SINE_AMPLITUDE]
+        numbers[CENTRE, b] = choice[SINE_CENTRE]
+        numbers[RISE, b] = choice[SINE_RISE]
+
+
+@njit(cache=True)
+def settle(rest_V: float, extrema_V: Array, fresh: Lanes, u: Array) -> None:
+    """Set the play states that a rest at `rest_V` leaves of earlier extrema (V), and the command.
+
+    Parameters
+    ----------
+    rest_V
+        Command (V).
+    extrema_V : float64[m]
+        Command at which each lane turned last; NaN: it never moved.
+    fresh
+        One block.
+    u : float64[W]
+        Filled with the command (V).
+    """
+    p, state = fresh.p[0], fresh.state[0]
+    n = len(state) - 2
+    for b in range(len(u)):
+        u[b] = rest_V
+        for i in range(n):
+            r, x = p[n + 1 + i, b], 0.0
+            if b < len(extrema_V) and not np.isnan(extrema_V[b]):
+                x = max(extrema_V[b] - r, min(extrema_V[b] + r, x))
+            state[2 + i, b] = max(rest_V - r, min(rest_V + r, x))
+
+
+@njit(cache=True)
+def show_first(
+    step: int,
+    row: int,
+    fresh: Lanes,
+    sources: Sources,
+    law: Law,
+    work: Array,
+    out: Shown,
+) -> None:
+    """Write what the first sample of a block shows; displacements (µm) stand in a row of `work`.
+
+    Parameters
+    ----------
+    step
+        Of the environment.
+    row
+        Of `work`.
+    fresh
+        One block; its references are filled.
+    sources, law
+        As for a step; tables and noise of these lanes only.
+    work : float64[WORK, W]
+        Written over.
+    out
+        Observations and info of m lanes are filled.
+    """
+    numbers, window_um, info, observation = (
+        fresh.numbers,
+        fresh.window_um,
+        out.info,
+        out.observation,
+    )
+    lanes, rows = info.shape[1], window_um.shape[1]
+    size = rows + 2
+    if len(sources.stages):
+        add_offsets(0, row, numbers, work)
+    measured = row
+    if law.sensed:
+        read_sensors(0, step, row, numbers, sources.noise, work)
+        measured = MEASURED
+    middle, per_half = 0.5 * (law.low_V + law.high_V), 2.0 / (law.high_V - law.low_V)
+    for b in range(lanes):
+        last = (b + 1) * size - 1
+        observation[last - 1] = encode(work[measured, b], law.centre_um, law.per_scale)
+        observation[last] = encode(numbers[0, COMMAND, b], middle, per_half)
+    for j in range(rows):
+        ring = (step + j) % rows
+        sample_references(
+            0, step + j, True, law.ts_s, numbers, sources.rises, sources.references_um,
+            window_um[0, ring],
+        )  # fmt: skip
+        for b in range(lanes):
+            shown = encode(window_um[0, ring, b], law.centre_um, law.per_scale)
+            observation[b * size + j] = shown
+    report(0, row, step % rows, work, numbers, window_um, info)

@@ -1,0 +1,83 @@
+"""What lanes do with actions: commands within the range, and what the converter holds of them."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from rdpi_gym.envs.vector.lanes import BEGUN, CHANGE, COMMAND, HELD, SATURATED, Law
+from rdpi_gym.support.arrays import Array
+
+
+@njit(cache=True)
+def _place_commands(n: int, actions: Array, law: Law, work: Array, numbers: Array) -> None:
+    low, high = law.low_V, law.high_V
+    span, own = high - low, actions[n * work.shape[1] : (n + 1) * work.shape[1]]
+    for b in range(len(own)):
+        place = own[b]
+        within = place if place < 1.0 else 1.0
+        within = within if within > -1.0 else -1.0
+        u = low + 0.5 * (within + 1.0) * span
+        u = u if u < high else high
+        work[CHANGE, b] = abs(u - numbers[n, COMMAND, b])
+        numbers[n, COMMAND, b] = u
+        numbers[n, SATURATED, b] += 0.0 if within == place else 1.0
+
+
+@njit(cache=True)
+def _add_commands(
+    n: int, actions: Array, base_V: Array, law: Law, work: Array, numbers: Array
+) -> None:
+    first, low, high, scale_V = n * work.shape[1], law.low_V, law.high_V, law.action_scale_V
+    corrects = len(base_V) > 0
+    for b in range(min(work.shape[1], len(actions) - first)):
+        place = actions[first + b]
+        within = place if place < 1.0 else 1.0
+        within = within if within > -1.0 else -1.0
+        last = numbers[n, COMMAND, b]
+        base = base_V[first + b] if corrects else last
+        wanted = base + within * scale_V
+        u = wanted if wanted > low else low
+        u = u if u < high else high
+        work[CHANGE, b] = abs(u - last)
+        numbers[n, COMMAND, b] = u
+        numbers[n, SATURATED, b] += 0.0 if within == place and u == wanted else 1.0
+
+
+@njit(cache=True)
+def _convert(n: int, step: int, hold: int, work: Array, numbers: Array) -> None:
+    if hold == 1:
+        for b in range(work.shape[1]):
+            work[0, b] = numbers[n, COMMAND, b]
+        return
+    for b in range(work.shape[1]):
+        if (step - int(numbers[n, BEGUN, b])) % hold == 0:
+            numbers[n, HELD, b] = numbers[n, COMMAND, b]
+        work[0, b] = numbers[n, HELD, b]
+
+
+@njit(cache=True)
+def command_block(
+    n: int, step: int, actions: Array, base_V: Array, law: Law, work: Array, numbers: Array
+) -> None:
+    """Read the actions of a block: row 0 of `work` gets what drives its plants (V).
+
+    Parameters
+    ----------
+    n, step
+        Number of the block, and step of the environment that these actions lead to.
+    actions : float64[B]
+        Actions, finite.
+    base_V : float64[B]
+        Commands (V) that are corrected; empty where actions are places or increments.
+    law
+        Numbers of the task.
+    work : float64[WORK, W]
+        Written over.
+    numbers : float64[N, NUMBERS, W]
+        Of :class:`rdpi_gym.envs.vector.lanes.Lanes`; commands and counts of clipped steps change.
+    """
+    if law.places:
+        _place_commands(n, actions, law, work, numbers)
+    else:
+        _add_commands(n, actions, base_V, law, work, numbers)
+    _convert(n, step, law.hold, work, numbers)

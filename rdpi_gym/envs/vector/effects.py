@@ -1,0 +1,199 @@
+"""The effects of many lanes: the table of their stages, and the parameters of each lane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import Any, cast
+
+import numpy as np
+
+from rdpi_gym.envs.truth import EFFECT_LEVELS, drawn_parameters, effect_at
+from rdpi_gym.envs.vector.chain import KERNELS, Table
+from rdpi_gym.envs.vector.lanes import Integers, Lanes
+from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant.cores.play import given_rate_block, rate_block
+from rdpi_gym.plant.effects import Effect
+from rdpi_gym.plant.effects.base import SLOTS
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+
+class _Watched:
+    """A plant's RDPI parameters that notices whether they are read."""
+
+    def __init__(self, hysteresis: RDPI) -> None:
+        self._hysteresis, self.read = hysteresis, False
+
+    def __getattr__(self, name: str) -> Any:
+        self.read = True
+        return getattr(self._hysteresis, name)
+
+
+class EffectStages:
+    """The stages of a plant's effects, and what follows from the parameters of each lane.
+
+    Parameters
+    ----------
+    model
+        The nominal plant.
+    ts_s
+        Sampling time (s).
+    half_width
+        Relative half-width of the effects' parameters.
+
+    Attributes
+    ----------
+    table : int64[n, 6]
+        As :data:`rdpi_gym.envs.vector.chain.Table`.
+    rows : tuple of int
+        Rows of the parameters and of the states of all stages.
+    compiled : bool
+        Whether every kernel is one of the catalogue, so that steps need not return to Python.
+    reads_hysteresis : bool
+        Whether a stage's parameters follow from the RDPI parameters too.
+    """
+
+    def __init__(self, model: PlantModel, ts_s: float, half_width: float) -> None:
+        self._ts_s, self._half_width = ts_s, half_width
+        self._effects = model.effects
+        self._stages = [i for i, e in enumerate(model.effects) if e.slot != "memory"]
+        self._counts = [len(drawn_parameters(effect)) for effect in model.effects]
+        self._at: dict[tuple[int, ...], tuple[Effect, list[float]]] = {}
+        self._reading = set()
+        rows, p_row, state_row = [], 0, 0
+        for i in self._stages:
+            effect = model.effects[i]
+            watched = _Watched(model.hysteresis)
+            size = len(effect.coefficients(ts_s, cast(RDPI, watched)))
+            if watched.read:
+                self._reading.add(i)
+            states = self._state_rows(effect)
+            block = type(effect).block
+            kernel = KERNELS.index(block) if block in KERNELS else -1
+            ends = (p_row, p_row + size, state_row, state_row + states)
+            rows.append((kernel, SLOTS.index(effect.slot), *ends))
+            p_row, state_row = p_row + size, state_row + states
+        self.table: Table = np.array(rows, dtype=np.int64).reshape(-1, 6)
+        self.rows = (p_row, state_row)
+        self.compiled = all(row[0] >= 0 for row in rows)
+        self.reads_hysteresis = bool(self._reading)
+        self.levels = sum(self._counts) if half_width > 0.0 else 0
+
+    def column(self, model: PlantModel) -> Array:
+        """Return the stages' parameters of a plant with the same effects, float64[P'].
+
+        Raises
+        ------
+        InputError
+            It has other effects, or a delay longer than the lanes can hold.
+        """
+        names = [[effect.name for effect in effects] for effects in (model.effects, self._effects)]
+        if names[0] != names[1]:
+            has, needs = (", ".join(each) or "no effects" for each in names)
+            raise InputError(
+                f"plant {model.name} has {has}, and the lanes of this environment have {needs}; "
+                "make an environment of that plant instead"
+            )
+        for i, row in zip(self._stages, self.table.tolist(), strict=True):
+            if model.effects[i].state_rows(self._ts_s) > row[5] - row[4]:
+                raise InputError(
+                    f"{model.effects[i].name} of plant {model.name} needs a longer memory than the lanes "
+                    "of this environment have; make an environment of that plant instead"
+                )
+        return self._packed([model.effects[i] for i in self._stages], model.hysteresis)
+
+    def draw(
+        self, levels: Integers, fresh: Lanes, bandwidth_hz: float | None, extrema_V: Array
+    ) -> Array:
+        """Put the parameters at the levels that lanes have drawn into a block that begins.
+
+        Parameters
+        ----------
+        levels : int64[m, L]
+            Levels of all drawn parameters; L = 0: the effects stay as they are.
+        fresh
+            One block, whose RDPI parameters stand.
+        bandwidth_hz
+            Cut-off of the rate (Hz) in these plants.
+        extrema_V : float64[m]
+            Command at which the plant turned before its episodes.
+
+        Returns
+        -------
+        float64[m]
+            The same in these lanes.
+        """
+        for lane, at in enumerate(levels.tolist()):
+            hysteresis = _hysteresis(fresh, lane, bandwidth_hz) if self._reading else None
+            effects, columns = self._at_levels(at)
+            for i, (first, end) in zip(self._stages, self.table[:, 2:4].tolist(), strict=True):
+                column = columns[i]
+                if i in self._reading and hysteresis is not None:
+                    column = effects[i].coefficients(self._ts_s, hysteresis)
+                fresh.stage_p[0, first:end, lane] = column
+            for effect in effects:
+                if effect.slot == "memory":
+                    extrema_V[lane] = effect.values["extremum_V"]
+        return extrema_V
+
+    def run(self, lanes: Lanes, n: int, work: Array) -> int:
+        """Advance block `n` as :func:`rdpi_gym.envs.vector.chain.run_chain`, any kernel, from Python."""
+        p, state = lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n]
+        stage_p = lanes.stage_p[min(n, len(lanes.stage_p) - 1)]
+        u, v, y, ts = 0, 2, 4, self._ts_s
+
+        def through(slots: tuple[str, ...], x: int, turn: int) -> int:
+            for i, row in zip(self._stages, self.table.tolist(), strict=True):
+                effect = self._effects[i]
+                if effect.slot in slots:
+                    command = x if effect.slot == "input" else u
+                    type(effect).block(
+                        work[x : x + 1], work[command : command + 1], stage_p[row[2] : row[3]],
+                        lanes.stage_state[n, row[4] : row[5]], ts, work[turn - x : turn - x + 1],
+                    )  # fmt: skip
+                    x = turn - x
+            return x
+
+        u = through(("input",), u, 1)
+        rate_block(work[u : u + 1], p, state, ts, work[v : v + 1])
+        v = through(("rate",), v, 5)
+        given_rate_block(work[u : u + 1], work[v : v + 1], p, state, work[y : y + 1])
+        return through(("hysteresis", "output"), y, 9)
+
+    def _at_levels(self, levels: Sequence[int]) -> tuple[list[Effect], list[list[float]]]:
+        effects, columns, begin = [], [], 0
+        for i, count in enumerate(self._counts):
+            own = tuple(levels[begin : begin + count])
+            begin += count if own else 0
+            if (i, *own) not in self._at:
+                effect = self._effects[i]
+                if own:
+                    effect = effect_at(effect, own, self._half_width)
+                column = [] if i in self._reading else self._coefficients(effect)
+                self._at[(i, *own)] = effect, column
+            effect, column = self._at[(i, *own)]
+            effects.append(effect)
+            columns.append(column)
+        return effects, columns
+
+    def _coefficients(self, effect: Effect) -> list[float]:
+        return effect.coefficients(self._ts_s, RDPI((1.0,), (), 0.0))
+
+    def _packed(self, effects: Sequence[Effect], hysteresis: RDPI) -> Array:
+        columns = [effect.coefficients(self._ts_s, hysteresis) for effect in effects]
+        return np.array([value for column in columns for value in column], dtype=np.float64)
+
+    def _state_rows(self, effect: Effect) -> int:
+        """Rows of the largest state among an effect's levels."""
+        ends = [(0, EFFECT_LEVELS // 2, EFFECT_LEVELS - 1)] * len(drawn_parameters(effect))
+        each = [effect_at(effect, levels, self._half_width) for levels in product(*ends)]
+        return max(one.state_rows(self._ts_s) for one in each)
+
+
+def _hysteresis(fresh: Lanes, lane: int, bandwidth_hz: float | None) -> RDPI:
+    column = fresh.p[0, :, lane].tolist()
+    n = (len(column) - 4) // 2
+    return RDPI(
+        tuple(column[: n + 1]), tuple(column[n + 1 : 2 * n + 1]), column[2 * n + 1], bandwidth_hz
+    )

@@ -1,0 +1,306 @@
+"""The vector environment: thousands of piezo stages that follow references, in one process."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv, check_options
+from rdpi_gym.envs.vector.input import (
+    checked_actions,
+    checked_count,
+    checked_mask,
+    checked_mode,
+    checked_seeds,
+)
+from rdpi_gym.envs.vector.lanes import Flags, Floats32, Integers
+from rdpi_gym.envs.vector.random import Words
+from rdpi_gym.envs.vector.space import UnitBoxes
+from rdpi_gym.envs.vector.task import VectorTask
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
+
+if TYPE_CHECKING:
+    from rdpi_gym.envs.rendering import LiveFigure
+
+_INFO = ("displacement_um", "reference_um", "error_um", "command_V", "saturated")
+_KEYS = (*_INFO, *(f"_{key}" for key in _INFO))
+
+
+class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
+    """Thousands of :class:`PiezoTrackingEnv` side by side, each with its own plant and reference.
+
+    ## Description
+    The vector twin of `rdpi_gym.envs.PiezoTrackingEnv`, which describes the task: lane i seeded
+    with s is that environment reset with seed s, step by step and over episodes, to rounding.
+    Plants, references, noise and effects are drawn for each lane from a generator of its own.
+    It is the `vector_entry_point` of the registered environment:
+
+    ```python
+    import gymnasium as gym
+    import rdpi_gym
+
+    envs = gym.make_vec("rdpi_gym/PiezoTracking-v0", num_envs=4096, randomise=0.1)
+    ```
+
+    ## Spaces
+    Batches of the single environment's: actions `(num_envs, 1)`, observations
+    `(num_envs, preview + 3)`, float32; rewards are float64. Every array that is returned is the
+    caller's own.
+
+    ## Autoreset
+    An episode is truncated after `max_episode_steps`; nothing terminates it.
+
+    | `autoreset_mode` | a lane whose episode has ended |
+    |---|---|
+    | `AutoresetMode.NEXT_STEP` | begins the next one in the following step: its action is not used, its reward is 0 |
+    | `AutoresetMode.SAME_STEP` | begins the next one in the same step; `info["final_obs"]` and `info["final_info"]` hold the end |
+    | `AutoresetMode.DISABLED` | waits for `reset(options={"reset_mask": mask})` |
+
+    `info` holds the single environment's keys, float64 of `num_envs`, each with a mask `_key`.
+
+    ## Arguments
+    All keywords of `PiezoTrackingEnv`, and
+
+    | keyword | default | meaning |
+    |---|---|---|
+    | `num_envs` | `1` | number of lanes |
+    | `max_episode_steps` | `2000` | steps of an episode; `None`: it never ends |
+    | `autoreset_mode` | `NEXT_STEP` | member of `gymnasium.vector.AutoresetMode`, or its value |
+    | `threads` | `None` | largest number of threads; `None`: one for every 2048 lanes, at most numba's (`NUMBA_NUM_THREADS`, the cores). What a lane does is the same for any number |
+    | `render_mode` | `None` | `"rgb_array"`: a frame for each lane |
+
+    A reset's `seed` is a number (lane i takes seed + i) or one for each lane; its `options` are the
+    single environment's, for all lanes that it resets, and `reset_mask`. A `plant` there has as
+    many play operators, and the same effects and converter, as that of the environment.
+
+    Raises
+    ------
+    InputError
+        A keyword has a value that no environment can be made of; the line names it.
+
+    Attributes
+    ----------
+    single : PiezoTrackingEnv
+        An environment of the same options, never stepped.
+    task : VectorTask
+        The lanes, without the rules of autoreset.
+
+    Examples
+    --------
+    >>> envs = PiezoTrackingVectorEnv(num_envs=3, plant="P5", preview=2)
+    >>> observation, info = envs.reset(seed=0)
+    >>> observation.shape, info["displacement_um"].tolist()
+    ((3, 5), [0.0, 0.0, 0.0])
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012  # the base class declares it so
+        "render_modes": ["rgb_array"],
+        "render_fps": 50,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int | None = 2000,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int | None = None,
+        render_mode: str | None = None,
+        **options: Any,
+    ) -> None:
+        self.num_envs = checked_count("num_envs", num_envs, "lanes")
+        if max_episode_steps is not None:
+            max_episode_steps = checked_count("max_episode_steps", max_episode_steps, "steps")
+        if threads is not None:
+            threads = checked_count("threads", threads, "threads")
+        self._mode = checked_mode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self._mode}
+        # It makes and checks what the lanes draw; it is never stepped.
+        self.single = PiezoTrackingEnv(render_mode=render_mode, **options)
+        self.render_mode = render_mode
+        self.single_observation_space = self.single.observation_space
+        self.single_action_space = self.single.action_space
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = UnitBoxes(self.num_envs)
+        self.task = VectorTask(self.single, self.num_envs, max_episode_steps, threads)
+        self._seeded: Flags = np.zeros(self.num_envs, dtype=bool)
+        self._begun = False
+        self._over: Integers = np.empty(0, dtype=np.int64)
+        self._figures: list[LiveFigure] = []
+
+    @property
+    def layout(self) -> ObservationLayout:
+        """What an observation shows, and where."""
+        return self.single.layout
+
+    @property
+    def nominal(self) -> PlantModel:
+        """The plant about which those of the lanes are drawn."""
+        return self.single.nominal
+
+    @property
+    def belief(self) -> PlantModel:
+        """What a baseline believes of the plants."""
+        return self.single.belief
+
+    @property
+    def threads(self) -> int:
+        """Number of threads that share a step."""
+        return self.task.threads
+
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats32, dict[str, Any]]:
+        """Begin episodes in all lanes, or in those of ``options["reset_mask"]``.
+
+        Parameters
+        ----------
+        seed
+            A number s: lane i is seeded with s + i; or one for each lane, None to leave it.
+        options
+            As the class says.
+
+        Returns
+        -------
+        observation : float32[B, D]
+            Of all lanes; those that are not reset show what they showed last.
+        info : dict
+            Of the lanes that are reset; zeros, and false in the masks, elsewhere.
+
+        Raises
+        ------
+        InputError
+            A bad seed, mask or option.
+        gymnasium.error.ResetNeeded
+            A mask, and there was no reset of all lanes yet.
+        """
+        chosen = dict(options or {})
+        mask = chosen.pop("reset_mask", None)
+        check_options(chosen)
+        seeds = checked_seeds(seed, self.num_envs)
+        lanes = np.arange(self.num_envs)
+        if mask is not None:
+            lanes = np.flatnonzero(checked_mask(mask, self.num_envs))
+            if not self._begun:
+                raise ResetNeeded("call reset() for all lanes before reset with a reset_mask")
+        super().reset(seed=seeds[0])
+        self._seed(seeds, lanes)
+        observation, shown = self.task.begin(lanes, chosen)
+        self._begun = True
+        self._over = np.setdiff1d(self._over, lanes)
+        rows = np.zeros((len(_INFO), self.num_envs))
+        rows[:, lanes] = shown
+        self._record(rows, lanes, lanes)
+        begun = np.zeros(self.num_envs, dtype=bool)
+        begun[lanes] = True
+        return (observation if mask is None else self.task.observations()), _infos(rows, begun)
+
+    def step(self, actions: NDArray[Any]) -> tuple[Floats32, Array, Flags, Flags, dict[str, Any]]:
+        """Set the next command of every lane; the class says what is returned.
+
+        Raises
+        ------
+        InputError
+            Actions of another shape, or one that is not finite; no lane has moved then.
+        gymnasium.error.ResetNeeded
+            There was no reset yet, or a lane waits for one.
+        """
+        if not self._begun:
+            raise ResetNeeded("call reset() before step()")
+        begun = self._over
+        if len(begun) and self._mode is AutoresetMode.DISABLED:
+            raise ResetNeeded(
+                f"the episode of lane {begun[0]} has ended; reset it with a reset_mask before step()"
+            )
+        task = self.task
+        out = task.advance(checked_actions(actions, self.num_envs))
+        flat, reward, truncated, shown = out
+        observation = flat.reshape(self.num_envs, -1)
+        ends = task.step >= task.next_end
+        if len(begun):
+            observation[begun], shown[:, begun] = task.begin(begun, {})
+            reward[begun], truncated[begun] = 0.0, False
+            self._over = begun[:0]
+        infos: dict[str, Any] = {}
+        if ends:
+            self._over = np.flatnonzero(truncated)
+            if len(self._over) and self._mode is AutoresetMode.SAME_STEP:
+                begun, self._over = self._over, self._over[:0]
+                infos = _finals(observation, shown, begun)
+                observation[begun], shown[:, begun] = task.begin(begun, {})
+        every = np.arange(self.num_envs) if self.render_mode is not None else begun
+        self._record(shown, every, begun)
+        infos |= _infos(shown, True)
+        return observation, reward, np.zeros(self.num_envs, dtype=bool), truncated, infos
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return a frame for each lane, ``uint8[480, 960, 3]``; None, with a warning, without a render mode."""
+        if self.render_mode is None:
+            gym.logger.warn('no render_mode was given; make the environment with "rgb_array"')
+            return None
+        return tuple(figure.draw() for figure in self._live_figures())
+
+    def _seed(self, seeds: list[int | None], lanes: Integers) -> None:
+        """Begin the generators of lanes with a seed anew, and those that never had one."""
+        given = [lane for lane in lanes.tolist() if seeds[lane] is not None]
+        others = [lane for lane in lanes[~self._seeded[lanes]].tolist() if seeds[lane] is None]
+        fresh: Words = np.random.SeedSequence().generate_state(len(others), np.uint64)  # type: ignore[assignment]  # the stubs leave the type open
+        values = np.array([seeds[lane] for lane in given], dtype=np.uint64)
+        self.task.seed(np.array(given, dtype=np.int64), values)
+        self.task.seed(np.array(others, dtype=np.int64), fresh)
+        self._seeded[lanes] = True
+
+    def _record(self, shown: Array, lanes: Integers, begun: Integers) -> None:
+        """Give the figures of some lanes a sample, the first of an episode for those that begin."""
+        if self.render_mode is None:
+            return
+        figures = self._live_figures()
+        for lane in begun.tolist():
+            figures[lane].reset()
+        for lane in lanes.tolist():
+            displacement, reference, _, command, _ = shown[:, lane].tolist()
+            figures[lane].record(command, reference, displacement)
+
+    def _live_figures(self) -> list[LiveFigure]:
+        if not self._figures:
+            from rdpi_gym.envs.rendering import LiveFigure  # matplotlib, only where it is needed
+
+            title = f"PiezoTracking, {self.nominal.name}"
+            self._figures = [
+                LiveFigure(self.layout, f"{title}, lane {lane}") for lane in range(self.num_envs)
+            ]
+        return self._figures
+
+
+def _infos(shown: Array, lanes: Flags | bool) -> dict[str, Any]:
+    """Return what lanes show by its keys, each with a mask of the lanes that have it."""
+    masks = np.empty(shown.shape, dtype=bool)
+    masks[:] = lanes
+    return dict(zip(_KEYS, (*shown, *masks), strict=True))
+
+
+def _finals(observation: Floats32, shown: Array, ended: Integers) -> dict[str, Any]:
+    """Return the last observations and infos of lanes that have ended, with masks, as copies."""
+    lanes = len(observation)
+    mask = np.zeros(lanes, dtype=bool)
+    mask[ended] = True
+    last = np.full(lanes, None, dtype=object)
+    for lane, row in zip(ended.tolist(), observation[ended], strict=True):
+        last[lane] = row
+    rows = np.zeros((len(_INFO), lanes))
+    rows[:, ended] = shown[:, ended]
+    return {
+        "final_obs": last,
+        "_final_obs": mask,
+        "final_info": _infos(rows, mask),
+        "_final_info": mask.copy(),
+    }

@@ -1,0 +1,147 @@
+"""Checks of what a caller hands to the vector environment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numba import njit
+from numpy.typing import NDArray
+
+from rdpi_gym.envs.vector.lanes import Flags
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+
+def checked_count(name: str, value: Any, what: str) -> int:
+    """Return a whole number of at least 1.
+
+    Raises
+    ------
+    InputError
+        It is none; `what` says of what there have to be that many.
+
+    Examples
+    --------
+    >>> checked_count("num_envs", 2, "lanes")
+    2
+    """
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < 1:
+        raise InputError(f"{name} is {value!r}; give a whole number of {what}, at least 1")
+    return int(value)
+
+
+def checked_mode(mode: Any) -> AutoresetMode:
+    """Return an autoreset mode, given as such or by its value.
+
+    Raises
+    ------
+    InputError
+        There is no such mode.
+
+    Examples
+    --------
+    >>> checked_mode("SameStep")
+    <AutoresetMode.SAME_STEP: 'SameStep'>
+    """
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        modes = ", ".join(repr(each.value) for each in AutoresetMode)
+        raise InputError(f"autoreset_mode is {mode!r}; give one of {modes}") from None
+
+
+def checked_seeds(seed: Any, lanes: int) -> list[int | None]:
+    """Return a seed for each lane: None leaves its generator as it is.
+
+    Raises
+    ------
+    InputError
+        A seed is no whole number of 0 to 2**64 - 1, or there is not one for each lane.
+
+    Examples
+    --------
+    >>> checked_seeds(5, 3)
+    [5, 6, 7]
+    """
+    if seed is None:
+        return [None] * lanes
+    if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
+        seeds: list[Any] = [int(seed) + lane for lane in range(lanes)]
+    elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
+        seeds = list(seed)
+    else:
+        raise InputError(f"seed is {seed!r}; give a whole number, or one for each lane")
+    if len(seeds) != lanes:
+        raise InputError(f"{len(seeds)} seeds for {lanes} lanes; give one for each lane")
+    for lane, each in enumerate(seeds):
+        whole = isinstance(each, int | np.integer) and not isinstance(each, bool)
+        if each is not None and not (whole and 0 <= each < 2**64):
+            raise InputError(f"the seed of lane {lane} is {each!r}; seeds are 0 to 2**64 - 1")
+    return seeds
+
+
+def checked_mask(mask: Any, lanes: int) -> Flags:
+    """Return a mask of lanes.
+
+    Raises
+    ------
+    InputError
+        It is no array of bool, one for each lane, at least one of them true.
+
+    Examples
+    --------
+    >>> checked_mask(np.array([True, False]), 2).tolist()
+    [True, False]
+    """
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (lanes,):
+        found = f"{type(mask).__name__}"
+        if isinstance(mask, np.ndarray):
+            found = f"{mask.dtype} of shape {mask.shape}"
+        raise InputError(f"reset_mask is {found}; give a numpy array of bool of shape ({lanes},)")
+    if not mask.any():
+        raise InputError("reset_mask is false for every lane; give one that is true somewhere")
+    return mask
+
+
+@njit(cache=True, fastmath={"reassoc"})
+def _read(actions: NDArray[np.floating[Any]], numbers: Array) -> float:
+    # NaN where a number is NaN or infinite; the sum may be reordered, so it runs on vector units.
+    total = 0.0
+    for b in range(len(actions)):
+        numbers[b] = actions[b]
+        total += 0.0 * numbers[b]
+    return total
+
+
+def checked_actions(actions: Any, lanes: int) -> Array:
+    """Return actions ``(B, 1)`` as contiguous ``float64[B]``.
+
+    Raises
+    ------
+    InputError
+        They are no numbers, of another shape, or one of them is not finite.
+
+    Examples
+    --------
+    >>> checked_actions(np.array([[0.5], [-1.0]], dtype=np.float32), 2).tolist()
+    [0.5, -1.0]
+    """
+    numeric = isinstance(actions, np.ndarray) and actions.dtype.kind in "fiu"
+    if not numeric or actions.shape != (lanes, 1):
+        raise InputError(
+            f"actions are {type(actions).__name__} of shape {np.shape(actions)}; "
+            f"give a numpy array of numbers of shape ({lanes}, 1), -1 to 1"
+        )
+    if actions.dtype != np.float32:
+        actions = actions.astype(np.float64)
+    numbers = np.empty(lanes)
+    if _read(np.ascontiguousarray(actions.reshape(-1)), numbers) != 0.0:
+        lane = int(np.argmin(np.isfinite(numbers)))
+        raise InputError(
+            f"action of lane {lane} is {numbers[lane]}; give finite numbers of -1 to 1"
+        )
+    return numbers

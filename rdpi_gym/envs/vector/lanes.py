@@ -1,0 +1,232 @@
+"""The arrays of a vector environment: lanes in blocks that fit a core's caches."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from rdpi_gym.envs.vector.chain import Table
+from rdpi_gym.support.arrays import Array
+
+Floats32: TypeAlias = NDArray[np.float32]
+Flags: TypeAlias = NDArray[np.bool_]
+Integers: TypeAlias = NDArray[np.int64]
+
+# Rows of Lanes.numbers.
+BEGUN = 0  # step of the environment at which the episode began
+SATURATED = 1  # steps of the episode that were clipped
+COMMAND = 2  # u(k) (V)
+HELD = 3  # what the converter holds of it (V)
+OFFSET = 4  # offset of the plant behind its effects (µm)
+NOISE = 5  # standard deviation of the sensor (µm)
+RESOLUTION = 6  # its smallest step (µm)
+OMEGA = 7  # rate of phase of a sine (rad/s); NaN: the reference is a table
+PHASE = 8  # its phase (rad)
+AMPLITUDE = 9  # its amplitude (µm)
+CENTRE = 10  # its centre (µm)
+RISE = 11  # row of its smooth start
+FIRST = 12  # sample at which the table of a reference begins
+NUMBERS = 13
+
+# Rows that a thread writes over in every block; the plant's chain takes the first six.
+CHANGE = 6  # of the command (V), absolute
+MEASURED = 7  # displacement as the sensor reads it (µm)
+WORK = 8
+
+# Places by which the observations slide on, one a step, before they begin at the first one again.
+SLIDE = 64
+
+# A step that no environment reaches: begun and unlimited episodes, without overflow of their sum.
+NEVER = 2**61
+
+# Lanes of a block: what one step of it reads and writes fits a second-level cache, and its rows lie
+# no power of two apart, which caches take for the same place.
+_BLOCK = 416
+# Blocks are filled up to whole vectors, and beyond the width at which stage kernels change loops.
+_MULTIPLE = 32
+_ALIGNMENT = 64
+
+
+class Lanes(NamedTuple):
+    """Plants and episodes in N blocks of W lanes; every row of a block is contiguous."""
+
+    p: Array  # float64[N or 1, P, W]: one block where all lanes have the same plant
+    state: Array  # float64[N, S, W]
+    stage_p: Array  # float64[N or 1, P', W]: one block where all lanes have the same effects
+    stage_state: Array  # float64[N, S', W]
+    numbers: Array  # float64[N, NUMBERS, W]
+    window_um: Array  # float64[N, preview + 1, W]: the reference from now on, a ring
+    observed: Floats32  # float32[N, W D + SLIDE]: the last observations, from step % SLIDE on
+    rising: Integers  # int64[N]: first step whose newest reference is beyond all smooth starts
+    ending: Integers  # int64[N]: first step at which an episode of it ends
+
+
+class Sources(NamedTuple):
+    """What does not change from step to step but by resets."""
+
+    stages: Table
+    rises: Array  # float64[R, M]: smooth starts, sample by sample
+    references_um: Array  # float64[B, M]: tables of references; empty without any
+    noise: Array  # float64[B, M]: standard normal numbers; empty without noise
+
+
+class Law(NamedTuple):
+    """Numbers of the task, the same for every lane."""
+
+    ts_s: float
+    centre_um: float
+    per_scale: float  # 1 / scale_um
+    low_V: float
+    high_V: float
+    action_scale_V: float
+    places: bool  # actions are places in the range
+    command_cost: float
+    hold: int  # samples that the converter holds
+    sensed: bool  # a sensor has noise or a resolution
+    max_steps: int
+
+
+class Shown(NamedTuple):
+    """What a step returns: arrays of B lanes that the caller keeps."""
+
+    observation: Floats32  # float32[B D]
+    reward: Array  # float64[B]
+    truncated: Flags  # bool[B]
+    info: Array  # float64[5, B]: displacement, reference, error (µm), command (V), saturated
+
+
+def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> NDArray[Any]:
+    """Return zeros that begin at a cache line: vector loads that straddle two cost twice.
+
+    Examples
+    --------
+    >>> aligned((2, 3)).tolist()
+    [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    """
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    raw = np.zeros(size + _ALIGNMENT, dtype=np.uint8)
+    start = -raw.ctypes.data % _ALIGNMENT
+    zeros: NDArray[Any] = raw[start : start + size].view(dtype).reshape(shape)
+    return zeros
+
+
+def block_shape(lanes: int) -> tuple[int, int]:
+    """Return the number of blocks and their width for so many lanes.
+
+    Examples
+    --------
+    >>> block_shape(4096), block_shape(300), block_shape(1)
+    ((10, 416), (1, 320), (1, 32))
+    """
+    blocks = -(-lanes // _BLOCK)
+    width = -(-lanes // blocks)
+    return blocks, -(-width // _MULTIPLE) * _MULTIPLE
+
+
+def make_lanes(
+    shape: tuple[int, int],
+    rows: tuple[int, int, int, int],
+    preview: int,
+    shared: tuple[bool, bool] = (False, False),
+) -> Lanes:
+    """Return lanes that have not begun.
+
+    Parameters
+    ----------
+    shape
+        Number of blocks and their width.
+    rows
+        Of the RDPI parameters, their state, the stages' parameters, and their state.
+    preview
+        Samples of the reference shown ahead.
+    shared
+        Whether all lanes share the RDPI parameters, and those of the stages.
+    """
+    blocks, width = shape
+    p_blocks, stage_blocks = (1 if share else blocks for share in shared)
+    lanes = Lanes(
+        p=aligned((p_blocks, rows[0], width)),
+        state=aligned((blocks, rows[1], width)),
+        stage_p=aligned((stage_blocks, rows[2], width)),
+        stage_state=aligned((blocks, rows[3], width)),
+        numbers=aligned((blocks, NUMBERS, width)),
+        window_um=aligned((blocks, preview + 1, width)),
+        observed=aligned((blocks, width * (preview + 3) + SLIDE), np.float32),
+        rising=np.zeros(blocks, dtype=np.int64),
+        ending=np.zeros(blocks, dtype=np.int64),
+    )
+    lanes.numbers[:, BEGUN] = NEVER
+    return lanes
+
+
+def unshared(lanes: Lanes) -> Lanes:
+    """Return the same lanes with parameters of their own for each block."""
+    blocks = len(lanes.state)
+
+    def own(shared: Array) -> Array:
+        if len(shared) == blocks:
+            return shared
+        each: Array = aligned((blocks, *shared.shape[1:]))
+        each[:] = shared
+        return each
+
+    return lanes._replace(p=own(lanes.p), stage_p=own(lanes.stage_p))
+
+
+@njit(cache=True)
+def scatter(
+    step: int,
+    fresh: Lanes,
+    observation: Floats32,
+    indices: Integers,
+    lanes: Lanes,
+    max_steps: int,
+    rise: int,
+) -> None:
+    """Put lanes that have just begun, in one block of their own, in their places.
+
+    Parameters
+    ----------
+    step
+        Of the environment.
+    fresh
+        One block; its lane j goes to the place ``indices[j]``.
+    observation : float32[m D]
+        What these lanes show first.
+    indices : int64[m]
+        Places.
+    lanes
+        Changed in those places.
+    max_steps, rise
+        Steps of an episode, and samples of the longest smooth start.
+    """
+    blocks, _, width = lanes.state.shape
+    at, size = step % SLIDE, lanes.window_um.shape[1] + 2
+    changed = np.zeros(blocks, dtype=np.bool_)
+    for j in range(len(indices)):
+        n, b = indices[j] // width, indices[j] % width
+        changed[n] = True
+        if len(lanes.p) == blocks:
+            _copy_lane(fresh.p, j, lanes.p[n], b)
+        if len(lanes.stage_p) == blocks:
+            _copy_lane(fresh.stage_p, j, lanes.stage_p[n], b)
+        _copy_lane(fresh.state, j, lanes.state[n], b)
+        _copy_lane(fresh.stage_state, j, lanes.stage_state[n], b)
+        _copy_lane(fresh.numbers, j, lanes.numbers[n], b)
+        _copy_lane(fresh.window_um, j, lanes.window_um[n], b)
+        for i in range(size):
+            lanes.observed[n, at + b * size + i] = observation[j * size + i]
+        lanes.rising[n] = max(lanes.rising[n], int(fresh.numbers[0, BEGUN, j]) + rise)
+    for n in range(blocks):
+        if changed[n]:
+            lanes.ending[n] = int(lanes.numbers[n, BEGUN].min()) + max_steps
+
+
+@njit(cache=True)
+def _copy_lane(fresh: Array, j: int, block: Array, b: int) -> None:
+    for row in range(len(block)):
+        block[row, b] = fresh[0, row, j]

@@ -1,0 +1,117 @@
+"""The references of a block of lanes at one step: sines by formula, other signals from tables."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.envs.vector.lanes import (
+    AMPLITUDE,
+    BEGUN,
+    CENTRE,
+    FIRST,
+    OMEGA,
+    PHASE,
+    RISE,
+)
+from rdpi_gym.support.arrays import Array
+
+# π in parts of 24 bits: whole multiples of the first two are exact.
+_PI_A = float(np.float32(np.pi))
+_PI_B = float(np.float32(np.pi - _PI_A))
+_PI_C = (np.pi - _PI_A - _PI_B) + 1.2246467991473532e-16
+_TAYLOR = tuple((-1.0) ** k / float(np.prod(np.arange(1.0, 2 * k + 2))) for k in range(10))
+
+
+@njit(cache=True, fastmath={"contract"})
+def sines(x: Array) -> None:
+    """Replace x by sin x, within two units in the last place; the loop runs on vector units.
+
+    Parameters
+    ----------
+    x : float64[W]
+        Arguments (rad), below 1e8; sines on return.
+    """
+    for b in range(len(x)):
+        half_turns = np.rint(x[b] * (1.0 / np.pi))
+        r = x[b] - half_turns * _PI_A
+        r -= half_turns * _PI_B
+        r -= half_turns * _PI_C
+        s = r * r
+        total = _TAYLOR[9]
+        total = total * s + _TAYLOR[8]
+        total = total * s + _TAYLOR[7]
+        total = total * s + _TAYLOR[6]
+        total = total * s + _TAYLOR[5]
+        total = total * s + _TAYLOR[4]
+        total = total * s + _TAYLOR[3]
+        total = total * s + _TAYLOR[2]
+        total = total * s + _TAYLOR[1]
+        odd = 0.5 * half_turns - np.floor(0.5 * half_turns)  # 0 or 1/2
+        x[b] = (r + r * s * total) * (1.0 - 4.0 * odd)
+
+
+@njit(cache=True)
+def _phases(n: int, now: float, ts: float, numbers: Array, value: Array) -> None:
+    for b in range(len(value)):
+        elapsed_s = ts * (now - numbers[n, BEGUN, b])
+        value[b] = numbers[n, OMEGA, b] * elapsed_s + numbers[n, PHASE, b]
+
+
+@njit(cache=True)
+def _scale(n: int, numbers: Array, value: Array) -> None:
+    for b in range(len(value)):
+        value[b] = numbers[n, CENTRE, b] + numbers[n, AMPLITUDE, b] * value[b]
+
+
+@njit(cache=True)
+def _rise(n: int, step: int, rises: Array, numbers: Array, value: Array) -> None:
+    for b in range(len(value)):
+        # Lanes that only fill the block up have not begun.
+        k = max(min(step - int(numbers[n, BEGUN, b]), rises.shape[1] - 1), 0)
+        value[b] *= rises[int(numbers[n, RISE, b]), k]
+
+
+@njit(cache=True)
+def _look_up(n: int, step: int, tables_um: Array, numbers: Array, value: Array) -> None:
+    lane = n * len(value)
+    for b in range(min(len(value), len(tables_um) - lane)):
+        if np.isnan(numbers[n, OMEGA, b]):
+            sample = step - int(numbers[n, BEGUN, b]) - int(numbers[n, FIRST, b])
+            value[b] = tables_um[lane + b, sample]
+
+
+@njit(cache=True)
+def sample_references(
+    n: int,
+    step: int,
+    rising: bool,
+    ts: float,
+    numbers: Array,
+    rises: Array,
+    references_um: Array,
+    value: Array,
+) -> None:
+    """Fill `value` with r (µm) of a block at a step of the environment.
+
+    Parameters
+    ----------
+    n, step
+        Number of the block, and step of the environment.
+    rising
+        Whether a lane of the block may still be in its smooth start.
+    ts : float
+        Sampling time (s).
+    numbers : float64[N, NUMBERS, W]
+        Of :class:`rdpi_gym.envs.vector.lanes.Lanes`.
+    rises, references_um
+        Of :class:`rdpi_gym.envs.vector.lanes.Sources`.
+    value : float64[W]
+        Filled.
+    """
+    _phases(n, float(step), ts, numbers, value)
+    sines(value)
+    _scale(n, numbers, value)
+    if rising:
+        _rise(n, step, rises, numbers, value)
+    _look_up(n, step, references_um, numbers, value)

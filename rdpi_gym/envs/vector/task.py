@@ -1,0 +1,305 @@
+"""Tracking problems in many lanes, each with a plant, a reference and noise of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numba
+import numpy as np
+
+from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv
+from rdpi_gym.envs.vector.begin import (
+    Column,
+    Drawn,
+    draw_episodes,
+    place_plants,
+    place_sines,
+    seed_generators,
+    settle,
+    show_first,
+)
+from rdpi_gym.envs.vector.chain import run_chain
+from rdpi_gym.envs.vector.commands import command_block
+from rdpi_gym.envs.vector.correction import VectorCorrection
+from rdpi_gym.envs.vector.effects import EffectStages
+from rdpi_gym.envs.vector.kernels import advance, advance_parallel, show_block
+from rdpi_gym.envs.vector.lanes import (
+    NEVER,
+    SLIDE,
+    WORK,
+    Floats32,
+    Integers,
+    Law,
+    Shown,
+    Sources,
+    aligned,
+    block_shape,
+    make_lanes,
+    scatter,
+    unshared,
+)
+from rdpi_gym.envs.vector.noise import NoiseTables
+from rdpi_gym.envs.vector.random import Words
+from rdpi_gym.envs.vector.references import References
+from rdpi_gym.plant import PlantModel, empty_state, pack
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+# Lanes that are worth a thread more: they take several times as long as waking it.
+_LANES_A_THREAD = 2048
+
+
+class VectorTask:
+    """B lanes of what one environment does, without the rules of autoreset.
+
+    Parameters
+    ----------
+    single
+        One environment of the same options: plant, layout, references and their checks are its.
+    lanes
+        Number of lanes B.
+    max_steps
+        Steps of an episode; None: it never ends.
+    threads
+        Largest number of threads; None: those of numba where there are lanes enough for them.
+
+    Attributes
+    ----------
+    step : int
+        Steps taken so far.
+    next_end : int
+        First step at which an episode ends.
+    """
+
+    def __init__(
+        self, single: PiezoTrackingEnv, lanes: int, max_steps: int | None, threads: int | None
+    ) -> None:
+        self._single, self._layout, self._lane_count = single, single.layout, lanes
+        truths, layout = single.truths, single.layout
+        nominal = truths.nominal
+        self._n = nominal.hysteresis.n
+        self._effects = EffectStages(nominal, layout.ts_s, truths.effects_half_width)
+        self._hold = nominal.converter.samples(layout.ts_s)
+        self._draws_effects = self._effects.levels > 0 or (
+            truths.half_width > 0.0 and self._effects.reads_hysteresis
+        )
+        self._column = self._column_of(nominal)
+        low, high = layout.command_range_V
+        self._rest_V = min(max(0.0, low), high)
+        self._max_steps = NEVER if max_steps is None else max_steps
+        sensor = nominal.sensor
+        self._law = Law(
+            ts_s=layout.ts_s,
+            centre_um=float(layout.centre_um),
+            per_scale=1.0 / layout.scale_um,
+            low_V=float(low),
+            high_V=float(high),
+            action_scale_V=float(layout.action_scale_V),
+            places=layout.action == "command",
+            command_cost=single.command_cost,
+            hold=self._hold,
+            sensed=sensor.noise_um > 0.0 or sensor.resolution_um > 0.0,
+            max_steps=self._max_steps,
+        )
+        stage_rows, state_rows = self._effects.rows
+        self._rows = (len(self._column.p), len(empty_state(self._n, 1)), stage_rows, state_rows)
+        shape = block_shape(lanes)
+        shared = (truths.half_width == 0.0, not self._draws_effects)
+        self._lanes = make_lanes(shape, self._rows, layout.preview, shared)
+        self._lanes.p[:] = self._column.p[:, None]
+        self._lanes.stage_p[:] = self._column.stage_p[:, None]
+        if threads is None:
+            threads = min(numba.get_num_threads(), lanes // _LANES_A_THREAD)
+        threads = max(1, min(threads, shape[0]))
+        self._work: Array = aligned((threads, WORK, shape[1]))
+        self._correction: VectorCorrection | None = None
+        if single.baseline is not None:
+            self._correction = VectorCorrection(single.baseline, single.belief, layout, lanes)
+        plans = self._correction is not None and self._correction.plans
+        self._references = References(single, lanes, tables_only=plans)
+        self._noise = NoiseTables(lanes)
+        self._sources = self._current_sources()
+        self._begins = np.ones(lanes, dtype=bool)
+        self._generators: Words = np.zeros((lanes, 4), dtype=np.uint64)
+        self.step, self.next_end = 0, 0
+
+    @property
+    def threads(self) -> int:
+        """Number of threads that share a step."""
+        return len(self._work)
+
+    def observations(self) -> Floats32:
+        """Return the last observations, a fresh float32[B, D]."""
+        size, at = self._layout.size, self.step % SLIDE
+        observed = self._lanes.observed[:, at : at + size * self._lanes.state.shape[2]]
+        return observed.reshape(-1, size)[: self._lane_count].copy()
+
+    def seed(self, indices: Integers, seeds: Words) -> None:
+        """Begin the generators of some lanes anew, as ``numpy.random.default_rng(seed)``."""
+        seed_generators(seeds, indices, self._generators)
+
+    def begin(self, indices: Integers, options: Mapping[str, Any]) -> tuple[Floats32, Array]:
+        """Begin episodes in some lanes.
+
+        Parameters
+        ----------
+        indices : int64[m]
+            The lanes.
+        options
+            Of a reset, checked for their names.
+
+        Returns
+        -------
+        observation : float32[m, D]
+        info : float64[5, m]
+            Displacement, reference, error (µm), command (V), clipped steps.
+
+        Raises
+        ------
+        InputError
+            Options of which no episode can be made, or a plant that is built unlike the lanes'.
+        """
+        truths, count = self._single.truths, len(indices)
+        given = truths.given(options, self._layout)
+        column = self._column if given is None else self._column_of(given)
+        offer = self._references.offered(options.get("reference"), options.get("frequency_hz"))
+        drawing = given is None
+        drawn = Drawn(
+            factors=np.empty((count, 2 * self._n + 2 if drawing and truths.half_width > 0 else 0)),
+            levels=np.empty((count, self._effects.levels if drawing else 0), dtype=np.int64),
+            choice=np.empty(count, dtype=np.int64),
+            position=np.empty(count),
+            signal_seed=np.empty(count, dtype=np.int64),
+            noise_seed=np.empty(count, dtype=np.uint64),
+        )
+        choices = len(self._references.offer.choices)
+        draw_episodes(self._generators, indices, choices, truths.half_width, drawn)
+        if not drawing:
+            self._take_plant(column)
+        fresh = make_lanes((1, max(32, -(-count // 32) * 32)), self._rows, self._layout.preview)
+        work = aligned((WORK, fresh.state.shape[2]))
+        place_plants(self.step, self._rest_V, column, drawn, fresh)
+        place_sines(*offer.bounds_hz, offer.table, drawn, fresh)
+        extrema = np.full(count, column.extremum_V)
+        if drawing and self._draws_effects:
+            bandwidth_hz = truths.nominal.hysteresis.rate_bandwidth_hz
+            extrema = self._effects.draw(drawn.levels, fresh, bandwidth_hz, extrema)
+        settle(self._rest_V, extrema, fresh, work[0])
+        tables = self._references.begin(self.step, indices, offer, drawn, fresh)
+        noise = self._noise.begin(self.step, indices, column.noise_um, drawn.noise_seed)
+        sources = Sources(self._effects.table, self._references.rises, tables, noise)
+        row = self._run_chain(fresh, 0, work)
+        size = self._layout.size
+        shown = Shown(
+            np.empty(count * size, np.float32), np.empty(0), np.empty(0, bool), np.empty((5, count))
+        )
+        show_first(self.step, row, fresh, sources, self._law, work, shown)
+        rise = self._references.rises.shape[1]
+        scatter(self.step, fresh, shown.observation, indices, self._lanes, self._max_steps, rise)
+        observation = shown.observation.reshape(count, size)
+        self._sources = self._current_sources()
+        self.next_end = int(self._lanes.ending.min())
+        self._begins[indices] = True
+        if self._correction is not None and self._correction.plans:
+            self._correction.plan(indices, self._references.tables_um, observation)
+        return observation, shown.info
+
+    def advance(self, actions: Array) -> Shown:
+        """Take one step of all lanes.
+
+        Parameters
+        ----------
+        actions : float64[B]
+            Finite.
+
+        Returns
+        -------
+        Shown
+            Fresh arrays.
+        """
+        base_V = np.empty(0)
+        if self._correction is not None:
+            self._correction.observe(self.observations(), self._begins)
+            base_V = self._correction.commands_V
+        self._begins[:] = False
+        self.step += 1
+        if self.step >= self._references.due:
+            self._references.extend(self.step, self._lanes)
+        if self.step >= self._noise.due:
+            self._noise.extend(self.step)
+        lanes, law = self._lane_count, self._law
+        out = Shown(
+            np.empty(lanes * self._layout.size, np.float32),
+            np.empty(lanes),
+            np.zeros(lanes, dtype=bool),
+            np.empty((5, lanes)),
+        )
+        if self._effects.compiled:
+            run = advance_parallel if self.threads > 1 else advance
+            run(
+                len(self._lanes.state), self.step, actions, base_V, self._work,
+                *self._lanes, *self._sources, *out, *law,
+            )  # fmt: skip
+            return out
+        work, its = self._work[0], self._lanes
+        for n in range(len(its.state)):
+            command_block(n, self.step, actions, base_V, law, work, its.numbers)
+            row = self._effects.run(its, n, work)
+            show_block(
+                n, self.step, row, law, work, its.numbers, its.window_um, its.observed, its.rising,
+                its.ending, *self._sources, *out,
+            )  # fmt: skip
+        return out
+
+    def _run_chain(self, lanes: Any, n: int, work: Array) -> int:
+        if not self._effects.compiled:
+            return self._effects.run(lanes, n, work)
+        row: int = run_chain(
+            lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n], self._effects.table,
+            lanes.stage_p[min(n, len(lanes.stage_p) - 1)], lanes.stage_state[n],
+            self._layout.ts_s, work,
+        )  # fmt: skip
+        return row
+
+    def _current_sources(self) -> Sources:
+        return Sources(
+            self._effects.table,
+            self._references.rises,
+            self._references.tables_um,
+            self._noise.tables,
+        )
+
+    def _take_plant(self, column: Column) -> None:
+        """Make room for a plant that an option gives: parameters, and a sensor, of its own."""
+        self._lanes = unshared(self._lanes)
+        sensed = self._law.sensed or column.noise_um > 0.0 or column.resolution_um > 0.0
+        self._law = self._law._replace(sensed=sensed)
+
+    def _column_of(self, model: PlantModel) -> Column:
+        """Return a plant as the lanes hold it, or refuse one that is built unlike the nominal one."""
+        hysteresis = model.hysteresis
+        if hysteresis.n != self._n:
+            raise InputError(
+                f"plant {model.name} has {hysteresis.n} play operators, and the lanes of this environment "
+                f"have {self._n}; make an environment of that plant instead"
+            )
+        if model.converter.samples(self._layout.ts_s) != self._hold:
+            raise InputError(
+                f"the converter of plant {model.name} holds another number of samples than the lanes of "
+                "this environment; make an environment of that plant instead"
+            )
+        extremum = model.initial_extremum_V
+        # Behind the plays an effect sees the displacement without its offset.
+        inside, behind = (
+            (0.0, model.offset_um) if len(self._effects.table) else (model.offset_um, 0.0)
+        )
+        return Column(
+            p=pack([hysteresis], self._layout.ts_s, [inside])[:, 0].copy(),
+            gaps_V=np.diff(hysteresis.thresholds_V, prepend=0.0),
+            stage_p=self._effects.column(model),
+            extremum_V=np.nan if extremum is None else extremum,
+            offset_um=behind,
+            noise_um=float(model.sensor.noise_um),
+            resolution_um=float(model.sensor.resolution_um),
+        )

@@ -1,0 +1,1 @@
+"""Wrappers and adapters around the environments."""

@@ -1,0 +1,1 @@
+"""Hysteresis cores: what stands in the middle of the chain."""

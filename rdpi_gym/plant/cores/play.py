@@ -1,0 +1,186 @@
+"""Play operators and the RDPI sum: the kernels of Eq. 2 to 5 and 8 over (time, batch) blocks.
+
+One lane is one plant. A lane's parameters are a column of ``p[P, B]``, its state a column of
+``state[S, B]``; both layouts are written by :mod:`rdpi_gym.plant.packing`:
+
+======================  ==================================================
+row of ``p``            meaning
+======================  ==================================================
+0                       a_0 (µm/V)
+1 ... n                 a_1 ... a_n (µm/V)
+n + 1 ... 2n            thresholds at rest r_1 ... r_n (V)
+2n + 1                  δ2 (s)
+2n + 2                  pole of the low-pass on the rate, exp(-2π f_c Ts); 0: literal Eq. 5
+2n + 3                  offset (µm)
+======================  ==================================================
+
+======================  ==================================================
+row of ``state``        meaning
+======================  ==================================================
+0                       u(k-1) (V); NaN: no sample yet, v(0) = 0
+1                       v(k-1), after the low-pass (V/s)
+2 ... n + 1             play states ξ_1(k-1) ... ξ_n(k-1) (V)
+======================  ==================================================
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.support.arrays import Array
+
+# Sums over the plays may be reordered (vector units); nothing else of IEEE 754 is given up.
+_FAST = {"reassoc", "contract"}
+# Below this many lanes the vector units are better filled with the plays of one lane.
+_VECTOR_LANES = 16
+
+
+@njit(cache=True, fastmath=_FAST, inline="never")
+def _one_lane(
+    u: Array,
+    v: Array,
+    weights: Array,
+    rest: Array,
+    delta2: float,
+    offset: float,
+    xi: Array,
+    y: Array,
+) -> None:
+    n = rest.shape[0]
+    a0 = weights[0]
+    for t in range(u.shape[0]):
+        shift = delta2 * abs(v[t])  # Eq. 8
+        total = a0 * u[t] + offset
+        for i in range(n):
+            r = rest[i] + shift
+            low, high = u[t] - r, u[t] + r
+            x = xi[i]
+            x = x if x < high else high
+            x = x if x > low else low  # Eq. 4
+            xi[i] = x
+            total += weights[i + 1] * x  # Eq. 3
+        y[t] = total
+
+
+@njit(cache=True, fastmath=_FAST)
+def _many_lanes(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
+    n = (p.shape[0] - 4) // 2
+    lanes = u.shape[1]
+    for t in range(u.shape[0]):
+        for b in range(lanes):
+            y[t, b] = p[0, b] * u[t, b] + p[2 * n + 3, b]
+        for i in range(n):
+            for b in range(lanes):
+                r = p[n + 1 + i, b] + p[2 * n + 1, b] * abs(v[t, b])
+                low, high = u[t, b] - r, u[t, b] + r
+                x = state[2 + i, b]
+                x = x if x < high else high
+                x = x if x > low else low
+                state[2 + i, b] = x
+                y[t, b] += p[1 + i, b] * x
+
+
+@njit(cache=True)
+def rate_block(u: Array, p: Array, state: Array, ts: float, v: Array) -> None:
+    """Rate of the command, Eq. 5, low-passed where the plant's rate is band-limited.
+
+    The command is linear between samples, so its rate is constant there and a first-order
+    low-pass is discretised exactly by its pole.
+
+    Parameters
+    ----------
+    u : float64[T, B]
+        Command (V).
+    p, state : float64[P, B], float64[S, B]
+        Parameters and state; rows 0 and 1 of the state are moved to the end of the block.
+    ts : float
+        Sampling time (s).
+    v : float64[T, B]
+        Filled with the rate (V/s).
+    """
+    pole_row = p.shape[0] - 2
+    for b in range(u.shape[1]):
+        pole = p[pole_row, b]
+        last, rate = state[0, b], state[1, b]
+        if np.isnan(last):  # a record begins here: v(0) = 0
+            last = u[0, b]
+        for t in range(u.shape[0]):
+            rate = pole * rate + (1.0 - pole) * ((u[t, b] - last) / ts)
+            last = u[t, b]
+            v[t, b] = rate
+        state[0, b], state[1, b] = last, rate
+
+
+@njit(cache=True)
+def given_rate_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
+    """RDPI sum, Eq. 3, 4 and 8, with the thresholds given as functions of time through a rate.
+
+    Parameters
+    ----------
+    u, v : float64[T, B]
+        Command (V) and the rate that sets the thresholds (V/s).
+    p, state : float64[P, B], float64[S, B]
+        Parameters and state; the play states (rows 2 on) are moved to the end of the block.
+    y : float64[T, B]
+        Filled with the displacement (µm).
+    """
+    if u.shape[1] >= _VECTOR_LANES:
+        _many_lanes(u, v, p, state, y)
+        return
+    n = (p.shape[0] - 4) // 2
+    for b in range(u.shape[1]):
+        xi = state[2:, b].copy()
+        _one_lane(
+            u[:, b], v[:, b], p[: n + 1, b].copy(), p[n + 1 : 2 * n + 1, b].copy(),
+            p[2 * n + 1, b], p[2 * n + 3, b], xi, y[:, b],
+        )  # fmt: skip
+        state[2:, b] = xi
+
+
+@njit(cache=True)
+def rdpi_block(u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """RDPI model, Eq. 2 to 5 and 8, with its own rate: the hysteresis stage of the chain.
+
+    Parameters
+    ----------
+    u : float64[T, B]
+        Command (V).
+    p, state : float64[P, B], float64[S, B]
+        Parameters and state; the state is left where the block ended.
+    ts : float
+        Sampling time (s).
+    y : float64[T, B]
+        Filled with the displacement (µm).
+    """
+    v = np.empty_like(u)
+    rate_block(u, p, state, ts, v)
+    given_rate_block(u, v, p, state, y)
+
+
+@njit(cache=True)
+def play_columns(u: Array, v: Array, rest: Array, delta2: float, xi: Array, columns: Array) -> None:
+    """Every play operator's output for itself: the regressors that Eq. 10 is linear in.
+
+    Parameters
+    ----------
+    u, v : float64[T]
+        Command (V) and rate (V/s).
+    rest : float64[n]
+        Thresholds at rest (V).
+    delta2 : float
+        δ2 (s).
+    xi : float64[n]
+        Play states (V), moved to the end of the record.
+    columns : float64[n, T]
+        Filled with ξ_i(t) (V).
+    """
+    for i in range(rest.shape[0]):
+        x = xi[i]
+        for t in range(u.shape[0]):
+            r = rest[i] + delta2 * abs(v[t])
+            low, high = u[t] - r, u[t] + r
+            x = x if x < high else high
+            x = x if x > low else low
+            columns[i, t] = x
+        xi[i] = x

@@ -1,0 +1,173 @@
+"""The RDPI model's parameters, Eq. 2, 3 and 8, the paper's two sets, and what follows from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from rdpi_gym.support.errors import InputError
+
+
+@dataclass(frozen=True)
+class RDPI:
+    """Parameters of the rate-dependent Prandtl-Ishlinskii model.
+
+    Parameters
+    ----------
+    weights
+        a_0 ... a_n (µm/V): a_0 above zero, the others not negative.
+    thresholds_V
+        The n thresholds at rest, r_1 < ... < r_n (V), above zero.
+    delta2_s
+        δ2 of Eq. 8 (s): the thresholds grow by δ2 |v|. Zero is the static model.
+    rate_bandwidth_hz
+        Cut-off (Hz) of a first-order low-pass on the rate v; None is the literal Eq. 5.
+        A literal plant rewards dither (it has a right-half-plane zero), so plants that score or
+        train controllers have one of 800 Hz or below.
+
+    Raises
+    ------
+    InputError
+        A weight is negative or not finite, a_0 is not above zero, the thresholds do not increase
+        from above zero, or their number is not n.
+
+    Examples
+    --------
+    >>> model = RDPI.from_law([0.729, 0.211, 0.113], delta1_V=1.75, delta2_s=3.762e-4)
+    >>> model.thresholds_V
+    (1.75, 3.5)
+    >>> round(model.A, 3)
+    1.053
+
+    Notes
+    -----
+    Aljanaideh, Al Janaideh, Rakotondrabe, Eq. 2, 3 and 8.
+    """
+
+    weights: tuple[float, ...]
+    thresholds_V: tuple[float, ...]
+    delta2_s: float
+    rate_bandwidth_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        weights = tuple(float(a) for a in self.weights)
+        thresholds = tuple(float(r) for r in self.thresholds_V)
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "thresholds_V", thresholds)
+        if not weights or not (math.isfinite(weights[0]) and weights[0] > 0):
+            found = weights[0] if weights else "missing"
+            raise InputError(
+                f"a_0 is {found}; the model needs a finite a_0 above 0 µm/V (Eq. 6 divides by it)"
+            )
+        for i, a in enumerate(weights):
+            if not (math.isfinite(a) and a >= 0):
+                raise InputError(f"weight a_{i} is {a}; weights are finite and not negative (µm/V)")
+        if len(thresholds) != self.n:
+            raise InputError(
+                f"{len(thresholds)} thresholds for {self.n} play weights; give one threshold for each of a_1 ... a_n"
+            )
+        for i, (low, high) in enumerate(zip((0.0, *thresholds), thresholds, strict=False), start=1):
+            if not (math.isfinite(high) and high > low):
+                raise InputError(
+                    f"threshold r_{i} is {high} V after {low} V; thresholds increase from above 0 V"
+                )
+        if not (math.isfinite(self.delta2_s) and self.delta2_s >= 0):
+            raise InputError(f"delta2_s is {self.delta2_s}; δ2 is finite and not negative (s)")
+        hz = self.rate_bandwidth_hz
+        if hz is not None and not (math.isfinite(hz) and hz > 0):
+            raise InputError(
+                f"rate_bandwidth_hz is {hz}; give a frequency above 0 Hz, or None for the literal rate"
+            )
+
+    @classmethod
+    def from_law(
+        cls,
+        weights: Sequence[float],
+        delta1_V: float,
+        delta2_s: float,
+        rate_bandwidth_hz: float | None = None,
+    ) -> RDPI:
+        """Build the model with the paper's threshold law, Eq. 8: r_i = δ1 i + δ2 |v|.
+
+        Parameters
+        ----------
+        weights
+            a_0 ... a_n (µm/V).
+        delta1_V
+            δ1 (V), above zero.
+        delta2_s
+            δ2 (s).
+        rate_bandwidth_hz
+            Cut-off of the rate's low-pass (Hz), or None.
+
+        Raises
+        ------
+        InputError
+            As the class; δ1 not above zero.
+
+        Examples
+        --------
+        >>> RDPI.from_law([1.0, 0.5], 2.0, 0.0).thresholds_V
+        (2.0,)
+        """
+        if not (math.isfinite(delta1_V) and delta1_V > 0):
+            raise InputError(f"delta1_V is {delta1_V}; δ1 is finite and above 0 V")
+        thresholds = tuple(delta1_V * i for i in range(1, len(weights)))
+        return cls(tuple(weights), thresholds, delta2_s, rate_bandwidth_hz)
+
+    @property
+    def n(self) -> int:
+        """Number of play operators."""
+        return len(self.weights) - 1
+
+    @property
+    def a0(self) -> float:
+        """a_0 (µm/V): the gain while every play sticks."""
+        return self.weights[0]
+
+    @property
+    def S(self) -> float:
+        """S = a_1 + ... + a_n (µm/V)."""
+        return math.fsum(self.weights[1:])
+
+    @property
+    def A(self) -> float:
+        """A = a_0 + S (µm/V): the gain while every play slides."""
+        return math.fsum(self.weights)
+
+    @property
+    def g(self) -> float:
+        """Loop gain g = S / a_0 of Eq. 6."""
+        return self.S / self.a0
+
+    @property
+    def zero_rad_s(self) -> float:
+        """Right-half-plane zero A / (S δ2) (rad/s) while every play slides; infinite if static."""
+        lag = self.S * self.delta2_s
+        return self.A / lag if lag > 0 else math.inf
+
+    def rate_pole(self, ts_s: float) -> float:
+        """Pole exp(-2π f_c Ts) of the rate's low-pass at sampling time `ts_s` (s); 0 if literal."""
+        if self.rate_bandwidth_hz is None:
+            return 0.0
+        return math.exp(-2.0 * math.pi * self.rate_bandwidth_hz * ts_s)
+
+    def static(self) -> RDPI:
+        """Return the same model without rate dependence (δ2 = 0)."""
+        return replace(self, delta2_s=0.0)
+
+    def band_limited(self, rate_bandwidth_hz: float | None) -> RDPI:
+        """Return the same model with its rate low-passed at `rate_bandwidth_hz` (Hz), or literal (None)."""
+        return replace(self, rate_bandwidth_hz=rate_bandwidth_hz)
+
+
+# Section III-B. The paper does not print its threshold law there; Eq. 8 is used.
+PAPER_III_B = RDPI.from_law([0.729, 0.211, 0.113, 0.061, 0.032, 0.071], 1.750, 3.762e-4)
+
+# Section IV-B, identified from the paper's piezoelectric cantilever.
+PAPER_IV_B = RDPI.from_law(
+    [0.621, 0.135, 0.1079, 0.0862, 0.0689, 0.0550, 0.0439, 0.0351, 0.0280, 0.0224, 0.0179],
+    1.0136,
+    3.948e-4,
+)

@@ -1,0 +1,177 @@
+"""The page of `rdpi bench`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from benchmarks.tracking.evaluation import Evaluation
+from rdpi_gym.report.benchmark import figures
+from rdpi_gym.report.page import Section, write_page
+
+_LOOK = (
+    "Colour says which inverse (grey: none, red: inversion-free, blue: classical, green: feedback "
+    "alone), the symbol at which rate, a dotted line or an open symbol that feedback is added."
+)
+_RANKING = {
+    "controller": "Controller",
+    "rmse_percent": "RMSE (%)",
+    "rmse_percent_low": "from (%)",
+    "rmse_percent_high": "to (%)",
+    "seed_0_rmse_percent": "RMSE, seed 0 (%)",
+    "optimality_gap": "Optimality gap",
+    "mean_rank": "Mean rank",
+    "command_total_variation": "Command variation",
+    "microseconds_per_sample": "µs per sample",
+    "failed": "Failed rows",
+    "warnings": "Warnings",
+}  # fmt: skip
+
+
+def write_benchmark_page(
+    path: Path,
+    results: Evaluation,
+    method: str,
+    measured: str,
+    where_trained: str,
+    payoff: Section | None = None,
+) -> Path:
+    """Write the results as a self-contained page.
+
+    Parameters
+    ----------
+    path
+        The HTML file.
+    results
+        From :func:`benchmarks.tracking.evaluation.evaluate`.
+    method, measured, where_trained
+        How the rows were scored, how those on measured records were, and what a ranking at the
+        sampling time of learned controllers is: plain text.
+    payoff
+        What it pays to know an effect, if that was scored.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    sections = [
+        Section(
+            "Ranking",
+            "Controllers by the geometric mean of their RMSE over the cases, with the confidence "
+            "interval over the drawn truths; the bar marks the error where the belief is true.",
+            figures.ranking_figure(results.ranking) if _finished(results) else None,
+            results.ranking[list(_RANKING)].rename(columns=_RANKING),
+        ),
+        *_where_trained(results, where_trained),
+        Section("What the numbers mean", method),
+        *_curves(results),
+        *_pairs(results),
+        Section(
+            "Every case",
+            "Mean over the drawn truths with its confidence interval, and the command's total "
+            "variation over the smallest that tracks. Every single row is in leaderboard.csv.",
+            table=results.by_case.rename(
+                columns=_RANKING | {"extrapolated": "Beyond identification"}
+            ),
+        ),
+        *([] if payoff is None else [payoff]),
+        _measured(results, measured),
+    ]
+    return write_page(path, "Tracking benchmark", _summary(results), sections)
+
+
+def _where_trained(results: Evaluation, text: str) -> list[Section]:
+    return [
+        Section(
+            f"Ranking at Ts = {ts:g} s",
+            text,
+            figures.ranking_figure(ranked) if ranked["rmse_percent"].notna().any() else None,
+            ranked[list(_RANKING)].rename(columns=_RANKING),
+        )
+        for ts, ranked in results.where_trained.items()
+    ]
+
+
+def _finished(results: Evaluation) -> bool:
+    return bool(results.ranking["rmse_percent"].notna().any())
+
+
+def _summary(results: Evaluation) -> str:
+    heads = [f"{len(results.order)} controllers, {len(results.rows)} scores."]
+    if _finished(results):
+        best = results.ranking.iloc[0]
+        heads.append(
+            f"Smallest error: {best['controller']}, {best['rmse_percent']:.3g} % of the reference's "
+            "peak to peak (geometric mean of the RMSE over the cases and drawn truths)."
+        )
+    notes = "\n".join(f"- {note}" for note in results.notes)
+    return f"{' '.join(heads)}\n\n{notes}"
+
+
+def _curves(results: Evaluation) -> list[Section]:
+    cases, settings = results.by_case, results.by_sampling_time
+    frequency = figures.frequency_figures(cases.dropna(subset="rmse_percent"), results.order)
+    effort = figures.effort_figures(settings.dropna(subset="rmse_percent"), results.order)
+    sections = []
+    if frequency:
+        sections.append(
+            Section(
+                "Error against frequency",
+                "Sines of full amplitude; pointing at a mark shows the confidence interval. "
+                f"{_LOOK} A click on an entry of the legend hides it, a double click shows it alone.",
+                frequency,
+            )
+        )
+    if effort:
+        sections.append(
+            Section(
+                "Error against command effort",
+                "Geometric means over the references. To the left is the quieter command: one that "
+                "chatters, dithers or passes noise on stands to the right.",
+                effort,
+            )
+        )
+    return sections
+
+
+def _pairs(results: Evaluation) -> list[Section]:
+    by_case: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for row in results.rows:
+        if "trace" in row and row["seed"] == results.selection.seeds[0]:
+            name = (
+                f"{row['plant']}, {row['reference']} {row['frequency_hz']:g} Hz, "
+                f"Ts = {1e6 * row['ts_s']:g} µs"
+            )
+            by_case.setdefault(name, {})[row["controller"]] = row["trace"]
+    if not by_case:
+        return []
+    drawn = {}
+    for name, traces in by_case.items():
+        ordered = {
+            controller: traces[controller] for controller in results.order if controller in traces
+        }
+        first = next(iter(ordered))
+        second = "none" if "none" in ordered else list(ordered)[-1]
+        drawn[name] = figures.pair_figure(ordered, first, second)
+    return [
+        Section(
+            "Traces of any pair",
+            "Choose a reference here and two controllers, A and B, in the figure: the first scored "
+            "period of the first seed.",
+            drawn,
+        )
+    ]
+
+
+def _measured(results: Evaluation, text: str) -> Section:
+    measured = results.measured
+    if measured.table.empty:
+        return Section("On real input", text)
+    return Section("On real input", text, figures.measured_figures(measured.traces), measured.table)

@@ -1,0 +1,170 @@
+"""Sections of a page that show candidates and their parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+
+from rdpi_gym.diagnosis.results import Diagnosis, Discovery, Finding
+from rdpi_gym.plant.effects import Effect, Parameter
+from rdpi_gym.report.discovery import figures as discovery_figures
+from rdpi_gym.report.discovery.sentences import closed, joined, micrometres, stages
+from rdpi_gym.report.page import Section
+
+
+def candidate_sections(result: Diagnosis | Discovery) -> list[Section]:
+    """Show the candidates of each round, best first; none where no candidate was tried."""
+    rounds = result.rounds if isinstance(result, Discovery) else (result.candidates,)
+    rounds = tuple(candidates for candidates in rounds if candidates)
+    if not rounds:
+        return []
+    figures, tables = {}, []
+    without, present = result.base, list[str]()
+    for number, candidates in enumerate(rounds, start=1):
+        taken = _taken(result, candidates, present)
+        name = f"Round {number}: added to {joined(present)}" if present else "Round 1"
+        figures[name] = discovery_figures.ranking(candidates, result.noise_floor_um, without, taken)
+        tables.append(_candidate_table(candidates, number))
+        present += taken
+        reached = [*stages(result), *((c,) for c in candidates)]
+        without = next((s[0].errors for s in reached if [f.effect for f in s] == taken), without)
+    table = pd.concat(tables, ignore_index=True)
+    if len(rounds) == 1:
+        table = table.drop(columns="Round")
+    best = rounds[0][0]
+    least = micrometres(best.errors.validation_rmse_um)
+    seen = (
+        f"Each candidate was refitted together with the rest of the model; in the first round "
+        f"{best.effect} leaves the smallest validation error, {least}."
+        if len(rounds[0]) > 1
+        else f"Refitted together with the rest of the model, {best.effect} leaves {least} on the "
+        "validation records."
+    )
+    return [
+        Section(
+            "The candidates",
+            f"{seen} Dark blue is the choice, light blue what these data cannot tell from it; "
+            "(!) marks a remark, → an error beyond the axis.",
+            figures if len(figures) > 1 else next(iter(figures.values())),
+            table,
+        ),
+        *_evidence(result),
+    ]
+
+
+def _evidence(result: Diagnosis | Discovery) -> list[Section]:
+    """Say what speaks for each candidate of a diagnosis; a discovery says it of what it added."""
+    if isinstance(result, Discovery):
+        return []
+    said = [c for c in result.candidates if c.evidence and c.share > 0]
+    if not said:
+        return []
+    lines = "\n".join(f"- {c.effect}: {closed(c.evidence)}" for c in said)
+    text = (
+        "What the refit changed, and what to look for in the figures below; candidates that do not "
+        f"lower the validation error are left out.\n\n{lines}"
+    )
+    return [Section("What speaks for each candidate", text)]
+
+
+def _taken(
+    result: Diagnosis | Discovery, candidates: Sequence[Finding], present: Sequence[str]
+) -> list[str]:
+    """Name the candidates that were taken in a round, also those taken out again later."""
+    groups = [[step.effect for step in stage] for stage in stages(result)]
+    following = next((group for group in groups if group[0] not in present), [])
+    removed = result.removed if isinstance(result, Discovery) else ()
+    for candidate in candidates:
+        if candidate.effect in following:
+            return following
+        if candidate.effect in removed and candidate.effect not in present:
+            return [candidate.effect]
+    return []
+
+
+def _candidate_table(candidates: Sequence[Finding], number: int) -> pd.DataFrame:
+    return pd.DataFrame(
+        [
+            {
+                "Round": number,
+                "effect": c.effect,
+                "validation_rmse_um": _known(c.errors.validation_rmse_um),
+                "train_rmse_um": _known(c.errors.train_rmse_um),
+                "Share of the excess gone (%)": _known(100.0 * c.share),
+                "Confidence (%)": 100.0 * c.confidence,
+                "Not to be told from": ", ".join(c.indistinguishable),
+                "remarks": "; ".join(c.remarks),
+            }
+            for c in candidates
+        ]
+    )
+
+
+def _known(value: float) -> float:
+    """Return a number, or NaN where a refit without end left infinity."""
+    return value if math.isfinite(value) else math.nan
+
+
+def parameter_sections(
+    result: Diagnosis | Discovery, catalogue: Mapping[str, type[Effect]]
+) -> list[Section]:
+    """List the parameters of what was added, or of every candidate of a diagnosis.
+
+    Parameters
+    ----------
+    result
+        What is reported.
+    catalogue
+        Effects by name: units, bounds and meanings.
+    """
+    if isinstance(result, Discovery):
+        findings, final = result.steps, {e.name: e.values for e in result.model.effects}
+    else:
+        findings, final = result.candidates, {}
+    rows = [
+        _parameter_row(finding, name, catalogue, final)
+        for finding in findings
+        for name in finding.parameters
+    ]
+    if not rows:
+        return []
+    table = pd.DataFrame(rows)
+    if not final:
+        table = table.drop(columns="In the final model")
+    return [
+        Section(
+            "Parameters",
+            "Values with their standard errors; where a fitted one has none, the data do not fix it, "
+            "and a value at a physical bound is no measurement of it.",
+            table=table,
+        )
+    ]
+
+
+def _parameter_row(
+    finding: Finding,
+    name: str,
+    catalogue: Mapping[str, type[Effect]],
+    final: Mapping[str, Mapping[str, float]],
+) -> dict[str, object]:
+    kind = catalogue.get(finding.effect)
+    stated = {p.name: p for p in kind.parameters} if kind is not None else {}
+    parameter = stated.get(name)
+    return {
+        "effect": finding.effect,
+        "parameter": name,
+        "value": finding.parameters[name],
+        "Standard error": finding.standard_errors.get(name),
+        "In the final model": final.get(finding.effect, {}).get(name),
+        "unit": "" if parameter is None or parameter.unit == "1" else parameter.unit,
+        "bounds": "" if parameter is None else _bounds(parameter),
+        "meaning": "" if parameter is None else parameter.meaning,
+    }
+
+
+def _bounds(parameter: Parameter) -> str:
+    if parameter.fixed:
+        return "chosen, not fitted"
+    return f"{parameter.low:g} to {parameter.high:g}".replace("-", "\N{MINUS SIGN}")

@@ -1,0 +1,160 @@
+"""The pages of `rdpi diagnose`, `rdpi add` and `rdpi discover`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from rdpi_gym.diagnosis.results import Diagnosis, Discovery
+from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.report.discovery import figures as discovery_figures
+from rdpi_gym.report.discovery.candidates import candidate_sections, parameter_sections
+from rdpi_gym.report.discovery.sentences import (
+    closed,
+    confounded_sentence,
+    finding_sentence,
+    found,
+    joined,
+    micrometres,
+    staircase,
+    verdict_sentence,
+)
+from rdpi_gym.report.discovery.view_sections import view_sections
+from rdpi_gym.report.page import Section, write_page
+
+_HOW = (
+    "- Every model and every candidate is refitted as a whole, hysteresis included, on the training "
+    "records; it is judged by its error on the validation records, with one free offset in each.\n"
+    "- The noise floor is what no model can explain. An error at the floor has nothing left to give.\n"
+    "- Confidence is about the effect or one that these data cannot tell from it: where rivals are "
+    "named, the name alone is not settled, and the next experiment is the one that settles it.\n"
+    "- The share says how much of the excess over the noise floor disappears on validation records; "
+    "below zero, the candidate makes them worse.\n"
+    "- Unexplained means that something systematic is left that nothing in the catalogue accounts for. "
+    "The best candidate is then not its cause."
+)
+
+
+def write_discovery_page(
+    path: Path | str,
+    title: str,
+    result: Diagnosis | Discovery,
+    catalogue: Mapping[str, type[Effect]] = CATALOGUE,
+) -> Path:
+    """Write a diagnosis or a discovery as a self-contained page.
+
+    Parameters
+    ----------
+    path
+        The HTML file.
+    title
+        Heading: which data, and what was done.
+    result
+        From :func:`rdpi_gym.diagnosis.diagnose`, ``add_effect`` or ``discover``.
+    catalogue
+        Effects by name: units and meanings of the parameters.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    sections = [
+        _steps(result),
+        *candidate_sections(result),
+        *view_sections(result),
+        *parameter_sections(result, catalogue),
+        _checks(result),
+        _left(result),
+        Section("How to read this page", _HOW),
+    ]
+    return write_page(path, title, _summary(result), sections)
+
+
+def _summary(result: Diagnosis | Discovery) -> str:
+    paragraphs = [verdict_sentence(result)]
+    if found(result):
+        paragraphs.append("\n".join(f"- {finding_sentence(finding)}" for finding in found(result)))
+    paragraphs += filter(None, [result.remainder, confounded_sentence(result)])
+    if result.next_experiment:
+        paragraphs.append(f"Next experiment: {result.next_experiment}")
+    origin = closed(_upper(result.noise_origin)) if result.noise_origin else ""
+    paragraphs.append(f"{origin} Computed in {result.seconds:.3g} s.")
+    return "\n\n".join(paragraphs)
+
+
+def _steps(result: Diagnosis | Discovery) -> Section:
+    stairs = staircase(result)
+    floor = result.noise_floor_um
+    last = stairs[-1]
+    times = last[1].validation_rmse_um / floor if floor > 0 else float("inf")
+    names = joined([finding.effect for finding in found(result)])
+    text = (
+        f"The last model, {f'with {names}' if names else 'without further effects'}, leaves "
+        f"{micrometres(last[1].validation_rmse_um)} on the validation records, "
+        f"{times:.2f} times the noise floor."
+    )
+    if isinstance(result, Diagnosis) and found(result):
+        text += " Nothing has been added to the model yet: this is what adding it would give."
+    table = pd.DataFrame(
+        [
+            {
+                "model": name,
+                "train_rmse_um": errors.train_rmse_um,
+                "validation_rmse_um": errors.validation_rmse_um,
+                "validation_nrmse_percent": errors.validation_nrmse_percent,
+                "Times the noise floor": errors.validation_rmse_um / floor if floor > 0 else None,
+            }
+            for name, errors in stairs
+        ]
+    )
+    shown = [view.name for view in result.views]
+    roles = {view.name: view.role for view in result.views if shown.count(view.name) == 1}
+    figures = [discovery_figures.staircase(stairs, floor)]
+    if any(errors.by_record_um for _, errors in stairs):
+        text += (
+            " The first figure shows the error from model to model, the second the first and the "
+            "last of them record by record: an effect that is really there makes no record worse."
+        )
+        figures.append(discovery_figures.records(stairs, roles, floor))
+    return Section("The error, step by step", text, figures, table)
+
+
+def _checks(result: Diagnosis | Discovery) -> Section:
+    # a sentence may answer for several effects
+    lines = "\n".join(f"- {check}" for check in dict.fromkeys(result.checks))
+    return Section(
+        "Tests without a model",
+        f"What the data say before anything is fitted, so that no fit can hide it.\n\n{lines}"
+        if lines
+        else "None applied to these data.",
+    )
+
+
+def _left(result: Diagnosis | Discovery) -> Section:
+    paragraphs = [
+        f"{micrometres(result.unexplained_rmse_um)} rms over the noise floor is left.",
+        result.remainder,
+    ]
+    if isinstance(result, Discovery):
+        if result.removed:
+            paragraphs.append(
+                f"Taken out again, since the others explain as much without: {joined(result.removed)}."
+            )
+        paragraphs.append("\n".join(f"- {note}" for note in result.notes))
+    if result.next_experiment:
+        paragraphs.append(f"Next experiment: {result.next_experiment}")
+    elif result.verdict == "explained":
+        paragraphs.append("No further experiment is needed to tell the effects apart.")
+    return Section("What is left, and what to measure next", "\n\n".join(filter(None, paragraphs)))
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,1 @@
+"""What a discovered belief is worth to a compensator, drawn."""

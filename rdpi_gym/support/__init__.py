@@ -1,0 +1,1 @@
+"""What every room may use: errors, arrays, files, the store of rows, parallel runs, words."""

@@ -1,0 +1,128 @@
+"""How every sweep runs its cases: processes here, or the nodes of a Ray cluster."""
+
+from __future__ import annotations
+
+import logging
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TypeVar
+from urllib.parse import urlsplit
+
+from joblib import Parallel, delayed, parallel_config
+
+from rdpi_gym.support.errors import InputError
+
+C = TypeVar("C")
+R = TypeVar("R")
+
+_PATIENCE_S = 5.0
+
+
+def run_cases(
+    function: Callable[[C], R], cases: Sequence[C], jobs: int = 1, ray_address: str | None = None
+) -> Iterator[R]:
+    """Call a function with every case, and yield each result as soon as it is there.
+
+    Whoever writes a result down as it comes loses none of it to an interruption.
+
+    Parameters
+    ----------
+    function
+        Of one case; without side effects, since Ray calls it again where a node died under it.
+    cases
+        Taken up in their order. They, the function and its results travel between processes.
+    jobs
+        Processes here, of one thread each; -1: one a core. With 1, all is done in this process.
+    ray_address
+        Of a Ray cluster whose nodes have this package: ``host:port``, ``ray://host:port`` or
+        ``auto``. Its cores are used, one a case, in place of processes here.
+
+    Yields
+    ------
+    R
+        Results in the order in which they are finished.
+
+    Raises
+    ------
+    InputError
+        Ray is not installed, or there is no cluster at the address.
+    Exception
+        Whatever the function raises.
+
+    Examples
+    --------
+    >>> sorted(run_cases(abs, [-2, 1], jobs=1))
+    [1, 2]
+    """
+    if not cases:
+        return
+    if ray_address is not None:
+        yield from _on_ray(function, cases, ray_address)
+    elif jobs == 1:
+        yield from map(function, cases)
+    else:
+        with parallel_config(backend="loky", inner_max_num_threads=1):
+            # one case at a time to a worker: results come early
+            parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
+        yield from parallel(delayed(function)(case) for case in cases)
+
+
+def _on_ray(function: Callable[[C], R], cases: Sequence[C], address: str) -> Iterator[R]:
+    # Not joblib's Ray backend: it gives no result before all are there (return_as must be "list"),
+    # and where a node dies the cases of its actors fail. Ray's own tasks are waited for one by one
+    # and run again on another node.
+    with _cluster(address):
+        import ray
+
+        task = ray.remote(num_cpus=1)(_call)
+        waiting = [task.remote(function, case) for case in cases]
+        while waiting:
+            finished, waiting = ray.wait(waiting)
+            try:
+                results = ray.get(finished)
+            except ray.exceptions.RayTaskError as error:
+                raise error.cause from error
+            yield from results
+
+
+def _call(function: Callable[[C], R], case: C) -> R:
+    return function(case)
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[None]:
+    """Connect this process to a cluster, and leave it at the end unless it was connected before."""
+    try:
+        import ray
+    except ModuleNotFoundError as error:
+        raise InputError("--ray needs Ray; pip install 'rdpi-gym[ray]'") from error
+    if ray.is_initialized():
+        yield
+        return
+    _knock(address)
+    try:
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise _unreachable(address, error) from error
+    try:
+        yield
+    finally:
+        ray.shutdown()  # cancels what is still running
+
+
+def _knock(address: str) -> None:
+    """Ray itself would try for minutes to reach a host that is not there."""
+    try:
+        place = urlsplit(address if "://" in address else f"//{address}")
+        if place.hostname and place.port:
+            socket.create_connection((place.hostname, place.port), _PATIENCE_S).close()
+    except (OSError, ValueError) as error:
+        raise _unreachable(address, error) from error
+
+
+def _unreachable(address: str, error: Exception) -> InputError:
+    reason = " ".join(str(error).split())
+    return InputError(
+        f"--ray {address}: no connection to a Ray cluster there ({reason}); give the host:port that `ray start --head` printed"
+    )

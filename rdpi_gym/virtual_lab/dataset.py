@@ -1,0 +1,164 @@
+"""From a truth to records: simulated independently of the models that are fitted to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from rdpi_gym.measurement import Dataset, Record, write_csv
+from rdpi_gym.plant import PlantModel, Sensor
+from rdpi_gym.plant.effects import Effect
+from rdpi_gym.signals.experiments import PAUSE_S, Experiment
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
+from rdpi_gym.virtual_lab.independent.simulation import LARGEST_STEP_S, simulate_truth
+from rdpi_gym.virtual_lab.truth import Truth
+
+Progress = Callable[[int, int], None]
+SETTINGS = "dataset.toml"
+
+
+def simulate_dataset(
+    truth: Truth,
+    displace: Callable[[Truth, Array, Array], Array] | None = None,
+    progress: Progress | None = None,
+) -> Dataset:
+    """Take the standard protocol on a plant with hidden effects.
+
+    The clock runs through all records, with a pause between them; every record begins with the
+    plant at rest there, as :class:`rdpi_gym.plant.Plant` does after a reset.
+
+    Parameters
+    ----------
+    truth
+        The plant and its secret.
+    displace
+        Called with the truth, times (s) and commands (V), returns the displacement (µm) before the
+        sensor; :func:`displacement` by default.
+    progress
+        Called with the number of records done, and in all.
+
+    Returns
+    -------
+    Dataset
+        Records named by their experiments, in the order in which they were taken.
+
+    Raises
+    ------
+    InputError
+        The plant has an effect that the independent formulation does not know.
+    """
+    experiments, records = truth.experiments(), []
+    for number, (experiment, t) in enumerate(zip(experiments, clock(experiments), strict=True)):
+        u = experiment.command_V()
+        y = (displace or displacement)(truth, t, u)
+        sensor = Sensor(truth.plant.sensor.resolution_um, truth.noise_um)
+        # a stream of its own for each record: its noise does not depend on the others
+        y = sensor.read(y, np.random.default_rng([truth.seed, number]))
+        records.append(
+            Record(
+                experiment.name, t, u, y, ts_s=experiment.ts_s, role=experiment.role,
+                note=experiment.purpose,
+            )
+        )  # fmt: skip
+        if progress is not None:
+            progress(number + 1, len(experiments))
+    return Dataset(f"simulated records of {truth.plant.name}", tuple(records))
+
+
+def clock(experiments: tuple[Experiment, ...]) -> list[Array]:
+    """Times of the samples (s) on one clock, with a pause between the experiments."""
+    times, start = [], 0.0
+    for experiment in experiments:
+        times.append(start + experiment.times_s())
+        start += experiment.duration_s + PAUSE_S
+    return times
+
+
+def displacement(truth: Truth, t: Array, u: Array) -> Array:
+    """Displacement (µm) of the plant with what is hidden, before the sensor.
+
+    Parameters
+    ----------
+    truth
+        Plant and hidden effects.
+    t, u
+        Times on the clock (s) and commands (V), ``(T,)``.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P10
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> t = np.arange(3) * 1e-3
+    >>> truth = Truth(P10, (CATALOGUE["gain_drift"](1e-2),), noise_um=0.0, seed=0)
+    >>> displacement(truth, 100.0 + t, np.array([0.0, 0.5, 1.0])).round(3).tolist()
+    [0.0, 0.621, 1.242]
+    """
+    effects = [*truth.plant.effects, *truth.hidden]
+    return plant_displacement(truth.plant, effects, t, u)
+
+
+def plant_displacement(
+    plant: PlantModel,
+    effects: list[Effect],
+    t: Array,
+    u: Array,
+    largest_step_s: float = LARGEST_STEP_S,
+) -> Array:
+    """Displacement (µm) of a plant with these effects in place of its own, on a fine grid (s)."""
+    h = plant.hysteresis
+    hysteresis = {
+        "weights": h.weights,
+        "thresholds_V": h.thresholds_V,
+        "delta2_s": h.delta2_s,
+        "rate_bandwidth_hz": h.rate_bandwidth_hz,
+    }
+    hold = plant.converter.samples(float(t[1] - t[0]))
+    index = np.arange(len(u))
+    held = u[index - index % hold]
+    documents = [effect.to_dict() for effect in effects]
+    return plant.offset_um + simulate_truth(hysteresis, documents, t, held, largest_step_s)
+
+
+def write_dataset(dataset: Dataset, folder: Path, note: str) -> list[Path]:
+    """Write records as CSV and a ``dataset.toml`` beside them.
+
+    Parameters
+    ----------
+    dataset
+        The records.
+    folder
+        Where to.
+    note
+        A comment for the head of the ``dataset.toml``.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    InputError
+        The folder holds files of something else, or cannot be written.
+    """
+    names = [f"{record.name}.csv" for record in dataset.records]
+    if folder.exists():
+        if not folder.is_dir():
+            raise InputError(f"{folder} is a file; give another folder for --out")
+        others = sorted({file.name for file in folder.iterdir()} - {*names, SETTINGS})
+        if others:
+            raise InputError(
+                f"{folder} holds {others[0]}, which is none of these records; give another folder for --out"
+            )
+    paths = [
+        write_csv(record, folder / name)
+        for record, name in zip(dataset.records, names, strict=True)
+    ]
+    lines = [f"# {note}", f'title = "{dataset.title}"']
+    for record in dataset.records:
+        lines += ["", f"[records.{record.name}]", f'note = "{record.note}"']
+    return [*paths, write_atomic(folder / SETTINGS, "\n".join(lines) + "\n")]

@@ -1,0 +1,202 @@
+"""Command line of the study of trained agents, stage by stage."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pandas as pd
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+import studies.agents
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic, write_json
+from studies.agents.curves import PICTURE, curves_text, learning_bands, learning_curves
+from studies.agents.page import page_texts, walk_template
+from studies.agents.scores import Run, contestants, score_all
+from studies.agents.study import BASELINE, FULL, QUICK, Study
+from studies.agents.summary import gap_summary, summarise
+from studies.agents.tables import agents_text, gap_text
+from studies.agents.training import Training, all_trainings, train_all
+from studies.agents.walk import FILE, take_walk
+from studies.agents.worlds import GAP, GROUPS, World, with_literal
+from studies.png import small_png
+
+_ROOT = Path(__file__).parents[2]
+OUT, DOCS = _ROOT / "studies" / "results" / "agents", _ROOT / "docs"
+POLICIES = _ROOT / "baselines" / "learned" / "policies"
+RUNS, QUICK_RUNS = Path("results/agents"), Path("results/agents-quick")
+STAGES = ("train", "score", "gap", "curves")
+BY_NAME = ("ship", "walk", "page")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Do one stage of the study, or all.
+
+    Parameters
+    ----------
+    arguments
+        Words after the command; those of the process by default.
+
+    Returns
+    -------
+    int
+        0, 2 on bad input (one line on standard error), 130 when interrupted.
+    """
+    parser = argparse.ArgumentParser(
+        prog="agents", description=studies.agents.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("--stage", choices=(*STAGES, "all", *BY_NAME), default="all")
+    parser.add_argument("--out", type=Path, help="folder for tables")
+    parser.add_argument(
+        "--runs", type=Path,
+        help="folder of the trainings and finished rows; with --ray, one that every node sees",
+    )  # fmt: skip
+    parser.add_argument("--jobs", type=int, default=-1, help="processes; -1: one a core")
+    parser.add_argument("--ray", metavar="ADDRESS", help="work on a Ray cluster, host:port")
+    parser.add_argument("--quick", action="store_true", help="every step, tiny; learns nothing")
+    options = parser.parse_args(arguments)
+    study = QUICK if options.quick else FULL
+    # a quick run must not take the place of published tables, policies and pages
+    options.out = options.out or (QUICK_RUNS / "tables" if options.quick else OUT)
+    options.runs = options.runs or (QUICK_RUNS if options.quick else RUNS)
+    try:
+        if options.jobs == 0 or options.jobs < -1:
+            raise InputError(f"--jobs is {options.jobs}; give the number of processes, or -1")
+        for name in ("out", "runs"):
+            folder = getattr(options, name)
+            if folder.exists() and not folder.is_dir():
+                raise InputError(f"{folder} is a file; give a folder for --{name}")
+        for stage in STAGES if options.stage == "all" else (options.stage,):
+            _STAGES[stage](study, options)
+    except InputError as error:
+        print(f"agents: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on where it stopped", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _train(study: Study, options: argparse.Namespace) -> None:
+    with _progress("training") as show:
+        fresh = train_all(study, options.runs, options.jobs, show, options.ray)
+    print(f"{fresh} trained now, {len(all_trainings(study, options.runs))} in all: {options.runs}")
+
+
+def _score(study: Study, options: argparse.Namespace) -> None:
+    trained, table = _scores(study, GROUPS, options)
+    summary = summarise(table, study.resamples)
+    _write(options.out / "scores.csv", table)
+    _write(options.out / "summary.csv", summary)
+    _write(options.out / "trainings.csv", trained)
+    print(f"table: {write_atomic(options.out / 'agents.md', agents_text(study, summary, trained))}")
+
+
+def _gap(study: Study, options: argparse.Namespace) -> None:
+    worlds = [world for name in study.domains for world in with_literal(GAP[name])]
+    trained, table = _scores(study, worlds, options)
+    summary = gap_summary(table, study.resamples)
+    _write(options.out / "gap-scores.csv", table)
+    _write(options.out / "gap.csv", summary)
+    print(f"table: {write_atomic(options.out / 'gap.md', gap_text(study, summary, trained))}")
+
+
+def _curves(study: Study, options: argparse.Namespace) -> None:
+    from rdpi_gym.report.learning_picture import learning_picture  # matplotlib, only where needed
+
+    curves = learning_curves(_finished(study, options.runs))
+    level = float(curves["compensator_rmse_um"].median())
+    picture = learning_picture(learning_bands(curves), BASELINE, level)
+    _write(options.out / "curves.csv", curves)
+    write_atomic(options.out / PICTURE, small_png(picture))
+    print(f"curves: {write_atomic(options.out / 'curves.md', curves_text(curves))}")
+
+
+def _ship(study: Study, options: argparse.Namespace) -> None:
+    try:
+        from studies.agents.shipping import ship
+    except ImportError as error:
+        raise InputError(f"shipping needs {error.name}; install rdpi-gym[rl]") from error
+    scores = options.out / "scores.csv"
+    if not scores.exists():
+        raise InputError(f"{scores} is missing; run --stage score")
+    target = options.runs / "policies" if study is QUICK else POLICIES
+    shipped = ship(pd.read_csv(scores), _finished(study, options.runs), target)
+    _write(options.out / "shipped.csv", shipped)
+    for one in shipped.itertuples():
+        print(
+            f"{target / str(one.agent)}: seed {one.seed}, the median of {one.trainings} trainings"
+        )
+
+
+def _walk(study: Study, options: argparse.Namespace) -> None:
+    walk = take_walk(walk_template(study))
+    print(f"{walk['seconds']:.0f} s: {write_json(options.out / FILE, walk)}")
+
+
+def _page(study: Study, options: argparse.Namespace) -> None:
+    folder = options.out / "docs" if study is QUICK else DOCS
+    for name, text in page_texts(study, options.out).items():
+        print(f"page: {write_atomic(folder / f'{name}.md', text)}")
+
+
+_STAGES: dict[str, Callable[[Study, argparse.Namespace], None]] = {
+    "train": _train,
+    "score": _score,
+    "gap": _gap,
+    "curves": _curves,
+    "ship": _ship,
+    "walk": _walk,
+    "page": _page,
+}
+
+
+def _scores(
+    study: Study, worlds: Sequence[World], options: argparse.Namespace
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Score the compensators and the trainings that are finished."""
+    finished = _finished(study, options.runs)
+    rows = [each.row() for each in finished]
+    runs = [
+        Run(one, world, study.plants, study.references)
+        for one in contestants(study.rivals, finished)
+        for world in worlds
+    ]
+    with _progress("scoring") as show:
+        table = score_all(runs, options.runs, options.jobs, show, options.ray)
+    table["training_seed"] = table["training_seed"].astype("Int64")
+    return pd.DataFrame(rows).astype({"seconds": float}), table
+
+
+def _finished(study: Study, runs: Path) -> list[Training]:
+    found = [each for each in all_trainings(study, runs.absolute()) if each.is_finished()]
+    if not found:
+        raise InputError(
+            f"{runs} holds no finished training; run --stage train, or give its folder as --runs"
+        )
+    return found
+
+
+def _write(path: Path, table: pd.DataFrame) -> None:
+    write_atomic(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(
+        *columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

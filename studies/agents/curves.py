@@ -1,0 +1,155 @@
+"""Learning curves of the trainings, and what they cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.tracking.markdown import markdown_table
+from rdpi_gym.support.errors import InputError
+from studies.agents.study import BASELINE
+from studies.agents.training import Training
+
+COLUMNS = (
+    "agent", "seed", "timesteps", "seconds", "rmse_um", "rmse_percent", "command_variation_V_s",
+    "reward", "compensator_rmse_um", "compensator_rmse_percent", "compensator_command_variation_V_s",
+)  # fmt: skip
+"""Of a table of curves: a row is one evaluation of a training, on the held-out plants of
+:mod:`baselines.learned.evaluation`, which are not those of the scores."""
+PICTURE = "learning-curves.png"
+
+METHOD = f"""\
+- **Curves.** Between two stretches of a training its policy is evaluated on 24 held-out plants with references of their own, drawn as in training, always the same; an average of their RMSE (µm) and of the command's total variation. A line is the median over the trainings, the band reaches from the least to the greatest. A line that comes from below the axis is a network that hardly moves the command yet.
+- **Compensator.** `{BASELINE}` on the same plants and references: what corrections correct, and what increments do without.
+- **Seconds** are those of a training with one thread, its evaluations included, with as many side by side as the machine had cores.
+"""
+
+
+def learning_curves(trainings: Sequence[Training]) -> pd.DataFrame:
+    """Read the curves of finished trainings.
+
+    Parameters
+    ----------
+    trainings
+        Those of which only the policy is kept are left out.
+
+    Returns
+    -------
+    DataFrame
+        Columns :data:`COLUMNS`.
+
+    Raises
+    ------
+    InputError
+        None of them has a curve, or one is damaged.
+    """
+    parts = []
+    for each in trainings:
+        path = each.folder / "training.csv"
+        if not path.exists():
+            continue
+        try:
+            curve = pd.read_csv(path).assign(agent=each.agent.name, seed=each.seed)
+            parts.append(curve[list(COLUMNS)])
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{path} is no learning curve, perhaps cut off ({error})") from error
+    if not parts:
+        raise InputError("no training has a curve, training.csv; run --stage train")
+    return pd.concat(parts, ignore_index=True)
+
+
+def learning_bands(curves: pd.DataFrame) -> pd.DataFrame:
+    """Return the median, the least and the greatest of each agent's trainings, step by step.
+
+    Parameters
+    ----------
+    curves
+        Columns :data:`COLUMNS`.
+
+    Returns
+    -------
+    DataFrame
+        ``agent, timesteps``, then ``rmse_um`` and ``variation_ratio`` (command variation over the
+        compensator's), each with ``_low`` and ``_high``. Steps at which not every training of the
+        agent was evaluated are left out.
+
+    Examples
+    --------
+    >>> rows = [("ppo-increment", seed, 100, 1.0 + seed, 8.0, 4.0) for seed in range(3)]
+    >>> names = ["agent", "seed", "timesteps", "rmse_um", "command_variation_V_s"]
+    >>> made = pd.DataFrame(rows, columns=[*names, "compensator_command_variation_V_s"])
+    >>> learning_bands(made)[["rmse_um_low", "rmse_um", "rmse_um_high", "variation_ratio"]].values
+    array([[1., 2., 3., 2.]])
+    """
+    curves = curves.assign(
+        variation_ratio=curves["command_variation_V_s"]
+        / curves["compensator_command_variation_V_s"]
+    )
+    lines = []
+    for agent, own in curves.groupby("agent", sort=False):
+        trainings = own["seed"].nunique()
+        for timesteps, at in own.groupby("timesteps"):
+            if at["seed"].nunique() < trainings:
+                continue
+            line: dict[str, object] = {"agent": agent, "timesteps": timesteps}
+            for name in ("rmse_um", "variation_ratio"):
+                low, middle, high = np.percentile(at[name], (0.0, 50.0, 100.0))
+                line |= {name: middle, f"{name}_low": low, f"{name}_high": high}
+            lines.append(line)
+    return pd.DataFrame(lines)
+
+
+def training_costs(curves: pd.DataFrame) -> pd.DataFrame:
+    """Return what a training of each agent took.
+
+    Returns
+    -------
+    DataFrame
+        ``agent``, number of ``trainings``, ``timesteps`` of one, and medians over them: ``seconds``,
+        ``steps_per_s``, and of the last evaluation ``rmse_um``; ``compensator_rmse_um``.
+    """
+    last = curves.sort_values("timesteps").groupby(["agent", "seed"], sort=False).tail(1)
+    lines = []
+    for agent in curves["agent"].unique():
+        own = last[last["agent"] == agent]
+        lines.append(
+            {
+                "agent": agent,
+                "trainings": len(own),
+                "timesteps": int(own["timesteps"].median()),
+                "seconds": float(own["seconds"].median()),
+                "steps_per_s": float((own["timesteps"] / own["seconds"]).median()),
+                "rmse_um": float(own["rmse_um"].median()),
+                "compensator_rmse_um": float(own["compensator_rmse_um"].median()),
+            }
+        )
+    return pd.DataFrame(lines)
+
+
+def cost_view(costs: pd.DataFrame) -> pd.DataFrame:
+    """Return the costs with the headings that a reader sees."""
+    return pd.DataFrame(
+        {
+            "agent": costs["agent"],
+            "trainings": costs["trainings"],
+            "steps": costs["timesteps"].map("{:,}".format),
+            "seconds, median": costs["seconds"].map("{:.0f}".format),
+            "steps/s, median": costs["steps_per_s"].map("{:,.0f}".format),
+            "last RMSE, median (µm)": costs["rmse_um"],
+            "compensator's (µm)": costs["compensator_rmse_um"],
+        }
+    )
+
+
+def curves_text(curves: pd.DataFrame) -> str:
+    """Write picture and costs as Markdown."""
+    parts = [
+        "# Learning curves",
+        f"![RMSE and command variation over the steps of the trainings]({PICTURE})",
+        METHOD,
+        "## What a training costs",
+        markdown_table(cost_view(training_costs(curves))),
+    ]
+    return "\n\n".join(part.strip() for part in parts) + "\n"

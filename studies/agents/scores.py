@@ -1,0 +1,244 @@
+"""Tracking scores of agents and compensators on held-out plants, all with the same belief."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from baselines import make_controller
+from baselines.feedforwards import FEEDFORWARDS
+from baselines.registry import LEARNED
+from benchmarks.tracking.episode import record
+from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
+from benchmarks.tracking.scoring import Score, one_line, score, status, words
+from benchmarks.tracking.stages import largest_rate_V_s
+from benchmarks.tracking.suite import ORACLE, Case, cases
+from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.store import Row, named_rows
+from studies.agents.training import Training
+from studies.agents.worlds import TS_S, World
+
+COLUMNS = (
+    "contestant", "kind", "training_seed", "world", "plant_seed", "ts_s", "rmse_um", "rmse_percent",
+    "worst_percent", "command_variation_V_s", "status",
+)  # fmt: skip
+"""Of a table of scores: a row is one controller on one drawn plant, its numbers means over the
+references; ``worst_percent`` is the RMSE of the worst of them. An RMSE in percent is relative to the
+reference's peak to peak. ``training_seed`` is missing where nothing was trained."""
+ROWS_FILE = "rows.jsonl"
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """What is scored.
+
+    Parameters
+    ----------
+    name
+        What tables call it.
+    kind
+        ``agent``, ``feedforward``, ``feedback``, or ``oracle``: the only one that is not causal.
+    controller
+        Name for ``make_controller``.
+    seed
+        Of its training.
+    """
+
+    name: str
+    kind: str
+    controller: str
+    seed: int | None = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """One contestant in one world: all plants and references side by side.
+
+    Parameters
+    ----------
+    contestant
+        What is scored.
+    world
+        Where.
+    plants
+        Number of plants; their seeds are 0, 1, ...
+    references
+        Names in the benchmark's suite.
+    """
+
+    contestant: Contestant
+    world: World
+    plants: int
+    references: tuple[str, ...]
+
+    def key(self, plant_seed: int) -> str:
+        """What names a row in a store."""
+        one = self.contestant
+        return f"{one.name}/{one.seed}/{self.world.name}/{plant_seed}/{','.join(self.references)}"
+
+    @property
+    def code(self) -> str:
+        """A hash of all that its rows depend on."""
+        own = [Path(__file__), Path(__file__).with_name("worlds.py")]
+        parts = [
+            code_fingerprint(),
+            task_fingerprint(self.contestant.controller, self.world.nominal),
+        ]
+        parts += [file.read_text(encoding="utf-8") for file in own]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+
+
+def contestants(rivals: Sequence[str], trainings: Sequence[Training]) -> list[Contestant]:
+    """Return the compensators and the policies of some trainings.
+
+    Examples
+    --------
+    >>> [one.kind for one in contestants(["none", "pi", "preview-oracle"], [])]
+    ['feedforward', 'feedback', 'oracle']
+    """
+    made = []
+    for name in rivals:
+        kind = "oracle" if name == ORACLE else "feedforward" if name in FEEDFORWARDS else "feedback"
+        made.append(Contestant(name, kind, name))
+    for each in trainings:
+        made.append(Contestant(each.agent.name, "agent", f"{LEARNED}{each.policy}", each.seed))
+    return made
+
+
+def score_all(
+    runs: Sequence[Run],
+    out: Path,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+    ray_address: str | None = None,
+) -> pd.DataFrame:
+    """Score what is not finished, and return all of it; an interrupted run goes on.
+
+    Parameters
+    ----------
+    runs
+        What is scored where.
+    out
+        Folder of finished rows; those of changed code or policies are set aside there.
+    jobs
+        Processes; -1: one a core.
+    progress
+        Called with the number of runs done, and in all.
+    ray_address
+        Of a Ray cluster that does the runs in place of processes here.
+
+    Returns
+    -------
+    DataFrame
+        Columns :data:`COLUMNS`.
+    """
+    store = named_rows(out / ROWS_FILE)
+    code: dict[str, str] = {}
+    for run in runs:
+        code |= dict.fromkeys([run.key(seed) for seed in range(run.plants)], run.code)
+    store.set_aside(lambda row: code.get(row["key"], row["code"]) != row["code"])
+    left = [r for r in runs if any(r.key(seed) not in store.rows for seed in range(r.plants))]
+    for done, rows in enumerate(run_cases(score_run, left, jobs, ray_address), start=1):
+        store.append(rows)
+        if progress is not None:
+            progress(done, len(left))
+    return pd.DataFrame([store.rows[key] for key in code], columns=list(COLUMNS))
+
+
+def study_cases(
+    references: Sequence[str], amplitude_um: float, base_hz: float = 20.0
+) -> list[Case]:
+    """Return the references between a frequency (Hz) and five times as much.
+
+    Examples
+    --------
+    >>> [case.name for case in study_cases(["sine", "triangle"], 1.0)]
+    ['sine 25 Hz', 'sine 50 Hz', 'sine 80 Hz', 'sine 100 Hz', 'triangle 20 Hz']
+    """
+    every = cases(references, amplitude_um, base_hz)
+    return [case for case in every if base_hz <= case.frequency_hz <= 5.0 * base_hz]
+
+
+def score_run(run: Run) -> list[Row]:
+    """Score one contestant on every plant of a world; one that fails leaves rows that say so.
+
+    Returns
+    -------
+    list of dict
+        One row a plant.
+    """
+    one, code = run.contestant, run.code
+    rows = [
+        {
+            "key": run.key(seed), "code": code, "contestant": one.name, "kind": one.kind,
+            "training_seed": one.seed, "world": run.world.name, "plant_seed": seed, "ts_s": TS_S,
+        }
+        for seed in range(run.plants)
+    ]  # fmt: skip
+    try:
+        found = _run(run)
+    except Exception as error:  # a controller may fail on some plant; the others go on
+        reason = one_line(f"{type(error).__name__}: {error}")
+        return [row | {"status": f"failed: {reason}"} for row in rows]
+    return [row | scores for row, scores in zip(rows, found, strict=True)]
+
+
+def _run(run: Run) -> list[Row]:
+    stage, belief = run.world.stage, run.world.belief
+    wanted = study_cases(run.references, stage.plant.reference_um[1], run.world.base_hz)
+    usual = ObservationLayout.for_plant(stage.plant, TS_S)
+    needed = getattr(make_controller(run.contestant.controller, belief, usual), "needed_preview", 1)
+    layout = replace(usual, preview=max(usual.preview, needed))
+    controller = make_controller(run.contestant.controller, belief, layout)
+    lanes = [(seed, case) for seed in range(run.plants) for case in wanted]
+    truths = [run.world.truth(seed) for seed in range(run.plants)]
+    references = _references(run, lanes, layout.preview)
+    rngs = [np.random.default_rng([seed, i]) for i, (seed, _) in enumerate(lanes)]
+    taken = record(controller, [truths[seed] for seed, _ in lanes], layout, references, rngs)
+    warning, limit = controller.warning(), largest_rate_V_s(stage.plant)
+    scores: list[list[Score]] = [[] for _ in truths]
+    said: list[list[str]] = [[] for _ in truths]
+    for lane, (seed, case) in enumerate(lanes):
+        first, end = case.window(TS_S)
+        parts = (references, taken.displacement_um, taken.command_V, taken.action)
+        r, y, u, action = (part[:end, lane] for part in parts)
+        if not np.isfinite(action).all():
+            raise ValueError(f"an action on plant {seed}, {case.name} is not finite")
+        scored = score(r, y, u, action, first=first, ts_s=TS_S)
+        scores[seed].append(scored)
+        said[seed].append(
+            status(scored, r[first:], warning=warning, ts_s=TS_S, identified_V_s=limit)
+        )
+    return [_mean(each, lines) for each, lines in zip(scores, said, strict=True)]
+
+
+def _references(run: Run, lanes: Sequence[tuple[int, Case]], preview: int) -> Array:
+    """Every reference, going on for a preview: where it ended it would be held, a corner."""
+    stage = run.world.stage
+    centre, rest = stage.plant.reference_um[0], stage.rest_um
+    length = max(case.window(TS_S)[1] for _, case in lanes) + preview
+    columns = [
+        replace(case, periods=case.periods + 1).samples(TS_S, centre, rest, seed)
+        for seed, case in lanes
+    ]
+    held = [np.pad(r, (0, max(length - len(r), 0)), mode="edge")[:length] for r in columns]
+    return np.stack(held, axis=1)
+
+
+def _mean(scores: Sequence[Score], said: Sequence[str]) -> Row:
+    percent = [each.rmse_percent for each in scores]
+    return {
+        "rmse_um": float(np.mean([each.rmse_um for each in scores])),
+        "rmse_percent": float(np.mean(percent)),
+        "worst_percent": float(np.max(percent)),
+        "command_variation_V_s": float(np.mean([each.command_variation_V_s for each in scores])),
+        "status": ", ".join(sorted(words(said))) or "ok",
+    }

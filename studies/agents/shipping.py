@@ -1,0 +1,143 @@
+"""Which policies this release ships, so that ``rdpi bench`` shows agents without a training.
+
+Of each agent the one with the median score over its trainings: what a reader who trains once may
+expect. The best of five seeds would promise more than that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from baselines.learned.folders import replaced_folder
+from baselines.learned.policy import DESCRIPTION, WEIGHTS, Policy
+from rdpi_gym.support.errors import InputError
+from studies.agents.summary import interquartile_mean
+from studies.agents.training import Training
+
+LIMIT_BYTES = 2**20
+"""Of all shipped policies together."""
+
+
+def seed_scores(scores: pd.DataFrame) -> pd.DataFrame:
+    """Return one score a training: the interquartile mean over all plants of all groups.
+
+    Parameters
+    ----------
+    scores
+        Columns :data:`studies.agents.scores.COLUMNS`.
+
+    Returns
+    -------
+    DataFrame
+        ``agent, seed, rmse_percent``; infinite where a quarter of its runs or more failed. Agents
+        in the order of the table, of each the best training first.
+    """
+    lines = []
+    for (agent, seed), own in scores[scores["kind"] == "agent"].groupby(
+        ["contestant", scores["training_seed"].astype("Int64")], sort=False
+    ):
+        errors = own["rmse_percent"].fillna(np.inf).to_numpy()
+        score = float(interquartile_mean(errors))
+        lines.append({"agent": agent, "seed": seed, "rmse_percent": score})
+    found = pd.DataFrame(lines, columns=["agent", "seed", "rmse_percent"])
+    place = found["agent"].map({name: i for i, name in enumerate(found["agent"].unique())})
+    ranked = found.assign(place=place).sort_values(["place", "rmse_percent", "seed"])
+    return ranked.drop(columns="place").reset_index(drop=True)
+
+
+def median_trainings(scores: pd.DataFrame) -> pd.DataFrame:
+    """Return of each agent the training with the median score.
+
+    Of an even number it is the worse of the two in the middle.
+
+    Returns
+    -------
+    DataFrame
+        ``agent, seed, rmse_percent``, number of ``trainings``, and of these the scores
+        ``best_percent`` and ``worst_percent``.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame(
+    ...     {"contestant": "sac-increment", "kind": "agent", "training_seed": [0, 1, 2]}
+    ... ).assign(rmse_percent=[3.0, 1.0, 2.0])
+    >>> median_trainings(table)[["seed", "rmse_percent", "best_percent"]].values.tolist()
+    [[2.0, 2.0, 1.0]]
+    """
+    lines = []
+    for agent, own in seed_scores(scores).groupby("agent", sort=False):
+        middle = own.iloc[len(own) // 2]
+        lines.append(
+            {
+                "agent": agent,
+                "seed": middle["seed"],
+                "rmse_percent": middle["rmse_percent"],
+                "trainings": len(own),
+                "best_percent": own["rmse_percent"].iloc[0],
+                "worst_percent": own["rmse_percent"].iloc[-1],
+            }
+        )
+    return pd.DataFrame(lines)
+
+
+def ship(scores: pd.DataFrame, trainings: Sequence[Training], target: Path) -> pd.DataFrame:
+    """Copy the policy of each agent's median training to a folder of the agent's name.
+
+    Parameters
+    ----------
+    scores
+        Of every training that is given.
+    trainings
+        Those that are finished.
+    target
+        Folder of the shipped policies; others that lie there stay.
+
+    Returns
+    -------
+    DataFrame
+        As :func:`median_trainings`, with ``policy_bytes``.
+
+    Raises
+    ------
+    InputError
+        A training was not scored, a policy is damaged, or all of them together are larger than
+        :data:`LIMIT_BYTES`; nothing is copied then.
+    """
+    by_name = {(each.agent.name, each.seed): each for each in trainings}
+    scored = {(str(agent), int(seed)) for agent, seed, _ in seed_scores(scores).to_numpy()}
+    if scored != set(by_name):
+        other = sorted(scored ^ set(by_name))[0]
+        raise InputError(
+            f"{other[0]} with seed {other[1]} is either not trained or not scored; run --stage score again"
+        )
+    chosen = median_trainings(scores)
+    sources = [by_name[name, seed].policy for name, seed in chosen[["agent", "seed"]].to_numpy()]
+    for source in sources:
+        Policy.load(source)
+    chosen["policy_bytes"] = [_bytes(source) for source in sources]
+    names = list(chosen["agent"])
+    kept = [
+        path.parent for path in target.glob(f"*/{DESCRIPTION}") if path.parent.name not in names
+    ]
+    total = int(chosen["policy_bytes"].sum()) + sum(map(_bytes, kept))
+    if total > LIMIT_BYTES:
+        raise InputError(
+            f"the policies would take {total} bytes in {target}, more than {LIMIT_BYTES}; "
+            "train smaller networks or remove others"
+        )
+    for folder in (target / name for name in names):
+        if folder.exists() and not (folder / DESCRIPTION).is_file():
+            raise InputError(f"{folder} exists and holds no policy; remove it")
+    for name, source in zip(names, sources, strict=True):
+        with replaced_folder(target / name) as fresh:
+            for file in (DESCRIPTION, WEIGHTS):
+                (fresh / file).write_bytes((source / file).read_bytes())
+    return chosen
+
+
+def _bytes(folder: Path) -> int:
+    return sum((folder / file).stat().st_size for file in (DESCRIPTION, WEIGHTS))

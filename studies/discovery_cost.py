@@ -1,0 +1,205 @@
+"""Time and memory of ``rdpi discover`` on the standard protocol, over samples and candidates.
+
+    python -m studies.discovery_cost
+
+Two effects (creep and delay) are hidden by ``rdpi simulate``; they are discovered in a process of its
+own with two workers, compiled code in the cache; the time of computing is that of one process. Memory is the largest resident set of the
+main process plus that of the largest worker for each worker: no less than what was held at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rdpi_gym.support.files import write_atomic
+
+RESULTS = Path(__file__).parent / "results" / "discovery_cost"
+HIDDEN = ("creep", "delay")
+# Rivals that are added to the hidden effects, in the order of the catalogue's chain.
+OTHERS = (
+    "sensor_lag", "asymmetry", "thermal_drift", "saturation", "gain_drift", "rate_law", "backlash",
+    "congruency", "actuator_lag", "initial_memory", "resonance", "slew_limit", "mains_hum",
+)  # fmt: skip
+_JOBS = 2
+_RUN = """
+import json, resource, sys, time
+from pathlib import Path
+from rdpi_gym.diagnosis.search.discover import discover
+from rdpi_gym.measurement import load
+from rdpi_gym.plant.effects import CATALOGUE
+data, jobs, names = sys.argv[1], int(sys.argv[2]), sys.argv[3].split(",")
+began = time.perf_counter()
+found = discover(load(Path(data)), catalogue={name: CATALOGUE[name] for name in names}, jobs=jobs)
+seconds = time.perf_counter() - began
+owners = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
+own, worker = (resource.getrusage(owner).ru_maxrss / 1024 for owner in owners)
+print("COST " + json.dumps({
+    "seconds": seconds,
+    "cpu_s": sum(resource.getrusage(resource.RUSAGE_SELF)[:2]),
+    "main_mib": own,
+    "worker_mib": worker,
+    "found": "+".join(sorted(step.effect for step in found.steps)),
+    "verdict": found.verdict,
+}))
+"""
+
+
+def cost(data: Path, candidates: Sequence[str], jobs: int) -> dict[str, Any]:
+    """Discover what is hidden in a process of its own and return what it cost.
+
+    Parameters
+    ----------
+    data
+        Folder of records.
+    candidates
+        Effects that are tried.
+    jobs
+        Processes.
+
+    Returns
+    -------
+    dict
+        ``seconds``, ``cpu_s`` (of the main process), ``main_mib``, ``worker_mib``, ``found``,
+        ``verdict``.
+
+    Raises
+    ------
+    RuntimeError
+        The process failed.
+    """
+    threads = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL")}
+    done = subprocess.run(
+        [sys.executable, "-c", _RUN, str(data), str(jobs), ",".join(candidates)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | threads,
+    )
+    lines = [line for line in done.stdout.splitlines() if line.startswith("COST ")]
+    if done.returncode or not lines:
+        raise RuntimeError(f"discovery in {data} failed: {done.stderr.strip()[-300:]}")
+    found: dict[str, Any] = json.loads(lines[-1].removeprefix("COST "))
+    return found
+
+
+def measure(folder: Path, ts_factor: float, candidates: int, repeats: int) -> dict[str, Any]:
+    """Discover what is hidden in one data set and return a row of the table.
+
+    Parameters
+    ----------
+    folder
+        For the data.
+    ts_factor
+        Factor on the protocol's sampling times.
+    candidates
+        Effects that are tried, the hidden ones among them.
+    repeats
+        Runs; the fastest counts.
+    """
+    data = folder / f"data-{ts_factor:g}"
+    if not data.exists():
+        simulate(data, ",".join(HIDDEN), ts_factor)
+    names = [*HIDDEN, *OTHERS][:candidates]
+    costs = [cost(data / "data", names, _JOBS) for _ in range(repeats)]
+    alone = cost(data / "data", names, 1)
+    best = min(costs, key=lambda c: float(c["seconds"]))
+    return {
+        "ts_factor": ts_factor,
+        "training_samples": _training_samples(data / "data"),
+        "candidates": candidates,
+        "found": best["found"],
+        "verdict": best["verdict"],
+        "seconds": round(best["seconds"], 2),
+        "cpu_s": round(alone["cpu_s"], 2),
+        "memory_mib": round(max(c["main_mib"] + _JOBS * c["worker_mib"] for c in costs)),
+    }
+
+
+def simulate(folder: Path, hidden: str, ts_factor: float) -> None:
+    """Write a data set with hidden effects, as ``rdpi simulate`` does.
+
+    Parameters
+    ----------
+    folder
+        Where to.
+    hidden
+        Effects.
+    ts_factor
+        Factor on the protocol's sampling times.
+    """
+    from rdpi_gym.cli import main as rdpi
+
+    arguments = ["simulate", "--hide", hidden, "--ts-factor", str(ts_factor), "--out", str(folder)]
+    if rdpi(arguments):
+        raise RuntimeError(f"rdpi {' '.join(arguments)} failed")
+
+
+def _training_samples(data: Path) -> int:
+    from rdpi_gym.measurement import load
+
+    return sum(int(record.error_mask.sum()) for record in load(data).train)
+
+
+def exponent(rows: pd.DataFrame, over: str) -> float:
+    """Return how seconds of computing grow: the slope over a column, both in logarithms.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"samples": [1.0, 2.0, 4.0], "cpu_s": [3.0, 6.0, 12.0]})
+    >>> round(exponent(table, "samples"), 6)
+    1.0
+    """
+    return float(np.polyfit(np.log(rows[over]), np.log(rows["cpu_s"]), 1)[0])
+
+
+def _markdown(table: pd.DataFrame) -> str:
+    lines = [list(table.columns), ["---"] * table.shape[1], *table.astype(str).to_numpy().tolist()]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def main() -> None:
+    """Measure, print and write the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--repeats", type=int, default=2)
+    arguments = parser.parse_args()
+    every = len(HIDDEN) + len(OTHERS)
+    cells = [(2.0, every), (1.0, every), (0.5, every), (1.0, 3), (1.0, 8)]
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        simulate(folder / "warm", "creep", 2.0)
+        cost(folder / "warm" / "data", HIDDEN, _JOBS)
+        rows = []
+        for ts_factor, candidates in cells:
+            rows.append(measure(folder, ts_factor, candidates, arguments.repeats))
+            print(rows[-1], flush=True)
+    table = pd.DataFrame(rows)
+    over_samples = exponent(table[table["candidates"] == every], "training_samples")
+    over_candidates = exponent(table[table["ts_factor"] == 1.0], "candidates")
+    text = (
+        "# Time and memory of `rdpi discover`\n\n"
+        f"Made by `python -m studies.discovery_cost` (Python {platform.python_version()}, "
+        f"{os.cpu_count()} cores, {_JOBS} processes), hidden: {' and '.join(HIDDEN)}, seed 0.\n\n"
+        + _markdown(table)
+        + f"\n\nComputing time grows with samples to the power {over_samples:.2f} and with "
+        f"candidates to the power {over_candidates:.2f}.\n"
+    )
+    write_atomic(arguments.out / "discovery_cost.csv", table.to_csv(index=False))
+    write_atomic(arguments.out / "discovery_cost.md", text)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

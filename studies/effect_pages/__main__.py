@@ -1,0 +1,62 @@
+"""Command line of the effects' pages."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+import studies.effect_pages
+from rdpi_gym.report.effect_figure import effect_picture
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
+from studies.effect_pages.shown import SHOWN
+from studies.effect_pages.study import bare_records, study_effect
+from studies.effect_pages.text import page_texts
+from studies.png import small_png
+
+OUT = Path(__file__).parents[2] / "docs" / "effects"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the pages and their pictures.
+
+    Parameters
+    ----------
+    arguments
+        Words after the command; those of the process by default.
+
+    Returns
+    -------
+    int
+        0, or 2 on bad input (one line on standard error).
+    """
+    parser = argparse.ArgumentParser(
+        prog="effect_pages", description=studies.effect_pages.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, default=OUT, help="folder for pages and pictures")
+    options = parser.parse_args(arguments)
+    try:
+        for name, text in page_texts().items():
+            write_atomic(options.out / name, text)
+        console = Console(stderr=True)
+        without = bare_records()
+        for name, shown in track(
+            SHOWN.items(), "drawing", console=console, disable=not console.is_terminal
+        ):
+            panels = shown.panels(study_effect(name, shown.values, without))
+            write_atomic(options.out / f"{name}.png", small_png(effect_picture(panels)))
+    except InputError as error:
+        print(f"effect_pages: {error}", file=sys.stderr)
+        return 2
+    print(f"{len(SHOWN)} effects: {options.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,99 @@
+"""The pages in words, from what the effects' files declare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.plant.effects.description import PLACES, page
+from studies.effect_pages.shown import SHOWN
+from studies.effect_pages.study import PLANT
+
+INDEX = "README.md"
+_MAKER = "python -m studies.effect_pages"
+_BELOW = "**Leaves in a residual:**"
+
+
+def page_texts() -> dict[str, str]:
+    """Return the text of every page by its file name: one for each effect, and the index."""
+    kinds = {name: kind for name, kind in CATALOGUE.items() if name in SHOWN}
+    pages = {f"{name}.md": effect_text(kind, SHOWN[name].values) for name, kind in kinds.items()}
+    return {**pages, INDEX: index_text(kinds)}
+
+
+def effect_text(kind: type[Effect], values: Mapping[str, float]) -> str:
+    """Return the page of one effect.
+
+    Parameters
+    ----------
+    kind
+        The effect.
+    values
+        Parameters that its picture is drawn with, where not at their defaults.
+
+    Examples
+    --------
+    >>> effect_text(CATALOGUE["creep"], {"gain_per_decade": 0.02}).splitlines()[0]
+    '# creep'
+    """
+    drawn = kind().with_values(values)
+    sizes = ", ".join(f"`{name}` = {value:.6g}" for name, value in drawn.values.items())
+    picture = (
+        f"![{kind.name} on an experiment that shows it]({kind.name}.png)\n\n"
+        f"*The plant {PLANT} with {sizes}, without noise ([more about the pictures]({INDEX}#pictures)).*\n\n"
+    )
+    text = page(kind, level=1)
+    text = text.replace(_BELOW, picture + _BELOW, 1)
+    for name in kind.mistaken_for:
+        text = text.replace(f"`{name}`", f"[`{name}`]({name}.md)")
+    source = kind.__module__.replace(".", "/") + ".py"
+    return (
+        f"{text}\n[All effects]({INDEX}). Made from [`{source}`](../../{source}) by `{_MAKER}`.\n"
+    )
+
+
+def index_text(kinds: Mapping[str, type[Effect]]) -> str:
+    """Return the index.
+
+    Parameters
+    ----------
+    kinds
+        Effects by name, in the chain's order.
+    """
+    lines = [
+        "# Effects",
+        "",
+        "The physical effects that a plant can have, in the order of its chain. `rdpi effects` prints "
+        "them, `rdpi diagnose` looks for them, and [one of your own](../own-effect.md) is one file more.",
+    ]
+    places: dict[str, list[type[Effect]]] = {}
+    for kind in kinds.values():
+        places.setdefault(PLACES[kind.slot], []).append(kind)
+    for place, members in places.items():
+        lines += [
+            "",
+            f"## Acts {place}",
+            "",
+            "| effect | leaves in a residual | shown best by |",
+            "|---|---|---|",
+        ]
+        lines += [
+            f"| [`{k.name}`]({k.name}.md) | {_cell(k.signature)} | {_cell(k.experiment)} |"
+            for k in members
+        ]
+    lines += [
+        "",
+        "## Pictures",
+        "",
+        f"Blue is the plant {PLANT} with the effect, grey the plant without it, on the experiment of the "
+        "standard protocol that shows the effect best. *What a refit leaves* is what the bare model cannot take "
+        "up once it has been fitted to the whole protocol: less than the effect itself, and of another shape. "
+        "Everything is simulated as `rdpi simulate` does and fitted as `rdpi fit` does, without noise, with an "
+        "effect large enough to be seen.",
+    ]
+    lines += ["", f"Made from the effects' files by `{_MAKER}`.", ""]
+    return "\n".join(lines)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")

@@ -1,0 +1,133 @@
+"""Share of PPO's wall time that is spent in the environment, adapter and wrappers included.
+
+    python -m studies.training_share
+
+Agents are trained as ``rdpi train ppo`` trains them, with 256 plants side by side; the time between
+the actions that the algorithm gives and the observations, rewards and infos that it gets is counted,
+and that of everything, evaluations and checkpoints left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from benchmarks.tracking.markdown import markdown_table
+from rdpi_gym.support.files import write_atomic
+from studies.agents.study import BASELINE
+
+RESULTS = Path(__file__).parent / "results"
+LANES = 256
+CASES: dict[str, dict[str, Any]] = {
+    "increment": {"action": "increment"},
+    "correction": {"action": "correction", "baseline": BASELINE},
+}
+"""Options of the training."""
+
+
+class Stopwatch:
+    """An environment of Stable-Baselines3 and the time that its steps have taken.
+
+    Parameters
+    ----------
+    env
+        A ``VecEnv``.
+
+    Attributes
+    ----------
+    seconds
+        In :meth:`step` so far.
+    """
+
+    def __init__(self, env: Any) -> None:
+        self.seconds = 0.0
+        self._step = env.step
+        env.step = self.step
+
+    def step(self, actions: Any) -> Any:
+        """Step as the environment does."""
+        began = time.perf_counter()
+        found = self._step(actions)
+        self.seconds += time.perf_counter() - began
+        return found
+
+
+def measure(case: str, lanes: int, updates: int, seed: int = 0) -> dict[str, Any]:
+    """Train for some updates after a first one, which compiles.
+
+    Parameters
+    ----------
+    case
+        Of :data:`CASES`.
+    lanes
+        Plants side by side.
+    updates
+        Updates that are timed, each after ``n_steps`` of every lane.
+    seed
+        Of the training.
+
+    Returns
+    -------
+    dict
+        ``case, lanes, steps, seconds, environment_s, share_percent``.
+
+    Raises
+    ------
+    InputError
+        Stable-Baselines3 refuses what is asked for.
+    """
+    from stable_baselines3 import PPO
+
+    from baselines.learned.train_ppo import Options
+    from baselines.learned.training import Run
+
+    run = Run.open(Options(lanes=lanes, seed=seed, **CASES[case]), "ppo", PPO)
+    env = run.environment()
+    model = run.model(PPO, env)
+    model.learn(lanes * model.n_steps)  # one update: kernels are loaded
+    watch = Stopwatch(env)
+    began, before = time.perf_counter(), model.num_timesteps
+    model.learn(updates * lanes * model.n_steps, reset_num_timesteps=False)
+    seconds = time.perf_counter() - began
+    return {
+        "case": case,
+        "lanes": lanes,
+        "steps": model.num_timesteps - before,
+        "seconds": seconds,
+        "environment_s": watch.seconds,
+        "share_percent": 100.0 * watch.seconds / seconds,
+    }
+
+
+def as_markdown(table: pd.DataFrame) -> str:
+    """Return the table with what was measured and how."""
+    return (
+        "# What PPO waits for its environment\n\n"
+        "Written by `python -m studies.training_share`: PPO as `rdpi train ppo` runs it, one thread, "
+        "on the four plants of a training side by side; `environment_s` is the time in `step` of the "
+        "`VecEnv`, adapter, history and scaling included.\n\n"
+        f"{markdown_table(table)}\n"
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, print the table, and write it as CSV and Markdown."""
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("--lanes", type=int, default=LANES)
+    parser.add_argument("--updates", type=int, default=10, help="that are timed")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    chosen = parser.parse_args(arguments)
+    table = pd.DataFrame([measure(case, chosen.lanes, chosen.updates) for case in CASES])
+    csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
+    write_atomic(chosen.out / "training_share.csv", csv)
+    text = as_markdown(table)
+    print(text, f"written to {write_atomic(chosen.out / 'training_share.md', text)}", sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""Command line of the pages that walk through the laboratory."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import studies.tutorial
+from rdpi_gym.measurement import DATA_HINT, measured_data
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
+from studies.tutorial.pictures import browser
+from studies.tutorial.session import Session
+from studies.tutorial.template import fill
+
+OUT = Path(__file__).parents[2] / "docs"
+TEMPLATES = {path.stem: path for path in sorted(Path(__file__).parent.glob("*.md"))}
+"""Templates by the name of their page."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Make the pages.
+
+    Parameters
+    ----------
+    arguments
+        Words after the command; those of the process by default.
+
+    Returns
+    -------
+    int
+        0, or 2 on bad input (one line on standard error).
+    """
+    parser = argparse.ArgumentParser(
+        prog="tutorial", description=studies.tutorial.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("pages", nargs="*", help="names of pages; all by default")
+    parser.add_argument("--out", type=Path, default=OUT, help="folder for pages and pictures")
+    options = parser.parse_args(arguments)
+    try:
+        for name in options.pages or TEMPLATES:
+            if name not in TEMPLATES:
+                raise InputError(f"no page is named {name!r}; known are {', '.join(TEMPLATES)}")
+            print(make_page(name, options.out))
+    except InputError as error:
+        print(f"tutorial: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def make_page(name: str, out: Path) -> Path:
+    """Make one page and its pictures.
+
+    Parameters
+    ----------
+    name
+        Of :data:`TEMPLATES`.
+    out
+        Folder for them.
+
+    Raises
+    ------
+    InputError
+        A command fails, a result is missing or contradicts a claim, there are no measured data, no
+        browser.
+    """
+    picma = measured_data("picma")
+    if picma is None:
+        raise InputError(f"the folder picma is missing. {DATA_HINT}")
+    with tempfile.TemporaryDirectory() as folder, browser() as chromium:
+        session = Session(Path(folder), {"PICMA": picma.resolve()})
+        page, pictures = fill(
+            TEMPLATES[name].read_text(encoding="utf-8"), session, chromium.picture
+        )
+    for path, picture in pictures.items():
+        write_atomic(out / path, picture)
+    return write_atomic(out / f"{name}.md", page)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,261 @@
+"""Steps per second of the vector environment beside Gymnasium's vector CartPole, in one process.
+
+    python -m studies.vector_speed
+
+In every round each case is measured in turn with CartPole and with the bare kernel (``rdpi_block``
+on as many lanes, one sample a call, one thread), so that a machine that slows down slows all three,
+and the medians of the rounds' ratios count. ``benchmark_vector_step`` is Gymnasium's own measure;
+it draws random actions for each step. What bounds a step follows (:mod:`studies.vector_roofline`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, cast
+
+import gymnasium as gym
+import numba
+import numpy as np
+import pandas as pd
+from gymnasium.utils.performance import benchmark_vector_step
+from gymnasium.vector import VectorEnv
+from gymnasium.vector.utils import batch_space
+
+import rdpi_gym  # noqa: F401  # registers the environment
+from benchmarks.tracking.markdown import markdown_table
+from rdpi_gym.plant import named_plant
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.support.files import write_atomic
+from studies.vector_roofline import bare_kernel, roofline
+
+# Declared for whole seconds; any number of them works.
+_benchmark: Callable[[Any, float, int], float] = cast(Any, benchmark_vector_step)
+RESULTS = Path(__file__).parent / "results"
+YARDSTICK = "CartPole-v1"
+PIEZO = "rdpi_gym/PiezoTracking-v0"
+LANES = 4096
+FIVE = ("actuator_lag", "creep", "resonance", "delay", "sensor_lag")
+_FIVE_EFFECTS = replace(named_plant("P10"), effects=tuple(CATALOGUE[name]() for name in FIVE))
+
+
+def step_beforehand(env: VectorEnv[Any, Any, Any], duration_s: float, seed: int) -> float:
+    """Measure steps per second as ``benchmark_vector_step`` does, with actions drawn beforehand."""
+    env.action_space.seed(seed)
+    actions = [env.action_space.sample() for _ in range(20)]
+    env.reset(seed=seed)
+    return _steps_per_s(env, duration_s, lambda k: actions[k % len(actions)])
+
+
+def step_plain_box(env: VectorEnv[Any, Any, Any], duration_s: float, seed: int) -> float:
+    """Measure as ``benchmark_vector_step`` does, with actions from Gymnasium's ``Box.sample``."""
+    space = env.action_space
+    env.action_space = batch_space(env.single_action_space, env.num_envs)
+    try:
+        return _benchmark(env, duration_s, seed)
+    finally:
+        env.action_space = space
+
+
+def step_staggered(env: VectorEnv[Any, Any, Any], duration_s: float, seed: int) -> float:
+    """Measure with episodes that end in other lanes at every step; CartPole's always do."""
+    env.action_space.seed(seed)
+    env.reset(seed=seed)
+    if env.spec is not None and env.spec.id == PIEZO:
+        steps = env.spec.kwargs["max_episode_steps"]
+        for k in range(steps):
+            env.step(env.action_space.sample())
+            mask = np.arange(env.num_envs) % steps == k
+            if mask.any():
+                env.reset(options={"reset_mask": mask})
+    return _steps_per_s(env, duration_s, lambda _: env.action_space.sample())
+
+
+def _steps_per_s(
+    env: VectorEnv[Any, Any, Any], duration_s: float, action: Callable[[int], Any]
+) -> float:
+    return env.num_envs * _calls_per_s(lambda k: env.step(action(k)), duration_s)
+
+
+def _calls_per_s(call: Callable[[int], object], duration_s: float) -> float:
+    call(0)
+    calls, start = 0, time.perf_counter()
+    while True:
+        call(calls)
+        calls += 1
+        seconds = time.perf_counter() - start
+        if seconds > duration_s:
+            return calls / seconds
+
+
+Measure = Callable[[Any, float, int], float]
+CASES: dict[str, tuple[Measure, dict[str, Any]]] = {
+    "defaults": (_benchmark, {}),
+    "defaults, actions drawn beforehand": (step_beforehand, {}),
+    "defaults, actions from a plain Box": (step_plain_box, {}),
+    "randomised plants": (_benchmark, {"randomise": 0.1}),
+    "randomised plants, episodes end at different times": (step_staggered, {"randomise": 0.1}),
+    "five effects": (_benchmark, {"plant": _FIVE_EFFECTS}),
+    "five effects, plants and effects randomised": (
+        _benchmark,
+        {"plant": _FIVE_EFFECTS, "randomise": 0.1, "randomise_effects": 0.2},
+    ),
+    "noisy sensor, randomised plants": (_benchmark, {"plant": "P10-bench", "randomise": 0.1}),
+    "triangles, from a table": (_benchmark, {"reference": "triangle"}),
+    "correction of a baseline": (
+        _benchmark,
+        {"action": "correction", "baseline": "classical-low-passed"},
+    ),
+}
+"""What is measured: how, CartPole too, and the environment's keywords."""
+
+
+def measure(
+    rounds: int,
+    duration_s: float,
+    lanes: int = LANES,
+    threads: Sequence[int] = (1, 2),
+    cases: Sequence[str] = tuple(CASES),
+) -> pd.DataFrame:
+    """Measure every case in turn with the yardstick and the bare kernel.
+
+    Parameters
+    ----------
+    rounds
+        How often.
+    duration_s
+        Of each measurement (s).
+    lanes
+        Number of lanes.
+    threads
+        Numbers of threads.
+    cases
+        Keys of `CASES`, "defaults" the first.
+
+    Returns
+    -------
+    DataFrame
+        One row a case and number of threads: median million steps per second of ours, of the
+        yardstick and of the bare kernel; medians of the rounds' ratios, with their range for the
+        yardstick's; `share_of_defaults` is over the defaults with as many threads.
+
+    Examples
+    --------
+    >>> table = measure(rounds=1, duration_s=0.01, lanes=8, threads=[1], cases=["defaults"])
+    >>> table[["case", "share_of_defaults"]].to_numpy().tolist()
+    [['defaults', 1.0]]
+    """
+    yardstick = gym.make_vec(YARDSTICK, num_envs=lanes, vectorization_mode="vector_entry_point")
+    envs = {
+        (case, count): gym.make_vec(
+            PIEZO,
+            num_envs=lanes,
+            vectorization_mode="vector_entry_point",
+            threads=count,
+            **CASES[case][1],
+        )
+        for case in cases
+        for count in threads
+    }
+    bare = bare_kernel(cast(Any, next(iter(envs.values())).unwrapped))
+    for env in envs.values():
+        _benchmark(env, 0, 0)  # compiled kernels are loaded before the clock runs
+    found = np.array(
+        [
+            _in_turn(CASES[case][0], env, yardstick, bare, duration_s, seed)
+            for seed in range(rounds)
+            for (case, _), env in envs.items()
+        ]
+    ).reshape(rounds, len(envs), 3)
+    for env in (yardstick, *envs.values()):
+        env.close()
+    rows = []
+    for place, (case, count) in enumerate(envs):
+        ours, theirs, kernel = found[:, place].T
+        plain = found[:, list(envs).index((cases[0], count)), 0]
+        rows.append(
+            {
+                "case": case,
+                "threads": count,
+                "million_steps_per_s": np.median(ours) / 1e6,
+                "cartpole": np.median(theirs) / 1e6,
+                "bare_kernel": np.median(kernel) / 1e6,
+                "times_cartpole": np.median(ours / theirs),
+                "lowest": np.min(ours / theirs),
+                "highest": np.max(ours / theirs),
+                "share_of_bare": np.median(ours / kernel),
+                "share_of_defaults": np.median(ours / plain),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _in_turn(
+    steps_per_s: Measure, env: Any, yardstick: Any, bare: Callable[[], None], duration_s: float,
+    seed: int,
+) -> tuple[float, float, float]:  # fmt: skip
+    # A plain Box and staggered ends are ours alone: CartPole's space and episodes are what they are.
+    theirs = step_beforehand if steps_per_s is step_beforehand else _benchmark
+    return (
+        steps_per_s(env, duration_s, seed),
+        theirs(yardstick, duration_s, seed),
+        _calls_per_s(lambda _: bare(), duration_s / 4) * env.num_envs,
+    )
+
+
+def as_markdown(
+    speed: pd.DataFrame, bounds: pd.DataFrame, lanes: int, rounds: int, duration_s: float
+) -> str:
+    """Return the tables with what was measured and how."""
+    return (
+        f"# {PIEZO} beside {YARDSTICK}, {lanes} lanes\n\n"
+        f"Written by `python -m studies.vector_speed`: {rounds} rounds of {duration_s:g} s, ours, "
+        "CartPole's vector environment and the bare kernel (`rdpi_block`, ten plays, one sample a "
+        "call, one thread) in turn in one process; medians, in million steps per second of one lane, "
+        "and medians of the rounds' ratios (`lowest` and `highest` are those to CartPole). "
+        "`benchmark_vector_step` is Gymnasium's own measure and draws random actions for each step. "
+        "The environment's action space is equal to a `Box`, but spreads one random word over the "
+        "lanes (SplitMix64) where `Box.sample` draws 64 bits a number and sorts coordinates by kind of "
+        "bound; the rows with a plain Box draw by `Box.sample` instead, those with actions drawn "
+        f"beforehand leave drawing out on both sides. The five effects are {', '.join(FIVE)}.\n\n"
+        f"Gymnasium {version('gymnasium')}, NumPy {version('numpy')}, numba {version('numba')} "
+        f"(threading layer {numba.threading_layer()}), Python {platform.python_version()}, "
+        f"{platform.machine()}, {os.cpu_count()} cores; each thread bound to a core "
+        "(`OMP_PROC_BIND=true`).\n\n"
+        f"{markdown_table(speed)}\n\n"
+        "## What bounds a step\n\n"
+        "Default task with plants of their own (`randomise=0.1`), medians of short measurements. Bytes "
+        "and operations are counted from what the kernels read, write and compute; a copy of as many "
+        "bytes and a loop of products and sums in registers are the measured ceilings.\n\n"
+        f"{markdown_table(bounds)}\n"
+    )
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Measure, print the tables, and write them as CSV and Markdown."""
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--duration", type=float, default=0.25, help="of each measurement (s)")
+    parser.add_argument("--lanes", type=int, default=LANES)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    chosen = parser.parse_args(arguments)
+    # Read when the first parallel kernel loads: each thread keeps to a core. Otherwise the system puts
+    # both on one now and then, for a whole measurement.
+    os.environ.setdefault("OMP_PROC_BIND", "true")
+    speed = measure(chosen.rounds, chosen.duration, chosen.lanes, cases=list(CASES))
+    bounds = roofline(chosen.lanes, repeats=10 * chosen.rounds)
+    text = as_markdown(speed, bounds, chosen.lanes, chosen.rounds, chosen.duration)
+    for name, table in (("vector_speed", speed), ("vector_roofline", bounds)):
+        csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
+        write_atomic(chosen.out / f"{name}.csv", csv)
+    print(text, f"written to {write_atomic(chosen.out / 'vector_speed.md', text)}", sep="\n")
+
+
+if __name__ == "__main__":
+    main()

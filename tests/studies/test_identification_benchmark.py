@@ -1,0 +1,63 @@
+"""The benchmark of identification: its tables, and that the committed ones hold what is wanted."""
+
+import pandas as pd
+import pytest
+
+from rdpi_gym.measurement import measured_data
+from studies.identification import RESULTS, coverage, main, recovery, summary
+
+
+def test_recovery_is_within_a_tenth_of_a_percent():
+    table = recovery()
+    assert len(table) == 13
+    assert table["error_percent"].max() <= 0.1
+
+
+def test_coverage_is_seeded():
+    first, again, other = coverage(2, 5), coverage(2, 5), coverage(2, 6)
+    assert first.equals(again)
+    assert not first.equals(other)
+    assert first["inside_percent"].between(0, 100).all()
+
+
+def test_the_summary_says_what_is_missed():
+    recovered = pd.DataFrame({"error_percent": [0.01, 0.2]})
+    covered = pd.DataFrame({"inside_percent": [95.0, 88.0]})
+    common = {"data": "picma", "validation_rmse_um": 0.4, "seconds": 0.01}
+    timed = pd.DataFrame(
+        [
+            common | {"train_rmse_um": 0.36, "times_the_fit": 1.0},
+            common | {"train_rmse_um": 0.35, "times_the_fit": 25.0},
+            common | {"train_rmse_um": 0.42, "times_the_fit": 9.0},
+        ]
+    )
+    table = summary(recovered, covered, timed)
+    met = table["met"].tolist()
+    assert met == [False, True, False, True, False, True, True, False]
+
+
+def test_all_tables_are_written(tmp_path, capsys):
+    main(["--draws", "2", "--rounds", "1", "--out", str(tmp_path)])
+    names = {path.name for path in tmp_path.iterdir()}
+    tables = {"summary.csv", "recovery.csv", "coverage.csv", "speed.csv"}
+    assert names == tables | {"identification.md"}
+    assert "## Coverage" in capsys.readouterr().out
+    speed = pd.read_csv(tmp_path / "speed.csv")
+    assert len(speed) == (6 if measured_data("picma") else 3)
+    assert (speed["seconds"] > 0).all()
+
+
+def test_the_committed_tables_hold_what_is_wanted():
+    table = pd.read_csv(RESULTS / "summary.csv")
+    assert table["met"].all()
+    figures = "\n".join(table["figure"])
+    assert "picma: training error" in figures
+    assert pd.read_csv(RESULTS / "coverage.csv")["inside_percent"].mean() >= 90
+
+
+def test_without_the_data_no_plant_is_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("RDPI_DATA", str(tmp_path))
+    with pytest.raises(SystemExit):
+        main(["--plant", "--out", str(tmp_path / "out")])
+    assert "RDPI_DATA" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,47 @@
+"""What the study of measured records says of a discovery."""
+
+from dataclasses import replace
+
+import pytest
+
+from rdpi_gym.diagnosis.results import Discovery, Errors, Finding
+from rdpi_gym.plant import P5
+from studies.measured_effects import summary
+
+BASE, AFTER = Errors(0.3, 0.4, 2.0, {}), Errors(0.1, 0.2, 1.0, {})
+STEP = Finding("creep", AFTER, {}, {}, 0.9, 0.5, (), "the holds creep")
+FOUND = Discovery(
+    model=P5,
+    steps=(STEP,),
+    rounds=((STEP,),),
+    removed=(),
+    noise_floor_um=0.1,
+    noise_origin="noise floor 0.1 µm rms, from a quiet record",
+    base=BASE,
+    given=None,
+    verdict="unexplained",
+    unexplained_rmse_um=0.17,
+    remainder="What is left follows from the input.",
+    next_experiment="Record steps.",
+    checks=(),
+    views=(),
+    seconds=1.0,
+)
+
+
+def test_errors_step_by_step():
+    table, text = summary("stage", FOUND)
+    assert table["model"].tolist() == ["base model", "+ creep"]
+    assert table["validation_rmse_um"].tolist() == [0.4, 0.2]
+    assert "**unexplained**; noise floor 0.1 µm rms" in text
+    assert "- creep: no remark" in text
+
+
+@pytest.mark.parametrize(
+    ("experiment", "end"),
+    [("Record steps.", "\n\nNext experiment: Record steps."), (None, "- creep: no remark")],
+)
+def test_next_experiment_is_named_where_there_is_one(experiment, end):
+    _, text = summary("stage", replace(FOUND, next_experiment=experiment))
+    assert text.endswith(end)
+    assert "None" not in text

@@ -1,0 +1,117 @@
+"""Sweeps on one machine: early results, order, errors, and addresses that lead nowhere."""
+
+import os
+import socket
+import sys
+import time
+
+import pytest
+
+from benchmarks.hidden_effects import __main__ as hidden_effects
+from rdpi_gym.cli import main
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.parallel import run_cases
+
+# Functions are made inside functions: what pickles by value needs no import in another process.
+
+
+def squares():
+    def square(x):
+        return x * x
+
+    return square
+
+
+@pytest.fixture
+def closed_port():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    return f"127.0.0.1:{port}"
+
+
+@pytest.mark.parametrize("jobs", [1, 2, -1])
+def test_every_case_has_one_result(jobs):
+    assert sorted(run_cases(squares(), list(range(7)), jobs)) == [k * k for k in range(7)]
+
+
+def test_one_process_takes_the_cases_in_turn_and_waits_to_be_asked():
+    taken = []
+    results = run_cases(taken.append, ["a", "b"], jobs=1)
+    assert taken == []
+    next(results)
+    assert taken == ["a"]
+
+
+def test_results_come_before_the_last_case_is_done(tmp_path):
+    def waits(name):
+        deadline = time.monotonic() + 20.0
+        while name == "slow" and not (tmp_path / "seen").exists():
+            if time.monotonic() > deadline:
+                return "nobody took the first result"
+            time.sleep(0.01)
+        return name
+
+    seen = []
+    for result in run_cases(waits, ["slow", "quick"], jobs=2):
+        seen.append(result)
+        (tmp_path / "seen").touch()
+    assert seen == ["quick", "slow"]
+
+
+def test_a_process_has_one_thread(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+
+    def seen(name):
+        return os.environ.get(name)
+
+    names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"]
+    assert list(run_cases(seen, names, jobs=2)) == ["1", "1"]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_a_case_raises_is_raised(jobs):
+    def fails(number):
+        raise InputError(f"case {number} is no case")
+
+    with pytest.raises(InputError, match=r"^case 0 is no case$"):
+        list(run_cases(fails, [0, 0], jobs))
+
+
+def test_without_cases_no_cluster_is_asked(closed_port):
+    assert list(run_cases(squares(), [], ray_address=closed_port)) == []
+
+
+def test_without_ray_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(InputError, match=r"^--ray needs Ray; pip install 'rdpi-gym\[ray\]'$"):
+        list(run_cases(squares(), [1], ray_address="auto"))
+
+
+@pytest.mark.parametrize("address", ["nonsense", "a b:c", "http://127.0.0.1"])
+def test_an_address_that_is_none_is_refused_in_one_line(address):
+    pytest.importorskip("ray", reason="Ray is not installed")
+    with pytest.raises(
+        InputError, match=f"^--ray {address}: no connection to a Ray cluster"
+    ) as error:
+        list(run_cases(squares(), [1], ray_address=address))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("scheme", ["", "ray://"])
+def test_the_commands_say_in_one_line_that_nobody_answers(scheme, closed_port, tmp_path, capsys):
+    pytest.importorskip("ray", reason="Ray is not installed")
+    address = scheme + closed_port
+    out = str(tmp_path / "out")
+    bench = [
+        "bench", "--controllers", "none", "--plants", "P5", "--references", "steps",
+        "--ts", "1e-3", "--seeds", "1", "--out", out, "--ray", address,
+    ]  # fmt: skip
+    assert main(bench) == 2
+    first = capsys.readouterr().err
+    study = ["--study", "none", "--plants", "1", "--out", out, "--ray", address]
+    assert hidden_effects.main(study) == 2
+    second = capsys.readouterr().err
+    for said in (first, second):
+        assert f"--ray {address}: no connection to a Ray cluster there" in said
+        assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,132 @@
+"""The resumable store: what survives an interruption, and what is left alone."""
+
+import json
+
+import pytest
+
+from benchmarks.tracking.rows import key, open_rows
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.store import named_rows
+
+
+def score(seed, value=1.0, **more):
+    return {
+        "controller": "none", "plant": "P5", "reference": "sine", "frequency_hz": 1.0,
+        "ts_s": 1e-3, "seed": seed, "rmse_um": value, **more,
+    }  # fmt: skip
+
+
+def case(number, value=1.0, **more):
+    return {"key": f"single/creep/{number}", "number": number, "value": value, **more}
+
+
+def scores(path):
+    return open_rows(path.parent)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "out" / "rows.jsonl"
+
+
+both = pytest.mark.parametrize(
+    ("opened", "row", "name"),
+    [(scores, score, key), (named_rows, case, lambda row: row["key"])],
+    ids=["tracking", "named"],
+)
+
+
+@both
+def test_rows_come_back_and_the_later_of_two_counts(path, opened, row, name):
+    store = opened(path)
+    store.append([row(0), row(1, note="µm")])
+    store.append([row(1, 7.0)])
+    again = opened(path)
+    assert store.rows == again.rows == {name(row(0)): row(0), name(row(1)): row(1, 7.0)}
+    assert again.damaged == 0
+
+
+@both
+def test_a_torn_last_line_is_dropped_and_the_next_row_stands_on_its_own_line(
+    path, opened, row, name
+):
+    opened(path).append([row(0), row(1)])
+    path.write_bytes(path.read_bytes()[:-20])
+    store = opened(path)
+    assert (list(store.rows), store.damaged) == ([name(row(0))], 1)
+    store.append([row(2)])
+    again = opened(path)
+    assert (set(again.rows), again.damaged) == ({name(row(0)), name(row(2))}, 0)
+
+
+@both
+@pytest.mark.parametrize("kept", [0, 5])
+def test_a_torn_first_line_is_an_empty_store(path, opened, row, name, kept):
+    opened(path).append([row(0)])
+    path.write_bytes(path.read_bytes()[:kept])
+    store = opened(path)
+    assert store.rows == {}
+    store.append([row(3)])
+    assert list(opened(path).rows) == [name(row(3))]
+
+
+@both
+def test_a_line_that_is_no_row_is_dropped(path, opened, row, name):
+    opened(path).append([row(0)])
+    with path.open("a") as stream:
+        stream.write('{"controller": "none", "key": 3}\n[1, 2]\nnot json\n')
+    assert opened(path).damaged == 3
+    opened(path).append([row(1)])
+    assert set(opened(path).rows) == {name(row(0)), name(row(1))}
+    assert opened(path).damaged == 0
+
+
+@both
+@pytest.mark.parametrize("text", ["a,b\n1,2\n", "my notes", '{"format": "mine"}\n'])
+def test_a_foreign_file_is_refused_and_left_alone(path, opened, row, name, text):
+    path.parent.mkdir()
+    path.write_text(text)
+    with pytest.raises(InputError, match="not a file of rows") as error:
+        opened(path)
+    assert "\n" not in str(error.value)
+    assert path.read_text() == text
+
+
+@both
+def test_stale_rows_are_moved_aside_and_kept(path, opened, row, name):
+    store = opened(path)
+    store.append([row(0, code="old"), row(1, code="new")])
+    aside = store.set_aside(lambda each: each["code"] != "new")
+    assert aside.name == "rows-stale-1.jsonl"
+    assert list(store.rows) == list(opened(path).rows) == [name(row(1))]
+    assert json.loads(aside.read_text().splitlines()[1]) == row(0, code="old")
+    assert opened(path).set_aside(lambda each: each["code"] != "new") is None
+    store.append([row(2, code="old")])
+    assert store.set_aside(lambda each: each["code"] != "new").name == "rows-stale-2.jsonl"
+
+
+def test_rows_of_one_sweep_are_not_taken_for_those_of_another(path):
+    named_rows(path).append([case(0)])
+    with pytest.raises(InputError, match="not a file of rows"):
+        scores(path)
+
+
+def test_what_earlier_releases_wrote_is_read(path):
+    path.parent.mkdir()
+    path.write_text(
+        '{"format": "rdpi-bench-rows", "version": 1}\n'
+        '{"controller": "none", "plant": "P5", "reference": "sine", "frequency_hz": 1.0, '
+        '"ts_s": 0.001, "seed": 0, "note": "\\u00b5m"}\n'
+    )
+    assert scores(path).rows["none", "P5", "sine", 1.0, 1e-3, 0]["note"] == "µm"
+    path.write_text(
+        '{"format": "rdpi-hidden-rows", "version": 1}\n{"key": "none/0", "note": "µm"}\n',
+        encoding="utf-8",
+    )
+    assert named_rows(path).rows == {"none/0": {"key": "none/0", "note": "µm"}}
+
+
+def test_a_folder_that_cannot_be_made_is_said_so(tmp_path):
+    (tmp_path / "out").write_text("a file")
+    with pytest.raises(InputError, match="cannot be written"):
+        named_rows(tmp_path / "out" / "rows.jsonl").append([case(0)])
