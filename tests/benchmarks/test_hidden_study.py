@@ -13,7 +13,6 @@ from benchmarks.hidden_effects import run as run_module
 from benchmarks.hidden_effects.case_row import found as found_of
 from benchmarks.hidden_effects.case_row import run_case
 from benchmarks.hidden_effects.cases import NUMBERS, Case, make_cases, prepare
-from rdpi_gym.support.fingerprint import statements
 from benchmarks.hidden_effects.run import run_study
 from benchmarks.hidden_effects.scoring import judge, judgements
 from benchmarks.hidden_effects.summary import agreement, as_markdown, by_subject, targets
@@ -21,6 +20,7 @@ from rdpi_gym.diagnosis.results import Discovery, Errors, Finding
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fingerprint import statements
 from rdpi_gym.support.store import named_rows
 from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError
 
