@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-import rdpi_gym
-from rdpi_gym.support.fingerprint import code_parts, fingerprint
+from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 
 # What a row depends on; neither who runs the cases nor tables and pages made of rows are among it.
 _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis", "virtual_lab")
@@ -23,5 +22,5 @@ def study_fingerprint() -> str:
     16
     """
     here = Path(__file__).parent
-    files = [f for room in _ROOMS for f in Path(rdpi_gym.__file__).parent.glob(f"{room}/**/*.py")]
-    return fingerprint(code_parts([*files, *(here / f"{name}.py" for name in _STUDY)]))
+    own = [here / f"{name}.py" for name in _STUDY]
+    return fingerprint(code_parts([*room_files(*_ROOMS), *own]))

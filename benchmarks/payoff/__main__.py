@@ -22,7 +22,8 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.parallel import run_cases
 
-OUT = FOLDER.parent
+OUT = Path("studies/results/payoff")
+"""Tables of a release; its beliefs lie beside the code, which scores them in `rdpi bench`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -71,7 +72,8 @@ def _compute(out: Path, seed: int, jobs: int) -> None:
     ) as bar:
         looking = bar.add_task("discovering", total=len(HIDDEN_PLANTS))
         found: dict[HiddenPlant, dict[str, PlantModel]] = {}
-        look = partial(_beliefs, folder=out / FOLDER.name, seed=seed)
+        folder = FOLDER if out == OUT else out / FOLDER.name
+        look = partial(_beliefs, folder=folder, seed=seed)
         for hidden, own in run_cases(look, HIDDEN_PLANTS, jobs):
             found[hidden] = own
             bar.advance(looking)

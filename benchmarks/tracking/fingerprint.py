@@ -8,11 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import baselines
-import rdpi_gym
 from benchmarks.tracking.learned import is_learned, policy_bytes
 from benchmarks.tracking.suite import SUITE_VERSION
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.support.fingerprint import code_parts, fingerprint
+from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 
 # What a score depends on; the tables and pages made of scores are not among it.
 _ROOMS = ("plant", "signals", "envs")
@@ -28,8 +27,7 @@ def code_fingerprint() -> str:
     >>> len(code_fingerprint())
     16
     """
-    package = Path(rdpi_gym.__file__).parent
-    files = [file for room in _ROOMS for file in (package / room).glob("**/*.py")]
+    files = room_files(*_ROOMS)
     files += Path(baselines.__file__).parent.glob("**/*.py")
     files += [Path(__file__).parent / name for name in _SCORING]
     return fingerprint([str(SUITE_VERSION).encode(), *code_parts(files)])

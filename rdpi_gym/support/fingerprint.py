@@ -22,6 +22,18 @@ def fingerprint(parts: Iterable[bytes]) -> str:
     return digest.hexdigest()[:16]
 
 
+def room_files(*rooms: str) -> list[Path]:
+    """Return the Python files of rooms of this package, for example ``plant``.
+
+    Examples
+    --------
+    >>> "fingerprint.py" in [file.name for file in room_files("support")]
+    True
+    """
+    package = Path(__file__).parents[1]
+    return [file for room in rooms for file in (package / room).glob("**/*.py")]
+
+
 def code_parts(files: Iterable[Path]) -> list[bytes]:
     """Return what Python files do, in an order that does not depend on where they stand.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,7 @@ import pytest
 
 from benchmarks.payoff import __main__ as command
 from benchmarks.payoff import beliefs, scores
-from benchmarks.payoff.beliefs import BELIEFS, FOLDER, make_beliefs, stored_beliefs
+from benchmarks.payoff.beliefs import BELIEFS, make_beliefs, stored_beliefs
 from benchmarks.payoff.plants import HIDDEN_PLANTS
 from benchmarks.payoff.tables import payoff_part, payoff_summary, payoff_text, summary_view
 from benchmarks.tracking import selection
@@ -23,6 +24,7 @@ from rdpi_gym.report.payoff.picture import payoff_picture
 from rdpi_gym.support.errors import InputError
 
 LAG = HIDDEN_PLANTS[2]
+TABLES = Path(__file__).parents[2] / "studies" / "results" / "payoff"
 
 
 @pytest.mark.parametrize("hidden", HIDDEN_PLANTS, ids=lambda hidden: hidden.slug)
@@ -42,7 +44,7 @@ def test_the_beliefs_of_this_release_name_what_is_hidden(hidden):
 
 
 def test_the_table_of_this_release_is_whole_and_the_error_falls():
-    table = pd.read_csv(FOLDER.parent / "payoff.csv")
+    table = pd.read_csv(TABLES / "payoff.csv")
     assert tuple(table.columns) == scores.COLUMNS
     assert len(table) == len(HIDDEN_PLANTS) * len(scores.CONTROLLERS) * len(BELIEFS) * 6
     summary = payoff_summary(table)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 ROOT = Path(__file__).parents[2]
-STUDY = ROOT / "benchmarks" / "results" / "hidden"
+STUDY = ROOT / "studies" / "results" / "hidden"
 PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
 
 

@@ -234,7 +234,7 @@ def test_it_trains_on_a_discovered_model(tmp_path, monkeypatch):
     write_atomic(
         "small.yml", "default: {n_envs: 4, n_timesteps: 64, n_steps: 16, batch_size: 32}\n"
     )
-    found = ROOT / "benchmarks" / "results" / "payoff" / "beliefs" / "p10-creep-discovered.json"
+    found = ROOT / "benchmarks" / "payoff" / "beliefs" / "p10-creep-discovered.json"
     (line,) = [line for line in commands(TRAIN) if "results/own-agent" in line and "train" in line]
     line = line.replace("results/found/model.json", str(found)).replace(str(STEPS), "64")
     assert rdpi([*shlex.split(line)[1:], "--hyperparameters", "small.yml"]) == 0

@@ -30,15 +30,14 @@ def cluster():
         socket.create_server((HOST, 0)).close()
     except OSError:
         pytest.skip(f"this system has no loopback address {HOST}")
-    # a folder of its own, so that no other program takes this cluster for its own; a short
-    # name, since paths of sockets are limited
+    # A default folder of its own, so that no other program takes this cluster for its own, and
+    # nothing is asked of a folder that another Ray made; a short name, since paths of sockets are
+    # limited.
     folder = tempfile.mkdtemp(prefix="ray")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        started = Cluster(
-            initialize_head=True,
-            head_node_args={**NODE, "include_dashboard": False, "temp_dir": folder},
-        )
+        patch.setenv("RAY_TMPDIR", folder)
+        started = Cluster(initialize_head=True, head_node_args={**NODE, "include_dashboard": False})
         yield started
         started.shutdown()
     shutil.rmtree(folder, ignore_errors=True)
