@@ -21,7 +21,7 @@ name                                    controller
 from baselines.base import Controller
 from baselines.feedforward import Feedforward
 from baselines.feedforwards import FEEDFORWARDS
-from baselines.registry import CONTROLLERS, ControllerFactory, make_controller
+from baselines.registry import CONTROLLERS, ControllerFactory, known_controller, make_controller
 
 __all__ = [
     "CONTROLLERS",
@@ -29,5 +29,6 @@ __all__ = [
     "Controller",
     "ControllerFactory",
     "Feedforward",
+    "known_controller",
     "make_controller",
 ]

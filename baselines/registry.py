@@ -32,6 +32,37 @@ LEARNED = "learned:"
 """What the name of a trained policy begins with; its folder, or its name if it is shipped, follows."""
 
 
+def known_controller(name: object) -> ControllerFactory:
+    """Return what makes one of this package's controllers: the closed list for names out of files.
+
+    Nothing is imported for a name, so a file cannot run code by naming a module.
+
+    Parameters
+    ----------
+    name
+        A key of :data:`CONTROLLERS`.
+
+    Raises
+    ------
+    InputError
+        It is none; ``module:attribute`` and ``learned:`` are not taken here.
+
+    Examples
+    --------
+    >>> known_controller("pi").__name__
+    'PI'
+    >>> known_controller("os:system")
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: 'os:system' is no controller of this package; known are ...
+    """
+    if not isinstance(name, str) or name not in CONTROLLERS:
+        raise InputError(
+            f"{name!r} is no controller of this package; known are {', '.join(CONTROLLERS)}"
+        )
+    return CONTROLLERS[name]
+
+
 def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
     """Make a controller by its name.
 

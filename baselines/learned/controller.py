@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from baselines.base import Controller
 from baselines.learned.policy import Policy
-from baselines.registry import make_controller
+from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
@@ -130,9 +130,9 @@ class LearnedController(Controller):
 
 def _baseline(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
     """Make the controller that a policy corrects; it must not plan beyond what is observed."""
-    made = make_controller(name, belief, replace(layout, action="command"))
-    if not isinstance(made, Controller) or hasattr(made, "plan"):
+    made = known_controller(name)(belief, replace(layout, action="command"))
+    if hasattr(made, "plan"):
         raise InputError(
-            f"the policy corrects {name!r}, which is no controller of this package that runs on observations alone"
+            f"the policy corrects {name!r}, which plans over the whole reference; a policy corrects a controller that runs on observations alone"
         )
     return made
