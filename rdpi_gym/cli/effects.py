@@ -85,7 +85,7 @@ def _print_in_full(console: Console, kind: type[Effect]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from rdpi_gym.plant.effects.description import PLACES, summary, typical
+    from rdpi_gym.plant.effects.description import PLACES, paragraphs, summary, typical
 
     console.print(f"[bold]{escape(kind.name)}[/bold]: {escape(summary(kind))}")
     console.print(f"It acts {PLACES[kind.slot]}.\n\n    {escape(kind.equation)}\n")
@@ -97,11 +97,5 @@ def _print_in_full(console: Console, kind: type[Effect]) -> None:
         cells = (p.name, p.meaning, f"{kind().values[p.name]:.6g}", typical(p), bounds)
         table.add_row(*map(escape, cells))
     console.print(table)
-    lines = {
-        "Leaves in a residual": kind.signature,
-        "Shown best by": kind.experiment,
-        "Easily mistaken for": ", ".join(kind.mistaken_for) or "nothing in the catalogue",
-        "Source": kind.source,
-    }
-    for heading, text in lines.items():
+    for heading, text in paragraphs(kind).items():
         console.print(f"[bold]{heading}:[/bold] {escape(text)}")

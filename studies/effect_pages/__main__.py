@@ -17,6 +17,7 @@ from rdpi_gym.support.files import write_atomic
 from studies.effect_pages.shown import SHOWN
 from studies.effect_pages.study import bare_records, study_effect
 from studies.effect_pages.text import page_texts
+from studies.effect_pages.tracking import TABLE, tracking_table
 from studies.png import small_png
 
 OUT = Path(__file__).parents[2] / "docs" / "effects"
@@ -40,10 +41,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("--out", type=Path, default=OUT, help="folder for pages and pictures")
+    parser.add_argument(
+        "--text-only",
+        action="store_true",
+        help="pages alone, from the committed table of tracking errors",
+    )
     options = parser.parse_args(arguments)
     try:
+        if not options.text_only:
+            write_atomic(TABLE, tracking_table().to_csv(index=False, float_format="%.6g"))
         for name, text in page_texts().items():
             write_atomic(options.out / name, text)
+        if options.text_only:
+            return 0
         console = Console(stderr=True)
         without = bare_records()
         for name, shown in track(

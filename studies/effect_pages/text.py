@@ -8,10 +8,12 @@ from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.plant.effects.description import PLACES, page
 from studies.effect_pages.shown import SHOWN
 from studies.effect_pages.study import PLANT
+from studies.effect_pages.tracking import CONTROLLER, tracking_text
 
 INDEX = "README.md"
 _MAKER = "python -m studies.effect_pages"
-_BELOW = "**Leaves in a residual:**"
+_BELOW = "**Trace in a residual:**"
+_REMEDY = "**What to do:**"
 
 
 def page_texts() -> dict[str, str]:
@@ -44,6 +46,7 @@ def effect_text(kind: type[Effect], values: Mapping[str, float]) -> str:
     )
     text = page(kind, level=1)
     text = text.replace(_BELOW, picture + _BELOW, 1)
+    text = text.replace(_REMEDY, f"{tracking_text(kind.name)}\n\n{_REMEDY}", 1)
     for name in kind.mistaken_for:
         text = text.replace(f"`{name}`", f"[`{name}`]({name}.md)")
     source = kind.__module__.replace(".", "/") + ".py"
@@ -74,7 +77,7 @@ def index_text(kinds: Mapping[str, type[Effect]]) -> str:
             "",
             f"## Acts {place}",
             "",
-            "| effect | leaves in a residual | shown best by |",
+            "| effect | trace in a residual | best experiment |",
             "|---|---|---|",
         ]
         lines += [
@@ -86,10 +89,22 @@ def index_text(kinds: Mapping[str, type[Effect]]) -> str:
         "## Pictures",
         "",
         f"Blue is the plant {PLANT} with the effect, grey the plant without it, on the experiment of the "
-        "standard protocol that shows the effect best. *What a refit leaves* is what the bare model cannot take "
-        "up once it has been fitted to the whole protocol: less than the effect itself, and of another shape. "
+        "standard protocol that shows the effect best. *What a refit leaves* is the part that the bare model cannot "
+        "take up once it has been fitted to the whole protocol: less than the effect itself, and of another shape. "
         "Everything is simulated as `rdpi simulate` does and fitted as `rdpi fit` does, without noise, with an "
         "effect large enough to be seen.",
+    ]
+    lines += [
+        "",
+        "## What the table of tracking errors shows",
+        "",
+        f"RMS error (µm) of `{CONTROLLER}` on {PLANT} with the parameters of the picture, open loop and without noise. "
+        "The command is computed beforehand, once by an inverse that holds the plant without the effect and once by "
+        "one that holds the plant itself. The sine has 50 Hz, 30 µm and 0.05 ms between samples, and is scored "
+        "from its third period on; the staircase goes to 20, -10, 30, -30 and 0 µm in steps of 10 s with rises of 0.1 s, "
+        "at 1 ms, and is scored as a whole. The rate is low-passed at 800 Hz as in the benchmark. What is left without the effect "
+        "is the inverse's own error: it takes the rate of the reference for that of the command. The displacement scored is the one that the effect acts on, so for a sensor's lag it is the reading. All rows: "
+        "[`studies/results/effect_tracking.csv`](../../studies/results/effect_tracking.csv).",
     ]
     lines += ["", f"Made from the effects' files by `{_MAKER}`.", ""]
     return "\n".join(lines)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rdpi_gym.plant.effects import CATALOGUE
@@ -12,6 +13,7 @@ from studies.effect_pages import panels
 from studies.effect_pages.shown import SHOWN
 from studies.effect_pages.study import bare_records, study_effect
 from studies.effect_pages.text import page_texts
+from studies.effect_pages.tracking import stored_rows, tracked
 
 PAGES = Path(__file__).parents[2] / "docs" / "effects"
 MAKE = "run python -m studies.effect_pages"
@@ -44,12 +46,39 @@ def test_pictures_are_small_and_no_file_is_left_over():
 @pytest.mark.parametrize("name", list(SHOWN))
 def test_a_page_says_all_that_its_file_declares(name):
     kind, text = CATALOGUE[name], (PAGES / f"{name}.md").read_text(encoding="utf-8")
-    for said in (kind.equation, kind.source, kind.signature, kind.experiment):
-        assert said in text
+    said = (kind.equation, kind.source, kind.signature, kind.experiment)
+    practice = (kind.cause, kind.hardware, kind.magnitude, kind.remedy)
+    assert all(practice)
+    for sentence in said + practice:
+        assert sentence in text
+    for row in stored_rows(name):
+        assert f"| {row.unknown_um:.3g} µm | {row.known_um:.3g} µm |" in text
     for parameter in kind.parameters:
         assert f"| `{parameter.name}` | {parameter.meaning} | {parameter.unit} |" in text
     for other in kind.mistaken_for:
         assert f"[`{other}`]({other}.md)" in text
+
+
+@pytest.mark.parametrize("name", ["creep", "slew_limit"])
+def test_committed_tracking_errors_are_what_the_command_computes(name):
+    computed = list(tracked(CATALOGUE[name]().with_values(SHOWN[name].values)))
+    for ours, stored in zip(computed, stored_rows(name), strict=True):
+        assert (ours.effect, ours.reference, ours.warning) == (
+            stored.effect, stored.reference, stored.warning,
+        )  # fmt: skip
+        for column in ("without_um", "unknown_um", "known_um"):
+            assert getattr(ours, column) == pytest.approx(getattr(stored, column), rel=1e-5), MAKE
+
+
+def test_what_an_inverse_knows_it_takes_out():
+    """Save for effects without an inverse, knowing an effect leaves at most half of what it costs."""
+    for name in SHOWN:
+        worst = max(stored_rows(name), key=lambda row: row.unknown_um - row.without_um)
+        if "passed over" in worst.warning:
+            assert worst.known_um == worst.unknown_um
+        else:
+            cost = worst.unknown_um - worst.without_um
+            assert worst.known_um - worst.without_um < 0.5 * cost, name
 
 
 def test_delay_turns_the_phase_and_keeps_the_gain(without):
@@ -96,12 +125,15 @@ def test_every_picture_shows_its_effect(without):
 
 def test_the_command_writes_pages_and_pictures(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(command, "SHOWN", {"delay": SHOWN["delay"]})
+    monkeypatch.setattr(command, "TABLE", tmp_path / "table.csv")
+    monkeypatch.setattr(command, "tracking_table", lambda: pd.DataFrame({"effect": ["delay"]}))
     assert command.main(["--out", str(tmp_path / "new")]) == 0
+    assert (tmp_path / "table.csv").read_text() == "effect\ndelay\n"
     assert {path.name for path in (tmp_path / "new").iterdir()} == {*page_texts(), "delay.png"}
     assert str(tmp_path) in capsys.readouterr().out
 
 
 def test_a_folder_that_is_a_file_is_refused(tmp_path, capsys):
     (tmp_path / "taken").write_text("x")
-    assert command.main(["--out", str(tmp_path / "taken")]) == 2
+    assert command.main(["--out", str(tmp_path / "taken"), "--text-only"]) == 2
     assert capsys.readouterr().err.count("\n") == 1

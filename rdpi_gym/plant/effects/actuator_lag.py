@@ -43,6 +43,25 @@ class ActuatorLag(Effect):
         "A multisine smaller than the first threshold, and large sines up to the cut-off; or "
         "measure the voltage at the stack."
     )
+    cause = (
+        "The output resistance of the amplifier and the capacitance of the actuator form a low- "
+        "pass: the voltage at the stack follows the command with the time constant R C."
+    )
+    hardware = (
+        "Every voltage-driven stack, the more so behind a current-limiting resistor, a long cable "
+        "or a low-noise filter; large stacks have 2 to 20 µF."
+    )
+    magnitude = (
+        "Stacks reach beyond 100 kHz, their drives usually a few kHz (Fleming, "
+        "studylib.net/doc/18813258). With 10 µF a cut-off of 1 kHz needs less than 16 Ω. At 50 Hz "
+        "a time constant of 0.2 ms is a phase of 3.6 degrees, and an error of 6 % of the "
+        "amplitude."
+    )
+    remedy = (
+        "Hardware: an amplifier with a lower output resistance, or a smaller capacitance. "
+        "Compensation: lead by the same time constant, u + τ du/dt, behind the inverse of the "
+        "hysteresis; it needs one sample of preview and amplifies noise of the reference."
+    )
     mistaken_for = ("sensor_lag", "delay", "rate_law", "resonance")
     block = staticmethod(linear_block)
 

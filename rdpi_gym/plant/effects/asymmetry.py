@@ -56,6 +56,25 @@ class Asymmetry(Effect):
         "play operators are odd and leave none."
     )
     experiment = "Sines about zero at two amplitudes or more; the half-wave test needs no model."
+    cause = (
+        "Poled ceramic is not the same in both directions: strain along the poling direction "
+        "grows differently from strain against it, and preload and mechanics bend the curve "
+        "further."
+    )
+    hardware = (
+        "Unipolar stacks, benders and tubes driven about an offset; levers and flexures that are "
+        "bent far."
+    )
+    magnitude = (
+        "A few per cent of the stroke: 1 to 5 % is an estimate. The measured PICMA record of this "
+        "project is described with 8.6 %. Modified Prandtl-Ishlinskii models were made for it "
+        "(Gu, Zhu, Su, IEEE TIE 61(3), 2014)."
+    )
+    remedy = (
+        "Hardware: a charge drive, or a sensor and feedback. Compensation: a static inverse of "
+        "the curve in front of the inverse of the hysteresis; where y_h² is added, it is the root "
+        "of a quadratic."
+    )
     mistaken_for = ("congruency", "saturation", "thermal_drift")
     block = staticmethod(asymmetry_block)
 

@@ -54,6 +54,23 @@ class Backlash(Effect):
     )
     signature = "A dead zone after every reversal, however small the motion; a_0 tends to zero."
     experiment = "Reversals smaller than the first threshold."
+    cause = (
+        "Parts that push but do not pull: a gap between nut and screw or between stack and lever "
+        "has to be crossed after each reversal."
+    )
+    hardware = (
+        "Coarse stages with screws, motors with gears, a stack that touches its lever under too "
+        "small a preload. Not flexure stages."
+    )
+    magnitude = (
+        "None in flexures; 0.1 to 5 µm in screws (estimate), less with two nuts preloaded against "
+        "each other."
+    )
+    remedy = (
+        "Hardware: preload, or flexures in place of guides. Compensation: cross the gap at once "
+        "at each reversal by a jump of twice its half-width; what the amplifier cannot jump stays "
+        "as an error. Approach every target from the same side where the task allows."
+    )
     mistaken_for = ("rate_law",)
     block = staticmethod(backlash_block)
 

@@ -109,6 +109,9 @@ class Effect(ABC):
         One :class:`Parameter` a field.
     equation, source, signature, experiment
         The equation, where it is from, what it leaves in a residual, what shows it best.
+    cause, hardware, magnitude, remedy
+        For its page, in sentences: what causes it, where it is met, how large it usually is and says
+        who, what to do about it. Empty unless stated.
     mistaken_for
         Names of effects that data may not tell apart from it.
     block
@@ -142,6 +145,10 @@ class Effect(ABC):
     source: ClassVar[str]
     signature: ClassVar[str]
     experiment: ClassVar[str]
+    cause: ClassVar[str] = ""
+    hardware: ClassVar[str] = ""
+    magnitude: ClassVar[str] = ""
+    remedy: ClassVar[str] = ""
     mistaken_for: ClassVar[tuple[str, ...]]
     block: ClassVar[Block]
     kinked: ClassVar[str | None] = None

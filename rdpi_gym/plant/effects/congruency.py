@@ -51,6 +51,24 @@ class Congruency(Effect):
     )
     signature = "Minor loops of the same span differ in area with the bias at which they stand."
     experiment = "Minor loops of two spans at three biases."
+    cause = (
+        "Domains switch more easily at some fields than at others, so small loops on different "
+        "levels of the same hysteresis are not copies of each other, as play operators say."
+    )
+    hardware = (
+        "Soft ceramics driven bipolar or through their whole range; a scan of small amplitude "
+        "whose offset moves across that range."
+    )
+    magnitude = (
+        "Minor loops of the same span differ by some per cent to some tens of per cent in area "
+        "between the middle and the ends of the range; 5 to 30 % of the plays' weights at full "
+        "range is an estimate. Preisach models exist because of it."
+    )
+    remedy = (
+        "Hardware: keep to a part of the range, or use a charge drive. Compensation: weights that "
+        "depend on the command are undone by solving the same sum sample by sample, as the "
+        "extended inverse does while the sum still rises."
+    )
     mistaken_for = ("saturation", "asymmetry")
     block = staticmethod(congruency_block)
 

@@ -108,6 +108,23 @@ class Creep(Effect):
         "the gain falls by γ a decade of frequency."
     )
     experiment = "Stairs of steps up and down with holds from 0.05 to 50 s."
+    cause = (
+        "After a step most domains switch at once and the rest go on switching ever more slowly: "
+        "the remanent polarisation keeps changing under constant voltage."
+    )
+    hardware = (
+        "Every voltage-driven piezo actuator without position feedback: tubes of scanning probe "
+        "microscopes, stacks, benders. Charge drives and closed loops hardly show it."
+    )
+    magnitude = (
+        "1 to 2 % of the last step a decade of time, counted from 0.1 s (Physik Instrumente, "
+        "piezo tutorial, creep); a few per cent after some hours."
+    )
+    remedy = (
+        "Hardware: a position sensor and an integral in the loop, or a charge drive. "
+        "Compensation: subtract what the model predicts, element by element; the inverse is "
+        "stable and needs no preview. Waiting helps slowly: each further decade costs as much."
+    )
     mistaken_for = ("thermal_drift", "gain_drift", "initial_memory")
     block = staticmethod(creep_block)
 

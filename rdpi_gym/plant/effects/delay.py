@@ -75,6 +75,23 @@ class Delay(Effect):
         "A multisine smaller than the first threshold, at high frequency; pairs of sines with the "
         "same largest rate."
     )
+    cause = (
+        "Conversion, computing and the zero-order hold take time in which nothing is known of the "
+        "motion."
+    )
+    hardware = (
+        "Every digital loop; digital sensors with averaging, interferometers and buses (USB, "
+        "Ethernet) above all."
+    )
+    magnitude = (
+        "Half a sample for the hold and one or two for computing; 10 to 500 µs is an estimate. At "
+        "50 Hz 0.1 ms is 1.8 degrees, an error of 3 % of the amplitude; at 500 Hz ten times that."
+    )
+    remedy = (
+        "Hardware: sample faster, convert and compute in step, average less. Compensation: read "
+        "the reference that many samples ahead, which is exact where it is known beforehand; in "
+        "feedback a delay cannot be undone and limits the gain."
+    )
     mistaken_for = ("sensor_lag", "actuator_lag", "rate_law", "resonance")
     block = staticmethod(delay_block)
 

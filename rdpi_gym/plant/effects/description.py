@@ -62,8 +62,12 @@ def describe(kind: type[Effect]) -> dict[str, Any]:
         "order": kind.order,
         "equation": kind.equation,
         "parameters": parameters,
+        "cause": kind.cause,
+        "hardware": kind.hardware,
+        "magnitude": kind.magnitude,
         "signature": kind.signature,
         "experiment": kind.experiment,
+        "remedy": kind.remedy,
         "mistaken_for": list(kind.mistaken_for),
         "source": kind.source,
     }
@@ -80,6 +84,36 @@ def typical(parameter: Parameter) -> str:
     low, high = parameter.typical
     values = f"{low:.6g}" if math.isclose(low, high) else f"{low:.6g} to {high:.6g}"
     return values if parameter.unit == "1" else f"{values} {parameter.unit}"
+
+
+def paragraphs(kind: type[Effect], quote: str = "") -> dict[str, str]:
+    """Return what an effect's file says in sentences, by headings; what it leaves out is missing.
+
+    Parameters
+    ----------
+    kind
+        The effect.
+    quote
+        Put around names of other effects.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects.backlash import Backlash
+    >>> list(paragraphs(Backlash))[:3]
+    ['Cause', 'Met on', 'Usual size']
+    """
+    mistaken = ", ".join(f"{quote}{name}{quote}" for name in kind.mistaken_for)
+    said = {
+        "Cause": kind.cause,
+        "Met on": kind.hardware,
+        "Usual size": kind.magnitude,
+        "Trace in a residual": kind.signature,
+        "Best experiment": kind.experiment,
+        "Easily mistaken for": f"{mistaken or 'nothing in the catalogue'}.",
+        "What to do": kind.remedy,
+        "Source": kind.source,
+    }
+    return {heading: text for heading, text in said.items() if text}
 
 
 def page(kind: type[Effect], level: int = 2) -> str:
@@ -103,7 +137,7 @@ def page(kind: type[Effect], level: int = 2) -> str:
         f"| {typical(p)} | {p.low:.6g} to {p.high:.6g} | {_role(p)} |"
         for p in kind.parameters
     ]
-    mistaken = ", ".join(f"`{name}`" for name in kind.mistaken_for) or "nothing in the catalogue"
+    said = paragraphs(kind, quote="`")
     return "\n".join(
         [
             f"{'#' * level} {kind.name}",
@@ -116,14 +150,7 @@ def page(kind: type[Effect], level: int = 2) -> str:
             "|---|---|---|---|---|---|---|",
             *rows,
             "",
-            f"**Leaves in a residual:** {kind.signature}",
-            "",
-            f"**Shown best by:** {kind.experiment}",
-            "",
-            f"**Easily mistaken for:** {mistaken}.",
-            "",
-            f"**Source:** {kind.source}",
-            "",
+            *(f"**{heading}:** {text}\n" for heading, text in said.items()),
         ]
     )
 

@@ -53,6 +53,24 @@ class GainDrift(Effect):
     )
     signature = "Residual proportional to the displacement, growing with the experiment's clock."
     experiment = "Repeat the first record at the end."
+    cause = (
+        "The stroke a volt changes with temperature, with poling and with the load, slowly "
+        "against an experiment."
+    )
+    hardware = (
+        "Stacks that warm up under fast motion, tubes after a large excursion, long measuring "
+        "campaigns; sensors whose gain drifts look the same."
+    )
+    magnitude = (
+        "Small about room temperature. Ageing by itself is negligible in actuators, which repole "
+        "(Physik Instrumente, piezo tutorial, ageing); an uncooled stack at 10 kHz gained about "
+        "15 % of stroke while it warmed up (doi 10.3390/act10110297)."
+    )
+    remedy = (
+        "Hardware: let the stage warm up, hold its temperature. Compensation: divide by the gain "
+        "that the model predicts; better, repeat one reference record and rescale, or close the "
+        "loop, which takes a slow gain out."
+    )
     mistaken_for = ("thermal_drift", "creep")
     block = staticmethod(gain_drift_block)
     clocked = True

@@ -51,6 +51,25 @@ class InitialMemory(Effect):
         "has been passed in both directions."
     )
     experiment = "Begin a record with a decaying sine, and compare it with one that does not."
+    cause = (
+        "The ceramic remembers the extreme commands of its past. A model that starts with all "
+        "plays at zero starts from another state than the stage."
+    )
+    hardware = (
+        "Every piezo actuator that was moved before the record began, after a power-up above all: "
+        "the first motion differs from all that follow."
+    )
+    magnitude = (
+        "Up to half of the loop's width: hysteresis is about 2 % of the stroke for small and 10 "
+        "to 15 % for large signals (PI Ceramic, piezo tutorial, "
+        "piceramic.com/piezo_tutorial5.php), so up to 5 to 7 % of the stroke until the memory is "
+        "wiped out."
+    )
+    remedy = (
+        "Hardware: nothing to buy; run a sine that decays from the full range to zero before each "
+        "experiment, which wipes the memory out. Compensation: start the inverse from the same "
+        "past, or move once through the full range."
+    )
     mistaken_for = ("creep", "thermal_drift")
     block = staticmethod(identity_block)
 

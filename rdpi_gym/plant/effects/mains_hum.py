@@ -69,6 +69,24 @@ class MainsHum(Effect):
     source = "Pick-up of the mains in sensor and wiring; the amplitude is an estimate (1 to 50 nm)."
     signature = "A line at 50 or 60 Hz that has nothing to do with the command."
     experiment = "A quiet record at constant command; keep 50 and 60 Hz out of multisines."
+    cause = (
+        "Fields and ground loops of the mains, and vibration of transformers and fans, in the "
+        "sensor, its cable or the stage."
+    )
+    hardware = (
+        "Long unshielded cables, switched supplies, transformers and pumps on the same table."
+    )
+    magnitude = (
+        "1 to 50 nm (estimate). Lines at the mains' frequency or a multiple nearly always come "
+        "from some electrically driven vibration in the set-up (Physik Instrumente, blog, "
+        "February 2012)."
+    )
+    remedy = (
+        "Hardware: one ground, shielded cables, fans and pumps off the table; average over whole "
+        "periods of the mains. Compensation: subtract the fitted line from a record. In tracking "
+        "do not follow it if only the sensor sees it; a resonant controller at 50 or 60 Hz if the "
+        "stage does move."
+    )
     mistaken_for = ()
     block = staticmethod(mains_hum_block)
     clocked = True

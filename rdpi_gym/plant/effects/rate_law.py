@@ -58,6 +58,24 @@ class RateLaw(Effect):
         "Sines at four rates and two amplitudes, with partners of the same largest rate (A at f, "
         "A/4 at 4f)."
     )
+    cause = (
+        "Domain walls need time to move, so the width of the loop grows with the rate of the "
+        "field; the linear law of Eq. 8 is the simplest of several forms that describe it."
+    )
+    hardware = (
+        "Stacks and tubes that work over more than a decade of frequency; soft ceramics usually show "
+        "more of it than hard ones."
+    )
+    magnitude = (
+        "Rate-dependent play models were fitted up to 1 to 1.5 kHz with powers and logarithms of "
+        "the rate in place of |v| (doi 10.5772/58984, doi 10.1007/s11465-015-0326-1). Exponents "
+        "of 0.5 to 0.8 are an estimate."
+    )
+    remedy = (
+        "Hardware: charge drive, which takes most of the hysteresis away with its rate "
+        "dependence. Compensation: put the law into the thresholds of the inverse; its shape "
+        "stays the same and only the rate is replaced."
+    )
     mistaken_for = ("delay", "sensor_lag", "actuator_lag", "slew_limit")
     block = staticmethod(rate_law_block)
 

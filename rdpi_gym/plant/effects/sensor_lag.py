@@ -41,6 +41,25 @@ class SensorLag(Effect):
         "A multisine smaller than the first threshold, up to about the cut-off; or the sensor's "
         "data sheet."
     )
+    cause = (
+        "The sensor's electronics filter: what is recorded lags behind the motion, while the "
+        "motion itself is not changed."
+    )
+    hardware = (
+        "Strain gauges with low-pass filters, capacitive sensors set to a low bandwidth for low "
+        "noise, LVDTs."
+    )
+    magnitude = (
+        "Strain gauges 1 to 10 kHz, capacitive sensors to 100 kHz, LVDTs about 1 kHz (Fleming "
+        "2013, doi 10.1016/j.sna.2012.10.016). A bandwidth of 1 kHz is τ = 0.16 ms: at 50 Hz 2.9 "
+        "degrees, 5 % of the amplitude."
+    )
+    remedy = (
+        "Hardware: set the sensor to its largest bandwidth and accept its noise, or calibrate it "
+        "against a faster one. Compensation: where the sensor is what is to be believed, lead as "
+        "for any lag; where the motion itself counts, correct the reading and leave the command "
+        "alone."
+    )
     mistaken_for = ("delay", "actuator_lag", "rate_law", "resonance")
     block = staticmethod(linear_block)
 

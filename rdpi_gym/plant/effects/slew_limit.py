@@ -66,6 +66,24 @@ class SlewLimit(Effect):
         "harmonics and a lag that grow with the rate."
     )
     experiment = "Sines across the critical amplitude x frequency, and steps sampled fast."
+    cause = (
+        "The amplifier charges a capacitance and its current is limited, so the voltage can "
+        "change by I_max / C a second and no faster."
+    )
+    hardware = (
+        "Large stacks (µF) on compact drivers, and every step or fast triangle. Small-signal data "
+        "sheets hide it: it depends on amplitude times frequency."
+    )
+    magnitude = (
+        "0.5 A into 20 µF (a 100 µm stack) is 25 V/ms, so 75 V take 3 ms (Thorlabs, piezo driver "
+        "bandwidth tutorial). An amplifier that reaches 5.6 kHz at 100 V into 1 µF reaches 560 Hz "
+        "into 10 µF (PiezoDrive, PD200 manual, power bandwidth)."
+    )
+    remedy = (
+        "Hardware: more current, or a stack with less capacitance. Compensation: none beyond the "
+        "limit; shape the reference so that 2π f A stays below R (rounded corners, longer ramps). "
+        "A feedback loop winds up against it and needs anti-windup."
+    )
     mistaken_for = ("rate_law", "saturation", "actuator_lag")
     kinked = "rate_V_s"
     block = staticmethod(slew_limit_block)
