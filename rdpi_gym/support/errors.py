@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
+import re
+
+# C0 and C1 controls, the separators of lines and paragraphs, what turns the direction of writing
+# around, and lone surrogates, which no encoding can write.
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+_LONGEST = 1000
+
+
+def printable(text: str) -> str:
+    r"""Write control characters as their escapes, so that a terminal shows them and obeys none.
+
+    Examples
+    --------
+    >>> printable("a title\x1b[2J"), printable("2 µm/V")
+    ('a title\\x1b[2J', '2 µm/V')
+    """
+    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
 
 class InputError(ValueError):
     """Bad input: one line that says what is wrong, where, and what would be right.
 
-    The command line prints the line and exits with status 2.
+    The command line prints the line and exits with status 2. Whatever of a file or of the user's
+    words stands in it, it is one line without control characters.
 
     Examples
     --------
@@ -15,3 +34,10 @@ class InputError(ValueError):
     ...
     rdpi_gym.support.errors.InputError: ts_s is -1.0; give a sampling time above 0 s, for example 5e-5
     """
+
+    def __init__(self, message: str) -> None:
+        line = printable(message)
+        if len(line) > _LONGEST:
+            half = _LONGEST // 2
+            line = f"{line[:half]} ... {line[-half:]}"
+        super().__init__(line)

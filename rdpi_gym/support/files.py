@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import stat
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, NoReturn
 
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.errors import InputError, printable
+from rdpi_gym.support.words import quoted
+
+LARGEST_JSON = 32 * 2**20
+"""Most bytes of a JSON file that is read."""
+_DEEPEST = 50
+_NO_WAIT = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 def write_atomic(path: Path | str, content: str | bytes) -> Path:
@@ -68,6 +76,148 @@ def write_json(path: Path | str, document: dict[str, Any]) -> Path:
     )
 
 
+def open_regular(path: Path | str) -> BinaryIO:
+    """Open a regular file to read its bytes; nothing else is data.
+
+    Parameters
+    ----------
+    path
+        The file. A FIFO, a device, a socket or a folder is refused and never waited for.
+
+    Raises
+    ------
+    InputError
+        It is something else, or cannot be read.
+
+    Examples
+    --------
+    >>> open_regular("/dev/null")
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: /dev/null is no regular file; give a file with data
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY | _NO_WAIT)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read ({_reason(error)})") from error
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise InputError(f"{path} is no regular file; give a file with data")
+    return os.fdopen(handle, "rb")
+
+
+def read_bytes(path: Path | str, largest: int) -> bytes:
+    """Read a regular file whole.
+
+    Parameters
+    ----------
+    path
+        The file.
+    largest
+        Most bytes that it may have.
+
+    Raises
+    ------
+    InputError
+        It is no regular file, cannot be read, or is larger.
+    """
+    with open_regular(path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size > largest:
+            raise InputError(
+                f"{path} has {size / 2**20:.0f} MiB; a file of this kind has {largest / 2**20:.0f} MiB at most"
+            )
+        try:
+            return stream.read(size)
+        except OSError as error:
+            raise InputError(f"{path} cannot be read ({_reason(error)})") from error
+
+
+def read_utf8(path: Path | str, largest: int) -> str:
+    """Read a regular file of UTF-8 text whole, with or without a byte-order mark.
+
+    Parameters
+    ----------
+    path
+        The file.
+    largest
+        Most bytes that it may have.
+
+    Raises
+    ------
+    InputError
+        It is no regular file, cannot be read, is larger, or is no UTF-8 text.
+
+    Examples
+    --------
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "a.txt"
+    ...     _ = path.write_bytes("25 µm".encode("utf-8"))
+    ...     read_utf8(path, 100)
+    '25 µm'
+    """
+    raw = read_bytes(path, largest)
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path} cannot be read as UTF-8 text (byte {error.start}); save it as UTF-8"
+        ) from None
+
+
+def parse_json(text: str, source: str) -> Any:
+    """Read a JSON value: finite numbers, whole ones of 64 bits at most, text without control characters.
+
+    Parameters
+    ----------
+    text
+        The JSON.
+    source
+        Named in errors.
+
+    Raises
+    ------
+    InputError
+        No whole JSON, nested deeper than 50 levels, NaN or infinity, a number too large for a
+        double or a 64-bit integer, or text that a terminal would obey.
+
+    Examples
+    --------
+    >>> parse_json('{"delay_s": 1e-4, "taps": [3, 5]}', "a.json")
+    {'delay_s': 0.0001, 'taps': [3, 5]}
+    >>> parse_json('{"delay_s": NaN}', "a.json")
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: a.json: NaN is no finite number; write one
+    """
+
+    def refuse(token: str) -> NoReturn:
+        raise InputError(f"{source}: {quoted(token)[1:-1]} is no finite number; write one")
+
+    def whole(token: str) -> int:
+        if len(token) > 20 or not -(2**63) <= (value := int(token)) < 2**63:
+            raise InputError(
+                f"{source}: {quoted(token)[1:-1]} is too large for a whole number; write 64 bits at most"
+            )
+        return value
+
+    def real(token: str) -> float:
+        value = float(token)
+        return value if math.isfinite(value) else refuse(token)
+
+    try:
+        value = json.loads(text, parse_int=whole, parse_float=real, parse_constant=refuse)
+    except json.JSONDecodeError as error:
+        raise InputError(
+            f"{source}, line {error.lineno}, column {error.colno}: not whole JSON ({error.msg}); "
+            "perhaps the file was cut off"
+        ) from error
+    except RecursionError:
+        raise _too_deep(source) from None
+    _check_content(value, source)
+    return value
+
+
 def read_json(path: Path | str, document_format: str, version: int) -> dict[str, Any]:
     """Read a JSON object that states its format and version.
 
@@ -83,31 +233,50 @@ def read_json(path: Path | str, document_format: str, version: int) -> dict[str,
     Raises
     ------
     InputError
-        The file is missing, truncated, not an object, of another format or of a newer version.
+        The file is missing, no regular file, truncated, no object, of another format or of a newer
+        version, or holds what :func:`parse_json` refuses.
     """
     source = Path(path)
-    try:
-        text = source.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(
-            f"{source} does not exist; give the path of a {document_format} file"
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{source} cannot be read as UTF-8 text ({error})") from error
-    try:
-        document = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(
-            f"{source}, line {error.lineno}, column {error.colno}: not whole JSON ({error.msg}); "
-            f"expected a {document_format} file, perhaps this one was cut off"
-        ) from error
+    if not source.exists():
+        raise InputError(f"{source} does not exist; give the path of a {document_format} file")
+    document = parse_json(read_utf8(source, LARGEST_JSON), str(source))
     if not isinstance(document, dict) or document.get("format") != document_format:
         found = document.get("format") if isinstance(document, dict) else type(document).__name__
-        raise InputError(f'{source} is not a {document_format} file: "format" is {found!r}')
+        raise InputError(f'{source} is not a {document_format} file: "format" is {quoted(found)}')
     found_version = document.get("version")
     if type(found_version) is not int or not 1 <= found_version <= version:
         raise InputError(
-            f"{source} has version {found_version!r} of {document_format}; "
+            f"{source} has version {quoted(found_version)} of {document_format}; "
             f"this release reads versions 1 to {version}"
         )
     return document
+
+
+def _check_content(value: Any, source: str) -> None:
+    level = [value]
+    for _ in range(_DEEPEST):
+        below: list[Any] = []
+        for item in level:
+            if isinstance(item, dict):
+                below += item
+                below += item.values()
+            elif isinstance(item, list):
+                below += item
+            elif isinstance(item, str) and printable(item) != item.replace("\n", "\\n"):
+                raise InputError(
+                    f"{source}: text {quoted(item)} holds control characters; remove them"
+                )
+        if not below:
+            return
+        level = below
+    raise _too_deep(source)
+
+
+def _too_deep(source: str) -> InputError:
+    return InputError(
+        f"{source} is nested deeper than {_DEEPEST} levels; it was not written by this package"
+    )
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)

@@ -1,8 +1,16 @@
-"""Numbers as sentences write them."""
+"""Numbers, values and names as sentences write them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from reprlib import Repr
+
+_WIDTH = 60
+_QUOTE = Repr()
+_QUOTE.maxstring = _QUOTE.maxother = _QUOTE.maxlong = _WIDTH
+_QUOTE.maxlist = _QUOTE.maxtuple = _QUOTE.maxdict = 4
+_QUOTE.maxlevel = 2
 
 
 def digits(value: float, count: int = 2) -> str:
@@ -40,3 +48,33 @@ def pm(value: float, error: float) -> str:
     '0.26 ± 0.6'
     """
     return f"{digits(value)} ± {digits(error, 1)}" if math.isfinite(error) else "unknown"
+
+
+def quoted(value: object) -> str:
+    """Show what a file or a caller gave, for an error line: short, however long it is.
+
+    Examples
+    --------
+    >>> quoted("creep"), quoted(3.5)
+    ("'creep'", '3.5')
+    >>> quoted(list(range(1000))), len(quoted("x" * 10_000))
+    ('[0, 1, 2, 3, ...]', 60)
+    """
+    return _QUOTE.repr(value)
+
+
+def some(names: Iterable[object], count: int = 8) -> str:
+    """List names for an error line: the first few, and how many more there are.
+
+    Examples
+    --------
+    >>> some(["t", "u", "y"]), some(range(100), 3)
+    ('t, u, y', '0, 1, 2 and 97 more')
+    """
+    listed = list(names)
+    shown = ", ".join(_cut(str(name)) for name in listed[:count])
+    return f"{shown} and {len(listed) - count} more" if len(listed) > count else shown
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _WIDTH else f"{text[: _WIDTH - 3]}..."
