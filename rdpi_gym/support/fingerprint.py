@@ -44,21 +44,38 @@ def code_parts(files: Iterable[Path]) -> list[bytes]:
 
 
 def statements(source: str) -> str:
-    r"""Return what a Python source does, without comments, docstrings, imports and layout.
+    r"""Return what a Python source does: no comments, docstrings, imports, layout or sentences.
+
+    A string of four words or more is a sentence: a message, an effect's cause.
 
     Examples
     --------
     >>> statements("import os\nx = 1  # one") == statements("'A number.'; x = 1")
     True
     """
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            body[:] = [item for item in body if not _says_nothing(item)]
-    return ast.dump(tree)
+    return ast.dump(_Doing().visit(ast.parse(source)))
 
 
-def _says_nothing(item: ast.AST) -> bool:
-    docstring = isinstance(item, ast.Expr) and isinstance(item.value, ast.Constant)
-    return docstring or isinstance(item, ast.Import | ast.ImportFrom)
+_SENTENCE_WORDS = 4
+
+
+class _Doing(ast.NodeTransformer):
+    """Leaves of a module what it does."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
+        return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)
+
+    def visit_Import(self, node: ast.Import) -> None:
+        return None
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> None:
+        return None
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        text = isinstance(node.value, str) and len(node.value.split()) >= _SENTENCE_WORDS
+        return ast.Constant("") if text else node
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
+        parts = [p.value if isinstance(p, ast.Constant) else "x" for p in node.values]
+        sentence = len("".join(map(str, parts)).split()) >= _SENTENCE_WORDS
+        return ast.Constant("") if sentence else self.generic_visit(node)

@@ -11,12 +11,15 @@ import os
 class Law:
     """Ts, in seconds."""
 
+    cause = "Domains switch ever more slowly."
     x: float = 1.0
     """A weight (µm/V)."""
 
     def at(self, v):
         "The law."
         from math import sqrt
+        if v < 0:
+            raise ValueError(f"v is {v}; give 0 or more")
         return sqrt(v) * self.x  # Eq. 4
 '''
 
@@ -32,6 +35,8 @@ def stamp(folder, name, text):
     [
         ('"""A module."""', '"""Another sentence."""'),
         ("# Eq. 4", "# Eq. 5"),
+        ("Domains switch", "Most domains switch"),
+        ("; give 0 or more", " V/s, but a rate is never below zero"),
         ("import os", "import pathlib\nfrom os import sep"),
         ('    """A weight (µm/V)."""\n', ""),
         ('        "The law."\n', ""),
