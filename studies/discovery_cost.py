@@ -50,7 +50,7 @@ print("COST " + json.dumps({
     "cpu_s": sum(resource.getrusage(resource.RUSAGE_SELF)[:2]),
     "main_mib": own,
     "worker_mib": worker,
-    "found": "+".join(sorted(step.effect for step in found.steps)),
+    "found": "+".join(sorted(c.effect for c in found.added)),
     "verdict": found.verdict,
 }))
 """

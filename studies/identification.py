@@ -147,11 +147,11 @@ def speed(
     rows = []
     fitted = np.median([result.seconds for result in ours])
     for method, result, runs in (
-        ("variable projection", ours[0].model.hysteresis, ours),
+        ("variable projection", ours[0].plant.hysteresis, ours),
         ("all parameters, trust region", theirs[0].hysteresis, theirs),
         ("all parameters, SQP", quadratic[0].hysteresis, quadratic),
     ):
-        model = ours[0].model.with_hysteresis(result)
+        model = ours[0].plant.with_hysteresis(result)
         seconds = float(np.median([run.seconds for run in runs]))
         rows.append(
             {
@@ -219,7 +219,7 @@ def ship_plant(folder: Path, data: Path) -> Path:
     Its displacement counts from rest at 0 V: where a sensor has its zero is no part of a plant, and
     references start where the plant does.
     """
-    model = fit(load(data), name="picma").model
+    model = fit(load(data), name="picma").plant
     centre, amplitude = model.reference_um
     shipped = replace(
         model, name="picma", offset_um=0.0, reference_um=(centre - model.offset_um, amplitude)

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.tracking.markdown import markdown_table
-from rdpi_gym.diagnosis.results import Discovery
+from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
 from rdpi_gym.support.files import write_atomic
@@ -60,10 +60,10 @@ def mirror_axis(folder: Path) -> Dataset:
     return Dataset("one axis of a fine steering mirror", tuple(records))
 
 
-def summary(name: str, found: Discovery) -> tuple[pd.DataFrame, str]:
+def summary(name: str, found: SearchResult) -> tuple[pd.DataFrame, str]:
     """Return the staircase of the errors, and what was said, as Markdown."""
     stairs = [("base model", found.base)]
-    stairs += [(f"+ {step.effect}", step.errors) for step in found.steps]
+    stairs += [(f"+ {' + '.join(step.effects)}", step.errors) for step in found.steps]
     table = pd.DataFrame(
         {
             "data": name,
@@ -77,7 +77,7 @@ def summary(name: str, found: Discovery) -> tuple[pd.DataFrame, str]:
         f"Verdict: **{found.verdict}**; {found.noise_origin}; left over the noise "
         f"{found.unexplained_rmse_um:.3g} µm. {found.remainder}",
         markdown_table(table.drop(columns="data")),
-        *[f"- {step.effect}: {', '.join(step.remarks) or 'no remark'}" for step in found.steps],
+        *[f"- {c.effect}: {', '.join(c.remarks) or 'no remark'}" for c in found.added],
         *[f"- cannot be told apart: {', '.join(group)}" for group in found.indistinguishable],
         *[f"- {note}" for note in found.notes],
     ]

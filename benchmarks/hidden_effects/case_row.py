@@ -9,16 +9,16 @@ from typing import Any
 
 from benchmarks.hidden_effects.cases import Case, prepare
 from benchmarks.hidden_effects.fingerprint import study_fingerprint
-from rdpi_gym.diagnosis.results import Discovery, Finding
+from rdpi_gym.diagnosis.results import Candidate, SearchResult
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.draws import MaskedError
 
-Engine = Callable[[Dataset, int], Discovery]
+Engine = Callable[[Dataset, int], SearchResult]
 """Called with records and a seed."""
 
 
-def discover_engine(dataset: Dataset, seed: int) -> Discovery:
+def discover_engine(dataset: Dataset, seed: int) -> SearchResult:
     """Look for what is hidden as ``rdpi discover`` does, in this process."""
     from rdpi_gym.diagnosis.search.discover import discover
 
@@ -53,7 +53,7 @@ def run_case(case: Case, engine: Engine = discover_engine) -> Row:
     return row | {"status": "done", "seconds": time.perf_counter() - began} | found(discovery)
 
 
-def found(discovery: Discovery) -> dict[str, Any]:
+def found(discovery: SearchResult) -> dict[str, Any]:
     """Return what a row says of a discovery, as JSON (errors in µm)."""
     floor, unexplained = discovery.noise_floor_um, discovery.unexplained_rmse_um
     return {
@@ -63,10 +63,8 @@ def found(discovery: Discovery) -> dict[str, Any]:
         "validation_um": math.hypot(floor, unexplained),
         "verdict": discovery.verdict,
         "unexplained_um": unexplained,
-        "ranking": [_finding(finding) for finding in discovery.rounds[0]]
-        if discovery.rounds
-        else [],
-        "steps": [_finding(finding) | _details(finding) for finding in discovery.steps],
+        "ranking": [_candidate(candidate) for candidate in discovery.candidates],
+        "steps": [_candidate(added) | _details(added) for added in discovery.added],
         "removed": list(discovery.removed),
         "remainder": discovery.remainder,
         "next_experiment": discovery.next_experiment,
@@ -74,19 +72,19 @@ def found(discovery: Discovery) -> dict[str, Any]:
     }
 
 
-def _finding(finding: Finding) -> dict[str, Any]:
+def _candidate(candidate: Candidate) -> dict[str, Any]:
     return {
-        "effect": finding.effect,
-        "validation_um": finding.errors.validation_rmse_um,
-        "share": finding.share,
-        "confidence": finding.confidence,
-        "indistinguishable": list(finding.indistinguishable),
+        "effect": candidate.effect,
+        "validation_um": candidate.errors.validation_rmse_um,
+        "share": candidate.share,
+        "confidence": candidate.confidence,
+        "indistinguishable": list(candidate.indistinguishable),
     }
 
 
-def _details(finding: Finding) -> dict[str, Any]:
+def _details(candidate: Candidate) -> dict[str, Any]:
     return {
-        "parameters": dict(finding.parameters),
-        "standard_errors": dict(finding.standard_errors),
-        "remarks": list(finding.remarks),
+        "parameters": dict(candidate.parameters),
+        "standard_errors": dict(candidate.standard_errors),
+        "remarks": list(candidate.remarks),
     }

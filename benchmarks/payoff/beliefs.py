@@ -78,8 +78,8 @@ def stored_beliefs(
 
 def _measured(dataset: Dataset, base: PlantModel, seed: int) -> Mapping[str, PlantModel]:
     """Identify and discover: all that is asked of the laboratory."""
-    fitted = fit(dataset, n=base.hysteresis.n, name="fitted").model
-    return {"fitted": fitted, "discovered": discover(dataset, seed=seed).model}
+    fitted = fit(dataset, n=base.hysteresis.n, name="fitted").plant
+    return {"fitted": fitted, "discovered": discover(dataset, seed=seed).plant}
 
 
 def _all(hidden: HiddenPlant, measured: Mapping[str, PlantModel]) -> dict[str, PlantModel]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -19,11 +19,6 @@ from rdpi_gym.cli.data_options import (
 )
 from rdpi_gym.cli.laboratory import Work, candidates
 from rdpi_gym.cli.options import JobsOption, OutOption, SeedOption, model_option
-
-if TYPE_CHECKING:
-    from rdpi_gym.diagnosis.results import Discovery
-
-FORMAT, VERSION = "rdpi-add", 1
 
 
 def add(
@@ -62,29 +57,5 @@ def add(
     kind = load_effect(effect)
     catalogue = candidates([effect] if ":" in effect else None)
     Work(data, options, model, out, jobs, seed, catalogue).carry_out(
-        partial(add_effect, kind=kind), document, "add.json", f"{kind.name} added"
+        partial(add_effect, kind=kind), "add.json", f"{kind.name} added"
     )
-
-
-def document(result: Discovery) -> dict[str, Any]:
-    """Return the content of ``add.json``: the step, with the errors before and after it.
-
-    Parameters
-    ----------
-    result
-        With the one step that was added. `before` is the model as it was, refitted like `after`,
-        so that the difference is the effect's alone; `given` is it as given.
-    """
-    written = result.to_dict()
-    (step,) = written.pop("steps")
-    errors = {key: step.pop(key) for key in result.steps[0].errors.to_dict()}
-    before = written.pop("base")
-    return {
-        **written,
-        "format": FORMAT,
-        "version": VERSION,
-        "effect": step.pop("effect"),
-        "before": before,
-        "after": errors,
-        **step,
-    }

@@ -42,14 +42,12 @@ def diagnose(
 
     Writes diagnosis.json and the page report.html; an interrupted run continues.
     """
-    from rdpi_gym.diagnosis.results import Diagnosis
     from rdpi_gym.diagnosis.search.discover import diagnose as diagnose_data
 
     options = data_options(columns, units, sampling_time, validate, skip)
     catalogue = candidates(effect)
     Work(data, options, model, out, jobs, seed, catalogue).carry_out(
         partial(diagnose_data, catalogue=catalogue),
-        Diagnosis.to_dict,
         "diagnosis.json",
         "What is missing",
     )

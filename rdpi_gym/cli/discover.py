@@ -42,14 +42,12 @@ def discover(
 
     Writes model.json, discovery.json and the page report.html; an interrupted run continues.
     """
-    from rdpi_gym.diagnosis.results import Discovery
     from rdpi_gym.diagnosis.search.discover import discover as discover_effects
 
     options = data_options(columns, units, sampling_time, validate, skip)
     catalogue = candidates(effect)
     Work(data, options, model, out, jobs, seed, catalogue).carry_out(
         partial(discover_effects, catalogue=catalogue),
-        Discovery.to_dict,
         "discovery.json",
         "Missing effects",
     )

@@ -73,7 +73,7 @@ def fit(
             free_memory=free_memory,
             progress=lambda part: progress.update(task, completed=part),
         )
-        path = result.model.save(out / "model.json")
+        path = result.plant.save(out / "model.json")
 
     print(dataset.describe())
     print()

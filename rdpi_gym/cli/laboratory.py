@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias
 
 from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rdpi_gym.diagnosis.results import Diagnosis, Discovery
+    from rdpi_gym.diagnosis.results import SearchResult
     from rdpi_gym.measurement import DataOptions
     from rdpi_gym.plant.effects import Effect
 
@@ -20,7 +20,6 @@ CHECKPOINT = "candidates.jsonl"
 """File in the folder of results that keeps finished candidates: an interrupted run goes on."""
 
 Show: TypeAlias = Callable[[str, int, int], None]
-Result = TypeVar("Result", "Diagnosis", "Discovery")
 
 
 @dataclass(frozen=True)
@@ -51,8 +50,7 @@ class Work:
 
     def carry_out(
         self,
-        search: Callable[..., Result],
-        document: Callable[[Result], dict[str, Any]],
+        search: Callable[..., SearchResult],
         file_name: str,
         heading: str,
     ) -> None:
@@ -62,8 +60,6 @@ class Work:
         ----------
         search
             Called as ``search(dataset, given, jobs=, seed=, progress=, checkpoint=)``.
-        document
-            The content of the JSON file.
         file_name
             Of the JSON file; a model that was found is saved as ``model.json`` beside it.
         heading
@@ -75,11 +71,9 @@ class Work:
             Data or model cannot be read, or the search refuses them.
         """
         from rdpi_gym.cli.laboratory_tables import print_result
-        from rdpi_gym.diagnosis.results import Discovery
         from rdpi_gym.measurement import load
         from rdpi_gym.plant import find_plant
         from rdpi_gym.report.discovery.page import write_discovery_page
-        from rdpi_gym.support.files import write_json
 
         given = None if self.model is None else find_plant(self.model)
         dataset = load(self.data, self.options)
@@ -93,9 +87,9 @@ class Work:
                 progress=show,
                 checkpoint=self.out / CHECKPOINT,
             )
-            if isinstance(result, Discovery):
-                written.append(result.model.save(self.out / "model.json"))
-            written.append(write_json(self.out / file_name, document(result)))
+            if result.kind != "diagnosis":
+                written.append(result.plant.save(self.out / "model.json"))
+            written.append(result.save(self.out / file_name))
             show("drawing", 0, 0)
             title = f"{heading}: {dataset.title}"
             page = self.out / "report.html"

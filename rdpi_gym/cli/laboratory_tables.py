@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rdpi_gym.diagnosis.results import Diagnosis, Discovery, Errors, Finding
+    from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult
 
 
-def print_result(result: Diagnosis | Discovery) -> None:
-    """Print a diagnosis with its ranking, or a discovery with its steps, and the verdict on it."""
-    from rdpi_gym.diagnosis.results import Diagnosis
-
-    if isinstance(result, Diagnosis):
+def print_result(result: SearchResult) -> None:
+    """Print a diagnosis with its ranking, or else the steps, and the verdict."""
+    if result.kind == "diagnosis":
         _print_ranking(result.candidates, result.base)
         _print_verdict(result)
         return
@@ -24,20 +22,20 @@ def print_result(result: Diagnosis | Discovery) -> None:
         print(note)
 
 
-def _print_ranking(candidates: Sequence[Finding], before: Errors) -> None:
+def _print_ranking(candidates: Sequence[Candidate], before: Errors) -> None:
     """Print the candidates of a round, best first."""
     from rdpi_gym.report.discovery.sentences import micrometres
 
     rows = [
         (
-            finding.effect,
-            micrometres(finding.errors.validation_rmse_um),
-            _percent(finding.share),
-            _percent(finding.confidence),
-            ", ".join(finding.indistinguishable),
-            "; ".join(finding.remarks),
+            candidate.effect,
+            micrometres(candidate.errors.validation_rmse_um),
+            _percent(candidate.share),
+            _percent(candidate.confidence),
+            ", ".join(candidate.indistinguishable),
+            "; ".join(candidate.remarks),
         )
-        for finding in candidates
+        for candidate in candidates
     ]
     _print_table(
         f"Candidates, refitted; without one {micrometres(before.validation_rmse_um)}",
@@ -46,7 +44,7 @@ def _print_ranking(candidates: Sequence[Finding], before: Errors) -> None:
     )
 
 
-def _print_staircase(result: Discovery) -> None:
+def _print_staircase(result: SearchResult) -> None:
     """Print the error from model to model, training and validation."""
     from rdpi_gym.report.discovery.sentences import micrometres, staircase
 
@@ -68,19 +66,18 @@ def _print_staircase(result: Discovery) -> None:
     )
 
 
-def _print_verdict(result: Diagnosis | Discovery) -> None:
+def _print_verdict(result: SearchResult) -> None:
     """Print the verdict, what speaks for each effect, what is left and what to measure next."""
     from rdpi_gym.report.discovery.sentences import (
+        candidate_sentence,
         closed,
         confounded_sentence,
-        finding_sentence,
-        found,
         verdict_sentence,
     )
 
     print(verdict_sentence(result))
-    for finding in found(result):
-        print(f"- {finding_sentence(finding)}")
+    for candidate in result.added:
+        print(f"- {candidate_sentence(candidate)}")
     for sentence in filter(None, [result.remainder, confounded_sentence(result)]):
         print(closed(sentence))
     if result.next_experiment:

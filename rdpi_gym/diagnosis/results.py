@@ -1,16 +1,30 @@
-"""What a diagnosis and a discovery found, and how both stand in their files."""
+"""What a search for missing effects found, and how it stands in its files."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Literal, cast, get_args
 
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fields import Fields
+from rdpi_gym.support.files import read_json, write_json
+from rdpi_gym.support.words import quoted
 
+Kind = Literal["diagnosis", "addition", "discovery"]
+"""What was asked: one round of candidates, one effect on request, or rounds until nothing helps."""
 Verdict = Literal["explained", "no missing effect", "unexplained"]
+FORMATS: Mapping[str, Kind] = {
+    "rdpi-diagnosis": "diagnosis",
+    "rdpi-add": "addition",
+    "rdpi-discovery": "discovery",
+}
+"""Kinds by the format that their files state."""
 VERSION = 1
 
 
@@ -42,9 +56,19 @@ class Errors:
             "by_record": dict(self.by_record_um),
         }
 
+    @classmethod
+    def from_fields(cls, fields: Fields) -> Errors:
+        """Build from the object of the files; a null, of a refit that failed, is infinity."""
+        return cls(
+            fields.number("train_rmse", math.inf),
+            fields.number("validation_rmse", math.inf),
+            fields.number("validation_nrmse_percent", math.inf),
+            fields.numbers("by_record"),
+        )
+
 
 @dataclass(frozen=True)
-class Finding:
+class Candidate:
     """One effect, refitted together with the base model and what was added before.
 
     Parameters
@@ -91,6 +115,49 @@ class Finding:
             "remarks": list(self.remarks),
         }
 
+    @classmethod
+    def from_fields(cls, fields: Fields, errors: Errors | None = None) -> Candidate:
+        """Build from the object of the files, with `errors` where they stand elsewhere."""
+        return cls(
+            fields.text("effect"),
+            Errors.from_fields(fields) if errors is None else errors,
+            fields.numbers("parameters"),
+            fields.optional_numbers("standard_errors"),
+            fields.number("confidence"),
+            fields.number("share_of_excess", -math.inf),
+            fields.texts("indistinguishable"),
+            fields.text("evidence"),
+            fields.texts("remarks"),
+        )
+
+
+@dataclass(frozen=True)
+class Step:
+    """What was added to the model at once.
+
+    Parameters
+    ----------
+    added
+        One candidate, or two that help only together; their errors are those of the model with both.
+    """
+
+    added: tuple[Candidate, ...]
+
+    @property
+    def errors(self) -> Errors:
+        """Errors of the model after the step."""
+        return self.added[0].errors
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of what was added."""
+        return tuple(candidate.effect for candidate in self.added)
+
+
+def steps_of(added: Iterable[Candidate]) -> tuple[Step, ...]:
+    """Group candidates, in the order in which they were added, by what was added at once."""
+    return tuple(Step(tuple(group)) for _, group in groupby(added, key=lambda c: c.errors))
+
 
 @dataclass(frozen=True)
 class View:
@@ -118,86 +185,55 @@ class View:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
-    """One round: every candidate, best first.
+class SearchResult:
+    """What `diagnose`, `add_effect` and `discover` return.
 
     Parameters
     ----------
+    kind
+        Which of the three.
+    title
+        Of the data.
+    plant
+        The model with all steps, as it is saved; of a diagnosis, with what it recommends.
+    steps
+        What was added, in order; of a diagnosis, what it recommends to add: at most one step.
+    rounds
+        Every candidate of each round, best first: the ranking that each step stood on.
+    removed
+        Effects that backward elimination took out again.
     noise_floor_um, noise_origin
         Noise (µm rms) and the sentence that says where the figure comes from.
     base
         Errors of the base model, refitted on a fine comb of thresholds.
     given
         Errors of the model as it was given.
-    candidates
-        Best first.
-    chosen
-        What a discovery would add in this round: nothing, one, or a pair.
     verdict
         As in the files.
     unexplained_rmse_um
-        What is left over the noise floor (µm): of the best candidate that is earned, or the base.
+        What the model with all steps leaves over the noise floor (µm rms).
     remainder
         A sentence on whether what is left follows from the input.
     next_experiment
-        The experiment that would tell the winner from its rivals; None where none is needed.
+        The experiment that would tell the effects added from their rivals; None where none is
+        needed.
     indistinguishable
         Classes of effects, not in the model, that these records cannot tell apart.
     checks
         Tests without a model and of the data: a sentence each.
     views
-        Records for the figures.
+        Records for the figures; not part of the files.
     seconds
         Time taken.
+    notes
+        What else was decided on the way: a sentence each.
     """
 
-    noise_floor_um: float
-    noise_origin: str
-    base: Errors
-    given: Errors | None
-    candidates: tuple[Finding, ...]
-    verdict: Verdict
-    unexplained_rmse_um: float
-    remainder: str
-    next_experiment: str | None
-    checks: tuple[str, ...]
-    views: tuple[View, ...]
-    seconds: float
-    indistinguishable: tuple[tuple[str, ...], ...] = ()
-    chosen: tuple[Finding, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content of ``diagnosis.json``."""
-        return {
-            "format": "rdpi-diagnosis",
-            "version": VERSION,
-            **_common(self),
-            "candidates": [finding.to_dict() for finding in self.candidates],
-            "chosen": [finding.effect for finding in self.chosen],
-        }
-
-
-@dataclass(frozen=True)
-class Discovery:
-    """The loop from a bare model to one that explains, or says that nothing does.
-
-    Parameters
-    ----------
-    model
-        The final plant.
-    steps
-        What was added, in order.
-    rounds
-        Every candidate of each round, best first: the ranking that each step stood on.
-    removed
-        Effects that backward elimination took out again.
-    noise_floor_um, noise_origin, base, given, verdict, unexplained_rmse_um, remainder, next_experiment, indistinguishable, checks, views, seconds
-        As :class:`Diagnosis`.
-    """
-
-    model: PlantModel
-    steps: tuple[Finding, ...]
-    rounds: tuple[tuple[Finding, ...], ...]
+    kind: Kind
+    title: str
+    plant: PlantModel
+    steps: tuple[Step, ...]
+    rounds: tuple[tuple[Candidate, ...], ...]
     removed: tuple[str, ...]
     noise_floor_um: float
     noise_origin: str
@@ -207,41 +243,138 @@ class Discovery:
     unexplained_rmse_um: float
     remainder: str
     next_experiment: str | None
+    indistinguishable: tuple[tuple[str, ...], ...]
     checks: tuple[str, ...]
     views: tuple[View, ...]
     seconds: float
     notes: tuple[str, ...] = ()
-    indistinguishable: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def added(self) -> tuple[Candidate, ...]:
+        """Every effect of the steps, in order."""
+        return tuple(candidate for step in self.steps for candidate in step.added)
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """The candidates of the first round, best first."""
+        return self.rounds[0] if self.rounds else ()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of ``discovery.json``."""
-        return {
-            "format": "rdpi-discovery",
+        """Return the content of ``diagnosis.json``, ``add.json`` or ``discovery.json``."""
+        names = {kind: name for name, kind in FORMATS.items()}
+        document: dict[str, Any] = {
+            "format": names[self.kind],
             "version": VERSION,
-            **_common(self),
-            "steps": [finding.to_dict() for finding in self.steps],
+            "title": self.title,
+            "units": {"error": "um"},
+            "noise_floor": self.noise_floor_um,
+            "noise_origin": self.noise_origin,
+            "given": None if self.given is None else self.given.to_dict(),
+            "base": self.base.to_dict(),
+            "verdict": self.verdict,
+            "unexplained_rmse": self.unexplained_rmse_um,
+            "remainder": self.remainder,
+            "next_experiment": self.next_experiment,
+            "indistinguishable": [list(group) for group in self.indistinguishable],
+            "checks": list(self.checks),
+            "seconds": self.seconds,
+        }
+        steps = [candidate.to_dict() for candidate in self.added]
+        rounds = [[candidate.to_dict() for candidate in tried] for tried in self.rounds]
+        if self.kind == "diagnosis":
+            document["candidates"] = rounds.pop(0) if rounds else []
+            document["chosen"] = [candidate.effect for candidate in self.added]
+        if self.kind == "addition":
+            # the file of one effect: its fields stand beside those of the search
+            document["classes"] = document.pop("indistinguishable")
+            document["before"], document["after"] = document.pop("base"), {}
+            document |= steps.pop()
+            document["after"] = {key: document.pop(key) for key in self.base.to_dict()}
+        return document | {
+            "steps": steps,
             "removed": list(self.removed),
             "notes": list(self.notes),
+            "rounds": rounds,
+            "model": self.plant.to_dict(),
         }
+
+    def save(self, path: Path | str) -> Path:
+        """Write the result as JSON, whole or not at all; the records of the figures are left out.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        return write_json(path, self.to_dict())
+
+    @classmethod
+    def load(cls, path: Path | str) -> SearchResult:
+        """Read a result that :meth:`save` or a command wrote; it has no `views`.
+
+        Raises
+        ------
+        InputError
+            The file is missing, cut off or foreign, or a field has another type than it must.
+        """
+        return cls.from_dict(read_json(path, tuple(FORMATS), VERSION), str(path))
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any], source: str = "result") -> SearchResult:
+        """Build a result from the JSON object that :meth:`to_dict` returns.
+
+        Parameters
+        ----------
+        document
+            The object.
+        source
+            Named in errors.
+
+        Raises
+        ------
+        InputError
+            A field is missing or has another type than it must.
+        """
+        fields = Fields(document, source)
+        kind = FORMATS.get(fields.text("format"))
+        verdict = fields.text("verdict")
+        if kind is None or verdict not in get_args(Verdict):
+            raise InputError(
+                f"{source} has the format {quoted(fields.text('format'))} and the verdict {quoted(verdict)}; "
+                f"expected one of {', '.join(FORMATS)} and one of {', '.join(get_args(Verdict))}"
+            )
+        one = kind == "addition"  # its one effect stands in the document itself
+        added = (
+            (Candidate.from_fields(fields, Errors.from_fields(fields.inner("after"))),)
+            if one
+            else tuple(Candidate.from_fields(step) for step in fields.objects("steps"))
+        )
+        rounds = [tuple(map(Candidate.from_fields, tried)) for tried in fields.lists("rounds")]
+        first = tuple(map(Candidate.from_fields, fields.objects("candidates")))
+        given = fields.raw("given")
+        return cls(
+            kind=kind,
+            title=fields.text("title"),
+            plant=PlantModel.from_dict(fields.inner("model").document, f"{source}, model"),
+            steps=steps_of(added),
+            rounds=(first, *rounds) if first else tuple(rounds),
+            removed=fields.texts("removed"),
+            noise_floor_um=fields.number("noise_floor"),
+            noise_origin=fields.text("noise_origin"),
+            base=Errors.from_fields(fields.inner("before" if one else "base")),
+            given=None if given is None else Errors.from_fields(fields.inner("given")),
+            verdict=cast("Verdict", verdict),
+            unexplained_rmse_um=fields.number("unexplained_rmse"),
+            remainder=fields.text("remainder"),
+            next_experiment=fields.optional_text("next_experiment"),
+            indistinguishable=fields.groups("classes" if one else "indistinguishable"),
+            checks=fields.texts("checks"),
+            views=(),
+            seconds=fields.number("seconds"),
+            notes=fields.texts("notes"),
+        )
 
 
 def _number(value: float) -> float | None:
     """Return a number that JSON has: None for a candidate without a refit."""
     return value if math.isfinite(value) else None
-
-
-def _common(result: Diagnosis | Discovery) -> dict[str, Any]:
-    return {
-        "units": {"error": "um"},
-        "noise_floor": result.noise_floor_um,
-        "noise_origin": result.noise_origin,
-        "given": None if result.given is None else result.given.to_dict(),
-        "base": result.base.to_dict(),
-        "verdict": result.verdict,
-        "unexplained_rmse": result.unexplained_rmse_um,
-        "remainder": result.remainder,
-        "next_experiment": result.next_experiment,
-        "indistinguishable": [list(group) for group in result.indistinguishable],
-        "checks": list(result.checks),
-        "seconds": result.seconds,
-    }

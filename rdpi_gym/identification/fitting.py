@@ -132,7 +132,7 @@ def fit(
     names = ["delta1_V", "delta2_s", *(f"a_{i}" for i in range(n + 1))]
     errors = np.concatenate([uncertainty.theta[:2], uncertainty.weights]).tolist()
     result = FitResult(
-        model=model,
+        plant=model,
         parameters=dict(
             zip(names, [*point.theta[:2].tolist(), *point.weights.tolist()], strict=True)
         ),
@@ -150,7 +150,7 @@ def fit(
         seconds=time.perf_counter() - started,
         evaluations=evaluations,
     )
-    return replace(result, model=_documented(result, title, spread))
+    return replace(result, plant=_documented(result, title, spread))
 
 
 def _records(data: Dataset | Sequence[Record]) -> tuple[list[Record], list[Record], str]:
@@ -251,7 +251,7 @@ def _documented(result: FitResult, title: str, spread: RateSpread) -> PlantModel
         "warnings": list(result.warnings),
     }
     note = " ".join([f"identified from {title}.", *(f"{w}." for w in result.warnings[:1])])
-    return replace(result.model, note=note, identification=identification)
+    return replace(result.plant, note=note, identification=identification)
 
 
 def _silent(_: float) -> None:

@@ -17,8 +17,8 @@ class FitResult:
 
     Parameters
     ----------
-    model
-        The plant, ready to simulate and to save; its `identification` repeats what stands here.
+    plant
+        The model, ready to simulate and to save; its `identification` repeats what stands here.
     parameters
         δ1 (V), δ2 (s) and the weights (µm/V): ``delta1_V``, ``delta2_s``, ``a_0`` ... ``a_n``.
     standard_errors
@@ -54,7 +54,7 @@ class FitResult:
     1.75
     """
 
-    model: PlantModel
+    plant: PlantModel
     parameters: Mapping[str, float]
     standard_errors: Mapping[str, float]
     offsets_um: Mapping[str, float]

@@ -218,7 +218,9 @@ def parse_json(text: str, source: str) -> Any:
     return value
 
 
-def read_json(path: Path | str, document_format: str, version: int) -> dict[str, Any]:
+def read_json(
+    path: Path | str, document_format: str | tuple[str, ...], version: int
+) -> dict[str, Any]:
     """Read a JSON object that states its format and version.
 
     Parameters
@@ -226,7 +228,7 @@ def read_json(path: Path | str, document_format: str, version: int) -> dict[str,
     path
         The file.
     document_format
-        What its key ``format`` must say, for example ``rdpi-plant``.
+        What its key ``format`` must say, for example ``rdpi-plant``; one of several.
     version
         The newest version that the caller understands; 1 to this are accepted.
 
@@ -237,10 +239,12 @@ def read_json(path: Path | str, document_format: str, version: int) -> dict[str,
         version, or holds what :func:`parse_json` refuses.
     """
     source = Path(path)
+    formats = (document_format,) if isinstance(document_format, str) else document_format
+    document_format = " or ".join(formats)
     if not source.exists():
         raise InputError(f"{source} does not exist; give the path of a {document_format} file")
     document = parse_json(read_utf8(source, LARGEST_JSON), str(source))
-    if not isinstance(document, dict) or document.get("format") != document_format:
+    if not isinstance(document, dict) or document.get("format") not in formats:
         found = document.get("format") if isinstance(document, dict) else type(document).__name__
         raise InputError(f'{source} is not a {document_format} file: "format" is {quoted(found)}')
     found_version = document.get("version")

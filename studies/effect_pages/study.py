@@ -71,7 +71,7 @@ def study_effect(name: str, values: Mapping[str, float], without: Mapping[str, R
     effect = CATALOGUE[name]().with_values(values)
     truth = _truth().with_hidden([effect])
     data = simulate_dataset(truth)
-    model = fit(data, n=truth.plant.hysteresis.n).model
+    model = fit(data, n=truth.plant.hysteresis.n).plant
     left = {}
     for record in data.records:
         error = record.y_um - Plant(model, record.ts_s).simulate(record.u_V)

@@ -16,7 +16,7 @@ from benchmarks.hidden_effects.cases import NUMBERS, Case, make_cases, prepare
 from benchmarks.hidden_effects.run import run_study
 from benchmarks.hidden_effects.scoring import judge, judgements
 from benchmarks.hidden_effects.summary import agreement, as_markdown, by_subject, targets
-from rdpi_gym.diagnosis.results import Discovery, Errors, Finding
+from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, steps_of
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10
 from rdpi_gym.support.errors import InputError
@@ -25,23 +25,25 @@ from rdpi_gym.support.store import named_rows
 from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError
 
 
-def finding(effect, error_um=0.013, indistinguishable=()):
+def candidate(effect, error_um=0.013, indistinguishable=()):
     errors = Errors(error_um, error_um, 0.03, {})
-    return Finding(effect, errors, {"size": 1.0}, {"size": None}, 0.99, 0.9, indistinguishable, "")
+    return Candidate(
+        effect, errors, {"size": 1.0}, {"size": None}, 0.99, 0.9, indistinguishable, ""
+    )
 
 
 def discovery(steps, verdict="explained", excess_um=0.0, ranking=None, floor_um=0.012):
     base = Errors(0.4, 0.4, 1.0, {})
     ranking = steps if ranking is None else ranking
-    return Discovery(
-        P10, tuple(steps), (tuple(ranking),) if ranking else (), (), floor_um, "", base, None,
-        verdict, excess_um, "", None, (), (), 1.0,
+    return SearchResult(
+        "discovery", "", P10, steps_of(steps), (tuple(ranking),) if ranking else (), (), floor_um, "", base, None,
+        verdict, excess_um, "", None, (), (), (), 1.0,
     )  # fmt: skip
 
 
 def row(subject, steps, *, study="single", noise_um=0.012, number=0, variant="plain", **found):
     case = Case(study, tuple(subject), number, variant=variant)
-    result = found_of(discovery([finding(s) if isinstance(s, str) else s for s in steps], **found))  # fmt: skip
+    result = found_of(discovery([candidate(s) if isinstance(s, str) else s for s in steps], **found))  # fmt: skip
     head = {
         "key": case.key, "study": study, "subject": list(subject), "number": number, "seed": 0,
         "variant": variant, "code": "abc", "status": "done", "noise_um": noise_um, "seconds": 2.0,
@@ -69,14 +71,14 @@ def quick(monkeypatch):
 def oracle(dataset, seed):
     names = [name for name in dataset.title.split("+") if name]
     return discovery(
-        [finding(name) for name in names], "explained" if names else "no missing effect"
+        [candidate(name) for name in names], "explained" if names else "no missing effect"
     )
 
 
 def creep_fan(dataset, seed):
     if dataset.title == "delay":
         raise ValueError("no idea")
-    return discovery([finding("creep")])
+    return discovery([candidate("creep")])
 
 
 def test_the_standard_study_asks_what_the_targets_need():
@@ -130,8 +132,8 @@ def test_what_counts_as_found():
 
 def test_a_rival_counts_only_where_documented_and_declared():
     pair = frozenset({frozenset({"delay", "sensor_lag"})})
-    named = finding("sensor_lag", indistinguishable=("delay",))
-    unnamed = finding("sensor_lag")
+    named = candidate("sensor_lag", indistinguishable=("delay",))
+    unnamed = candidate("sensor_lag")
     assert judge(row(["delay"], [named]), pair)["found"]
     assert judge(row(["delay"], [named]), pair)["by_class"]
     assert not judge(row(["delay"], [named]), frozenset())["found"]
@@ -244,7 +246,9 @@ def test_a_foreign_file_is_no_store(tmp_path):
 
 
 def test_a_row_is_json_that_says_what_was_found():
-    found = run_case(Case("single", ("gain_drift",), 0), lambda d, s: discovery([finding("creep")]))
+    found = run_case(
+        Case("single", ("gain_drift",), 0), lambda d, s: discovery([candidate("creep")])
+    )
     found = json.loads(json.dumps(found, allow_nan=False))
     assert found["truth"]["hidden"][0]["effect"] == "gain_drift"
     assert found["ranking"][0]["effect"] == "creep"

@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant, PlantModel
@@ -64,10 +65,16 @@ def lagging():
     return laboratory_data([LAG])
 
 
+@pytest.fixture(scope="module")
+def made(lagging):
+    """The content of discovery.json."""
+    return json.dumps(discover(lagging, catalogue=FEW).to_dict())
+
+
 def test_a_hidden_effect_is_named_with_its_parameter(lagging):
     found = discover(lagging, catalogue=FEW)
-    assert [step.effect for step in found.steps] == ["sensor_lag"]
-    step = found.steps[0]
+    assert [c.effect for c in found.added] == ["sensor_lag"]
+    step = found.added[0]
     assert step.parameters["time_constant_s"] == pytest.approx(1.5e-4, rel=0.02)
     assert step.confidence >= 0.95
     assert found.verdict == "explained"
@@ -77,7 +84,7 @@ def test_a_hidden_effect_is_named_with_its_parameter(lagging):
 
 def test_two_hidden_effects_are_both_found():
     found = discover(laboratory_data([LAG, BEND]), catalogue=FEW)
-    assert {step.effect for step in found.steps} == {"sensor_lag", "asymmetry"}
+    assert {c.effect for c in found.added} == {"sensor_lag", "asymmetry"}
     assert found.verdict == "explained"
 
 
@@ -98,13 +105,13 @@ def test_a_force_that_nobody_recorded_is_not_renamed():
 def test_the_sign_of_y_and_the_order_of_records_do_not_matter(lagging):
     turned = tuple(replace(r, y_um=-r.y_um) for r in reversed(lagging.records))
     found = discover(Dataset("turned", turned), catalogue=FEW)
-    assert [step.effect for step in found.steps] == ["sensor_lag"]
+    assert [c.effect for c in found.added] == ["sensor_lag"]
     assert any("sign was turned" in note for note in found.notes)
 
 
 def test_the_model_found_runs_as_a_plant(lagging, tmp_path):
     found = discover(lagging, catalogue=FEW)
-    model = PlantModel.load(found.model.save(tmp_path / "model.json"))
+    model = PlantModel.load(found.plant.save(tmp_path / "model.json"))
     record = lagging.records[1]
     left = record.y_um - Plant(model, record.ts_s).simulate(record.u_V)
     assert np.std(left) < 1.5 * NOISE_UM
@@ -123,6 +130,42 @@ def test_the_files_hold_json_and_the_promised_keys(lagging):
         "standard_errors", "confidence", "indistinguishable", "evidence",
     }  # fmt: skip
     assert step <= set(document["steps"][0])
+
+
+def saved_and_loaded(found, path):
+    again = SearchResult.load(found.save(path))
+    assert again == replace(found, views=())
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def test_results_are_saved_and_loaded_back(lagging, tmp_path):
+    for search, key in ((diagnose, "candidates"), (discover, "rounds")):
+        written = saved_and_loaded(search(lagging, catalogue=FEW), tmp_path / "found.json")
+        assert written[key]
+    added = saved_and_loaded(add_effect(lagging, P10, SensorLag), tmp_path / "add.json")
+    assert added["effect"] == "sensor_lag"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("verdict", "perhaps", "the verdict 'perhaps'; expected one of"),
+        ("noise_floor", "small", "\"noise_floor\" is 'small'; expected a number"),
+        pytest.param("noise_floor", 10**400, "too large for a whole number", id="huge"),
+        ("base", None, '"base" is None; expected an object'),
+        ("steps", [{"effect": 3}], '"steps" 1: "effect" is 3; expected a text'),
+        ("rounds", [[1]], "is 1; expected an object"),
+        ("indistinguishable", ["creep"], "is 'creep'; expected a list"),
+        ("model", {}, "needs the keys hysteresis"),
+    ],
+)
+def test_a_damaged_result_is_refused_in_one_line(key, value, said, made, tmp_path):
+    document = json.loads(made) | {key: value}
+    path = tmp_path / "found.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(InputError, match=said) as refusal:
+        SearchResult.load(path)
+    assert "\n" not in str(refusal.value)
 
 
 def test_a_diagnosis_ranks_every_candidate(lagging):
@@ -155,7 +198,7 @@ def test_a_checkpoint_that_is_a_folder_is_named(lagging, tmp_path):
 def test_adding_an_effect_that_is_not_earned_is_said(lagging):
     bare = P10
     found = add_effect(lagging, bare, FEW["gain_drift"])
-    assert [step.effect for step in found.steps] == ["gain_drift"]
+    assert [c.effect for c in found.added] == ["gain_drift"]
     assert "do not earn it" in found.notes[0]
     with pytest.raises(InputError, match="already"):
         add_effect(lagging, replace(bare, effects=(SensorLag(),)), FEW["sensor_lag"])

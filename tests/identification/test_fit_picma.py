@@ -29,7 +29,7 @@ def test_errors_on_both_files_time_and_warning():
 @needs_data
 def test_the_plant_that_ships_is_the_one_that_is_identified():
     data = load(FOLDER)
-    shipped, fitted = named_plant("picma"), fit(data).model
+    shipped, fitted = named_plant("picma"), fit(data).plant
     assert validation_rmse(shipped, data.train) == pytest.approx(fit(data).train_rmse_um, rel=1e-3)
     assert shipped.hysteresis.a0 == pytest.approx(fitted.hysteresis.a0, rel=0.1)
 

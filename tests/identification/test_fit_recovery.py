@@ -89,7 +89,7 @@ def test_a_band_limited_rate_is_fitted_as_such():
     model = P10.with_hysteresis(P10.hysteresis.band_limited(200.0))
     result = fit(sines(model), rate_bandwidth_hz=200.0)
     assert worst_error(result, P10.hysteresis) < 1e-5
-    assert result.model.hysteresis.rate_bandwidth_hz == 200.0
+    assert result.plant.hysteresis.rate_bandwidth_hz == 200.0
     assert fit(sines(model)).train_rmse_um > 1e-3
 
 
@@ -156,8 +156,8 @@ def test_without_validation_records_the_last_quarters_are_held_out():
 
 def test_the_plant_that_comes_out_simulates_saves_and_loads(tmp_path):
     result = fit(sines(noise_um=0.02), name="mine")
-    model = PlantModel.load(result.model.save(tmp_path / "model.json"))
-    assert model == result.model
+    model = PlantModel.load(result.plant.save(tmp_path / "model.json"))
+    assert model == result.plant
     assert model.name == "mine"
     assert model.command_range_V == pytest.approx((-44.0, 44.0), rel=1e-3)
     assert model.reference_um[1] == pytest.approx(0.9 * 46.6, rel=0.01)

@@ -101,7 +101,7 @@ def test_thresholds_beyond_the_amplitude_are_named_and_held():
     assert any("held at 0" in warning for warning in result.warnings)
     assert all(result.parameters[f"a_{i}"] == 0.0 for i in held)
     assert all(np.isinf(result.standard_errors[f"a_{i}"]) for i in held)
-    assert all(result.model.identification["standard_errors"][f"a_{i}"] is None for i in held)
+    assert all(result.plant.identification["standard_errors"][f"a_{i}"] is None for i in held)
 
 
 def test_a_sliver_of_motion_gets_no_weight():
@@ -110,7 +110,7 @@ def test_a_sliver_of_motion_gets_no_weight():
     model = PlantModel(steep, "steep", (-50.0, 50.0), (0.0, 40.0))
     records = [sine(10.0, 40.0, model=model), sine(60.0, 40.0, model=model)]
     stack, _ = stack_records(records, None)
-    found = fit(records, n=3).model.hysteresis
+    found = fit(records, n=3).plant.hysteresis
     gram, _ = gram_matrices(stack, 3, found.thresholds_V[0], found.delta2_s, np.zeros(2))
     moved = np.sqrt((gram.diagonal(axis1=1, axis2=2) / gram[:, :1, 0]).max(axis=0))[:4]
     assert all(moved[i] >= MIN_MOTION for i in range(4) if found.weights[i] > 0)
@@ -122,7 +122,7 @@ def test_backlash_shows_as_a0_at_its_bound():
     model = PlantModel(law, "backlash", (-50.0, 50.0), (0.0, 40.0))
     records = [sine(f, 40.0, model=model) for f in (5.0, 50.0)]
     assert warns(records, "a_0 is at its bound", n=2)
-    assert fit(records, n=2).model.hysteresis.a0 > 0
+    assert fit(records, n=2).plant.hysteresis.a0 > 0
 
 
 def test_a_missing_effect_is_said_to_be_no_noise():

@@ -1,9 +1,11 @@
 """Results of the laboratory that are made up, for the pages that show them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.results import Diagnosis, Discovery, Errors, Finding, View
+from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step, View
 from rdpi_gym.plant import P5
 
 FLOOR_UM = 0.02
@@ -14,7 +16,7 @@ def made_errors(validation_um, names=("sine", "validation-stairs")):
     return Errors(0.9 * validation_um, validation_um, validation_um, dict.fromkeys(names, 0.1))
 
 
-def made_finding(effect, validation_um, **keywords):
+def made_candidate(effect, validation_um, **keywords):
     settings = {
         "errors": made_errors(validation_um),
         "parameters": {"gain_per_decade": 0.02} if effect == "creep" else {},
@@ -24,7 +26,7 @@ def made_finding(effect, validation_um, **keywords):
         "indistinguishable": (),
         "evidence": f"{effect} makes the loops of validation-stairs meet",
     }
-    return Finding(effect, **{**settings, **keywords})
+    return Candidate(effect, **{**settings, **keywords})
 
 
 def made_view(name="sine", role="train", labels=("base model", "with effects"), samples=600):
@@ -44,21 +46,23 @@ def made_discovery():
     """Build a discovery of creep, then of a resonance that may as well be a delay."""
 
     def build(**changes):
-        creep = made_finding("creep", 0.1)
-        resonance = made_finding("resonance", 0.021, indistinguishable=("delay",))
-        runaway = made_finding(
+        creep = made_candidate("creep", 0.1)
+        resonance = made_candidate("resonance", 0.021, indistinguishable=("delay",))
+        runaway = made_candidate(
             "thermal_drift", 64.0, share=-3e5, confidence=0.0, remarks=("rate at its bound",)
         )
-        failed = made_finding(
+        failed = made_candidate(
             "backlash", 0.0, errors=HUGE, share=-np.inf, remarks=("did not converge",)
         )
         settings = {
-            "model": P5,
-            "steps": (creep, resonance),
+            "kind": "discovery",
+            "title": "a stage",
+            "plant": P5,
+            "steps": (Step((creep,)), Step((resonance,))),
             "rounds": (
-                (creep, made_finding("delay", 0.3, share=0.5), runaway, failed),
-                (resonance, made_finding("delay", 0.0211), runaway),
-                (made_finding("asymmetry", 0.021, share=0.0, confidence=0.1),),
+                (creep, made_candidate("delay", 0.3, share=0.5), runaway, failed),
+                (resonance, made_candidate("delay", 0.0211), runaway),
+                (made_candidate("asymmetry", 0.021, share=0.0, confidence=0.1),),
             ),
             "removed": (),
             "noise_floor_um": FLOOR_UM,
@@ -75,7 +79,7 @@ def made_discovery():
             "seconds": 1.5,
             "notes": ("thresholds of Eq. 8 with 10 plays",),
         }
-        return Discovery(**{**settings, **changes})
+        return SearchResult(**{**settings, **changes})
 
     return build
 
@@ -86,14 +90,14 @@ def made_diagnosis(made_discovery):
 
     def build(**changes):
         whole = made_discovery()
-        views = (made_view(labels=("base model", "creep")),)
-        keys = (
-            "noise_floor_um", "noise_origin", "base", "given", "unexplained_rmse_um", "remainder",
-            "next_experiment", "indistinguishable", "checks", "seconds",
-        )  # fmt: skip
-        settings = {key: getattr(whole, key) for key in keys}
-        settings |= {"candidates": whole.rounds[0], "verdict": "unexplained", "views": views}
-        settings["chosen"] = whole.rounds[0][:1]
-        return Diagnosis(**{**settings, **changes})
+        settings = {
+            "kind": "diagnosis",
+            "steps": (Step(whole.rounds[0][:1]),),
+            "rounds": whole.rounds[:1],
+            "verdict": "unexplained",
+            "views": (made_view(labels=("base model", "with creep")),),
+            "notes": (),
+        }
+        return replace(whole, **{**settings, **changes})
 
     return build

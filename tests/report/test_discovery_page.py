@@ -7,12 +7,11 @@ import plotly.graph_objects as go
 import pytest
 
 from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
-from rdpi_gym.diagnosis.results import View
-from rdpi_gym.plant import P5
+from rdpi_gym.diagnosis.results import Step, View, steps_of
 from rdpi_gym.report.discovery import candidates, view_figures
 from rdpi_gym.report.discovery import figures as discovery_figures
 from rdpi_gym.report.discovery.page import write_discovery_page
-from rdpi_gym.report.discovery.sentences import found, stages, staircase, verdict_sentence
+from rdpi_gym.report.discovery.sentences import staircase, verdict_sentence
 from rdpi_gym.report.discovery.view_sections import MOST_VIEWS, view_sections
 
 
@@ -101,7 +100,7 @@ def test_what_cannot_be_told_apart_is_said(made_discovery, tmp_path):
 
 def test_diagnosis_speaks_of_what_would_be(made_diagnosis, tmp_path):
     result = made_diagnosis()
-    assert [finding.effect for finding in found(result)] == ["creep"]
+    assert [c.effect for c in result.added] == ["creep"]
     assert "adding creep would bring the validation error from 0.8 µm to 0.1 µm, yet" in (
         verdict_sentence(result)
     )
@@ -114,8 +113,7 @@ def test_diagnosis_that_earns_nothing_chooses_nothing(made_diagnosis, tmp_path):
     views = tuple(
         replace(view, models_um={"base model": view.y_um}) for view in made_diagnosis().views
     )
-    result = made_diagnosis(views=views, chosen=())
-    assert found(result) == ()
+    result = made_diagnosis(views=views, steps=())
     assert len(staircase(result)) == 2
     section = candidates.candidate_sections(result)[0]
     assert {trace.name for trace in section.figure.data if trace.type == "bar"} == {"others"}
@@ -123,12 +121,12 @@ def test_diagnosis_that_earns_nothing_chooses_nothing(made_diagnosis, tmp_path):
 
 
 def test_pair_is_one_step_of_the_staircase(made_discovery):
-    creep, resonance = made_discovery().steps
+    creep, resonance = made_discovery().added
     pair = made_discovery(
-        steps=(replace(creep, errors=resonance.errors), resonance),
+        steps=steps_of([replace(creep, errors=resonance.errors), resonance]),
         rounds=made_discovery().rounds[:1],
     )
-    assert [len(stage) for stage in stages(pair)] == [2]
+    assert [step.effects for step in pair.steps] == [("creep", "resonance")]
     assert [name for name, _ in staircase(pair)][-1] == "+ creep + resonance"
 
 
@@ -237,10 +235,10 @@ def test_many_records_keep_the_page_small(made_discovery, tmp_path):
 
 
 def test_parameters_of_an_unknown_effect_are_listed(made_discovery, tmp_path):
-    own = replace(made_discovery().steps[0], effect="wobble", parameters={"depth_um": 1.5})
-    rows = candidates.parameter_sections(made_discovery(steps=(own,), model=P5), {})[0].table
+    own = replace(made_discovery().added[0], effect="wobble", parameters={"depth_um": 1.5})
+    rows = candidates.parameter_sections(made_discovery(steps=(Step((own,)),)), {})[0].table
     assert rows.to_dict("records")[0]["value"] == 1.5
-    page_of(made_discovery(steps=(own,)), tmp_path)
+    page_of(made_discovery(steps=(Step((own,)),)), tmp_path)
 
 
 def creeping(step_V, seconds, ts_s=1e-2):

@@ -4,16 +4,18 @@ from dataclasses import replace
 
 import pytest
 
-from rdpi_gym.diagnosis.results import Discovery, Errors, Finding
+from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step
 from rdpi_gym.plant import P5
 from studies.measured_effects import summary
 
 BASE, AFTER = Errors(0.3, 0.4, 2.0, {}), Errors(0.1, 0.2, 1.0, {})
-STEP = Finding("creep", AFTER, {}, {}, 0.9, 0.5, (), "the holds creep")
-FOUND = Discovery(
-    model=P5,
-    steps=(STEP,),
-    rounds=((STEP,),),
+CREEP = Candidate("creep", AFTER, {}, {}, 0.9, 0.5, (), "the holds creep")
+FOUND = SearchResult(
+    kind="discovery",
+    title="",
+    plant=P5,
+    steps=(Step((CREEP,)),),
+    rounds=((CREEP,),),
     removed=(),
     noise_floor_um=0.1,
     noise_origin="noise floor 0.1 µm rms, from a quiet record",
@@ -23,6 +25,7 @@ FOUND = Discovery(
     unexplained_rmse_um=0.17,
     remainder="What is left follows from the input.",
     next_experiment="Record steps.",
+    indistinguishable=(),
     checks=(),
     views=(),
     seconds=1.0,

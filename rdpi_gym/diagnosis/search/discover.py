@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rdpi_gym.diagnosis.results import Diagnosis, Discovery, Finding
+from rdpi_gym.diagnosis.results import Candidate, Kind, SearchResult, steps_of
 from rdpi_gym.diagnosis.search.candidates import Progress
 from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.ranking import Ranked
@@ -16,7 +16,7 @@ from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 
 # More effects than this are not a model but a collection.
-MOST_STEPS = 6
+MOST_EFFECTS = 6
 
 
 def diagnose(
@@ -28,7 +28,7 @@ def diagnose(
     seed: int = 0,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
-) -> Diagnosis:
+) -> SearchResult:
     """Refit every candidate effect with the base model and rank them on validation records.
 
     Parameters
@@ -44,13 +44,13 @@ def diagnose(
     seed
         Of the bootstrap behind the confidence.
     progress
-        Called as ``progress(stage, done, total)``.
+        Called as ``progress(task, done, total)``.
     checkpoint
         File that keeps finished candidates, so that an interrupted run goes on.
 
     Returns
     -------
-    Diagnosis
+    SearchResult
 
     Raises
     ------
@@ -59,29 +59,20 @@ def diagnose(
     """
     began = time.perf_counter()
     laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint)
-    state = laboratory.base(given)
-    ranked = laboratory.ranked(state)
-    best = laboratory.choose(state, ranked) if laboratory.decidable else []
-    end = laboratory.after(state, best) if best else state
-    verdict = laboratory.verdict(end, bool(best))
-    groups = laboratory.groups(end)
-    return Diagnosis(
-        noise_floor_um=laboratory.noise_um,
-        noise_origin=laboratory.noise_origin,
-        base=state.outcome.errors,
-        given=laboratory.given_errors(given),
-        candidates=tuple(r.finding for r in ranked),
-        chosen=tuple(replace(r.finding, errors=end.outcome.errors) for r in best),
-        verdict=verdict,
-        unexplained_rmse_um=laboratory.unexplained_um(end),
-        remainder=laboratory.remainder(end),
-        next_experiment=laboratory.next_experiment(end, best, verdict, groups),
-        indistinguishable=groups,
-        checks=laboratory.checks(),
-        views=laboratory.views(
-            {"base model": state, **({best[0].finding.effect: end} if best else {})}
-        ),
-        seconds=time.perf_counter() - began,
+    base = laboratory.base(given)
+    ranked = laboratory.ranked(base)
+    chosen = laboratory.choose(base, ranked) if laboratory.decidable else []
+    end = laboratory.after(base, chosen) if chosen else base
+    return _result(
+        laboratory,
+        began,
+        "diagnosis",
+        given,
+        base,
+        end,
+        added=[replace(r.candidate, errors=end.outcome.errors) for r in chosen],
+        rounds=[ranked],
+        last=chosen,
     )
 
 
@@ -94,14 +85,14 @@ def discover(
     seed: int = 0,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
-) -> Discovery:
+) -> SearchResult:
     """Add effects until nothing more is earned, then try to take each out again.
 
     Parameters are those of :func:`diagnose`.
 
     Returns
     -------
-    Discovery
+    SearchResult
 
     Raises
     ------
@@ -111,49 +102,39 @@ def discover(
     began = time.perf_counter()
     laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint)
     base = state = laboratory.base(given)
-    steps: list[Finding] = []
-    rounds: list[tuple[Finding, ...]] = []
+    added: list[Candidate] = []
+    rounds: list[list[Ranked]] = []
     rivals: dict[str, tuple[str, ...]] = {}
     last: list[Ranked] = []
-    while len(steps) < MOST_STEPS and laboratory.decidable and not laboratory.at_floor(state):
+    while len(added) < MOST_EFFECTS and laboratory.decidable and not laboratory.at_floor(state):
         ranked = laboratory.ranked(state)
-        rounds.append(tuple(r.finding for r in ranked))
+        rounds.append(ranked)
         chosen = laboratory.choose(state, ranked)
         if not chosen:
             break
         last = chosen
         for r in chosen:
-            rivals[r.finding.effect] = laboratory.rivals(state, r.finding, rounds[-1])
+            rivals[r.candidate.effect] = laboratory.rivals(state, r.candidate, ranked)
         state = laboratory.after(state, chosen)
-        steps += [replace(r.finding, errors=state.outcome.errors) for r in chosen]
-    state, removed = laboratory.eliminate(state, [s.effect for s in steps])
+        added += [replace(r.candidate, errors=state.outcome.errors) for r in chosen]
+    state, removed = laboratory.eliminate(state, [c.effect for c in added])
     state, notes = laboratory.on_law(state, given)
-    kept = [s for s in steps if s.effect not in removed]
-    state, steps = laboratory.settle(state, kept, rivals)
-    if steps:  # the staircase ends at the model that is saved
-        end = steps[-1].errors
-        steps = [replace(s, errors=state.outcome.errors) if s.errors is end else s for s in steps]
-    verdict = laboratory.verdict(state, bool(steps))
-    groups = laboratory.groups(state)
-    return Discovery(
-        model=laboratory.model(state, given),
-        steps=tuple(laboratory.final(state, step) for step in steps),
-        rounds=tuple(rounds),
+    kept = [c for c in added if c.effect not in removed]
+    state, added = laboratory.settle(state, kept, rivals)
+    if added:  # the last step ends at the model that is saved
+        end = added[-1].errors
+        added = [replace(c, errors=state.outcome.errors) if c.errors is end else c for c in added]
+    return _result(
+        laboratory,
+        began,
+        "discovery",
+        given,
+        base,
+        state,
+        added=[laboratory.final(state, candidate) for candidate in added],
+        rounds=rounds,
+        last=last,
         removed=removed,
-        noise_floor_um=laboratory.noise_um,
-        noise_origin=laboratory.noise_origin,
-        base=base.outcome.errors,
-        given=laboratory.given_errors(given),
-        verdict=verdict,
-        unexplained_rmse_um=laboratory.unexplained_um(state),
-        remainder=laboratory.remainder(state),
-        next_experiment=laboratory.next_experiment(state, last, verdict, groups),
-        indistinguishable=groups,
-        checks=laboratory.checks(),
-        views=laboratory.views(
-            {"base model": base, "with effects": state} if steps else {"base model": base}
-        ),
-        seconds=time.perf_counter() - began,
         notes=notes,
     )
 
@@ -167,7 +148,7 @@ def add_effect(
     seed: int = 0,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
-) -> Discovery:
+) -> SearchResult:
     """Add one effect because the user says so, earned or not, and refit everything.
 
     Parameters
@@ -181,8 +162,8 @@ def add_effect(
 
     Returns
     -------
-    Discovery
-        With one step; its remarks say where it was not earned.
+    SearchResult
+        With one step; its notes say where the records do not earn it.
 
     Raises
     ------
@@ -194,28 +175,61 @@ def add_effect(
     base = laboratory.base(given)
     ranked = laboratory.ranked(base)
     laboratory.need(ranked, kind)
-    state: State = laboratory.after(base, ranked[:1])
+    state = laboratory.after(base, ranked[:1])
     state, notes = laboratory.on_law(state, given)
-    verdict = laboratory.verdict(state, True)
-    groups = laboratory.groups(state)
     if not ranked[0].earned:
         notes = (f"{kind.name} was added on request; these records do not earn it", *notes)
-    return Discovery(
-        model=laboratory.model(state, given),
-        steps=(laboratory.final(state, replace(ranked[0].finding, errors=state.outcome.errors)),),
-        rounds=(tuple(r.finding for r in ranked),),
-        removed=(),
+    candidate = replace(ranked[0].candidate, errors=state.outcome.errors)
+    return _result(
+        laboratory,
+        began,
+        "addition",
+        given,
+        base,
+        state,
+        added=[laboratory.final(state, candidate)],
+        rounds=[ranked],
+        last=ranked[:1],
+        notes=notes,
+    )
+
+
+def _result(
+    laboratory: Laboratory,
+    began: float,
+    kind: Kind,
+    given: PlantModel | None,
+    base: State,
+    end: State,
+    *,
+    added: Sequence[Candidate],
+    rounds: Sequence[Sequence[Ranked]],
+    last: Sequence[Ranked],
+    removed: tuple[str, ...] = (),
+    notes: tuple[str, ...] = (),
+) -> SearchResult:
+    """Put together what a search ends with; `last` is what the next experiment has to settle."""
+    verdict = laboratory.verdict(end, bool(added))
+    groups = laboratory.groups(end)
+    with_effects = f"with {added[0].effect}" if len(added) == 1 else "with effects"
+    return SearchResult(
+        kind=kind,
+        title=laboratory.dataset.title,
+        plant=laboratory.model(end, given),
+        steps=steps_of(added),
+        rounds=tuple(tuple(r.candidate for r in ranked) for ranked in rounds),
+        removed=removed,
         noise_floor_um=laboratory.noise_um,
         noise_origin=laboratory.noise_origin,
         base=base.outcome.errors,
         given=laboratory.given_errors(given),
         verdict=verdict,
-        unexplained_rmse_um=laboratory.unexplained_um(state),
-        remainder=laboratory.remainder(state),
-        next_experiment=laboratory.next_experiment(state, ranked[:1], verdict, groups),
+        unexplained_rmse_um=laboratory.unexplained_um(end),
+        remainder=laboratory.remainder(end),
+        next_experiment=laboratory.next_experiment(end, last, verdict, groups),
         indistinguishable=groups,
         checks=laboratory.checks(),
-        views=laboratory.views({"base model": base, f"with {kind.name}": state}),
+        views=laboratory.views({"base model": base} | ({with_effects: end} if added else {})),
         seconds=time.perf_counter() - began,
         notes=notes,
     )

@@ -1,4 +1,4 @@
-"""The bench that a diagnosis works at: the data, the noise floor, the refits, what follows."""
+"""What a search works with: the data, the noise floor, the refits, what follows."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rdpi_gym.diagnosis.features.noise import noise_floor
-from rdpi_gym.diagnosis.results import Errors, Finding, Verdict, View
+from rdpi_gym.diagnosis.results import Candidate, Errors, Verdict, View
 from rdpi_gym.diagnosis.search.candidates import (
     Checkpoint,
     Outcome,
@@ -86,7 +86,7 @@ class State:
 
 
 class Laboratory:
-    """One data set on the bench; arguments as :func:`rdpi_gym.diagnosis.search.discover.diagnose`."""
+    """One data set; arguments as :func:`rdpi_gym.diagnosis.search.discover.diagnose`."""
 
     def __init__(
         self,
@@ -113,7 +113,7 @@ class Laboratory:
         self.setting = Setting(train, validation, data_scale((*train, *validation)))
         self.noise_um, self.noise_origin = math.nan, ""
         self._jobs, self._seed = jobs, seed
-        self._progress = progress or (lambda stage, done, total: None)
+        self._progress = progress or (lambda task, done, total: None)
         self._checkpoint = Checkpoint(checkpoint, self.setting)
         self._trouble = poverty((*train, *validation), train)
         self._like_rate: tuple[str, ...] = ()
@@ -141,11 +141,11 @@ class Laboratory:
         """Refit every candidate that the model does not have, and rank them."""
         have = {effect.name for effect in state.effects}
         kinds = [kind for name, kind in self.catalogue.items() if name not in have]
-        stage = "with " + ", ".join(e.name for e in state.effects) if have else "candidates"
+        task = "with " + ", ".join(e.name for e in state.effects) if have else "candidates"
         outcomes = refit_all(
             self.setting, pruned(state.hysteresis), state.effects, kinds, self._checkpoint,
             self._jobs,
-            lambda done, total: self._progress(stage, done, total),
+            lambda done, total: self._progress(task, done, total),
         )  # fmt: skip
         outcomes = [past_cusps(self.setting, o, state.effects) for o in outcomes[:_LEADERS]] + (
             outcomes[_LEADERS:]
@@ -155,16 +155,16 @@ class Laboratory:
         ranked = rank(state.outcome, outcomes, kinds, self.noise_um, self._seed)
         if not self._rates_alike:
             return ranked
-        return [_like_rate(r) if r.finding.effect in self._like_rate else r for r in ranked]
+        return [_like_rate(r) if r.candidate.effect in self._like_rate else r for r in ranked]
 
     def choose(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Return what to add: the simplest of the best class, a pair, or nothing."""
         earned = [r for r in ranked if r.earned]
         if earned:
             best = max(earned, key=lambda r: r.worth)
-            names = (best.finding.effect, *best.finding.indistinguishable)
-            equals = [r for r in earned if r.finding.effect in names]
-            return [min(equals, key=lambda r: (_bounds_hit(r), len(r.finding.parameters)))]
+            names = (best.candidate.effect, *best.candidate.indistinguishable)
+            equals = [r for r in earned if r.candidate.effect in names]
+            return [min(equals, key=lambda r: (_bounds_hit(r), len(r.candidate.parameters)))]
         if self.noise_um * EXPLAINED >= state.outcome.errors.validation_rmse_um:
             return []
         return self._pair(state, ranked)
@@ -173,7 +173,7 @@ class Laboratory:
         """Try pairs of nominees: effects may help only together."""
         fitted = [r for r in ranked if r.outcome.fit is not None and not r.barred]
         by_train = sorted(fitted, key=lambda r: r.outcome.errors.train_rmse_um)
-        nominees = {r.finding.effect: r for r in (*fitted[:2], *by_train[:_NOMINEES])}
+        nominees = {r.candidate.effect: r for r in (*fitted[:2], *by_train[:_NOMINEES])}
         best: tuple[float, Outcome, list[str]] | None = None
         pairs = list(combinations(nominees, 2))
         for done, (first, second) in enumerate(pairs):
@@ -194,7 +194,7 @@ class Laboratory:
         if not together.earned or best[0] > alone - LEAST_GAIN * self.noise_um**2:
             return []
         return [
-            Ranked(best[1], of_effect(together.finding, best[1].fit, name), True)
+            Ranked(best[1], of_effect(together.candidate, best[1].fit, name), True)
             for name in best[2]
         ]
 
@@ -227,20 +227,24 @@ class Laboratory:
                 state, removed = State(without), [*removed, name]
         return state, tuple(removed)
 
-    def rivals(self, state: State, chosen: Finding, field: Sequence[Finding]) -> tuple[str, ...]:
+    def rivals(self, state: State, chosen: Candidate, field: Sequence[Ranked]) -> tuple[str, ...]:
         """Return what came so close to a chosen effect in its round that it is tried once more."""
         own = chosen.errors.validation_rmse_um**2
         gain = state.outcome.mean_square - own
         reach = max(_CLOSE_GAIN * gain, _CLOSE_NOISE * self.noise_um**2)
-        close = [f for f in field if f.errors.validation_rmse_um**2 - own <= reach]
+        close = [
+            r.candidate.effect
+            for r in field
+            if r.candidate.errors.validation_rmse_um**2 - own <= reach
+        ]
         barred = {chosen.effect, *self._like_rate}
-        return tuple(f.effect for f in close if f.effect not in barred)
+        return tuple(effect for effect in close if effect not in barred)
 
     def settle(
-        self, state: State, steps: Sequence[Finding], rivals: Mapping[str, Sequence[str]]
-    ) -> tuple[State, list[Finding]]:
+        self, state: State, steps: Sequence[Candidate], rivals: Mapping[str, Sequence[str]]
+    ) -> tuple[State, list[Candidate]]:
         """Try each added effect's rivals once more, now that all others are there."""
-        settled: list[Finding] = []
+        settled: list[Candidate] = []
         for step in steps:
             others = in_chain_order(e for e in state.effects if e.name != step.effect)
             have = {e.name for e in state.effects}
@@ -262,18 +266,20 @@ class Laboratory:
                 self._seed, SETTLED_GAIN,
             )  # fmt: skip
             best = ranked[0]
-            if step.effect in (best.finding.effect, *best.finding.indistinguishable):
-                best = next(r for r in ranked if r.finding.effect == step.effect)
+            if step.effect in (best.candidate.effect, *best.candidate.indistinguishable):
+                best = next(r for r in ranked if r.candidate.effect == step.effect)
             else:
                 state = State(best.outcome)
             settled.append(
-                replace(best.finding, errors=step.errors, share=step.share, evidence=step.evidence)
-                if best.finding.effect == step.effect
-                else best.finding
+                replace(
+                    best.candidate, errors=step.errors, share=step.share, evidence=step.evidence
+                )
+                if best.candidate.effect == step.effect
+                else best.candidate
             )
         return state, settled
 
-    def final(self, state: State, step: Finding) -> Finding:
+    def final(self, state: State, step: Candidate) -> Candidate:
         """Return a step with the parameters of the final model."""
         return of_effect(step, state.fit, step.effect)
 
@@ -320,10 +326,10 @@ class Laboratory:
         effects = {e.name: e for e in state.effects}
         typical = typical_effects(self.catalogue, self.setting.scale)
         pairs = [
-            (effects[r.finding.effect], typical[rival])
+            (effects[r.candidate.effect], typical[rival])
             for r in chosen
-            for rival in r.finding.indistinguishable
-            if r.finding.effect in effects and rival in typical
+            for rival in r.candidate.indistinguishable
+            if r.candidate.effect in effects and rival in typical
         ]
         if not pairs and verdict == "unexplained":
             alike = [[typical[n] for n in g if n in typical] for g in groups]
@@ -396,5 +402,5 @@ def _bounds_hit(ranked: Ranked) -> int:
 def _like_rate(ranked: Ranked) -> Ranked:
     """Return a candidate that records of one rate cannot tell from δ2: not to be added."""
     remark = "not to be told from δ2: all rates are alike"
-    finding = replace(ranked.finding, remarks=(*ranked.finding.remarks, remark))
-    return replace(ranked, finding=finding, earned=False, barred=True)
+    candidate = replace(ranked.candidate, remarks=(*ranked.candidate.remarks, remark))
+    return replace(ranked, candidate=candidate, earned=False, barred=True)

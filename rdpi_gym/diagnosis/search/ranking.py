@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.results import Finding
+from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import Outcome
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.plant.effects.base import Effect
@@ -33,13 +33,13 @@ _DRAWS = 400
 
 @dataclass(frozen=True)
 class Ranked:
-    """A candidate with its finding.
+    """A candidate and what its refit decides.
 
     Parameters
     ----------
     outcome
         The refit.
-    finding
+    candidate
         What is reported.
     earned
         Whether it may be added.
@@ -51,7 +51,7 @@ class Ranked:
     """
 
     outcome: Outcome
-    finding: Finding
+    candidate: Candidate
     earned: bool
     worth: float = 0.0
     barred: bool = False
@@ -110,7 +110,7 @@ def rank(
         helps = _beats(current, outcome, rng) >= LEAST_CONFIDENCE
         train_share = _train_share(current, outcome, variance)
         helps = helps and train_share >= LEAST_TRAIN_SHARE
-        finding = Finding(
+        candidate = Candidate(
             effect=outcome.effect,
             errors=outcome.errors,
             parameters={},
@@ -121,9 +121,9 @@ def rank(
             evidence=_evidence(current, outcome, share, signatures.get(outcome.effect, "")),
             remarks=tuple(remarks),
         )
-        finding = of_effect(finding, outcome.fit, outcome.effect)
+        candidate = of_effect(candidate, outcome.fit, outcome.effect)
         ranked.append(
-            Ranked(outcome, finding, enough and helps and not worse, min(share, train_share))
+            Ranked(outcome, candidate, enough and helps and not worse, min(share, train_share))
         )
     failed = [o for o in outcomes if o.fit is None]
     return ranked + [Ranked(o, _failed(o), False) for o in failed]
@@ -156,25 +156,25 @@ def _worse_records(current: Outcome, outcome: Outcome, gain: float, variance: fl
     return [name for name, b, a in zip(names, before, after, strict=True) if a - b > allowed]
 
 
-def of_effect(finding: Finding, fit: JointFit | None, name: str) -> Finding:
-    """Return a finding as that of an effect in a refit: its parameters and their errors.
+def of_effect(candidate: Candidate, fit: JointFit | None, name: str) -> Candidate:
+    """Return a candidate as that of an effect in a refit: its parameters and their errors.
 
     Parameters
     ----------
-    finding
+    candidate
         What is known of it otherwise.
     fit
-        The refit; None leaves the finding without parameters.
+        The refit; None leaves it without parameters.
     name
         The effect.
     """
     if fit is None:
-        return finding
+        return candidate
     effect = {e.name: e for e in fit.variant.effects}[name]
     own = f"{name}."
     found = fit.standard_errors.items()
     errors = {key.removeprefix(own): e for key, e in found if key.startswith(own)}
-    return replace(finding, effect=name, parameters=effect.values, standard_errors=errors)
+    return replace(candidate, effect=name, parameters=effect.values, standard_errors=errors)
 
 
 def _evidence(current: Outcome, outcome: Outcome, share: float, signature: str) -> str:
@@ -191,8 +191,8 @@ def _evidence(current: Outcome, outcome: Outcome, share: float, signature: str) 
     )
 
 
-def _failed(outcome: Outcome) -> Finding:
-    return Finding(
+def _failed(outcome: Outcome) -> Candidate:
+    return Candidate(
         outcome.effect,
         outcome.errors,
         {},

@@ -7,17 +7,16 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from rdpi_gym.diagnosis.results import Diagnosis, Discovery, Finding
+from rdpi_gym.diagnosis.results import Candidate, SearchResult, Step
 from rdpi_gym.plant.effects import Effect, Parameter
 from rdpi_gym.report.discovery import figures as discovery_figures
-from rdpi_gym.report.discovery.sentences import closed, joined, micrometres, stages
+from rdpi_gym.report.discovery.sentences import closed, joined, micrometres
 from rdpi_gym.report.page import Section
 
 
-def candidate_sections(result: Diagnosis | Discovery) -> list[Section]:
+def candidate_sections(result: SearchResult) -> list[Section]:
     """Show the candidates of each round, best first; none where no candidate was tried."""
-    rounds = result.rounds if isinstance(result, Discovery) else (result.candidates,)
-    rounds = tuple(candidates for candidates in rounds if candidates)
+    rounds = tuple(candidates for candidates in result.rounds if candidates)
     if not rounds:
         return []
     figures, tables = {}, []
@@ -28,8 +27,8 @@ def candidate_sections(result: Diagnosis | Discovery) -> list[Section]:
         figures[name] = discovery_figures.ranking(candidates, result.noise_floor_um, without, taken)
         tables.append(_candidate_table(candidates, number))
         present += taken
-        reached = [*stages(result), *((c,) for c in candidates)]
-        without = next((s[0].errors for s in reached if [f.effect for f in s] == taken), without)
+        reached = [*result.steps, *(Step((c,)) for c in candidates)]
+        without = next((s.errors for s in reached if list(s.effects) == taken), without)
     table = pd.concat(tables, ignore_index=True)
     if len(rounds) == 1:
         table = table.drop(columns="Round")
@@ -54,9 +53,9 @@ def candidate_sections(result: Diagnosis | Discovery) -> list[Section]:
     ]
 
 
-def _evidence(result: Diagnosis | Discovery) -> list[Section]:
+def _evidence(result: SearchResult) -> list[Section]:
     """Say what speaks for each candidate of a diagnosis; a discovery says it of what it added."""
-    if isinstance(result, Discovery):
+    if result.kind != "diagnosis":
         return []
     said = [c for c in result.candidates if c.evidence and c.share > 0]
     if not said:
@@ -70,21 +69,20 @@ def _evidence(result: Diagnosis | Discovery) -> list[Section]:
 
 
 def _taken(
-    result: Diagnosis | Discovery, candidates: Sequence[Finding], present: Sequence[str]
+    result: SearchResult, candidates: Sequence[Candidate], present: Sequence[str]
 ) -> list[str]:
     """Name the candidates that were taken in a round, also those taken out again later."""
-    groups = [[step.effect for step in stage] for stage in stages(result)]
+    groups = [list(step.effects) for step in result.steps]
     following = next((group for group in groups if group[0] not in present), [])
-    removed = result.removed if isinstance(result, Discovery) else ()
     for candidate in candidates:
         if candidate.effect in following:
             return following
-        if candidate.effect in removed and candidate.effect not in present:
+        if candidate.effect in result.removed and candidate.effect not in present:
             return [candidate.effect]
     return []
 
 
-def _candidate_table(candidates: Sequence[Finding], number: int) -> pd.DataFrame:
+def _candidate_table(candidates: Sequence[Candidate], number: int) -> pd.DataFrame:
     return pd.DataFrame(
         [
             {
@@ -108,7 +106,7 @@ def _known(value: float) -> float:
 
 
 def parameter_sections(
-    result: Diagnosis | Discovery, catalogue: Mapping[str, type[Effect]]
+    result: SearchResult, catalogue: Mapping[str, type[Effect]]
 ) -> list[Section]:
     """List the parameters of what was added, or of every candidate of a diagnosis.
 
@@ -119,14 +117,14 @@ def parameter_sections(
     catalogue
         Effects by name: units, bounds and meanings.
     """
-    if isinstance(result, Discovery):
-        findings, final = result.steps, {e.name: e.values for e in result.model.effects}
+    if result.kind == "diagnosis":
+        listed, final = result.candidates, {}
     else:
-        findings, final = result.candidates, {}
+        listed, final = result.added, {e.name: e.values for e in result.plant.effects}
     rows = [
-        _parameter_row(finding, name, catalogue, final)
-        for finding in findings
-        for name in finding.parameters
+        _parameter_row(candidate, name, catalogue, final)
+        for candidate in listed
+        for name in candidate.parameters
     ]
     if not rows:
         return []
@@ -144,20 +142,20 @@ def parameter_sections(
 
 
 def _parameter_row(
-    finding: Finding,
+    candidate: Candidate,
     name: str,
     catalogue: Mapping[str, type[Effect]],
     final: Mapping[str, Mapping[str, float]],
 ) -> dict[str, object]:
-    kind = catalogue.get(finding.effect)
+    kind = catalogue.get(candidate.effect)
     stated = {p.name: p for p in kind.parameters} if kind is not None else {}
     parameter = stated.get(name)
     return {
-        "effect": finding.effect,
+        "effect": candidate.effect,
         "parameter": name,
-        "value": finding.parameters[name],
-        "Standard error": finding.standard_errors.get(name),
-        "In the final model": final.get(finding.effect, {}).get(name),
+        "value": candidate.parameters[name],
+        "Standard error": candidate.standard_errors.get(name),
+        "In the final model": final.get(candidate.effect, {}).get(name),
         "unit": "" if parameter is None or parameter.unit == "1" else parameter.unit,
         "bounds": "" if parameter is None else _bounds(parameter),
         "meaning": "" if parameter is None else parameter.meaning,

@@ -10,7 +10,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from rdpi_gym.diagnosis.results import Errors, Finding
+from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.report.discovery.view_figures import AFTER, BEFORE, FLOOR
 from rdpi_gym.report.style import INK, MUTED, PALETTE, figure_text, styled
 
@@ -101,7 +101,7 @@ def _with_scale_buttons(figure: Any, limits: Mapping[str, list[float]], chosen: 
 
 
 def ranking(
-    candidates: Sequence[Finding], noise_floor_um: float, without: Errors, taken: Sequence[str]
+    candidates: Sequence[Candidate], noise_floor_um: float, without: Errors, taken: Sequence[str]
 ) -> Any:
     """Draw the validation error of every candidate of a round, its confidence and its share.
 
@@ -146,11 +146,11 @@ def ranking(
 
 
 def _error_bars(
-    figure: Any, candidates: Sequence[Finding], taken: Sequence[str], reach: float
+    figure: Any, candidates: Sequence[Candidate], taken: Sequence[str], reach: float
 ) -> None:
     """Draw a bar a candidate, coloured by whether it was taken, or cannot be told from one that was."""
     rivals = {name for c in candidates if c.effect in taken for name in c.indistinguishable}
-    groups: dict[str, tuple[str, list[Finding]]] = {
+    groups: dict[str, tuple[str, list[Candidate]]] = {
         "the choice": (AFTER, []),
         "not to be told from it": (_CLASS, []),
         "others": (_OTHER, []),
@@ -183,7 +183,7 @@ def _length(error_um: float, reach: float) -> float:
     return min(error_um, reach) if math.isfinite(error_um) else _SLIVER * reach
 
 
-def _certainty_dots(figure: Any, candidates: Sequence[Finding]) -> None:
+def _certainty_dots(figure: Any, candidates: Sequence[Candidate]) -> None:
     """Mark confidence and share of each candidate; what is far outside stands at the edge."""
     dots = (
         ("confidence", "circle", PALETTE[0], [100.0 * c.confidence for c in candidates]),
@@ -203,7 +203,7 @@ def _certainty_dots(figure: Any, candidates: Sequence[Finding]) -> None:
         )
 
 
-def _bar_text(candidate: Finding, reach: float) -> str:
+def _bar_text(candidate: Candidate, reach: float) -> str:
     error = candidate.errors.validation_rmse_um
     if not math.isfinite(error):
         return "did not converge"
@@ -211,7 +211,7 @@ def _bar_text(candidate: Finding, reach: float) -> str:
     return f"{error:.3g}{' →' if error > reach else ''}{mark}"
 
 
-def _hover(candidate: Finding) -> str:
+def _hover(candidate: Candidate) -> str:
     lines = [
         f"<b>{figure_text(candidate.effect)}</b>",
         f"validation {candidate.errors.validation_rmse_um:.4g} µm, "

@@ -7,15 +7,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from rdpi_gym.diagnosis.results import Diagnosis, Discovery
+from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.report.discovery import figures as discovery_figures
 from rdpi_gym.report.discovery.candidates import candidate_sections, parameter_sections
 from rdpi_gym.report.discovery.sentences import (
+    candidate_sentence,
     closed,
     confounded_sentence,
-    finding_sentence,
-    found,
     joined,
     micrometres,
     staircase,
@@ -40,10 +39,10 @@ _HOW = (
 def write_discovery_page(
     path: Path | str,
     title: str,
-    result: Diagnosis | Discovery,
+    result: SearchResult,
     catalogue: Mapping[str, type[Effect]] = CATALOGUE,
 ) -> Path:
-    """Write a diagnosis or a discovery as a self-contained page.
+    """Write the result of a search as a self-contained page.
 
     Parameters
     ----------
@@ -78,10 +77,10 @@ def write_discovery_page(
     return write_page(path, title, _summary(result), sections)
 
 
-def _summary(result: Diagnosis | Discovery) -> str:
+def _summary(result: SearchResult) -> str:
     paragraphs = [verdict_sentence(result)]
-    if found(result):
-        paragraphs.append("\n".join(f"- {finding_sentence(finding)}" for finding in found(result)))
+    if result.added:
+        paragraphs.append("\n".join(f"- {candidate_sentence(c)}" for c in result.added))
     paragraphs += filter(None, [result.remainder, confounded_sentence(result)])
     if result.next_experiment:
         paragraphs.append(f"Next experiment: {result.next_experiment}")
@@ -90,18 +89,18 @@ def _summary(result: Diagnosis | Discovery) -> str:
     return "\n\n".join(paragraphs)
 
 
-def _steps(result: Diagnosis | Discovery) -> Section:
+def _steps(result: SearchResult) -> Section:
     stairs = staircase(result)
     floor = result.noise_floor_um
     last = stairs[-1]
     times = last[1].validation_rmse_um / floor if floor > 0 else float("inf")
-    names = joined([finding.effect for finding in found(result)])
+    names = joined([candidate.effect for candidate in result.added])
     text = (
         f"The last model, {f'with {names}' if names else 'without further effects'}, leaves "
         f"{micrometres(last[1].validation_rmse_um)} on the validation records, "
         f"{times:.2f} times the noise floor."
     )
-    if isinstance(result, Diagnosis) and found(result):
+    if result.kind == "diagnosis" and result.steps:
         text += " Nothing has been added to the model yet: this is what adding it would give."
     table = pd.DataFrame(
         [
@@ -127,7 +126,7 @@ def _steps(result: Diagnosis | Discovery) -> Section:
     return Section("The error, step by step", text, figures, table)
 
 
-def _checks(result: Diagnosis | Discovery) -> Section:
+def _checks(result: SearchResult) -> Section:
     # a sentence may answer for several effects
     lines = "\n".join(f"- {check}" for check in dict.fromkeys(result.checks))
     return Section(
@@ -138,17 +137,16 @@ def _checks(result: Diagnosis | Discovery) -> Section:
     )
 
 
-def _left(result: Diagnosis | Discovery) -> Section:
+def _left(result: SearchResult) -> Section:
     paragraphs = [
         f"{micrometres(result.unexplained_rmse_um)} rms over the noise floor is left.",
         result.remainder,
     ]
-    if isinstance(result, Discovery):
-        if result.removed:
-            paragraphs.append(
-                f"Taken out again, since the others explain as much without: {joined(result.removed)}."
-            )
-        paragraphs.append("\n".join(f"- {note}" for note in result.notes))
+    if result.removed:
+        paragraphs.append(
+            f"Taken out again, since the others explain as much without: {joined(result.removed)}."
+        )
+    paragraphs.append("\n".join(f"- {note}" for note in result.notes))
     if result.next_experiment:
         paragraphs.append(f"Next experiment: {result.next_experiment}")
     elif result.verdict == "explained":

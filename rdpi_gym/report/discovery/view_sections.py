@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
-from rdpi_gym.diagnosis.results import Diagnosis, Discovery, View
+from rdpi_gym.diagnosis.results import SearchResult, View
 from rdpi_gym.report.discovery import view_figures
 from rdpi_gym.report.page import Section
 from rdpi_gym.report.thin import DISPLAY_SAMPLES
@@ -17,7 +17,7 @@ MOST_VIEWS = 24
 _ALL_SAMPLES = 8 * DISPLAY_SAMPLES
 
 
-def view_sections(result: Diagnosis | Discovery) -> list[Section]:
+def view_sections(result: SearchResult) -> list[Section]:
     """Show the records over time, as loops, and what is left of them; none without views."""
     views = [view for view in result.views if view.models_um and np.any(view.counted)][:MOST_VIEWS]
     if not views:
