@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
+import json
 import re
 import shutil
 from pathlib import Path
@@ -12,9 +15,10 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
-from baselines.learned.folders import replaced_folder
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_json
+from rdpi_gym.support.files import read_json, write_atomic, write_json
+from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.temporaries import clear_abandoned
 
 FORMAT, VERSION = "rdpi-checkpoint", 1
 _DESCRIPTION, _MODEL, _REPLAY = "checkpoint.json", "model.pt", "replay.npz"
@@ -45,7 +49,9 @@ def save_checkpoint(
     newest = folder / f"{model.num_timesteps:012d}"
     with replaced_folder(newest) as fresh:
         variables = {name: getattr(model, name).data for name in _variables(model)}
-        torch.save({"parameters": model.get_parameters(), "variables": variables}, fresh / _MODEL)
+        networks = io.BytesIO()
+        torch.save({"parameters": model.get_parameters(), "variables": variables}, networks)
+        write_atomic(fresh / _MODEL, networks.getvalue())
         if isinstance(model, OffPolicyAlgorithm) and not finished:
             np.savez(fresh / _REPLAY, **_replayed(model))
         document = {
@@ -56,11 +62,14 @@ def save_checkpoint(
             "updates": model._n_updates,
             "finished": finished,
             "progress": progress,
+            "files": {path.name: _sha256(path.read_bytes()) for path in sorted(fresh.iterdir())},
         }
+        document["sha256"] = _seal(document)
         write_json(fresh / _DESCRIPTION, document)
     for other in _checkpoints(folder):
         if other != newest:
-            shutil.rmtree(other)
+            shutil.rmtree(other, ignore_errors=True)
+    clear_abandoned(folder)
 
 
 def load_checkpoint(folder: Path, model: BaseAlgorithm) -> dict[str, Any] | None:
@@ -86,6 +95,7 @@ def load_checkpoint(folder: Path, model: BaseAlgorithm) -> dict[str, Any] | None
             f"{newest} is a checkpoint of {document.get('algorithm')} and not of {type(model).__name__}"
         )
     try:
+        _check(newest, document)
         saved = torch.load(newest / _MODEL, map_location=model.device, weights_only=True)
         model.set_parameters(saved["parameters"], exact_match=True, device=model.device)
         for name in _variables(model):
@@ -102,6 +112,24 @@ def load_checkpoint(folder: Path, model: BaseAlgorithm) -> dict[str, Any] | None
             "delete it to begin anew, or give another folder"
         ) from error
     return progress
+
+
+def _check(folder: Path, document: dict[str, Any]) -> None:
+    """See that nothing has changed since it was written."""
+    if document["sha256"] != _seal(document):
+        raise ValueError(f"{_DESCRIPTION} is not what was written")
+    for name, sha256 in document["files"].items():
+        if name not in (_MODEL, _REPLAY) or _sha256((folder / name).read_bytes()) != sha256:
+            raise ValueError(f"{name} is not what was written")
+
+
+def _seal(document: dict[str, Any]) -> str:
+    rest = {name: value for name, value in document.items() if name != "sha256"}
+    return _sha256(json.dumps(rest, sort_keys=True).encode())
+
+
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _checkpoints(folder: Path) -> list[Path]:

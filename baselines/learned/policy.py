@@ -12,13 +12,13 @@ from typing import Any
 import torch
 from torch import nn
 
-from baselines.learned.folders import replaced_folder
 from baselines.learned.network import Network
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.envs.wrappers.scaling import Scaling
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_json
+from rdpi_gym.support.files import read_json, write_atomic, write_json
+from rdpi_gym.support.folders import replaced_folder, settled_folder
 
 FORMAT, VERSION = "rdpi-policy", 1
 DESCRIPTION, WEIGHTS = "policy.json", "weights.pt"
@@ -118,7 +118,7 @@ class Policy:
             "training": dict(self.training),
         }
         with replaced_folder(folder) as fresh:
-            (fresh / WEIGHTS).write_bytes(weights.getvalue())
+            write_atomic(fresh / WEIGHTS, weights.getvalue())
             write_json(fresh / DESCRIPTION, document)
         return folder
 
@@ -131,6 +131,7 @@ class Policy:
         InputError
             A file is missing, was cut off, is of another version, or does not fit the other.
         """
+        folder = settled_folder(folder)
         source = folder / DESCRIPTION
         document = read_json(source, FORMAT, VERSION)
         try:
@@ -169,7 +170,7 @@ def find_policy(name: str) -> Policy:
     shipped = sorted(path.parent.name for path in SHIPPED.glob(f"*/{DESCRIPTION}"))
     if name in shipped:
         return Policy.load(SHIPPED / name)
-    if not (Path(name) / DESCRIPTION).is_file():
+    if not (settled_folder(Path(name)) / DESCRIPTION).is_file():
         raise InputError(
             f"no policy is at {name!r}: give a folder with {DESCRIPTION}"
             + (f", or a shipped policy: {', '.join(shipped)}" if shipped else "")

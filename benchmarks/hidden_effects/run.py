@@ -39,7 +39,7 @@ def run_study(
     engine
         What is put to the test.
     note
-        Called with a sentence where rows were set aside.
+        Called with a sentence where rows were set aside or damaged.
     ray_address
         Of a Ray cluster that runs the cases in place of processes here.
 
@@ -49,6 +49,9 @@ def run_study(
         The folder or the cluster cannot be used.
     """
     store = named_rows(out / ROWS_FILE)
+    remark = store.remark()
+    if remark is not None and note is not None:
+        note(remark)
     aside = store.set_aside(lambda row: row.get("code") != study_fingerprint())
     if aside is not None and note is not None:
         note(f"rows of code that has changed since were set aside in {aside}")

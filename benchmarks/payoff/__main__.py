@@ -85,6 +85,7 @@ def _compute(out: Path, seed: int, jobs: int) -> None:
             seed,
             jobs,
             lambda done, total: bar.update(tracking, completed=done, total=total),
+            note=lambda sentence: print(sentence, file=sys.stderr),
         )
     write_atomic(
         out / "payoff.csv", table.to_csv(index=False, float_format="%.6g", lineterminator="\n")

@@ -81,6 +81,7 @@ def payoff_table(
     jobs: int = 1,
     progress: Callable[[int, int], None] | None = None,
     ray_address: str | None = None,
+    note: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
     """Score every compensator with every belief on every plant; an interrupted run goes on.
 
@@ -98,6 +99,8 @@ def payoff_table(
         Called with the number of runs done, and in all.
     ray_address
         Of a Ray cluster that does the runs in place of processes here.
+    note
+        Called with a sentence where finished rows were damaged.
 
     Returns
     -------
@@ -114,8 +117,11 @@ def payoff_table(
         for name in BELIEFS
     ]
     store = named_rows(out / ROWS_FILE)
+    remark = store.remark()
+    if remark is not None and note is not None:
+        note(remark)
     code = {task.key(case): task.code for task in tasks for case in cases}
-    store.set_aside(lambda row: code.get(row["key"], row["code"]) != row["code"])
+    store.set_aside(lambda row: code.get(row["key"], row.get("code")) != row.get("code"))
     missing = [t for t in tasks if any(t.key(case) not in store.rows for case in cases)]
     for done, rows in enumerate(run_cases(run_task, missing, jobs, ray_address), start=1):
         store.append(rows)

@@ -67,11 +67,8 @@ def benchmark(
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for --out")
     store = open_rows(out)
-    notes = []
-    if store.damaged:
-        notes.append(
-            f"{store.damaged} rows of an interrupted run were torn and are computed again."
-        )
+    remark = store.remark()
+    notes = [] if remark is None else [remark]
     tasks = _tasks(selection)
     stamps = {k: dict(task.stamps) for task in tasks for k in row_keys(task)}
     code = code_fingerprint()

@@ -145,7 +145,7 @@ def _payoff(out: Path, jobs: int, ray: str | None) -> pd.DataFrame:
 
     beliefs = {hidden: stored_beliefs(hidden) for hidden in HIDDEN_PLANTS}
     with _progress("hidden effects") as show:
-        return payoff_table(beliefs, out, jobs=jobs, progress=show, ray_address=ray)
+        return payoff_table(beliefs, out, jobs=jobs, progress=show, ray_address=ray, note=print)
 
 
 def _payoff_section(payoff: pd.DataFrame) -> Section:

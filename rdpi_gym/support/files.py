@@ -6,33 +6,44 @@ import json
 import math
 import os
 import stat
-import tempfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
 from rdpi_gym.support.errors import InputError, printable
+from rdpi_gym.support.temporaries import temporary, writing
 from rdpi_gym.support.words import quoted
 
 LARGEST_JSON = 32 * 2**20
 """Most bytes of a JSON file that is read."""
 _DEEPEST = 50
-_NO_WAIT = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+BINARY = getattr(os, "O_BINARY", 0)
+"""Of Windows, where line ends would be translated."""
+_NO_WAIT = getattr(os, "O_NONBLOCK", 0) | BINARY
 
 
 def write_atomic(path: Path | str, content: str | bytes) -> Path:
-    """Write `content` so that a reader sees the old file or the new one, never a part.
+    r"""Write `content` so that a reader sees the old file or the new one, never a part.
+
+    The content is on the disk before it takes the old one's name: power may fail at any time. The
+    file's rights are what the umask leaves.
 
     Parameters
     ----------
     path
         Where to write; missing folders are made.
     content
-        Text (stored as UTF-8) or bytes.
+        Text (stored as UTF-8; what is no Unicode, in names of files, as ``\udc80``) or bytes.
 
     Returns
     -------
     Path
         The path written.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, or the disk is full; the old file is kept.
 
     Examples
     --------
@@ -42,23 +53,42 @@ def write_atomic(path: Path | str, content: str | bytes) -> Path:
     'done'
     """
     target = Path(path)
-    try:
+    data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
+    with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    except OSError as error:
-        raise InputError(
-            f"{target} cannot be written ({error.strerror}); give a folder that you may write to"
-        ) from error
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content.encode() if isinstance(content, str) else content)
-        temporary.chmod(0o644)
-        temporary.replace(target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+        with temporary(target) as fresh:
+            handle = os.open(fresh, os.O_WRONLY | BINARY)
+            try:
+                write_all(handle, data)
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+            fresh.replace(target)
+        sync_folder(target.parent)
     return target
+
+
+def write_all(handle: int, data: bytes) -> None:
+    """Write all bytes to an open file, in one call where the system takes them in one.
+
+    Raises
+    ------
+    OSError
+        The disk is full, or broken; a part may have been written.
+    """
+    left = memoryview(data)
+    while left:
+        left = left[os.write(handle, left) :]
+
+
+def sync_folder(folder: Path) -> None:
+    """See to it that names given in a folder are on the disk, where the system can do that."""
+    with suppress(OSError):  # Windows opens no folders, some network drives flush none
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def write_json(path: Path | str, document: dict[str, Any]) -> Path:
@@ -150,6 +180,7 @@ def read_utf8(path: Path | str, largest: int) -> str:
 
     Examples
     --------
+    >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "a.txt"
     ...     _ = path.write_bytes("25 µm".encode("utf-8"))

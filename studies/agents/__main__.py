@@ -169,9 +169,13 @@ def _scores(
         for world in worlds
     ]
     with _progress("scoring") as show:
-        table = score_all(runs, options.runs, options.jobs, show, options.ray)
+        table = score_all(runs, options.runs, options.jobs, show, options.ray, _note)
     table["training_seed"] = table["training_seed"].astype("Int64")
     return pd.DataFrame(rows).astype({"seconds": float}), table
+
+
+def _note(sentence: str) -> None:
+    print(sentence, file=sys.stderr)
 
 
 def _finished(study: Study, runs: Path) -> list[Training]:

@@ -119,6 +119,7 @@ def score_all(
     jobs: int = 1,
     progress: Callable[[int, int], None] | None = None,
     ray_address: str | None = None,
+    note: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
     """Score what is not finished, and return all of it; an interrupted run goes on.
 
@@ -134,6 +135,8 @@ def score_all(
         Called with the number of runs done, and in all.
     ray_address
         Of a Ray cluster that does the runs in place of processes here.
+    note
+        Called with a sentence where finished rows were damaged.
 
     Returns
     -------
@@ -141,10 +144,13 @@ def score_all(
         Columns :data:`COLUMNS`.
     """
     store = named_rows(out / ROWS_FILE)
+    remark = store.remark()
+    if remark is not None and note is not None:
+        note(remark)
     code: dict[str, str] = {}
     for run in runs:
         code |= dict.fromkeys([run.key(seed) for seed in range(run.plants)], run.code)
-    store.set_aside(lambda row: code.get(row["key"], row["code"]) != row["code"])
+    store.set_aside(lambda row: code.get(row["key"], row.get("code")) != row.get("code"))
     left = [r for r in runs if any(r.key(seed) not in store.rows for seed in range(r.plants))]
     for done, rows in enumerate(run_cases(score_run, left, jobs, ray_address), start=1):
         store.append(rows)

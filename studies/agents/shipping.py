@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from baselines.learned.folders import replaced_folder
 from baselines.learned.policy import DESCRIPTION, WEIGHTS, Policy
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.folders import replaced_folder
 from studies.agents.summary import interquartile_mean
 from studies.agents.training import Training
 
@@ -135,7 +136,7 @@ def ship(scores: pd.DataFrame, trainings: Sequence[Training], target: Path) -> p
     for name, source in zip(names, sources, strict=True):
         with replaced_folder(target / name) as fresh:
             for file in (DESCRIPTION, WEIGHTS):
-                (fresh / file).write_bytes((source / file).read_bytes())
+                write_atomic(fresh / file, (source / file).read_bytes())
     return chosen
 
 

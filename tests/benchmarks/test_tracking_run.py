@@ -119,7 +119,7 @@ def test_a_torn_line_costs_its_row_only(tmp_path):
     path.write_bytes(path.read_bytes()[:-30])
     outcome = run.benchmark(small(), tmp_path, jobs=1)
     assert outcome.computed == 1
-    assert "torn" in outcome.notes[0]
+    assert "1 row was damaged in rows.jsonl" in outcome.notes[0]
     assert scores(outcome) == scores(whole)
 
 

@@ -99,7 +99,8 @@ def test_stale_rows_are_moved_aside_and_kept(path, opened, row, name):
     aside = store.set_aside(lambda each: each["code"] != "new")
     assert aside.name == "rows-stale-1.jsonl"
     assert list(store.rows) == list(opened(path).rows) == [name(row(1))]
-    assert json.loads(aside.read_text().splitlines()[1]) == row(0, code="old")
+    kept = json.loads(aside.read_text().splitlines()[1])
+    assert kept == row(0, code="old") | {"sum": kept["sum"]}
     assert opened(path).set_aside(lambda each: each["code"] != "new") is None
     store.append([row(2, code="old")])
     assert store.set_aside(lambda each: each["code"] != "new").name == "rows-stale-2.jsonl"
@@ -111,19 +112,39 @@ def test_rows_of_one_sweep_are_not_taken_for_those_of_another(path):
         scores(path)
 
 
-def test_what_earlier_releases_wrote_is_read(path):
+@both
+def test_rows_of_an_earlier_release_are_kept_aside_and_not_trusted(path, opened, row, name):
     path.parent.mkdir()
-    path.write_text(
-        '{"format": "rdpi-bench-rows", "version": 1}\n'
-        '{"controller": "none", "plant": "P5", "reference": "sine", "frequency_hz": 1.0, '
-        '"ts_s": 0.001, "seed": 0, "note": "\\u00b5m"}\n'
-    )
-    assert scores(path).rows["none", "P5", "sine", 1.0, 1e-3, 0]["note"] == "µm"
-    path.write_text(
-        '{"format": "rdpi-hidden-rows", "version": 1}\n{"key": "none/0", "note": "µm"}\n',
-        encoding="utf-8",
-    )
-    assert named_rows(path).rows == {"none/0": {"key": "none/0", "note": "µm"}}
+    form = "rdpi-bench-rows" if opened is scores else "rdpi-hidden-rows"
+    before = json.dumps({"format": form, "version": 1}) + "\n" + json.dumps(row(0)) + "\n"
+    path.write_text(before)
+    store = opened(path)
+    assert store.rows == {}
+    assert "no check sums" in store.remark()
+    assert path.read_text() == before  # reading changes nothing
+    store.append([row(1)])
+    assert list(opened(path).rows) == [name(row(1))]
+    assert store.remark() is opened(path).remark() is None
+    assert path.with_name("rows-unsummed-1.jsonl").read_text() == before
+
+
+@both
+def test_two_stores_on_one_file_lose_nothing_of_each_other(path, opened, row, name):
+    one, other = opened(path), opened(path)
+    one.append([row(0)])
+    path.write_bytes(path.read_bytes() + b'{"half a li')
+    other.append([row(1)])
+    third = opened(path)  # sees the damaged line
+    one.append([row(2)])
+    assert third.damaged == 1
+    third.append([row(3)])
+    assert set(opened(path).rows) == {name(row(k)) for k in range(4)}
+    assert opened(path).damaged == 0
+
+
+def test_names_that_are_no_unicode_come_back(path):
+    named_rows(path).append([case(0, note="a\udc80b")])
+    assert named_rows(path).rows[case(0)["key"]]["note"] == "a\udc80b"
 
 
 def test_a_folder_that_cannot_be_made_is_said_so(tmp_path):
