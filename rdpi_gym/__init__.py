@@ -1,6 +1,71 @@
-"""Piezo micro- and nano-positioning under hysteresis."""
+"""Piezo micro- and nano-positioning under hysteresis.
+
+``import rdpi_gym as rg``, then::
+
+    data = rg.load("measurement.csv")      # prints itself: records, samples, rates, roles
+    model = rg.fit(data)                   # model.plant is the identified plant
+    rg.compare(data, model).plot()         # .page("out.html"), .to_dataframe(), .save("out.npz")
+
+The import also registers the environments with Gymnasium. Each name is loaded when it is first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from gymnasium.envs.registration import register
+
+if TYPE_CHECKING:
+    from rdpi_gym import signals
+    from rdpi_gym.face import environments
+    from rdpi_gym.face.benchmarking import Evaluation, benchmark, make_controller
+    from rdpi_gym.face.catalogues import controllers, effects, plants
+    from rdpi_gym.face.comparison import Comparison, compare
+    from rdpi_gym.face.data import Dataset, load
+    from rdpi_gym.face.fitting import FitResult, fit
+    from rdpi_gym.face.result import Result
+    from rdpi_gym.face.results import load_result
+    from rdpi_gym.face.simulation import Simulation, simulate
+    from rdpi_gym.support.errors import InputError
+
+    __version__: str
+
+# Where each name stands; the statements above say the same to type checkers.
+_HOME = {
+    "benchmarking": ("Evaluation", "benchmark", "make_controller"),
+    "catalogues": ("controllers", "effects", "plants"),
+    "comparison": ("Comparison", "compare"),
+    "data": ("Dataset", "load"),
+    "fitting": ("FitResult", "fit"),
+    "result": ("Result",),
+    "results": ("load_result",),
+    "simulation": ("Simulation", "simulate"),
+}
+_MODULES = {name: f"{__name__}.face.{module}" for module, names in _HOME.items() for name in names}
+_MODULES["InputError"] = f"{__name__}.support.errors"
+_ROOMS = {"environments": f"{__name__}.face.environments", "signals": f"{__name__}.signals"}
+
+__all__ = [
+    "Comparison",
+    "Dataset",
+    "Evaluation",
+    "FitResult",
+    "InputError",
+    "Result",
+    "Simulation",
+    "__version__",
+    "benchmark",
+    "compare",
+    "controllers",
+    "effects",
+    "environments",
+    "fit",
+    "load",
+    "load_result",
+    "make_controller",
+    "plants",
+    "signals",
+    "simulate",
+]
 
 register(
     id="rdpi_gym/PiezoTracking-v0",
@@ -8,3 +73,22 @@ register(
     vector_entry_point="rdpi_gym.envs.vector:PiezoTrackingVectorEnv",
     max_episode_steps=2000,
 )
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("rdpi-gym")
+    if name in _MODULES:
+        found = getattr(import_module(_MODULES[name]), name)
+    elif name in _ROOMS:
+        found = import_module(_ROOMS[name])
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -45,7 +45,7 @@ class Selection:
 
 def select(
     controllers: Sequence[str] | None = None,
-    plants: Sequence[str] | None = None,
+    plants: Sequence[str | PlantModel] | None = None,
     references: Sequence[str] | None = None,
     ts_s: Sequence[float] | None = None,
     seeds: Sequence[int] = tuple(range(SEEDS)),
@@ -58,7 +58,7 @@ def select(
     Parameters
     ----------
     controllers, plants, references
-        Names.
+        Names; a plant may also be itself.
     ts_s
         Sampling times (s); by default those that suit each plant, and those of learned controllers.
     seeds
@@ -79,7 +79,11 @@ def select(
     'P5'
     """
     asked = [*(DEFAULT_PLANTS if plants is None else plants), *own_plants]
-    models = [_plant(name) for name in dict.fromkeys(asked)]
+    models = [
+        asked_for if isinstance(asked_for, PlantModel) else _plant(asked_for)
+        for i, asked_for in enumerate(asked)
+        if asked_for not in asked[:i]
+    ]
     notes: tuple[str, ...] = ()
     if controllers is None:
         shipped, notes = shipped_policies()

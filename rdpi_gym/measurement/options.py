@@ -6,8 +6,11 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import get_type_hints
 
+from rdpi_gym.support.checked import check_type
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.options import Option
 
 COLUMNS = ("t", "u", "y", "reference", "temperature", "period")
 """Names of the columns: t (s), u (V), y (µm), reference (µm), temperature (°C), period (index)."""
@@ -98,50 +101,6 @@ def check_skip(seconds: float | None, where: str) -> None:
         raise InputError(f"{where} is {seconds}; give seconds, 0 or above")
 
 
-@dataclass(frozen=True)
-class DataOptions:
-    """What the command line says about DATA; it overrides a ``dataset.toml``.
-
-    Parameters
-    ----------
-    columns
-        Header name or zero-based position of a column, by our name (`COLUMNS`).
-    units
-        Unit of a column in the file, by our name (`UNITS`).
-    sampling_time_s
-        Sampling time (s) of records without a time column.
-    validate
-        Pattern (``*``, ``?``, ``[abc]``) of the names of validation records.
-    skip_s
-        Seconds left out at the start of each record.
-
-    Raises
-    ------
-    InputError
-        Unknown columns or units, a sampling time that is not above 0, a skip below 0.
-
-    Examples
-    --------
-    >>> DataOptions(columns=parse_columns("t=time,u=2"), units=parse_units("y=m")).columns
-    {'t': 'time', 'u': 2}
-    """
-
-    columns: Mapping[str, str | int] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    sampling_time_s: float | None = None
-    validate: str | None = None
-    skip_s: float | None = None
-
-    def __post_init__(self) -> None:
-        check_columns(self.columns, "--columns")
-        for column, unit in self.units.items():
-            unit_factor(column, unit)
-        ts_s = self.sampling_time_s
-        if ts_s is not None and not (math.isfinite(ts_s) and ts_s > 0):
-            raise InputError(f"--sampling-time is {ts_s}; give seconds above 0, for example 5e-3")
-        check_skip(self.skip_s, "--skip")
-
-
 def _parse_pairs(text: str, option: str, example: str) -> dict[str, str]:
     pairs: dict[str, str] = {}
     for part in text.split(","):
@@ -192,3 +151,58 @@ def parse_units(text: str) -> dict[str, str]:
     for column, unit in units.items():
         unit_factor(column, unit)
     return units
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataOptions:
+    """What a user says about DATA; it overrides a ``dataset.toml``.
+
+    Parameters
+    ----------
+    columns
+        Header names, or zero-based positions, of t, u, y, reference, temperature, period.
+    units
+        Units in the file: s, ms, us; V, mV, kV; m, mm, um, nm. By default s, V, um.
+    sampling_time_s
+        Sampling time of records without time column.
+    validate
+        Records for validation, as in 'run3*'; by default those named validation..., else the last
+        quarter of each.
+    skip_s
+        Left out at the start of each record.
+
+    Raises
+    ------
+    InputError
+        Unknown columns or units, a sampling time that is not above 0, a skip below 0, a value of
+        another type.
+
+    Examples
+    --------
+    >>> DataOptions(columns=parse_columns("t=time,u=2"), units=parse_units("y=m")).columns
+    {'t': 'time', 'u': 2}
+    """
+
+    columns: Mapping[str, str | int] = field(
+        default_factory=dict,
+        metadata=Option("--columns", "t=NAME,...", str, parse_columns).metadata,
+    )
+    units: Mapping[str, str] = field(
+        default_factory=dict, metadata=Option("--units", "y=UNIT,...", str, parse_units).metadata
+    )
+    sampling_time_s: float | None = field(
+        default=None, metadata=Option("--sampling-time", "SECONDS", float).metadata
+    )
+    validate: str | None = field(default=None, metadata=Option("--validate", "PATTERN").metadata)
+    skip_s: float | None = field(default=None, metadata=Option("--skip", "SECONDS", float).metadata)
+
+    def __post_init__(self) -> None:
+        for name, hint in get_type_hints(DataOptions).items():
+            check_type(getattr(self, name), hint, name)
+        check_columns(self.columns, "--columns")
+        for column, unit in self.units.items():
+            unit_factor(column, unit)
+        ts_s = self.sampling_time_s
+        if ts_s is not None and not (math.isfinite(ts_s) and ts_s > 0):
+            raise InputError(f"--sampling-time is {ts_s}; give seconds above 0, for example 5e-3")
+        check_skip(self.skip_s, "--skip")

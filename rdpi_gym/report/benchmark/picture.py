@@ -31,17 +31,30 @@ def leaderboard_picture(results: Evaluation) -> bytes:
         A PNG file.
     """
     style: Any = matplotlib_style()
-    sines = _sines(results)
     with rc_context(style):
-        figure = Figure(figsize=(10.5 if len(sines) else 5.5, 4.9), layout="constrained")
-        panels = figure.subplots(1, 2 if len(sines) else 1, squeeze=False)[0]
-        _draw_ranking(panels[0], results.ranking.dropna(subset=["rmse_percent"]))
-        if len(sines):
-            _draw_lines(panels[1], sines, results.order)
+        width = 10.5 if len(_sines(results)) else 5.5
+        figure = Figure(figsize=(width, 4.9), layout="constrained")
+        draw_leaderboard(figure, results)
         stream = io.BytesIO()
         # no version of the library in the file: the same result is the same picture
         figure.savefig(stream, format="png", metadata={"Software": None})
     return stream.getvalue()
+
+
+def draw_leaderboard(figure: Figure, results: Evaluation) -> Any:
+    """Draw what :func:`leaderboard_picture` shows into an empty figure.
+
+    Returns
+    -------
+    numpy.ndarray of matplotlib.axes.Axes
+        The ranking and, where sines were scored, the error over their frequency.
+    """
+    sines = _sines(results)
+    panels = figure.subplots(1, 2 if len(sines) else 1, squeeze=False)[0]
+    _draw_ranking(panels[0], results.ranking.dropna(subset=["rmse_percent"]))
+    if len(sines):
+        _draw_lines(panels[1], sines, results.order)
+    return panels
 
 
 def _sines(results: Evaluation) -> pd.DataFrame:

@@ -1,0 +1,274 @@
+"""`make_controller`, `benchmark`: controllers by name, and their scores as a result that shows itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import pandas as pd
+
+from baselines import Controller
+from baselines import make_controller as make_by_name
+from benchmarks.tracking import evaluation
+from benchmarks.tracking.markdown import METHOD, WHERE_TRAINED, measured_text, plain, ranking_view
+from benchmarks.tracking.run import benchmark as run_benchmark
+from benchmarks.tracking.selection import select
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.face.catalogues import HasPlant, as_plant
+from rdpi_gym.face.environments import layout as usual_layout
+from rdpi_gym.face.shown import Shown
+from rdpi_gym.plant import PLANTS, PlantModel
+from rdpi_gym.support.checked import checked
+from rdpi_gym.support.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from rdpi_gym.report.page import Section
+
+SEEDS = 5
+
+
+@checked
+def make_controller(
+    name: str,
+    plant: PlantModel | HasPlant | PathLike[str] | str,
+    layout: ObservationLayout | None = None,
+) -> Controller:
+    """Make a controller that believes a plant to be true.
+
+    Parameters
+    ----------
+    name
+        A name of :data:`rdpi_gym.controllers`; ``learned:`` and the folder of a trained policy, or
+        the name of a shipped one; or ``module:attribute`` of a callable of your own.
+    plant
+        What it believes of the plant: a plant, a result that has one, the path of a plant file, or
+        a name of :data:`rdpi_gym.plants`.
+    layout
+        What an observation shows; by default :func:`rdpi_gym.environments.layout` of the plant.
+
+    Returns
+    -------
+    Controller
+        With ``predict(observation, state) -> (action, state)``; feedforwards also have
+        ``command_block(reference_um) -> u_V``.
+
+    Raises
+    ------
+    InputError
+        No such controller or plant, a policy that cannot be read, an argument of another type.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rdpi_gym as rg
+    >>> controller = rg.make_controller("classical-reference-rate", "P10")
+    >>> controller.command_block(np.array([[0.0], [1.0]])).round(3).tolist()
+    [[0.0], [1.611]]
+    """
+    belief = as_plant(plant)
+    return make_by_name(name, belief, usual_layout(belief) if layout is None else layout)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluation(Shown, evaluation.Evaluation):
+    """Scores of controllers, as :func:`rdpi_gym.benchmark` returns them.
+
+    Everything that :class:`benchmarks.tracking.evaluation.Evaluation` is, and it shows itself.
+    """
+
+    kind: ClassVar[str] = "benchmark"
+    figure_inches: ClassVar[tuple[float, float]] = (10.5, 4.9)
+
+    computed: int = field(kw_only=True, default=0)
+    """Rows that were computed in this run; the others were found in its folder."""
+    payoff: pd.DataFrame | None = field(kw_only=True, default=None)
+    """Scores on plants with hidden effects, where all controllers and plants were asked for."""
+
+    @classmethod
+    def of(
+        cls, found: evaluation.Evaluation, computed: int, payoff: pd.DataFrame | None = None
+    ) -> Self:
+        """Return the same scores as a result that shows itself."""
+        values = {f.name: getattr(found, f.name) for f in fields(evaluation.Evaluation)}
+        return cls(**values, computed=computed, payoff=payoff)
+
+    def _lines(self) -> Sequence[str]:
+        best = self.ranking.dropna(subset=["rmse_percent"])
+        count = f"{len(self.order)} controller{'s'[: len(self.order) != 1]}"
+        rows = f"{count}, {len(self.rows)} scores"
+        if best.empty:
+            return [f"No controller has a finite error; {rows}.", *self.notes]
+        first = best.iloc[0]
+        return [
+            f"Smallest error: {first['controller']}, {first['rmse_percent']:.3g} % of the reference's "
+            f"peak to peak (geometric mean of the RMSE over cases and drawn truths); {rows}.",
+            *ranking_view(self.ranking).to_string(index=False, float_format="%.3g").splitlines(),
+            *self.notes,
+        ]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the scores, one row a controller, plant, reference, sampling time and seed."""
+        return self.table.copy()
+
+    def _shown_table(self) -> pd.DataFrame:
+        return ranking_view(self.ranking)
+
+    def _draw(self, figure: Figure) -> Any:
+        from rdpi_gym.report.benchmark.picture import draw_leaderboard
+
+        return draw_leaderboard(figure, self)
+
+    def page(self, path: Path | str) -> Path:
+        """Write the page of ``rdpi bench``.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        from rdpi_gym.report.benchmark.page import write_benchmark_page
+
+        return write_benchmark_page(
+            Path(path),
+            self,
+            plain(METHOD),
+            plain(measured_text(self.measured)),
+            WHERE_TRAINED,
+            None if self.payoff is None else _payoff_section(self.payoff),
+        )
+
+    def write(self, folder: Path | str) -> Path:
+        """Write ``leaderboard.csv``, ``leaderboard.md``, ``leaderboard.png`` and ``measured.csv``.
+
+        Returns
+        -------
+        Path
+            ``leaderboard.md``.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written.
+        """
+        from benchmarks.tracking.results import write_tables
+        from rdpi_gym.report.benchmark.picture import leaderboard_picture
+        from rdpi_gym.support.files import write_atomic
+
+        write_atomic(Path(folder) / "leaderboard.png", leaderboard_picture(self))
+        return write_tables(Path(folder), self, self.payoff)
+
+
+@checked
+def benchmark(
+    controllers: Sequence[str] | None = None,
+    plants: Sequence[PlantModel | HasPlant | PathLike[str] | str] | None = None,
+    references: Sequence[str] | None = None,
+    ts_s: Sequence[float] | None = None,
+    seeds: int | Sequence[int] = SEEDS,
+    *,
+    out: PathLike[str] | str | None = None,
+    jobs: int = -1,
+    ray: str | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Evaluation:
+    """Score controllers on reference signals.
+
+    Parameters
+    ----------
+    controllers
+        Names, as :func:`make_controller` takes them; by default all of
+        :data:`rdpi_gym.controllers`, and the trained policies that ship.
+    plants
+        Plants, results that have one, paths of plant files, names of :data:`rdpi_gym.plants`; by
+        default ``P5``, ``P10`` and ``picma``.
+    references
+        Names of reference signals; by default all of the suite.
+    ts_s
+        Sampling times (s); by default those that suit each plant.
+    seeds
+        Number of seeds, or the seeds; seed 0 is the nominal plant, any other draws one around it.
+    out
+        Folder that keeps finished rows, so that an interrupted run goes on; by default none.
+    jobs
+        Worker processes; -1: one for each core.
+    ray
+        Address of a Ray cluster that scores in place of processes here.
+    progress
+        Called as ``progress(stage, done, total)``.
+
+    Returns
+    -------
+    Evaluation
+        It prints the ranking. Where nothing is left out, plants with hidden effects are scored too.
+
+    Raises
+    ------
+    InputError
+        An unknown name, a policy that cannot be read, no case that suits the sampling times, an
+        argument of another type.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> scores = rg.benchmark(["none", "classical-static"], ["P5"], ["sine"], [1e-3], seeds=1)
+    >>> scores.order
+    ['classical-static', 'none']
+    """
+    say = progress or (lambda stage, done, total: None)
+    if isinstance(seeds, int) and seeds < 1:
+        raise InputError(f"seeds is {seeds}; give the number of seeds, 1 or more, or the seeds")
+    selection = select(
+        None if controllers is None else list(controllers),
+        None if plants is None else [_named(plant) for plant in plants],
+        None if references is None else list(references),
+        None if ts_s is None else list(ts_s),
+        range(seeds) if isinstance(seeds, int) else tuple(seeds),
+    )
+    everything = all(asked is None for asked in (controllers, plants, references, ts_s))
+    with TemporaryDirectory() as scratch:
+        folder = Path(scratch if out is None else out)
+        outcome = run_benchmark(
+            selection, folder, jobs, lambda done, total: say("scoring", done, total), ray
+        )
+        payoff = _payoff(folder, jobs, ray, say) if everything else None
+    return Evaluation.of(evaluation.evaluate(selection, outcome), outcome.computed, payoff)
+
+
+def _named(plant: PlantModel | HasPlant | PathLike[str] | str) -> PlantModel | str:
+    """Leave names to the selection, which says which there are."""
+    if isinstance(plant, PathLike) or (isinstance(plant, str) and plant not in PLANTS):
+        return str(plant)
+    return as_plant(plant)
+
+
+def _payoff(
+    out: Path, jobs: int, ray: str | None, say: Callable[[str, int, int], None]
+) -> pd.DataFrame:
+    """Score the plants with hidden effects, with the beliefs of this release."""
+    from benchmarks.payoff.beliefs import stored_beliefs
+    from benchmarks.payoff.plants import HIDDEN_PLANTS
+    from benchmarks.payoff.scores import payoff_table
+
+    beliefs = {hidden: stored_beliefs(hidden) for hidden in HIDDEN_PLANTS}
+    return payoff_table(
+        beliefs,
+        out,
+        jobs=jobs,
+        progress=lambda done, total: say("hidden effects", done, total),
+        ray_address=ray,
+    )
+
+
+def _payoff_section(payoff: pd.DataFrame) -> Section:
+    from benchmarks.payoff.tables import METHOD as PAYOFF_METHOD
+    from benchmarks.payoff.tables import payoff_summary, summary_view
+    from rdpi_gym.report.payoff.figures import payoff_section
+
+    summary = payoff_summary(payoff)
+    return payoff_section(summary, summary_view(summary), plain(PAYOFF_METHOD))

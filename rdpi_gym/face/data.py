@@ -1,0 +1,207 @@
+"""`load`, `simulate`: measured and simulated records, and the data set that shows itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from rdpi_gym import measurement
+from rdpi_gym.face.shown import Shown
+from rdpi_gym.measurement import DataOptions
+from rdpi_gym.support.checked import check_type
+from rdpi_gym.support.options import with_options
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+_NOTE = "    note: "  # what the experimenter wrote is long, and stands on the page
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Dataset(Shown, measurement.Dataset):
+    """Records of one stage, as :func:`rdpi_gym.load` reads them.
+
+    Everything that :class:`rdpi_gym.measurement.Dataset` is, and it shows itself.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
+    >>> print(repr(data).splitlines()[0])
+    simulated records of P5: 16 records, 22,742 samples; 10 to fit, 5 to validate on, 1 at rest
+    """
+
+    kind: ClassVar[str] = "dataset"
+
+    @classmethod
+    def of(cls, data: measurement.Dataset) -> Self:
+        """Return the same records as a data set that shows itself."""
+        return cls(**{f.name: getattr(data, f.name) for f in fields(measurement.Dataset)})
+
+    def _lines(self) -> Sequence[str]:
+        samples = sum(record.t_s.size for record in self.records)
+        fitted, judged = len(self.train), len(self.validation)
+        split = (
+            "the last quarter of each to validate on"
+            if self.holds_out_quarters
+            else f"{judged} to validate on"
+        )
+        parts = [f"{fitted} to fit", split]
+        parts += [f"{len(self.test)} to test on"] if self.test else []
+        parts += [f"{len(self.quiet)} at rest"] if self.quiet else []
+        count = "1 record" if len(self.records) == 1 else f"{len(self.records)} records"
+        return [
+            f"{self.title}: {count}, {samples:,} samples; {', '.join(parts)}",
+            *(line for line in self.describe().splitlines()[1:] if not line.startswith(_NOTE)),
+        ]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return every sample of every record, one below the other.
+
+        Returns
+        -------
+        DataFrame
+            ``record``, ``role``, ``t_s`` (s), ``u_V`` (V), ``y_um`` (µm), and ``counted``: whether
+            the sample counts in an error.
+        """
+        import pandas as pd
+
+        return pd.concat(
+            [
+                pd.DataFrame(
+                    {
+                        "record": r.name,
+                        "role": "quiet" if r.is_quiet else r.role,
+                        "t_s": r.t_s,
+                        "u_V": r.u_V,
+                        "y_um": r.y_um,
+                        "counted": r.error_mask,
+                    }
+                )
+                for r in self.records
+            ],
+            ignore_index=True,
+        )
+
+    def _shown_table(self) -> pd.DataFrame:
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {
+                    "record": r.name,
+                    "role": "quiet" if r.is_quiet else r.role,
+                    "samples": r.t_s.size,
+                    "Ts (s)": r.ts_s,
+                    "duration (s)": float(r.t_s[-1] - r.t_s[0]),
+                    "u (V)": f"{np.min(r.u_V):.4g} to {np.max(r.u_V):.4g}",
+                    "y (µm)": f"{np.min(r.y_um):.4g} to {np.max(r.y_um):.4g}",
+                }
+                for r in self.records
+            ]
+        )
+
+    def _draw(self, figure: Figure) -> Any:
+        from rdpi_gym.report.measurement.picture import draw_records
+
+        return draw_records(figure, self.records)
+
+    def page(self, path: Path | str) -> Path:
+        """Write a page with the records over time and as loops.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        from rdpi_gym.report.measurement.page import write_data_page
+
+        return write_data_page(path, self)
+
+    def write(self, folder: Path | str) -> Path:
+        """Write the records as CSV files with a ``dataset.toml``, which :func:`load` reads back.
+
+        Parameters
+        ----------
+        folder
+            New, empty, or holding an earlier version of the same records.
+
+        Returns
+        -------
+        Path
+            The folder.
+
+        Raises
+        ------
+        InputError
+            The folder holds something else, or cannot be written.
+        """
+        from rdpi_gym.virtual_lab import write_dataset
+
+        write_dataset(self, Path(folder), "Written by rdpi-gym.")
+        return Path(folder)
+
+
+def as_dataset(data: measurement.Dataset | PathLike[str] | str) -> Dataset:
+    """Return a data set that shows itself: as it is, or read from a path."""
+    if isinstance(data, Dataset):
+        return data
+    found = data if isinstance(data, measurement.Dataset) else measurement.load(Path(data))
+    return Dataset.of(found)
+
+
+@with_options(DataOptions)
+def load(path: PathLike[str] | str, options: DataOptions) -> Dataset:
+    r"""Read a measurement: one file, or a folder in which every data file is a record.
+
+    Text (``.csv``, ``.txt``, ``.dat``, ``.tsv``), MATLAB (``.mat``) and NumPy (``.npz``) files hold
+    ``t`` (s), ``u`` (V), ``y`` (µm) and optionally ``reference`` (µm), ``temperature`` (°C) and
+    ``period``.
+
+    Parameters
+    ----------
+    path
+        File or folder.
+    columns
+        Header name, or position from 0 on, of each column that has another name:
+        ``{"u": "voltage", "y": 2}``.
+    units
+        Units in the file where they are not s, V and µm: ``{"t": "ms", "y": "nm"}``.
+    sampling_time_s
+        Sampling time (s) of records without a time column.
+    validate
+        Pattern of the names of validation records, as in ``"run3*"``; by default those named
+        ``validation...``, else the last quarter of each record.
+    skip_s
+        Seconds left out at the start of each record.
+
+    Returns
+    -------
+    Dataset
+        It prints itself: records, samples, rates, roles.
+
+    Raises
+    ------
+    InputError
+        Whatever is wrong, with file, line and column.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import rdpi_gym as rg
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.csv"
+    ...     _ = path.write_text("u,y\n" + "\n".join(f"{k},{8 * k}" for k in range(40)))
+    ...     rg.load(path, sampling_time_s=5e-3)
+    run.csv: 1 record, 40 samples; 1 to fit, the last quarter of each to validate on
+      run (train): 40 samples, 0.005 s apart, t = 0 to 0.195 s
+      no validation record: the last quarter of each record is held out for validation
+    """
+    check_type(path, PathLike | str, "load: path")
+    return Dataset.of(measurement.load(Path(path), options))

@@ -1,0 +1,171 @@
+"""`fit`: from records to an identified model that shows itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from rdpi_gym import identification, measurement
+from rdpi_gym.face.data import as_dataset
+from rdpi_gym.face.shown import Shown
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.checked import checked
+from rdpi_gym.support.words import micrometres, pm
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+_SYMBOLS = {"delta1_V": ("δ1", "V"), "delta2_s": ("δ2", "s")}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FitResult(Shown, identification.FitResult):
+    """An identified model, as :func:`rdpi_gym.fit` returns it; `plant` is ready to use.
+
+    Everything that :class:`rdpi_gym.identification.FitResult` is, and it shows itself.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> model = rg.fit(rg.simulate("P5", seed=1, ts_factor=4.0), plays=5)
+    >>> model.plant.name
+    'fit'
+    >>> model.to_dataframe()["parameter"].tolist()[:3]
+    ['delta1_V', 'delta2_s', 'a_0']
+    """
+
+    kind: ClassVar[str] = "fit"
+
+    @classmethod
+    def of(cls, found: identification.FitResult) -> Self:
+        """Return the same fit as a result that shows itself."""
+        return cls(**{f.name: getattr(found, f.name) for f in fields(identification.FitResult)})
+
+    @property
+    def plant(self) -> PlantModel:
+        """The identified plant: to simulate, to save, to make controllers for."""
+        return self.model
+
+    def _lines(self) -> Sequence[str]:
+        errors = f"{micrometres(self.train_rmse_um)} rms on the records fitted"
+        if self.validation_rmse_um is not None:
+            errors = f"{micrometres(self.validation_rmse_um)} rms on validation records, {errors}"
+        n = self.model.hysteresis.n
+        found = ", ".join(
+            f"{symbol} = {pm(self.parameters[name], self.standard_errors[name])} {unit}"
+            if math.isfinite(self.standard_errors[name])
+            else f"{symbol} = {self.parameters[name]:.3g} {unit}, not determined"
+            for name, (symbol, unit) in _SYMBOLS.items()
+        )
+        return [
+            f"Error {errors}.",
+            f"RDPI model with {n} play operator{'s'[: n != 1]}: {found}.",
+            *(f"- {warning}" for warning in self.warnings),
+        ]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the parameters.
+
+        Returns
+        -------
+        DataFrame
+            ``parameter``, ``value``, ``standard_error``, ``low`` and ``high`` of the 95 % interval,
+            ``unit``; a standard error is infinite where the data do not determine the value.
+        """
+        import pandas as pd
+
+        intervals = self.intervals_95
+        return pd.DataFrame(
+            [
+                {
+                    "parameter": name,
+                    "value": value,
+                    "standard_error": self.standard_errors[name],
+                    "low": intervals[name][0],
+                    "high": intervals[name][1],
+                    "unit": _SYMBOLS.get(name, ("", "µm/V"))[1],
+                }
+                for name, value in self.parameters.items()
+            ]
+        )
+
+    def _shown_table(self) -> pd.DataFrame:
+        return self.to_dataframe()
+
+    def _draw(self, figure: Figure) -> Any:
+        from rdpi_gym.report.fit.picture import draw_fit
+
+        return draw_fit(figure, self)
+
+    def page(self, path: Path | str) -> Path:
+        """Write a page: parameters with their intervals, error by record, warnings.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        from rdpi_gym.report.fit.page import write_fit_page
+
+        return write_fit_page(path, self, self._lines(), self.to_dataframe())
+
+
+@checked
+def fit(
+    data: measurement.Dataset | PathLike[str] | str,
+    plays: int = 10,
+    *,
+    free_memory: bool = False,
+    rate_bandwidth_hz: float | None = None,
+    name: str = "fit",
+    progress: Callable[[float], None] | None = None,
+) -> FitResult:
+    """Identify the RDPI model from measured records, by Equations 9 and 10.
+
+    Parameters
+    ----------
+    data
+        From :func:`rdpi_gym.load`, or the path of a measurement.
+    plays
+        Number of play operators.
+    free_memory
+        Whether to find, too, the extremum (V) that each record came from.
+    rate_bandwidth_hz
+        Cut-off (Hz) of the low-pass on the model's rate; by default the literal rate of Eq. 5.
+    name
+        Name of the plant.
+    progress
+        Called with the part (0 to 1) that is done.
+
+    Returns
+    -------
+    FitResult
+        It prints the error and the parameters; its `plant` is the model.
+
+    Raises
+    ------
+    InputError
+        No training record whose voltage moves, more parameters than samples, an argument of another
+        type.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
+    >>> round(rg.fit(data, plays=5).parameters["delta1_V"], 2)
+    1.75
+    """
+    found = identification.fit(
+        as_dataset(data),
+        plays,
+        rate_bandwidth_hz=rate_bandwidth_hz,
+        free_memory=free_memory,
+        name=name,
+        progress=progress,
+    )
+    return FitResult.of(found)

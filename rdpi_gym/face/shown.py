@@ -1,0 +1,126 @@
+"""What all results share: printing, a notebook's cell, axes, files."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from rdpi_gym.support.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+_ROWS = 40
+"""Rows of a table that a notebook's cell shows."""
+
+
+class Shown:
+    """A result that shows itself; a subclass says in which words, and what it draws.
+
+    A subclass is a frozen dataclass of one of the rooms below, this class before it among its bases.
+    """
+
+    kind: ClassVar[str]
+    """Names the class in a file."""
+    figure_inches: ClassVar[tuple[float, float]] = (9.0, 3.6)
+
+    def _lines(self) -> Sequence[str]:
+        """Say the result in lines, the answer first."""
+        raise NotImplementedError
+
+    def _shown_table(self) -> pd.DataFrame | None:
+        """Return the table that a notebook shows, its headings as a reader expects them."""
+        return None
+
+    def _draw(self, figure: Figure) -> Any:
+        """Draw into an empty figure and return its axes."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return "\n".join(self._lines())
+
+    def _repr_html_(self) -> str:
+        first, *rest = self._lines()
+        parts = [f"<p><strong>{escape(first)}</strong></p>"]
+        if rest:
+            parts.append(f"<pre>{escape(chr(10).join(rest))}</pre>")
+        table = self._shown_table()
+        if table is not None:
+            parts.append(table.to_html(index=False, escape=True, max_rows=_ROWS, border=0))
+        picture = base64.b64encode(self._png()).decode()
+        parts.append(f'<img alt="{escape(first)}" src="data:image/png;base64,{picture}">')
+        return f"<div>{''.join(parts)}</div>"
+
+    def _png(self) -> bytes:
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure
+
+        from rdpi_gym.report.style import matplotlib_style
+
+        style: Any = matplotlib_style()
+        with rc_context(style):
+            figure = Figure(figsize=self.figure_inches, layout="constrained")
+            self._draw(figure)
+            stream = io.BytesIO()
+            figure.savefig(stream, format="png", dpi=100)
+        return stream.getvalue()
+
+    def plot(self) -> Any:
+        """Draw the result.
+
+        Returns
+        -------
+        matplotlib.axes.Axes, or an array of them
+            In a figure of their own, which a notebook shows; ``matplotlib.pyplot.show()`` does
+            elsewhere.
+        """
+        import matplotlib.pyplot as plt
+
+        from rdpi_gym.report.style import matplotlib_style
+
+        style: Any = matplotlib_style()
+        with plt.rc_context(style):
+            return self._draw(plt.figure(figsize=self.figure_inches, layout="constrained"))
+
+    def save(self, path: Path | str) -> Path:
+        """Write the result to one file: arrays, and JSON for everything else.
+
+        Parameters
+        ----------
+        path
+            Ends in ``.npz``.
+
+        Returns
+        -------
+        Path
+            The path written; :meth:`load` and :func:`rdpi_gym.load_result` read it back.
+
+        Raises
+        ------
+        InputError
+            Another ending, or the file cannot be written.
+        """
+        from rdpi_gym.face.saving import write_result
+
+        return write_result(path, self.kind, self)
+
+    @classmethod
+    def load(cls, path: Path | str) -> Self:
+        """Read a result of this kind that :meth:`save` wrote; nothing in the file is run.
+
+        Raises
+        ------
+        InputError
+            The file is missing, damaged, no result, or a result of another kind.
+        """
+        from rdpi_gym.face.saving import read_result
+
+        found = read_result(path, {cls.kind: cls})
+        if not isinstance(found, cls):
+            raise InputError(f"{path} holds a {type(found).__name__}, no {cls.__name__}")
+        return found

@@ -1,0 +1,49 @@
+"""A comparison in one picture: the record of the largest error, over time and as a loop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rdpi_gym.diagnosis import Comparison
+from rdpi_gym.report.style import MEASURED, MODEL, RESIDUAL
+from rdpi_gym.report.thin import thin_index
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def draw_comparison(figure: Figure, comparison: Comparison) -> Any:
+    """Draw measured and modelled displacement of the worst record into an empty figure.
+
+    Parameters
+    ----------
+    figure
+        Matplotlib's.
+    comparison
+        The record with the largest RMS error is drawn.
+
+    Returns
+    -------
+    numpy.ndarray of matplotlib.axes.Axes
+        Displacement over time, over the command, and the difference over time.
+    """
+    trace = comparison.traces[int(np.argmax(comparison.records["rmse_um"].to_numpy()))]
+    axes = figure.subplots(1, 3)
+    k = thin_index(trace.measured_um, trace.model_um, trace.residual_um)
+    t, u = trace.t_s[k], trace.u_V[k]
+    for panel, x in ((axes[0], t), (axes[1], u)):
+        panel.plot(x, trace.measured_um[k], color=MEASURED, linewidth=0.9, label="measured")
+        panel.plot(x, trace.model_um[k], color=MODEL, linewidth=0.9, linestyle=":", label="model")
+    axes[2].plot(
+        t, np.where(trace.counted, trace.residual_um, np.nan)[k], color=RESIDUAL, linewidth=0.8
+    )
+    axes[0].set_ylabel("Displacement (µm)")
+    axes[2].set_ylabel("Measured − model (µm)")
+    axes[0].set_xlabel("Time (s)")
+    axes[1].set_xlabel("Command (V)")
+    axes[2].set_xlabel("Time (s)")
+    axes[0].set_title(f"{trace.name} ({trace.role})", loc="left")
+    axes[0].legend()
+    return axes

@@ -1,0 +1,1 @@
+"""Picture and page of an identified model."""

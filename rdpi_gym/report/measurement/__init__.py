@@ -1,0 +1,1 @@
+"""Pictures and page of measured records, before any model."""

@@ -1,0 +1,139 @@
+"""Options of a task, written once: a frozen dataclass that commands and functions take over.
+
+The field's name, default and type are the keyword's; its paragraph in the class's docstring is the
+help of the command's option; its metadata are how the option is written.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import Field, dataclass, fields
+from typing import Any, Concatenate, ParamSpec, TypeVar, overload
+
+A = TypeVar("A")
+B = TypeVar("B")
+O = TypeVar("O")  # noqa: E741
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_KEY = "option"
+
+
+@dataclass(frozen=True)
+class Option:
+    """How a command writes one field of the options.
+
+    Parameters
+    ----------
+    flag
+        For example ``--sampling-time``.
+    metavar
+        What stands for the value in the help; by default the type's name.
+    type
+        What the command line reads: ``str``, ``int``, ``float``, ``list[str]``.
+    read
+        Turns what was read into the field's value; by default it is the value.
+    """
+
+    flag: str
+    metavar: str | None = None
+    type: Any = str
+    read: Callable[[Any], Any] | None = None
+
+    @property
+    def metadata(self) -> Mapping[str, Any]:
+        """Metadata of the dataclass's field."""
+        return {_KEY: self}
+
+
+def option_of(field: Field[Any]) -> Option | None:
+    """Return how a command writes a field; None where it does not."""
+    found = field.metadata.get(_KEY)
+    return found if isinstance(found, Option) else None
+
+
+def meanings(kind: type) -> dict[str, str]:
+    """Return what a class's docstring says of its parameters, by name, without marks of code.
+
+    Examples
+    --------
+    >>> meanings(Option)["flag"]
+    'For example --sampling-time.'
+    """
+    text = inspect.getdoc(kind) or ""
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text, re.DOTALL | re.MULTILINE)
+    found: dict[str, str] = {}
+    if section is None:
+        return found
+    for entry in re.split(r"^(?=\S)", section[1], flags=re.MULTILINE):
+        names, _, paragraph = entry.partition("\n")
+        plain = " ".join(paragraph.replace("`", "").split())
+        found |= {name.strip(): plain for name in names.split(",") if name.strip()}
+    return found
+
+
+@overload
+def with_options(
+    kind: Callable[P, O],
+) -> Callable[[Callable[[A, O], R]], Callable[Concatenate[A, P], R]]: ...
+
+
+@overload
+def with_options(
+    kind: Callable[P, O], leading: type[None]
+) -> Callable[[Callable[[A, B, O], R]], Callable[Concatenate[A, B, P], R]]: ...
+
+
+def with_options(kind: Any, leading: Any = ...) -> Any:
+    """Give a function the fields of a dataclass of options as keywords of its own.
+
+    Parameters
+    ----------
+    kind
+        The dataclass; the function takes an instance of it as its last argument.
+    leading
+        None for a function with two arguments before the options; one by default.
+
+    Returns
+    -------
+    callable
+        Decorator; the decorated function has the options' fields in its signature.
+
+    Examples
+    --------
+    >>> @with_options(Option)
+    ... def written(value: str, option: Option) -> str:
+    ...     return f"{option.flag} {value}"
+    >>> written("3", flag="--seed")
+    '--seed 3'
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        own = list(inspect.signature(function).parameters.values())[:-1]
+
+        @functools.wraps(function)
+        def call(*args: Any, **keywords: Any) -> Any:
+            first = {p.name: keywords.pop(p.name) for p in own if p.name in keywords}
+            given, rest = args[: len(own)], args[len(own) :]
+            if len(given) + len(first) == len(own):
+                return function(*given, **first, **{last: kind(*rest, **keywords)})
+            return function(*given, **first)  # Python's own words for an argument that is missing
+
+        last = list(inspect.signature(function).parameters)[-1]
+        taken = list(inspect.signature(kind).parameters.values())
+        call.__signature__ = inspect.signature(function).replace(  # type: ignore[attr-defined]
+            parameters=[*own, *taken]
+        )
+        return call
+
+    return decorate
+
+
+def option_fields(kind: type) -> list[tuple[Field[Any], Option, str]]:
+    """Return the fields of a dataclass that a command has: field, option, help."""
+    told = meanings(kind)
+    found = [(field, option_of(field)) for field in fields(kind)]
+    return [(field, option, told[field.name]) for field, option in found if option is not None]

@@ -1,0 +1,67 @@
+"""`import rdpi_gym` and `rdpi --help` are quick: what is heavy is loaded when it is used."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import rdpi_gym as rg
+
+HEAVY = ("torch", "plotly", "matplotlib", "pandas", "scipy", "numba", "h5py", "joblib", "cattrs")
+
+
+def loaded_by(statement):
+    """Names of the heavy packages in a fresh process after a statement."""
+    code = f"{statement}\nimport json, sys\nprint(json.dumps([m for m in {HEAVY!r} if m in sys.modules]))"
+    answer = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+    return json.loads(answer.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import rdpi_gym",
+        "import rdpi_gym as rg; dir(rg); repr(rg.InputError)",
+        "from rdpi_gym.cli import main; main(['--help'])",
+        "from rdpi_gym.cli import main; main(['discover', '--help'])",
+    ],
+)
+def test_nothing_heavy_is_loaded(statement):
+    assert loaded_by(statement) == []
+
+
+def test_plots_alone_load_matplotlib():
+    statement = "import rdpi_gym as rg; rg.make_controller('none', 'P5'); rg.plants['P5']"
+    assert not {"matplotlib", "plotly", "torch"} & set(loaded_by(statement))
+
+
+def test_every_name_is_there_and_listed():
+    for name in rg.__all__:
+        assert getattr(rg, name) is not None
+        assert name in dir(rg)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'dicsover'"):
+        rg.dicsover  # noqa: B018
+
+
+def test_type_checkers_are_told_the_same_as_the_interpreter():
+    # `_HOME` and the imports under TYPE_CHECKING say where each name stands
+    import ast
+    from pathlib import Path
+
+    tree = ast.parse(Path(rg.__file__).read_text(encoding="utf-8"))
+    told = {
+        alias.name: node.module
+        for block in tree.body
+        if isinstance(block, ast.If)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert {k: v for k, v in told.items() if k not in rg._ROOMS} == rg._MODULES
+    assert {*told, "__version__"} == set(rg.__all__)

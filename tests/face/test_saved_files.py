@@ -1,0 +1,167 @@
+"""Files of results: what is wrong with one is said in a line, and nothing in it is run."""
+
+import io
+import json
+import zipfile
+
+import numpy as np
+import pytest
+
+import rdpi_gym as rg
+
+
+def document_of(path):
+    with np.load(path, allow_pickle=False) as archive:
+        return json.loads(archive["document"].tobytes()), {
+            name: archive[name] for name in archive.files if name != "document"
+        }
+
+
+def write(path, document, arrays):
+    text = np.frombuffer(json.dumps(document).encode(), dtype=np.uint8)
+    np.savez(path, document=text, **arrays)
+    return path
+
+
+@pytest.fixture
+def saved(model, tmp_path):
+    return model.save(tmp_path / "fit.npz")
+
+
+def refused(path):
+    with pytest.raises(rg.InputError) as caught:
+        rg.load_result(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 400
+    assert str(path) in message
+    return message
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    assert "does not exist" in refused(tmp_path / "none.npz")
+
+
+def test_another_ending_is_refused_before_anything_is_written(model, tmp_path):
+    with pytest.raises(rg.InputError, match=r"ends in \.npz"):
+        model.save(tmp_path / "fit.json")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_archive_of_measured_columns_is_no_result(tmp_path):
+    path = tmp_path / "record.npz"
+    np.savez(path, t=np.arange(3.0), u=np.arange(3.0), y=np.arange(3.0))
+    assert "no saved result" in refused(path)
+
+
+def test_a_result_of_another_kind(saved, comparison):
+    with pytest.raises(rg.InputError, match="'fit'; expected comparison"):
+        rg.Comparison.load(saved)
+
+
+@pytest.mark.parametrize("size", [0, 10, 400, -1])
+def test_a_file_cut_off(saved, size):
+    saved.write_bytes(saved.read_bytes()[:size])
+    refused(saved)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"kind": "os.system"},
+        {"kind": ["fit"]},
+        {"version": 2},
+        {"version": "1"},
+        {"format": "rdpi-plant"},
+        {"result": None},
+        {"result": []},
+    ],
+)
+def test_a_changed_head(saved, change):
+    document, arrays = document_of(saved)
+    refused(write(saved, document | change, arrays))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"train_rmse_um": "much"},
+        {"train_rmse_um": None},
+        {"parameters": {"delta1_V": [1.0]}},
+        {"warnings": 3},
+        {"seconds": {}},
+        {"model": {"name": "x"}},
+        {"evaluations": 10**400},
+        {"unknown": 1},
+    ],
+)
+def test_a_field_of_another_type(saved, change):
+    document, arrays = document_of(saved)
+    document["result"] |= change
+    if "evaluations" in change:  # a number of any size is a number
+        assert rg.load_result(write(saved, document, arrays)).evaluations == 10**400
+    else:
+        refused(write(saved, document, arrays))
+
+
+def test_a_field_that_is_missing(saved):
+    document, arrays = document_of(saved)
+    del document["result"]["rmse_um"]
+    assert "rmse_um" in refused(write(saved, document, arrays))
+
+
+@pytest.mark.parametrize("place", [-1, 10**6, "a0", 1.5, None, True])
+def test_an_array_that_is_not_there(data, tmp_path, place):
+    path = data.save(tmp_path / "data.npz")
+    document, arrays = document_of(path)
+    document["result"]["records"][0]["u_V"] = place
+    refused(write(path, document, arrays))
+
+
+def test_pickled_objects_are_refused(saved):
+    document, _ = document_of(saved)
+    refused(write(saved, document, {"a0": np.array([{"x": 1}], dtype=object)}))
+
+
+def test_an_array_whose_header_promises_more_than_the_file_holds(data, tmp_path):
+    path = data.save(tmp_path / "data.npz")
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
+    )
+    document, _ = document_of(path)
+    with zipfile.ZipFile(path, "w") as archive:
+        text = io.BytesIO()
+        np.save(text, np.frombuffer(json.dumps(document).encode(), dtype=np.uint8))
+        archive.writestr("document.npy", text.getvalue())
+        archive.writestr("a0.npy", header.getvalue() + bytes(8))
+    assert "does not fit its header" in refused(path)
+
+
+def test_a_compressed_archive_is_refused(saved):
+    document, arrays = document_of(saved)
+    text = np.frombuffer(json.dumps(document).encode(), dtype=np.uint8)
+    np.savez_compressed(saved, document=text, **arrays)
+    assert "compressed" in refused(saved)
+
+
+def test_a_deeply_nested_document(saved):
+    text = np.frombuffer(b"[" * 100_000, dtype=np.uint8)
+    np.savez(saved, document=text)
+    refused(saved)
+
+
+def test_flipped_bits_give_a_result_or_one_line(saved):
+    raw = saved.read_bytes()
+    rng = np.random.default_rng(0)
+    said = []
+    for place in rng.integers(len(raw), size=300):
+        damaged = bytearray(raw)
+        damaged[place] ^= 1 << int(rng.integers(8))
+        saved.write_bytes(bytes(damaged))
+        try:
+            rg.load_result(saved)
+        except rg.InputError as error:
+            said.append(str(error))
+    assert all("\n" not in line and len(line) < 400 for line in said)
+    assert len(said) > 100  # of an archive every member has a check sum
