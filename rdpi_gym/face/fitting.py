@@ -46,16 +46,11 @@ class FitResult(Shown, identification.FitResult):
         """Return the same fit as a result that shows itself."""
         return cls(**{f.name: getattr(found, f.name) for f in fields(identification.FitResult)})
 
-    @property
-    def plant(self) -> PlantModel:
-        """The identified plant: to simulate, to save, to make controllers for."""
-        return self.model
-
     def _lines(self) -> Sequence[str]:
         errors = f"{micrometres(self.train_rmse_um)} rms on the records fitted"
         if self.validation_rmse_um is not None:
             errors = f"{micrometres(self.validation_rmse_um)} rms on validation records, {errors}"
-        n = self.model.hysteresis.n
+        n = self.plant.hysteresis.n
         found = ", ".join(
             f"{symbol} = {pm(self.parameters[name], self.standard_errors[name])} {unit}"
             if math.isfinite(self.standard_errors[name])

@@ -180,9 +180,12 @@ def _converter(arrays: list[NDArray[Any]]) -> cattrs.Converter:
         columns = []
         for name in table.columns:
             values = table[name]
-            numeric = values.dtype.kind in "iufb"
-            kept_as: Any = keep(values.to_numpy()) if numeric else [_cell(v) for v in values]
-            columns.append({"name": str(name), "values": kept_as})
+            if values.dtype.kind in "iufb":
+                column: dict[str, Any] = {"values": keep(values.to_numpy())}
+            else:
+                text = isinstance(values.dtype, pd.StringDtype)
+                column = {"values": [_cell(v) for v in values], "text": text}
+            columns.append({"name": str(name), **column})
         return {"rows": len(table), "columns": columns}
 
     def kept_table(document: Any, _: Any) -> pd.DataFrame:
@@ -190,7 +193,9 @@ def _converter(arrays: list[NDArray[Any]]) -> cattrs.Converter:
         for column in document["columns"]:
             values = column["values"]
             columns[str(column["name"])] = (
-                values if isinstance(values, list) else arrays[_whole(values)]
+                pd.Series(values, dtype=str if column["text"] else object)
+                if isinstance(values, list)
+                else arrays[_whole(values)]
             )
         return pd.DataFrame(columns, index=pd.RangeIndex(_whole(document["rows"])))
 

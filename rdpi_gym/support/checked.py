@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -89,9 +90,7 @@ def check_type(value: Any, hint: Any, where: str) -> None:
     rdpi_gym.support.errors.InputError: benchmark: plants is ['P5', 5]; give a sequence of text
     """
     if not _fits(value, hint):
-        shown = " ".join(repr(value).split())
-        shown = shown if len(shown) <= 60 else f"{shown[:60]}..."
-        raise InputError(f"{where} is {shown}; give {_described(hint)}")
+        raise InputError(f"{where} is {quoted(value)}; give {_described(hint)}")
 
 
 def _fits(value: Any, hint: Any) -> bool:

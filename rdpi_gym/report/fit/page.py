@@ -62,11 +62,11 @@ def write_fit_page(
         ),
         Section("What the data do not determine", warnings or "Nothing to remark."),
     ]
-    return write_page(path, f"Model {result.model.name}", "\n\n".join(said), sections)
+    return write_page(path, f"Model {result.plant.name}", "\n\n".join(said), sections)
 
 
 def _weights(result: FitResult) -> Any:
-    hysteresis = result.model.hysteresis
+    hysteresis = result.plant.hysteresis
     thresholds = [0.0, *hysteresis.thresholds_V]
     errors = np.array([result.standard_errors[f"a_{i}"] for i in range(len(thresholds))])
     reach = np.where(np.isfinite(errors), Z95 * errors, 0.0)

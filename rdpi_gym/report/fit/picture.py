@@ -30,7 +30,7 @@ def draw_fit(figure: Figure, result: FitResult) -> Any:
         Weights, errors.
     """
     axes = figure.subplots(1, 2)
-    hysteresis = result.model.hysteresis
+    hysteresis = result.plant.hysteresis
     thresholds = [0.0, *hysteresis.thresholds_V]
     errors = np.array([result.standard_errors[f"a_{i}"] for i in range(len(thresholds))])
     known = np.isfinite(errors)
