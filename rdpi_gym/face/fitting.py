@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from rdpi_gym import identification, measurement
 from rdpi_gym.face.data import as_dataset
 from rdpi_gym.face.shown import Shown
-from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.words import micrometres, pm
 
