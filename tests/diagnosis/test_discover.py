@@ -179,7 +179,7 @@ def test_an_interrupted_run_goes_on_from_its_candidates(lagging, tmp_path):
     path = tmp_path / "candidates.jsonl"
     first = diagnose(lagging, catalogue=FEW, checkpoint=path)
     lines = path.read_text().splitlines()
-    path.write_bytes("\n".join(lines[:2]).encode() + b'\n\xff{"key": "cut o')
+    path.write_bytes("\n".join(lines[:3]).encode() + b'\n\xff{"key": "cut o')
     stages: list[tuple[int, int]] = []
     again = diagnose(
         lagging, catalogue=FEW, checkpoint=path,

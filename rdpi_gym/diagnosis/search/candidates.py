@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from functools import partial
 
 import numpy as np
 
 from rdpi_gym.diagnosis.results import Errors
+from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.parallel import run_cases
 
 # Pieces that a validation record is cut into: what the spread of an improvement is judged by.
 PIECES = 8
@@ -251,92 +249,6 @@ def _squares(
     return math.sqrt(total / samples), np.array(pieces)
 
 
-class Checkpoint:
-    """Finished candidates, a line of JSON each, so that an interrupted run goes on from them.
-
-    Parameters
-    ----------
-    path
-        The file; None keeps nothing.
-    setting
-        The data: candidates of other data are not taken.
-    """
-
-    def __init__(self, path: Path | None, setting: Setting) -> None:
-        if path is not None and path.parent.exists() and not path.parent.is_dir():
-            raise InputError(f"{path.parent} is a file; give a folder for the results")
-        self._path = path
-        digest = hashlib.sha256()
-        for record in (*setting.train, *setting.validation):
-            digest.update(record.name.encode())
-            for column in (record.t_s, record.u_V, record.y_um, record.error_mask):
-                digest.update(np.ascontiguousarray(column).tobytes())
-        self._data = digest.hexdigest()[:16]
-        self._known: dict[str, dict[str, Any]] = {}
-        for line in _lines(path):
-            self._known[line["key"]] = line
-
-    def key(self, present: Sequence[Effect], candidate: str) -> str:
-        """Return what names a refit: data, effects present (values left out), candidate."""
-        return f"{self._data} {'+'.join(e.name for e in present)} {candidate}"
-
-    def get(self, key: str, present: Sequence[Effect], kind: type[Effect]) -> JointFit | None:
-        """Return a finished refit, or None."""
-        line = self._known.get(key)
-        if line is None:
-            return None
-        kinds = {e.name: type(e) for e in present} | {kind.name: kind}
-        effects = [kinds[e.pop("effect")](**e) for e in [dict(d) for d in line["effects"]]]
-        hysteresis = RDPI(tuple(line["weights"]), tuple(line["thresholds_V"]), line["delta2_s"])
-        return JointFit(
-            Variant(hysteresis, tuple(effects)),
-            line["train_rmse_um"],
-            tuple(line["at_bound"]),
-            dict(line["standard_errors"]),
-            line["passes"],
-            line["converged"],
-        )
-
-    def put(self, key: str, fit: JointFit) -> None:
-        """Keep a finished refit: one whole line."""
-        if self._path is None:
-            return
-        h = fit.variant.hysteresis
-        line = {
-            "key": key,
-            "weights": h.weights,
-            "thresholds_V": h.thresholds_V,
-            "delta2_s": h.delta2_s,
-            "effects": [e.to_dict() for e in fit.variant.effects],
-            "train_rmse_um": fit.train_rmse_um,
-            "at_bound": fit.at_bound,
-            "standard_errors": dict(fit.standard_errors),
-            "passes": fit.passes,
-            "converged": fit.converged,
-        }
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        with self._path.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(line) + "\n")
-
-
-def _lines(path: Path | None) -> Iterator[dict[str, Any]]:
-    if path is None or not path.exists():
-        return
-    try:
-        kept = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(
-            f"{path} cannot be read ({error.strerror}); move it away, or give another folder for --out"
-        ) from error
-    for text in kept.splitlines():
-        try:
-            line = json.loads(text)
-        except json.JSONDecodeError:  # the line that an interruption cut off
-            continue
-        if isinstance(line, dict) and "key" in line:
-            yield line
-
-
 def refit_all(
     setting: Setting,
     hysteresis: RDPI,
@@ -364,15 +276,16 @@ def refit_all(
     outcomes: list[Outcome] = []
     open_kinds: list[type[Effect]] = []
     for kind in kinds:
-        fit = checkpoint.get(checkpoint.key(present, kind.name), present, kind)
+        fit = checkpoint.get(hysteresis, present, kind)
         if fit is None:
             open_kinds.append(kind)
         else:
             outcomes.append(assess(setting, kind.name, fit))
     report(len(outcomes), len(kinds))
+    by_name = {kind.name: kind for kind in open_kinds}
     for outcome in _run(setting, hysteresis, present, open_kinds, jobs):
         if outcome.fit is not None:
-            checkpoint.put(checkpoint.key(present, outcome.effect), outcome.fit)
+            checkpoint.put(hysteresis, present, by_name[outcome.effect], outcome.fit)
         outcomes.append(outcome)
         report(len(outcomes), len(kinds))
     return sorted(outcomes, key=lambda o: o.mean_square)
@@ -385,11 +298,11 @@ def _run(
     kinds: Sequence[type[Effect]],
     jobs: int,
 ) -> Iterator[Outcome]:
-    if jobs == 1 or len(kinds) < 2:
-        for kind in kinds:
-            yield refit(setting, hysteresis, present, kind)
-        return
-    from joblib import Parallel, delayed
+    one = partial(_refit_kind, setting, hysteresis, present)
+    yield from run_cases(one, kinds, 1 if len(kinds) < 2 else jobs)
 
-    pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
-    yield from pool(delayed(refit)(setting, hysteresis, present, kind) for kind in kinds)
+
+def _refit_kind(
+    setting: Setting, hysteresis: RDPI, present: Sequence[Effect], kind: type[Effect]
+) -> Outcome:
+    return refit(setting, hysteresis, present, kind)

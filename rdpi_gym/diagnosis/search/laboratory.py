@@ -13,7 +13,6 @@ import numpy as np
 from rdpi_gym.diagnosis.features.noise import noise_floor
 from rdpi_gym.diagnosis.results import Candidate, Errors, Verdict, View
 from rdpi_gym.diagnosis.search.candidates import (
-    Checkpoint,
     Outcome,
     Progress,
     Setting,
@@ -22,6 +21,7 @@ from rdpi_gym.diagnosis.search.candidates import (
     refit,
     refit_all,
 )
+from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
 from rdpi_gym.diagnosis.search.law import plant_of, to_threshold_law
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
@@ -114,7 +114,9 @@ class Laboratory:
         self.noise_um, self.noise_origin = math.nan, ""
         self._jobs, self._seed = jobs, seed
         self._progress = progress or (lambda task, done, total: None)
-        self._checkpoint = Checkpoint(checkpoint, self.setting)
+        self._checkpoint = Checkpoint(checkpoint, (*train, *validation))
+        if self._checkpoint.remark is not None:
+            self.orientation += (self._checkpoint.remark,)
         self._trouble = poverty((*train, *validation), train)
         self._like_rate: tuple[str, ...] = ()
         self._rates_alike = rate_spread(stack_records(train, None)[0]).alike

@@ -1,0 +1,148 @@
+"""Finished candidates in a file, so that an interrupted search goes on from them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from functools import cache
+from inspect import getsourcefile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fingerprint import fingerprint, room_files
+from rdpi_gym.support.store import named_rows
+
+FORMAT = "rdpi-candidates"
+
+
+class Checkpoint:
+    """Finished refits by what they depend on: data, start, effects, code.
+
+    Parameters
+    ----------
+    path
+        The file; None keeps nothing.
+    records
+        The data, to fit and to validate.
+
+    Attributes
+    ----------
+    remark : str or None
+        What of the file was damaged, in one sentence.
+
+    Raises
+    ------
+    InputError
+        The file is something else, or cannot be read.
+    """
+
+    def __init__(self, path: Path | None, records: Iterable[Record]) -> None:
+        if path is not None and path.parent.exists() and not path.parent.is_dir():
+            raise InputError(f"{path.parent} is a file; give a folder for the results")
+        self._store = None if path is None else named_rows(path, FORMAT)
+        self.remark = None if self._store is None else self._store.remark()
+        parts = [_code()]
+        for record in records:
+            parts.append(record.name.encode(errors="backslashreplace"))
+            columns = (record.t_s, record.u_V, record.y_um, record.error_mask)
+            parts += [np.ascontiguousarray(column).tobytes() for column in columns]
+        self._data = fingerprint(parts)
+
+    def get(
+        self, hysteresis: RDPI, present: Sequence[Effect], kind: type[Effect]
+    ) -> JointFit | None:
+        """Return a finished refit, or None.
+
+        Parameters
+        ----------
+        hysteresis, present
+            What the refit started from.
+        kind
+            The candidate.
+        """
+        if self._store is None:
+            return None
+        row = self._store.rows.get(self._key(hysteresis, present, kind))
+        if row is None:
+            return None
+        kinds = {e.name: type(e) for e in present} | {kind.name: kind}
+        effects = [dict(effect) for effect in row["effects"]]
+        return JointFit(
+            Variant(
+                RDPI(tuple(row["weights"]), tuple(row["thresholds_V"]), row["delta2_s"]),
+                tuple(kinds[effect.pop("effect")](**effect) for effect in effects),
+            ),
+            row["train_rmse_um"],
+            tuple(row["at_bound"]),
+            dict(row["standard_errors"]),
+            row["passes"],
+            row["converged"],
+        )
+
+    def put(
+        self, hysteresis: RDPI, present: Sequence[Effect], kind: type[Effect], fit: JointFit
+    ) -> None:
+        """Keep a finished refit.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written, or the disk is full.
+        """
+        if self._store is None:
+            return
+        found = fit.variant.hysteresis
+        row = {
+            "key": self._key(hysteresis, present, kind),
+            "weights": found.weights,
+            "thresholds_V": found.thresholds_V,
+            "delta2_s": found.delta2_s,
+            "effects": [effect.to_dict() for effect in fit.variant.effects],
+            "train_rmse_um": fit.train_rmse_um,
+            "at_bound": fit.at_bound,
+            "standard_errors": dict(fit.standard_errors),
+            "passes": fit.passes,
+            "converged": fit.converged,
+        }
+        self._store.append([row])
+
+    def _key(self, hysteresis: RDPI, present: Sequence[Effect], kind: type[Effect]) -> str:
+        start = [hysteresis.weights, hysteresis.thresholds_V, hysteresis.delta2_s]
+        numbers = json.dumps(_rounded([*start, *(effect.to_dict() for effect in present)]))
+        sources = [_source(each) for each in (*map(type, present), kind)]
+        names = "+".join(effect.name for effect in present)
+        return f"{self._data} {fingerprint([numbers.encode(), *sources])} {names} {kind.name}"
+
+
+def _rounded(value: Any) -> Any:
+    """Leave out digits that another number of threads may change."""
+    if isinstance(value, dict):
+        return {name: _rounded(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(each) for each in value]
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+@cache
+def _code() -> bytes:
+    """Return a hash of what a refit runs, but the effects."""
+    rooms = ("plant", "identification", "diagnosis/search")
+    return fingerprint(path.read_bytes() for path in sorted(room_files(*rooms))).encode()
+
+
+@cache
+def _source(kind: type[Effect]) -> bytes:
+    """Return the file that an effect of the user's own stands in; its equation may change."""
+    try:
+        path = getsourcefile(kind)
+        return b"" if path is None else Path(path).read_bytes()
+    except (OSError, TypeError):
+        return b""
