@@ -187,6 +187,7 @@ def test_an_interrupted_run_goes_on_from_its_candidates(lagging, tmp_path):
     )  # fmt: skip
     assert (2, 4) in stages
     assert (1, 4) not in stages
+    assert any("1 row was damaged" in note for note in again.notes)
     assert [c.effect for c in again.candidates] == [c.effect for c in first.candidates]
 
 

@@ -231,5 +231,5 @@ def _result(
         checks=laboratory.checks(),
         views=laboratory.views({"base model": base} | ({with_effects: end} if added else {})),
         seconds=time.perf_counter() - began,
-        notes=notes,
+        notes=(*laboratory.remarks, *notes),
     )

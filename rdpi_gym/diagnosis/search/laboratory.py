@@ -115,8 +115,8 @@ class Laboratory:
         self._jobs, self._seed = jobs, seed
         self._progress = progress or (lambda task, done, total: None)
         self._checkpoint = Checkpoint(checkpoint, (*train, *validation))
-        if self._checkpoint.remark is not None:
-            self.orientation += (self._checkpoint.remark,)
+        remark = self._checkpoint.remark
+        self.remarks: tuple[str, ...] = () if remark is None else (remark,)
         self._trouble = poverty((*train, *validation), train)
         self._like_rate: tuple[str, ...] = ()
         self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
