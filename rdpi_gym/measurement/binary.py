@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rdpi_gym.measurement.matlab import MatlabReader, Variables
+from rdpi_gym.measurement.options import COLUMNS
 from rdpi_gym.measurement.table import Table, label, select
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-
-_HDF5_OFFSETS = (0, 512)  # MATLAB puts 512 bytes of its own before the HDF5 signature
-_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+from rdpi_gym.support.npz import open_npz
 
 
-def read_matlab(path: Path, columns: Mapping[str, str | int], *, time_needed: bool = True) -> Table:
+def read_matlab(
+    path: Path,
+    columns: Mapping[str, str | int],
+    *,
+    time_needed: bool = True,
+    reader: MatlabReader | None = None,
+) -> Table:
     """Read a MATLAB file, v5 or v7.3, with 1xN or Nx1 variables, or one struct that holds them.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Names of variables by our name.
+    time_needed
+        Whether a file without a time is refused.
+    reader
+        What reads several files; by default this one has a reader of its own.
 
     Raises
     ------
@@ -34,13 +52,11 @@ def read_matlab(path: Path, columns: Mapping[str, str | int], *, time_needed: bo
     ...     read_matlab(path, {}).columns["y"]
     array([0., 8.])
     """
-    raw = _read(path, lambda: path.read_bytes()[:520], "MATLAB")
-    is_hdf5 = any(raw[k : k + len(_HDF5_SIGNATURE)] == _HDF5_SIGNATURE for k in _HDF5_OFFSETS)
-    variables = _read(path, lambda: (_hdf5 if is_hdf5 else _v5)(path), "MATLAB")
-    u = columns.get("u", "u")
-    structs = [value for value in variables.values() if isinstance(value, dict) and u in value]
-    if u not in variables and len(structs) == 1:
-        variables = structs[0]
+    if reader is None:
+        with MatlabReader() as own:
+            return read_matlab(path, columns, time_needed=time_needed, reader=own)
+    wanted = _wanted(path, columns)
+    variables = _read(path, lambda: reader.read(path, wanted), "MATLAB")
     return _table(path, variables, columns, time_needed)
 
 
@@ -61,13 +77,27 @@ def read_npz(path: Path, columns: Mapping[str, str | int], *, time_needed: bool 
     ...     read_npz(path, {"u": "volt"}).columns["u"]
     array([0., 1.])
     """
-    variables = _read(path, lambda: _npz(path), "npz")
+    wanted = _wanted(path, columns)
+    variables = _read(path, lambda: _npz(path, wanted), "npz")
     return _table(path, variables, columns, time_needed)
 
 
-def _read(path: Path, reader: Callable[[], Any], kind: str) -> Any:
+def _wanted(path: Path, columns: Mapping[str, str | int]) -> list[str]:
+    """Return the variables that may be read, the voltage first; no other is."""
+    for name, source in columns.items():
+        if isinstance(source, int):
+            raise InputError(
+                f"{path}, variable {name}: position {source} means nothing here; "
+                f"name the variable with --columns {name}=..."
+            )
+    return [str(columns.get(name, name)) for name in sorted(COLUMNS, key="u".__ne__)]
+
+
+def _read(path: Path, reader: Callable[[], Variables], kind: str) -> Variables:
     try:
         return reader()
+    except InputError:
+        raise
     except Exception as error:  # the libraries raise many kinds on a truncated or foreign file
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(
@@ -76,48 +106,19 @@ def _read(path: Path, reader: Callable[[], Any], kind: str) -> Any:
         ) from error
 
 
-def _v5(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    variables: dict[str, Any] = loadmat(path, simplify_cells=True)
-    return {name: value for name, value in variables.items() if not name.startswith("__")}
-
-
-def _hdf5(path: Path) -> dict[str, Any]:
-    import h5py
-
-    def read(item: Any) -> Any:
-        if isinstance(item, h5py.Group):
-            return {name: read(member) for name, member in item.items()}
-        # characters are stored as their codes: no numbers to compute with
-        return str(item) if item.attrs.get("MATLAB_class") == b"char" else item[()]
-
-    with h5py.File(path, "r") as file:
-        return {name: read(item) for name, item in file.items() if not name.startswith("#")}
-
-
-def _npz(path: Path) -> dict[str, Any]:
-    # opened here, since numpy leaves a broken archive open
-    with path.open("rb") as stream:
-        archive = np.load(stream, allow_pickle=False)
-        if isinstance(archive, np.ndarray):
-            raise ValueError("it holds one array without a name")
-        return {name: archive[name] for name in archive.files}
+def _npz(path: Path, wanted: Sequence[str]) -> Variables:
+    with open_npz(path) as archive:
+        present = [name for name in wanted if name in archive.names]
+        return Variables(archive.names, {name: archive.read(name) for name in present})
 
 
 def _table(
-    path: Path, variables: Mapping[str, Any], columns: Mapping[str, str | int], time_needed: bool
+    path: Path, variables: Variables, columns: Mapping[str, str | int], time_needed: bool
 ) -> Table:
-    for name, source in columns.items():
-        if isinstance(source, int):
-            raise InputError(
-                f"{path}, variable {name}: position {source} means nothing here; "
-                f"name the variable with --columns {name}=..."
-            )
-    sources = select(columns, list(variables), time_needed, str(path), "variable")
+    sources = select(columns, variables.names, time_needed, str(path), "variable")
     labels = {name: label("variable", name, source) for name, source in sources.items()}
     arrays = {
-        name: _vector(variables[str(source)], f"{path}, {labels[name]}")
+        name: _vector(variables.values[str(source)], f"{path}, {labels[name]}")
         for name, source in sources.items()
     }
     samples = arrays["u"].size
@@ -130,9 +131,8 @@ def _table(
     return Table(source=path, columns=arrays, labels=labels)
 
 
-def _vector(value: Any, where: str) -> Array:
-    array = np.asarray(value)
-    if array.dtype.kind not in "fiub":
+def _vector(array: NDArray[Any] | None, where: str) -> Array:
+    if array is None or array.dtype.kind not in "fiub":
         raise InputError(f"{where}: no array of real numbers; give 1xN or Nx1 numbers")
     if array.size != max(array.shape, default=1):
         raise InputError(

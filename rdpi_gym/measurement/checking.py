@@ -102,7 +102,7 @@ def make_record(
         error_mask=grid.measured,
         note=note,
         source=str(table.source),
-        remarks=skipped + grid.remarks,
+        remarks=skipped + table.remarks + grid.remarks,
     )
 
 

@@ -6,7 +6,10 @@ import codecs
 from pathlib import Path
 
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_bytes
 
+LARGEST_TEXT = 2**30
+"""Most bytes of a text file that is read: some ten million samples."""
 _MARKS = (
     (codecs.BOM_UTF8, "UTF-8"),
     (codecs.BOM_UTF16_LE, "UTF-16-LE"),
@@ -14,18 +17,20 @@ _MARKS = (
 )
 
 
-def read_lines(path: Path) -> list[str]:
+def read_lines(path: Path, largest: int = LARGEST_TEXT) -> list[str]:
     r"""Read the lines of a text file, whatever ends them (``\n``, ``\r\n`` or ``\r``).
 
     Parameters
     ----------
     path
         The file, UTF-8 with or without a byte-order mark, or UTF-16 with one.
+    largest
+        Most bytes that it may have.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is in another encoding: line, column and byte are named.
+        The file is no regular one, too large or cannot be read, or is in another encoding: line, column and byte are named.
 
     Examples
     --------
@@ -36,10 +41,7 @@ def read_lines(path: Path) -> list[str]:
     ...     read_lines(path)
     ['t,u,y', '0,1,2']
     """
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror})") from error
+    raw = read_bytes(path, largest)
     mark, encoding = next((pair for pair in _MARKS if raw.startswith(pair[0])), (b"", "UTF-8"))
     try:
         text = raw[len(mark) :].decode(encoding)

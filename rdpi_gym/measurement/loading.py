@@ -9,12 +9,13 @@ from pathlib import Path
 
 from rdpi_gym.measurement.binary import read_matlab, read_npz
 from rdpi_gym.measurement.checking import make_record, mask_out
+from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.measurement.options import DataOptions
 from rdpi_gym.measurement.record import Dataset, Record, Role
 from rdpi_gym.measurement.settings import SETTINGS_FILE, RecordSettings, Settings, read_settings
 from rdpi_gym.measurement.table import Table
 from rdpi_gym.measurement.text import read_text
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.errors import InputError, printable
 
 _READERS = {
     ".csv": read_text,
@@ -54,7 +55,7 @@ def load(path: Path | str, options: DataOptions | None = None) -> Dataset:
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "run.csv"
-    ...     _ = path.write_text("u,y\n" + "\n".join(f"{k},{8 * k}" for k in range(40)))
+    ...     _ = path.write_text("u,y\n" + "".join(f"{k},{8 * k}\n" for k in range(40)))
     ...     data = load(path, DataOptions(sampling_time_s=5e-3))
     >>> print(data.describe())
     run.csv
@@ -62,24 +63,29 @@ def load(path: Path | str, options: DataOptions | None = None) -> Dataset:
       no validation record: the last quarter of each record is held out for validation
     """
     options = options or DataOptions()
+    if not str(path):
+        raise InputError(
+            "the path of the data is empty; give a data file or a folder of data files"
+        )
     source = Path(path)
     remarks: list[str] = []
     if source.is_dir():
         folder, files = source, _data_files(source, remarks)
-    elif source.is_file():
+    elif source.exists():
         _reader_ending(source)
         folder, files = source.parent, [source]
     else:
         raise InputError(f"{source} does not exist; give a data file or a folder of data files")
     settings = Settings()
     toml = folder / SETTINGS_FILE
-    if toml.is_file():
+    if toml.exists():
         siblings = files if source.is_dir() else _data_files(folder, [])
         settings = read_settings(toml, [file.stem for file in siblings])
         if files != siblings:
             remarks.append(f"{toml} holds for this file too")
 
-    tables = [_read(file, settings, options) for file in files]
+    with MatlabReader() as matlab:
+        tables = [_read(file, settings, options, matlab) for file in files]
     records = [_record(table, settings, options, toml) for table in tables]
     if all(record.is_quiet for record in records):
         rest = f" (and in {len(records) - 1} more records)" if len(records) > 1 else ""
@@ -90,7 +96,7 @@ def load(path: Path | str, options: DataOptions | None = None) -> Dataset:
     moving = [record.name for record in records if not record.is_quiet]
     roles = _roles(moving, settings.records, options.validate, remarks)
     return Dataset(
-        title=settings.title or source.resolve().name,
+        title=settings.title or printable(source.resolve().name),
         records=tuple(replace(r, role=roles.get(r.name, r.role)) for r in records),
         remarks=tuple(remarks),
     )
@@ -103,6 +109,8 @@ def _reader_ending(file: Path) -> str:
             f"{file}: files that end in {ending or 'nothing'!r} are not read; "
             f"give a folder or one of {', '.join(_READERS)}"
         )
+    if printable(file.name) != file.name:
+        raise InputError(f"{file}: the name holds control characters; rename the file")
     return ending
 
 
@@ -128,10 +136,13 @@ def _data_files(folder: Path, remarks: list[str]) -> list[Path]:
     return list(files.values())
 
 
-def _read(file: Path, settings: Settings, options: DataOptions) -> Table:
+def _read(file: Path, settings: Settings, options: DataOptions, matlab: MatlabReader) -> Table:
     columns = {**settings.columns, **options.columns}
     time_needed = options.sampling_time_s is None or "t" in columns
-    return _READERS[_reader_ending(file)](file, columns, time_needed=time_needed)
+    ending = _reader_ending(file)
+    if ending == ".mat":
+        return read_matlab(file, columns, time_needed=time_needed, reader=matlab)
+    return _READERS[ending](file, columns, time_needed=time_needed)
 
 
 def _record(table: Table, settings: Settings, options: DataOptions, toml: Path) -> Record:

@@ -11,10 +11,13 @@ from typing import get_type_hints
 from rdpi_gym.support.checked import check_type
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option
+from rdpi_gym.support.words import quoted, short, some
 
 COLUMNS = ("t", "u", "y", "reference", "temperature", "period")
 """Names of the columns: t (s), u (V), y (µm), reference (µm), temperature (°C), period (index)."""
 
+_LAST_POSITION = 99_999
+_LONGEST_S = 1e12
 _LENGTH_UM = {"m": 1e6, "mm": 1e3, "um": 1.0, "nm": 1e-3}
 UNITS: Mapping[str, Mapping[str, float]] = {
     "t": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
@@ -38,7 +41,7 @@ def unknown_name(where: str, name: str, known: Iterable[str]) -> InputError:
     names = list(known)
     close = difflib.get_close_matches(name, names, n=1)
     guess = f" (did you mean {close[0]!r}?)" if close else ""
-    return InputError(f"{where}: {name!r} is unknown{guess}; known are {', '.join(names)}")
+    return InputError(f"{where}: {quoted(name)} is unknown{guess}; known are {some(names, 24)}")
 
 
 def unit_factor(column: str, unit: str, where: str = "--units") -> float:
@@ -60,7 +63,7 @@ def unit_factor(column: str, unit: str, where: str = "--units") -> float:
     plain = unit.replace("µ", "u").replace("μ", "u")  # micro sign and Greek mu
     if plain not in known:
         right = f"known are {', '.join(known)}" if known else f"{column} is an index without unit"
-        raise InputError(f"{where}: unit {unit!r} of {column} is unknown; {right}")
+        raise InputError(f"{where}: unit {quoted(unit)} of {column} is unknown; {right}")
     return known[plain]
 
 
@@ -77,14 +80,14 @@ def check_columns(columns: Mapping[str, str | int], where: str) -> None:
         if name not in COLUMNS:
             raise unknown_name(where, name, COLUMNS)
         # TOML brings any type here, whatever the annotation promises
-        is_position = type(source) is int and source >= 0
+        is_position = type(source) is int and 0 <= source <= _LAST_POSITION
         if not is_position and not (isinstance(source, str) and source):
             raise InputError(
-                f"{where}: {name} = {source!r}; give a header name or a position from 0 on"
+                f"{where}: {name} = {quoted(source)}; give a header name or a position from 0 to {_LAST_POSITION}"
             )
         if source in taken:
             raise InputError(
-                f"{where}: {taken[source]} and {name} both name column {source}; give two columns"
+                f"{where}: {taken[source]} and {name} both name column {short(str(source))}; give two columns"
             )
         taken[source] = name
 
@@ -97,8 +100,8 @@ def check_skip(seconds: float | None, where: str) -> None:
     InputError
         Naming `where` and the value.
     """
-    if seconds is not None and not (math.isfinite(seconds) and seconds >= 0):
-        raise InputError(f"{where} is {seconds}; give seconds, 0 or above")
+    if seconds is not None and not 0.0 <= seconds <= _LONGEST_S:
+        raise InputError(f"{where} is {quoted(seconds)}; give seconds, 0 or above")
 
 
 def _parse_pairs(text: str, option: str, example: str) -> dict[str, str]:
@@ -127,7 +130,7 @@ def parse_columns(text: str) -> dict[str, str | int]:
     {'t': 'time', 'u': 'voltage', 'y': 2}
     """
     columns: dict[str, str | int] = {
-        name: int(value) if value.isascii() and value.isdigit() else value
+        name: int(value) if value.isascii() and value.isdigit() and len(value) < 9 else value
         for name, value in _parse_pairs(text, "--columns", "t=time,u=voltage,y=disp").items()
     }
     check_columns(columns, "--columns")

@@ -11,9 +11,12 @@ from typing import Any
 from rdpi_gym.measurement.encoding import read_lines
 from rdpi_gym.measurement.options import check_columns, check_skip, unit_factor, unknown_name
 from rdpi_gym.measurement.record import ROLES, Role
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.errors import InputError, printable
+from rdpi_gym.support.words import quoted
 
 SETTINGS_FILE = "dataset.toml"
+_LARGEST = 2**20  # bytes
+_BLANKS = str.maketrans("\t\r\n", "   ")
 _KEYS = ("title", "skip_s", "columns", "units", "records")
 _RECORD_KEYS = ("role", "skip_s", "mask_s", "note")
 
@@ -88,9 +91,13 @@ def read_settings(path: Path, record_names: Iterable[str]) -> Settings:
     ((1.0, 2.5),)
     """
     try:
-        document = tomllib.loads("\n".join(read_lines(path)))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not TOML: {error}") from None
+        document = tomllib.loads("\n".join(read_lines(path, _LARGEST)))
+    except RecursionError:
+        raise InputError(f"{path}: not TOML that is read: it is nested too deep") from None
+    except ValueError as error:  # of TOML, and of whole numbers with thousands of digits
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: not TOML: {str(error)[:150]}") from None
     _refuse_unknown(str(path), document, _KEYS)
     where = f"{path}, [columns]"
     columns = _table(document, "columns", str(path))
@@ -120,14 +127,14 @@ def _record(entry: Mapping[str, Any], where: str) -> RecordSettings:
     _refuse_unknown(where, entry, _RECORD_KEYS)
     role = entry.get("role")
     if role is not None and role not in ROLES:
-        raise InputError(f"{where}: role = {role!r}; give {', '.join(ROLES)}")
+        raise InputError(f"{where}: role = {quoted(role)}; give {', '.join(ROLES)}")
     stretches = entry.get("mask_s", [])
     pairs = stretches if isinstance(stretches, list) else [stretches]
     for pair in pairs:
         is_pair = isinstance(pair, list) and len(pair) == 2 and all(map(_is_number, pair))
         if not is_pair or not pair[0] < pair[1]:
             raise InputError(
-                f"{where}: mask_s = {stretches!r}; give stretches from and to in seconds, "
+                f"{where}: mask_s = {quoted(stretches)}; give stretches from and to in seconds, "
                 "as in [[36.9, 37.5]]"
             )
     return RecordSettings(
@@ -148,19 +155,21 @@ def _refuse_unknown(where: str, table: Mapping[str, Any], known: Iterable[str]) 
 def _table(document: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
     value = document.get(key, {})
     if not isinstance(value, dict):
-        raise InputError(f"{where}: {key} = {value!r}; give a table, [{key}]")
+        raise InputError(f"{where}: {key} = {quoted(value)}; give a table, [{key}]")
     return value
 
 
 def _text(document: Mapping[str, Any], key: str, where: str) -> str:
     value = document.get(key, "")
-    if not isinstance(value, str):
-        raise InputError(f'{where}: {key} = {value!r}; give text, {key} = "..."')
-    return value
+    text = value.translate(_BLANKS) if isinstance(value, str) else None
+    if text is None or printable(text) != text:
+        raise InputError(f'{where}: {key} = {quoted(value)}; give text, {key} = "..."')
+    return text
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    # TOML's whole numbers have any length
+    return isinstance(value, float) or (type(value) is int and abs(value) < 2**63)
 
 
 def _skip(document: Mapping[str, Any], where: str) -> float | None:
@@ -168,6 +177,6 @@ def _skip(document: Mapping[str, Any], where: str) -> float | None:
     if value is None:
         return None
     if not _is_number(value):
-        raise InputError(f"{where}: skip_s = {value!r}; give seconds, as in skip_s = 1.0")
+        raise InputError(f"{where}: skip_s = {quoted(value)}; give seconds, as in skip_s = 1.0")
     check_skip(value, f"{where}: skip_s")
     return float(value)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import short, some
 
 REQUIRED = ("t", "u", "y")
 _MEANING = {
@@ -37,12 +38,15 @@ class Table:
         What the file calls each column, as an error line should say it.
     lines
         (N,) line number of each row, counted from 1; None for a file without lines.
+    remarks
+        What a reader noticed, one sentence each.
     """
 
     source: Path
     columns: Mapping[str, Array]
     labels: Mapping[str, str]
     lines: NDArray[np.int64] | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def rows(self) -> int:
@@ -68,7 +72,8 @@ def label(kind: str, column: str, source: str | int) -> str:
     >>> label("column", "y", "disp"), label("column", "u", "u"), label("column", "t", 1)
     ('column disp (y)', 'column u', 'column 1 (t)')
     """
-    return f"{kind} {source}" if source == column else f"{kind} {source} ({column})"
+    named = f"{kind} {short(str(source))}"
+    return named if source == column else f"{named} ({column})"
 
 
 def select(
@@ -114,17 +119,19 @@ def select(
         elif source in chosen.values():
             other = next(key for key, value in chosen.items() if value == source)
             raise InputError(
-                f"{where}, {kind} {source}: read as {other}, so {name} needs a column of its own; "
+                f"{where}, {label(kind, source, source)}: read as {other}, so {name} needs a column of its own; "
                 f"name it with --columns {name}=..."
             )
         elif names.count(source) > 1:
-            raise InputError(f"{where}, {kind} {source}: it is there twice; rename one")
+            raise InputError(
+                f"{where}, {label(kind, source, source)}: it is there twice; rename one"
+            )
         elif source in names:
             chosen[name] = source
         elif name in columns or (name in REQUIRED and (name != "t" or time_needed)):
             otherwise = " or give --sampling-time 5e-3" if name == "t" else ""
             raise InputError(
                 f"{where}, {label(kind, name, source)}: missing ({meaning}); the file has "
-                f"{', '.join(names) or 'none'}; name it with --columns {name}=...{otherwise}"
+                f"{some(names) or 'none'}; name it with --columns {name}=...{otherwise}"
             )
     return chosen

@@ -12,7 +12,10 @@ from rdpi_gym.measurement.encoding import read_lines
 from rdpi_gym.measurement.layout import Layout, find_layout, is_number, split_cells
 from rdpi_gym.measurement.table import REQUIRED, Table, label, select
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.errors import InputError, printable
+from rdpi_gym.support.words import quoted
+
+_LONGEST_LINE = 100_000  # characters; Python's reader of CSV takes cells of 131,072
 
 
 def read_text(path: Path, columns: Mapping[str, str | int], *, time_needed: bool = True) -> Table:
@@ -51,6 +54,10 @@ def read_text(path: Path, columns: Mapping[str, str | int], *, time_needed: bool
     lines = read_lines(path)
     for number, line in enumerate(lines, 1):
         text = line.lstrip()
+        if len(line) > _LONGEST_LINE:
+            raise InputError(
+                f"{path}, line {number}: {len(line)} characters; a line of values has {_LONGEST_LINE} at most"
+            )
         if text and text[0] not in "#%":
             numbers.append(number)
             rows.append(line)
@@ -77,6 +84,17 @@ def read_text(path: Path, columns: Mapping[str, str | int], *, time_needed: bool
         columns={name: values[:, k].copy() for k, name in enumerate(indices)},
         labels=labels,
         lines=np.array(numbers),
+        remarks=_cut_off(lines[-1]),
+    )
+
+
+def _cut_off(last_line: str) -> tuple[str, ...]:
+    """Say that the last value may be cut off: every program that is not interrupted ends its line."""
+    if not last_line.strip():
+        return ()
+    end = last_line if len(last_line) < 40 else f"...{last_line[-36:]}"
+    return (
+        f"the file ends without a line break, so its last line ({printable(end)}) may be cut off",
     )
 
 
@@ -171,5 +189,7 @@ def _refuse_cell(
             if index >= len(cells) or not cells[index]:
                 raise InputError(f"{where}: no value; perhaps the file was cut off here")
             if not is_number(cells[index]) or "," in cells[index]:
-                raise InputError(f"{where}: {cells[index]!r} is not a number; give one, as in 1.25")
-    raise InputError(f"{path} cannot be read as lines of numbers ({reason})")
+                raise InputError(
+                    f"{where}: {quoted(cells[index])} is not a number; give one, as in 1.25"
+                )
+    raise InputError(f"{path} cannot be read as lines of numbers ({reason[:150]})")

@@ -72,9 +72,16 @@ def some(names: Iterable[object], count: int = 8) -> str:
     ('t, u, y', '0, 1, 2 and 97 more')
     """
     listed = list(names)
-    shown = ", ".join(_cut(str(name)) for name in listed[:count])
+    shown = ", ".join(short(str(name)) for name in listed[:count])
     return f"{shown} and {len(listed) - count} more" if len(listed) > count else shown
 
 
-def _cut(text: str) -> str:
+def short(text: str) -> str:
+    """Cut a name for an error line.
+
+    Examples
+    --------
+    >>> short("voltage"), len(short("x" * 10_000))
+    ('voltage', 60)
+    """
     return text if len(text) <= _WIDTH else f"{text[: _WIDTH - 3]}..."

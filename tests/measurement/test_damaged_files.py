@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import h5py
 import numpy as np
 import pytest
@@ -10,6 +12,8 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 from rdpi_gym.measurement import Dataset, load
+from rdpi_gym.measurement.binary import read_matlab, read_npz
+from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.support.errors import InputError
 
 T = 0.02 * np.arange(40)
@@ -58,10 +62,12 @@ def test_binary_files_cut_off_anywhere(tmp_path, name) -> None:
     else:
         savemat(path, COLUMNS, do_compression=name == "compressed.mat")
     whole = path.read_bytes()
-    load(path)
-    for kept in range(0, len(whole), 37):
-        path.write_bytes(whole[:kept])
-        with pytest.raises(InputError) as caught:
-            load(path)
-        assert name in str(caught.value)
-        assert "\n" not in str(caught.value)
+    with MatlabReader() as reader:  # one for all: each takes a process
+        read = read_npz if name == "run.npz" else partial(read_matlab, reader=reader)
+        read(path, {})
+        for kept in range(0, len(whole), 37):
+            path.write_bytes(whole[:kept])
+            with pytest.raises(InputError) as caught:
+                read(path, {})
+            assert name in str(caught.value)
+            assert "\n" not in str(caught.value)

@@ -1,0 +1,129 @@
+"""NumPy archives without traps: only what is asked for, sizes checked before memory is taken."""
+
+from __future__ import annotations
+
+import math
+import os
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import open_regular
+from rdpi_gym.support.words import quoted
+
+EXPANSION = 20
+"""Times its size that a compressed file may expand to, where that is more than `FREE_BYTES`."""
+FREE_BYTES = 128 * 2**20
+"""What the arrays that are read of one file may take, however small it is."""
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_LONGEST_HEADER = 4096
+
+
+def largest_expansion(file_size: int) -> int:
+    """Return how many bytes the arrays that are read of a file may take.
+
+    Parameters
+    ----------
+    file_size
+        Of the file (bytes).
+
+    Examples
+    --------
+    >>> largest_expansion(1000) == FREE_BYTES, largest_expansion(10**9)
+    (True, 20000000000)
+    """
+    return max(FREE_BYTES, EXPANSION * file_size)
+
+
+class Npz:
+    """An open archive; see :func:`open_npz`.
+
+    Attributes
+    ----------
+    names : list of str
+        Of the arrays.
+    """
+
+    def __init__(self, archive: zipfile.ZipFile, path: Path, left: int) -> None:
+        self._archive, self._path, self._left = archive, path, left
+        members = archive.infolist()
+        self.names = [member.filename.removesuffix(".npy") for member in members]
+        self._members = dict(zip(self.names, members, strict=True))
+
+    def read(self, name: str) -> NDArray[np.generic]:
+        """Read one array.
+
+        Raises
+        ------
+        InputError
+            It would expand beyond what the file may.
+        ValueError
+            It is damaged, or no array of plain numbers.
+        KeyError
+            There is none.
+        """
+        member = self._members[name]
+        if member.compress_type not in _METHODS:
+            raise ValueError(f"{quoted(name)} is compressed in a way that NumPy does not use")
+        with self._archive.open(member) as stream:
+            version = npy.read_magic(stream)
+            header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+            if version not in header:
+                raise ValueError(f"{quoted(name)} is of version {version} of the npy format")
+            shape, is_fortran, dtype = header[version](stream, max_header_size=_LONGEST_HEADER)
+            if dtype.hasobject:
+                raise ValueError(f"{quoted(name)} holds Python objects, which are not read")
+            stated = math.prod(shape) * dtype.itemsize
+            self._left -= max(stated, 8 * math.prod(shape))  # numbers become doubles
+            if self._left < 0:
+                raise InputError(
+                    f"{self._path}, {quoted(name)}: expands to {stated / 2**20:.0f} MiB; what is read of this "
+                    f"file may take {EXPANSION} times its size, or {FREE_BYTES / 2**20:.0f} MiB where that is more"
+                )
+            content = stream.read(stated + 1) if stated <= member.file_size else b""
+        if any(side < 0 for side in shape) or len(content) != stated:
+            raise ValueError(
+                f"{quoted(name)} does not hold the {stated} bytes that its header states"
+            )
+        array = np.frombuffer(bytearray(content), dtype=dtype)
+        return array.reshape(shape, order="F" if is_fortran else "C")
+
+
+@contextmanager
+def open_npz(path: Path) -> Iterator[Npz]:
+    """Open a NumPy archive; nothing of its arrays is read yet, and no Python object ever.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    InputError
+        No regular file.
+    ValueError, zipfile.BadZipFile
+        No archive of arrays.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.npz"
+    ...     np.savez(path, t=[0.0, 0.1], u=[0.0, 1.0])
+    ...     with open_npz(path) as archive:
+    ...         archive.names, archive.read("u")
+    (['t', 'u'], array([0., 1.]))
+    """
+    with open_regular(path) as stream:
+        if stream.read(len(npy.MAGIC_PREFIX)) == npy.MAGIC_PREFIX:
+            raise ValueError("it holds one array without a name")
+        size = os.fstat(stream.fileno()).st_size
+        with zipfile.ZipFile(stream) as archive:
+            yield Npz(archive, path, largest_expansion(size))

@@ -1,0 +1,259 @@
+"""Files that were made to do harm: nothing runs, nothing hangs, no memory is taken for them."""
+
+from __future__ import annotations
+
+import io
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from rdpi_gym.measurement import load, matlab
+from rdpi_gym.measurement.matlab import MatlabReader
+
+T = 0.02 * np.arange(40)
+COLUMNS = {"t": T, "u": np.sin(T), "y": np.cos(T)}
+TEXT = "t,u,y\n" + "".join(f"{t:.2f},{np.sin(t):.5f},{np.cos(t):.5f}\n" for t in T)
+TYPE_OF_THE_FIRST_ARRAY = 176  # of its numbers, in a file of savemat
+
+
+@pytest.fixture
+def crashing(tmp_path) -> Path:
+    """A MATLAB file with one wrong byte, on which scipy's reader ends the process."""
+    path = tmp_path / "run.mat"
+    savemat(path, COLUMNS)
+    content = bytearray(path.read_bytes())
+    assert content[TYPE_OF_THE_FIRST_ARRAY] == 9  # doubles
+    content[TYPE_OF_THE_FIRST_ARRAY] = 8  # a type that does not exist
+    path.write_bytes(content)
+    return path
+
+
+def test_a_matlab_file_that_crashes_its_reader_is_one_line(crashing, refusal) -> None:
+    line = refusal(crashing)
+    assert "run.mat cannot be read as MATLAB file (it ends the program that reads it, SIG" in line
+
+
+def test_after_a_crash_the_next_file_is_read(crashing) -> None:
+    whole = crashing.with_name("whole.mat")
+    savemat(whole, COLUMNS)
+    with MatlabReader() as reader:
+        with pytest.raises(ValueError, match="ends the program"):
+            reader.read(crashing, ["u", "t"])
+        np.testing.assert_array_equal(reader.read(whole, ["u"]).values["u"].ravel(), COLUMNS["u"])
+
+
+def test_a_matlab_file_that_takes_too_long_is_given_up(tmp_path, refusal, monkeypatch) -> None:
+    def sleeper() -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-c", "import time; time.sleep(60)"]
+        return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    monkeypatch.setattr(matlab, "_start", sleeper)
+    monkeypatch.setattr(matlab, "LIMIT_S", 0.2)
+    savemat(tmp_path / "run.mat", COLUMNS)
+    assert "(it is not read within 0 s)" in refusal(tmp_path / "run.mat")
+
+
+def test_a_folder_of_matlab_files_takes_one_process(tmp_path, monkeypatch) -> None:
+    started, start = [], matlab._start
+    monkeypatch.setattr(matlab, "_start", lambda: started.append(start()) or started[-1])
+    for name in ("one", "two", "three"):
+        savemat(tmp_path / f"{name}.mat", COLUMNS)
+    assert len(load(tmp_path).records) == 3
+    assert [process.returncode is not None for process in started] == [True]
+
+
+def test_what_lies_beside_the_data_is_not_imported(tmp_path, monkeypatch) -> None:
+    for name in ("numpy", "scipy", "json"):
+        (tmp_path / f"{name}.py").write_text("open('ran', 'w')")
+    savemat(tmp_path / "run.mat", COLUMNS)
+    monkeypatch.chdir(tmp_path)
+    load("run.mat")
+    assert not Path("ran").exists()
+
+
+def test_a_matlab_variable_that_expands_beyond_its_file(tmp_path, refusal) -> None:
+    savemat(tmp_path / "run.mat", {**COLUMNS, "y": np.zeros(20_000_000)}, do_compression=True)
+    assert (tmp_path / "run.mat").stat().st_size < 300_000
+    line = refusal(tmp_path / "run.mat")
+    assert "run.mat, variable y: 153 MiB of numbers, where what is read of this file may" in line
+
+
+def test_a_matlab_variable_that_nobody_asks_for_is_not_read(tmp_path) -> None:
+    variables = {**COLUMNS, "picture": np.zeros(30_000_000)}
+    savemat(tmp_path / "run.mat", variables, do_compression=True)
+    assert load(tmp_path / "run.mat").records[0].u_V.size == 40
+
+
+def npy(array) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def npy_head(count: int) -> bytes:
+    stream = io.BytesIO()
+    stated = {"descr": "<f8", "fortran_order": False, "shape": (count,)}
+    np.lib.format.write_array_header_1_0(stream, stated)
+    return stream.getvalue()
+
+
+def archive(path: Path, **changed: bytes) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as stream:
+        for name, content in ({key: npy(v) for key, v in COLUMNS.items()} | changed).items():
+            stream.writestr(f"{name}.npy", content)
+    return path
+
+
+def test_an_array_that_nobody_asks_for_is_not_read(tmp_path) -> None:
+    path = archive(tmp_path / "run.npz", notes=npy(np.array([{}], dtype=object)), junk=b"junk")
+    assert load(path).records[0].u_V.size == 40
+
+
+def test_an_archive_that_expands_to_gigabytes(tmp_path, refusal) -> None:
+    path = archive(tmp_path / "run.npz", y=npy_head(400_000_000) + bytes(1000))
+    assert "run.npz, 'y': expands to 3052 MiB; what is read of this file" in refusal(path)
+
+
+def test_an_array_shorter_than_its_header_says(tmp_path, refusal) -> None:
+    path = archive(tmp_path / "run.npz", y=npy(np.zeros(40))[:-8])
+    assert "'y' does not hold the 320 bytes that its header states" in refusal(path)
+
+
+def v73(path: Path, without: str = "y") -> h5py.File:
+    file = h5py.File(path, "w")
+    for name, values in COLUMNS.items():
+        if name != without:
+            file[name] = values
+    return file
+
+
+def test_a_data_set_that_lies_in_another_file_is_not_read(tmp_path, refusal) -> None:
+    (tmp_path / "secret").write_bytes(bytes(320))
+    with v73(tmp_path / "run.mat") as file:
+        file.create_dataset(
+            "y", (40,), dtype="f8", external=[(str(tmp_path / "secret"), 0, h5py.h5f.UNLIMITED)]
+        )
+    assert "run.mat, variable y: its numbers lie in another file" in refusal(tmp_path / "run.mat")
+
+
+def test_a_virtual_data_set_is_not_read(tmp_path, refusal) -> None:
+    with h5py.File(tmp_path / "other.h5", "w") as other:
+        other["y"] = COLUMNS["y"]
+    with v73(tmp_path / "run.mat") as file:
+        virtual = h5py.VirtualLayout((40,), dtype="f8")
+        virtual[:] = h5py.VirtualSource(tmp_path / "other.h5", "y", (40,))
+        file.create_virtual_dataset("y", virtual)
+    assert "run.mat, variable y: its numbers lie in another file" in refusal(tmp_path / "run.mat")
+
+
+@pytest.mark.parametrize(
+    "link", [h5py.SoftLink("/u"), h5py.ExternalLink("other.h5", "/y")], ids=["soft", "external"]
+)
+def test_links_are_not_followed(tmp_path, refusal, link) -> None:
+    with v73(tmp_path / "run.mat") as file:
+        file["y"] = link
+    assert "run.mat, variable y: a link to another place" in refusal(tmp_path / "run.mat")
+
+
+def test_groups_that_hold_each_other(tmp_path) -> None:
+    with v73(tmp_path / "run.mat", without="") as file:
+        file.create_group("a/b/c")
+        file["a/b/c/again"] = file["a"]
+        file["a/b/top"] = file["/"]
+    assert load(tmp_path / "run.mat").records[0].u_V.size == 40
+
+
+def test_a_huge_data_set_is_read_only_if_asked_for_and_then_refused(tmp_path, refusal) -> None:
+    with v73(tmp_path / "run.mat", without="") as file:
+        file.create_dataset("picture", (6 * 2**27,), dtype="f8", chunks=(2**16,))
+    assert load(tmp_path / "run.mat").records[0].u_V.size == 40
+    with h5py.File(tmp_path / "run.mat", "a") as file:
+        file.move("y", "z")
+        file.move("picture", "y")
+    assert "run.mat, variable y: 6144 MiB of numbers" in refusal(tmp_path / "run.mat")
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.mat", "run.npz", "dataset.toml"])
+def test_a_fifo_in_a_folder_of_data(tmp_path, refusal, name) -> None:
+    (tmp_path / "whole.csv").write_text(TEXT)
+    os.mkfifo(tmp_path / name)
+    assert f"{name} is no regular file" in refusal(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.mat", "run.npz", "dataset.toml"])
+def test_a_link_to_a_device(tmp_path, refusal, name) -> None:
+    (tmp_path / "whole.csv").write_text(TEXT)
+    (tmp_path / name).symlink_to("/dev/zero")
+    assert f"{name} is no regular file" in refusal(tmp_path)
+
+
+def test_an_empty_path_is_not_the_current_folder(tmp_path, refusal, monkeypatch) -> None:
+    (tmp_path / "run.csv").write_text(TEXT)
+    monkeypatch.chdir(tmp_path)
+    assert "the path of the data is empty" in refusal("")
+
+
+def test_a_name_that_a_terminal_would_obey(tmp_path, refusal) -> None:
+    (tmp_path / "run\x1b[2J.csv").write_text(TEXT)
+    line = refusal(tmp_path)
+    assert r"run\x1b[2J.csv: the name holds control characters" in line
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (TEXT.replace("0.20,", "0." + "2" * 200_000 + ","), "line 12: 200018 characters"),
+        (TEXT.replace("0.20,", "9" * 5000 + ","), "is no finite number"),
+        (TEXT.replace("0.20,", str(10**400) + ","), "is no finite number"),
+        (TEXT.replace("0.20,", "0.2\0,"), "a NUL character"),
+        (TEXT.replace("t,", "x" * 50_000 + ","), "missing (time in s)"),
+        (TEXT.replace("0.20,", "\x1b[2J,"), r"'\x1b[2J' is not a number"),
+        (TEXT.replace("0.20,", "x" * 5_000 + ","), "is not a number"),
+    ],
+    ids=["a long cell", "digits", "10**400", "NUL", "a long name", "escape", "a long word"],
+)
+def test_text(write, refusal, text, said) -> None:
+    line = refusal(write("run.csv", text))
+    assert said in line
+    assert len(line) < 400
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("title = " + "[" * 10_000, "nested too deep"),
+        ("a." * 5_000 + "a = 1", "unknown"),
+        ("skip_s = " + "9" * 5000, "not TOML"),
+        (f"skip_s = {10**400}", "skip_s = 1000"),
+        (f"[columns]\nu = {10**400}", "u = 1000"),
+        (f"[records.run]\nmask_s = [[0, {10**400}]]", "give stretches"),
+        ('title = "\\u001b]0;gone\\u0007"', r"'\x1b]0;gone\x07'; give text"),
+        ('[records.run]\nnote = "\\u202e"', "give text"),
+        ("x" * 5_000 + " = 1", "is unknown"),
+        ("title = 1\n" + "#" * 2**20, "1 MiB at most"),
+    ],
+    ids=["nested", "dots", "digits", "skip", "column", "mask", "title", "note", "key", "size"],
+)
+def test_dataset_toml(write, refusal, text, said) -> None:
+    write("dataset.toml", text)
+    line = refusal(write("run.csv", TEXT))
+    assert said in line
+    assert len(line) < 400
+
+
+@pytest.mark.parametrize("kept", [1, 3, 5])
+def test_a_last_value_that_was_cut_off_is_said(write, kept) -> None:
+    (whole,) = load(write("run.csv", TEXT)).records
+    assert whole.remarks == ()
+    (cut,) = load(write("run.csv", TEXT[: -1 - kept])).records
+    assert cut.remarks == (
+        f"the file ends without a line break, so its last line ({TEXT.splitlines()[-1][:-kept]}) "
+        "may be cut off",
+    )
