@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -11,7 +10,10 @@ from numpy.typing import NDArray
 
 from rdpi_gym.plant import PlantModel, check_ts
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_finite, is_whole, shown
 from rdpi_gym.support.errors import InputError
+
+_FARTHEST = 100_000  # samples ahead
 
 ActionMode = Literal["command", "increment", "correction"]
 
@@ -62,21 +64,27 @@ class ObservationLayout:
     action_scale_V: float = 1.0
 
     def __post_init__(self) -> None:
-        check_ts(self.ts_s)
-        if not isinstance(self.preview, int) or self.preview < 1:
+        object.__setattr__(self, "ts_s", check_ts(self.ts_s))
+        if not is_whole(self.preview, 1) or self.preview > _FARTHEST:
             raise InputError(
-                f"preview is {self.preview!r}; show a whole number of samples ahead, at least 1"
+                f"preview is {shown(self.preview)}; show a whole number of samples ahead, at least 1 "
+                f"and at most {_FARTHEST}"
             )
-        if self.action not in get_args(ActionMode):
+        object.__setattr__(self, "preview", int(self.preview))
+        if not isinstance(self.action, str) or self.action not in get_args(ActionMode):
             raise InputError(
-                f"action {self.action!r} is unknown; choose {', '.join(get_args(ActionMode))}"
+                f"action {shown(self.action)} is unknown; choose {', '.join(get_args(ActionMode))}"
             )
-        if not math.isfinite(self.centre_um):
-            raise InputError(f"centre_um is {self.centre_um}; give a finite displacement (µm)")
+        if not is_finite(self.centre_um):
+            raise InputError(
+                f"centre_um is {shown(self.centre_um)}; give a finite displacement (µm)"
+            )
         for name in ("scale_um", "action_scale_V"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name} is {value}; give a finite value above 0")
+            if not (is_finite(value) and value > 0):
+                raise InputError(f"{name} is {shown(value)}; give a finite value above 0")
+        for name in ("centre_um", "scale_um", "action_scale_V"):
+            object.__setattr__(self, name, float(getattr(self, name)))
 
     @classmethod
     def for_plant(

@@ -27,6 +27,7 @@ from rdpi_gym.envs.truth import PLANT_OPTIONS, PlantChoice, TruthSource, choose_
 from rdpi_gym.envs.unit_box import UnitBox
 from rdpi_gym.signals import Signal
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_finite, is_whole, shown
 from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,17 +38,35 @@ _CHUNK = 2048
 _OPTIONS = ("reference", "frequency_hz", *PLANT_OPTIONS)
 
 
-def check_options(options: Mapping[str, Any]) -> None:
-    """Refuse options of a reset that an environment does not have.
+def read_options(options: Any, *more: str) -> dict[str, Any]:
+    """Return the options of a reset as a dictionary of their own.
+
+    Parameters
+    ----------
+    options
+        As given; None is no option.
+    more
+        Names of options besides those of the single environment.
 
     Raises
     ------
     InputError
-        With the option.
+        They are no dictionary, or hold one that an environment does not have.
+
+    Examples
+    --------
+    >>> read_options({"frequency_hz": 50.0})
+    {'frequency_hz': 50.0}
     """
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise InputError(f"options is {shown(options)}; give a dictionary, or None")
+    known = (*_OPTIONS, *more)
     for key in options:
-        if key not in _OPTIONS:
-            raise InputError(f"reset has no option {key!r}; it has {', '.join(_OPTIONS)}")
+        if key not in known:
+            raise InputError(f"reset has no option {shown(key)}; it has {', '.join(known)}")
+    return dict(options)
 
 
 class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
@@ -83,8 +102,10 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
 
     ## Observation Space
     `Box` of `preview + 3` numbers, float32; displacements as `(x - offset_um) / amplitude_um`.
-    `env.unwrapped.layout` decodes them. The bounds are twice what the
-    hysteresis can reach over the command range (ten times for a plant with further effects).
+    `env.unwrapped.layout` decodes them. The bounds are twice what the hysteresis can reach over the
+    command range (ten times for a plant with further effects). The sensor's range ends there: a
+    displacement beyond it, as of a resonance without damping, is shown as the end of the range,
+    while reward and `info` hold the true one.
 
     | index | quantity |
     |---|---|
@@ -224,8 +245,10 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             self.layout.centre_um,
             smooth_start_s,
         )
-        if not (math.isfinite(command_cost) and command_cost >= 0.0):
-            raise InputError(f"command_cost is {command_cost}; give a finite price of 0 or above")
+        if not (is_finite(command_cost) and command_cost >= 0.0):
+            raise InputError(
+                f"command_cost is {shown(command_cost)}; give a finite price of 0 or above"
+            )
         self.command_cost = float(command_cost)
         self.baseline = baseline
         self._correction = self._make_correction(baseline)
@@ -234,11 +257,13 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         bound[-1] = 1.0
         self.observation_space = Box(-bound, bound, dtype=np.float32)
         self.action_space = UnitBox()
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InputError(f"render_mode is {render_mode!r}; give 'rgb_array' or None")
+        if render_mode is not None and not (
+            isinstance(render_mode, str) and render_mode in self.metadata["render_modes"]
+        ):
+            raise InputError(f"render_mode is {shown(render_mode)}; give 'rgb_array' or None")
         self.render_mode = render_mode
         self._figure: LiveFigure | None = None
-        self._task = TrackingTask(self.nominal, self.layout)
+        self._task = TrackingTask(self.nominal, self.layout, self.bound_um)
         self.signal: Signal | None = None
         self._k = self._known = self._saturated = 0
         self._command_V = 0.0
@@ -253,9 +278,10 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         InputError
             An unknown option, or one that no episode can be made of.
         """
-        super().reset(seed=seed)
-        chosen = dict(options or {})
-        check_options(chosen)
+        if seed is not None and not is_whole(seed, 0):
+            raise InputError(f"seed is {shown(seed)}; give a whole number of 0 or more, or None")
+        chosen = read_options(options)
+        super().reset(seed=None if seed is None else int(seed))
         plant_seed, reference_seed, noise_seed = self.np_random.integers(2**63, size=3).tolist()
         truth = self.truths.draw(np.random.default_rng(plant_seed), chosen, self.layout)
         signal = self.references.draw(
@@ -266,7 +292,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         known = _CHUNK + self.layout.preview
         reference = self.reference_um(signal, 0, known)
         if truth is not self.truth:
-            self._task, self.truth = TrackingTask(truth, self.layout), truth
+            self._task, self.truth = TrackingTask(truth, self.layout, self.bound_um), truth
         self.signal, self._known = signal, known
         self._k = self._saturated = 0
         observation = self._task.reset(reference, [np.random.default_rng(noise_seed)])
@@ -322,7 +348,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             inside = -1.0 <= place <= 1.0
         except (AttributeError, TypeError, ValueError):
             raise InputError(
-                f"action is {type(action).__name__} of shape {np.shape(action)}; "
+                f"action is {type(action).__name__} of shape {getattr(action, 'shape', None)}; "
                 "give a numpy array of shape (1,), -1 to 1"
             ) from None
         if not inside:
@@ -379,9 +405,9 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
 
     def _make_correction(self, baseline: str | None) -> Correction | None:
         correcting = self.layout.action == "correction"
-        if correcting != (baseline is not None):
+        if correcting != (baseline is not None) or not isinstance(baseline, str | None):
             raise InputError(
-                f"action is {self.layout.action!r} and baseline is {baseline!r}; a baseline is given "
+                f"action is {self.layout.action!r} and baseline is {shown(baseline)}; the name of a baseline is given "
                 "with action='correction', and only there"
             )
         return None if baseline is None else Correction(baseline, self.belief, self.layout)

@@ -11,6 +11,7 @@ import numpy as np
 
 from rdpi_gym.signals import SIGNALS, Measured, Signal, Sum, make_signal
 from rdpi_gym.signals import Sequence as SignalSequence
+from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 
 ReferenceChoice: TypeAlias = str | Mapping[str, Any] | Signal
@@ -84,12 +85,19 @@ class ReferenceSource:
         """
         if isinstance(choice, Signal):
             return choice
+        if not isinstance(choice, str | Mapping):
+            raise InputError(
+                f"reference {shown(choice)} is {type(choice).__name__}; give a name, a dictionary or "
+                "a signal"
+            )
         given = {"signal": choice} if isinstance(choice, str) else dict(choice)
         name = given.pop("signal", None)
         if not isinstance(name, str) or name not in SIGNALS:
             raise InputError(
-                f"reference {choice!r} names no signal; the signals are {', '.join(SIGNALS)}"
+                f"reference {shown(choice)} names no signal; the signals are {', '.join(SIGNALS)}"
             )
+        if not all(isinstance(key, str) for key in given):
+            raise InputError(f"reference {shown(choice)} has a key that is no text; give names")
         defaults = {
             "smooth_start_s": self.smooth_start_s,
             "frequency_hz": frequency_hz,
@@ -123,7 +131,7 @@ def reference_choices(
     for choice in choices:
         if not isinstance(choice, str | Mapping | Signal):
             raise InputError(
-                f"reference {choice!r} is {type(choice).__name__}; give a name, a dictionary or a signal"
+                f"reference {shown(choice)} is {type(choice).__name__}; give a name, a dictionary or a signal"
             )
     return choices
 
@@ -156,10 +164,10 @@ def frequency_bounds(frequency_hz: FrequencyChoice) -> tuple[float, float]:
     """
     try:
         low, high = np.broadcast_to(np.asarray(frequency_hz, dtype=np.float64), 2).tolist()
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         low = high = math.nan
     if not 0.0 < low <= high < math.inf:
         raise InputError(
-            f"frequency_hz is {frequency_hz!r}; give a frequency above 0 Hz, or the lowest and the highest"
+            f"frequency_hz is {shown(frequency_hz)}; give a frequency above 0 Hz, or the lowest and the highest"
         )
     return low, high

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
 # Samples of noise drawn at a time: one call of a generator costs as much as a hundred numbers.
@@ -30,7 +32,7 @@ def _show(
     quantities: Array,
     observation: NDArray[np.float32],
 ) -> None:
-    centre, scale, low, span = scales
+    centre, scale, low, span, limit = scales
     last = reference.shape[0] - 1
     ahead = observation.shape[1] - 2
     for b in range(y.shape[1]):
@@ -45,7 +47,9 @@ def _show(
         quantities[4, b] = now - y[0, b]
         for j in range(ahead):
             observation[b, j] = (reference[min(k + j, last), b] - centre) / scale
-        observation[b, ahead] = (measured - centre) / scale
+        shown = (measured - centre) / scale
+        shown = shown if shown < limit else limit
+        observation[b, ahead] = shown if shown > -limit else -limit
         observation[b, ahead + 1] = 2.0 * (u[0, b] - low) / span - 1.0
 
 
@@ -58,17 +62,21 @@ class TrackingTask:
         One plant, or one a lane (all with the same number of plays), sensor included.
     layout
         What is shown, in which units, at which sampling time.
+    range_um
+        Farthest from the layout's centre (µm) that the sensor can read: what lies beyond is shown
+        as the end of its range. Unlimited by default.
 
     Raises
     ------
     InputError
-        No lane, or lanes that do not fit together.
+        No lane, lanes that do not fit together, or a range that is not above zero.
 
     Attributes
     ----------
     quantities : float64[5, B]
-        What the last reset or step left, one a row: `displacement_um`, `measured_um`,
-        `reference_now_um`, `command_V`, `error_um`. The next step overwrites it.
+        What the last reset or step left, one a row: `displacement_um`, `measured_um` (without the
+        end of the sensor's range), `reference_now_um`, `command_V`, `error_um`. The next step
+        overwrites it.
 
     Examples
     --------
@@ -83,16 +91,26 @@ class TrackingTask:
     """
 
     def __init__(
-        self, models: PlantModel | Sequence[PlantModel], layout: ObservationLayout
+        self,
+        models: PlantModel | Sequence[PlantModel],
+        layout: ObservationLayout,
+        range_um: float = math.inf,
     ) -> None:
+        unlimited = isinstance(range_um, float) and range_um == math.inf
+        if not (unlimited or (is_finite(range_um) and range_um > 0)):
+            raise InputError(f"range_um is {shown(range_um)}; give a displacement above 0 µm")
         self.layout = layout
         self.plant = Plant(models, layout.ts_s)
         sensors = [model.sensor for model in self.plant.models]
-        self._resolution = np.array([sensor.resolution_um for sensor in sensors])
-        self._deviation = np.array([sensor.noise_um for sensor in sensors])
+        self._resolution = np.array([sensor.resolution_um for sensor in sensors], dtype=np.float64)
+        self._deviation = np.array([sensor.noise_um for sensor in sensors], dtype=np.float64)
         low, high = layout.command_range_V
         self._rest_V = min(max(0.0, low), high)
-        self._scales = np.array([layout.centre_um, layout.scale_um, low, high - low])
+        # In float32, as it is shown: what is at the end of the range is inside it.
+        limit = float(np.float32(range_um / layout.scale_um))
+        self._scales = np.array(
+            [layout.centre_um, layout.scale_um, low, high - low, limit], dtype=np.float64
+        )
         lanes = self.plant.lanes
         self.quantities: Array = np.zeros((5, lanes))
         self._u = np.zeros((1, lanes))
@@ -216,7 +234,12 @@ class TrackingTask:
         return row
 
     def _checked(self, reference_um: ArrayLike) -> Array:
-        reference = np.ascontiguousarray(reference_um, dtype=np.float64)
+        try:
+            reference = np.ascontiguousarray(reference_um, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"the reference is {shown(reference_um)}; give displacements (µm)"
+            ) from None
         if reference.ndim != 2 or len(reference) == 0 or reference.shape[1] != self.lanes:
             raise InputError(
                 f"a reference of shape {reference.shape} for {self.lanes} lanes; give (samples, {self.lanes})"

@@ -12,6 +12,7 @@ import numpy as np
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, find_plant
 from rdpi_gym.plant.effects import Effect
+from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
 # What an episode's options may say of its plant: a plant, and fields of its RDPI.
@@ -51,7 +52,7 @@ def choose_plant(choice: PlantChoice) -> PlantModel:
     if isinstance(choice, Mapping):
         return PlantModel.from_dict(choice)
     raise InputError(
-        f"plant is {choice!r}; give the name of a plant, the path of its JSON file, or its dictionary"
+        f"plant is {shown(choice)}; give the name of a plant, the path of its JSON file, or its dictionary"
     )
 
 
@@ -64,7 +65,9 @@ def limit_band(model: PlantModel, rate_bandwidth_hz: float | None) -> PlantModel
     800.0
     """
     own = model.hysteresis.rate_bandwidth_hz
-    if rate_bandwidth_hz is None or (own is not None and own <= rate_bandwidth_hz):
+    if rate_bandwidth_hz is None:
+        return model
+    if is_finite(rate_bandwidth_hz) and own is not None and own <= rate_bandwidth_hz:
         return model
     return model.with_hysteresis(model.hysteresis.band_limited(rate_bandwidth_hz))
 
@@ -165,7 +168,10 @@ def with_parameters(model: PlantModel, parameters: Mapping[str, Any]) -> PlantMo
     0.0
     """
     document = model.to_dict()
-    document["hysteresis"] |= {key: np.asarray(x).tolist() for key, x in parameters.items()}
+    document["hysteresis"] |= {
+        key: x.tolist() if isinstance(x, np.ndarray | np.generic) else x
+        for key, x in parameters.items()
+    }
     return PlantModel.from_dict(document, f"plant {model.name}")
 
 
@@ -227,8 +233,10 @@ class TruthSource:
     ) -> None:
         widths = {"randomise": half_width, "randomise_effects": effects_half_width}
         for name, width in widths.items():
-            if not 0.0 <= width < 1.0:
-                raise InputError(f"{name} is {width}; give a relative half-width of 0 to below 1")
+            if not (is_finite(width) and 0.0 <= width < 1.0):
+                raise InputError(
+                    f"{name} is {shown(width)}; give a relative half-width of 0 to below 1"
+                )
         self.half_width, self.effects_half_width = float(half_width), float(effects_half_width)
         self._rate_bandwidth_hz = rate_bandwidth_hz
         self._sensor = {name: value for name, value in sensor.items() if value is not None}

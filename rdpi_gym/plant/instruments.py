@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
 
@@ -39,8 +40,10 @@ class Sensor:
     def __post_init__(self) -> None:
         for name in ("resolution_um", "noise_um"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise InputError(f"sensor {name} is {value}; give a finite value of 0 µm or above")
+            if not (is_finite(value) and value >= 0):
+                raise InputError(
+                    f"sensor {name} is {shown(value)}; give a finite value of 0 µm or above"
+                )
 
     def read(self, y_um: Array, rng: np.random.Generator) -> Array:
         """Return what the sensor shows of displacements `y_um` (µm, any shape)."""
@@ -73,8 +76,8 @@ class Converter:
     period_s: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.period_s) and self.period_s >= 0):
-            raise InputError(f"converter period_s is {self.period_s}; give 0 s or above")
+        if not (is_finite(self.period_s) and self.period_s >= 0):
+            raise InputError(f"converter period_s is {shown(self.period_s)}; give 0 s or above")
 
     def samples(self, ts_s: float) -> int:
         """Samples of length `ts_s` (s) that one period holds: 1 where Ts is the period or longer.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, effect_from_dict, in_chain_order
 from rdpi_gym.plant.instruments import Converter, Sensor
+from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_json
 
@@ -68,18 +68,33 @@ class PlantModel:
     identification: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
-        low, high = self.command_range_V
-        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        for name, kind in _PARTS.items():
+            if not isinstance(getattr(self, name), kind):
+                raise InputError(f"{name} is {shown(getattr(self, name))}; give a {kind.__name__}")
+        low, high = _pair("command_range_V", self.command_range_V)
+        if not low < high:
             raise InputError(
                 f"command_range_V is ({low}, {high}); give the lowest and the highest command, for example (0, 100)"
             )
-        centre, amplitude = self.reference_um
-        if not (math.isfinite(centre) and math.isfinite(amplitude) and amplitude > 0):
+        centre, amplitude = _pair("reference_um", self.reference_um)
+        if not amplitude > 0:
             raise InputError(
                 f"reference_um is ({centre}, {amplitude}); give a centre and an amplitude above 0 µm"
             )
-        if not math.isfinite(self.offset_um):
-            raise InputError(f"offset_um is {self.offset_um}; give a finite displacement (µm)")
+        if not is_finite(self.offset_um):
+            raise InputError(
+                f"offset_um is {shown(self.offset_um)}; give a finite displacement (µm)"
+            )
+        for name in ("name", "note"):
+            if not isinstance(getattr(self, name), str):
+                raise InputError(f"{name} is {shown(getattr(self, name))}; give text")
+        if not isinstance(self.effects, list | tuple) or not all(
+            isinstance(effect, Effect) for effect in self.effects
+        ):
+            raise InputError(
+                f"effects is {shown(self.effects)}; give a tuple of effects, for example "
+                '(CATALOGUE["creep"](),)'
+            )
         names = [effect.name for effect in self.effects]
         if len(set(names)) != len(names):
             raise InputError(f"effects {', '.join(names)}; a plant has each effect once at most")
@@ -145,10 +160,10 @@ def _build(kind: type, body: Any, source: str) -> Any:
     if not isinstance(body, Mapping):
         raise InputError(f"{source} is {type(body).__name__}; expected a JSON object")
     fields = {f.name: f for f in dataclasses.fields(kind)}
-    unknown = sorted(set(body) - set(fields))
+    unknown = [key for key in body if key not in fields]
     if unknown:
         raise InputError(
-            f"{source} has the unknown key {unknown[0]!r}; known are {', '.join(fields)}"
+            f"{source} has the unknown key {shown(unknown[0])}; known are {', '.join(fields)}"
         )
     values: dict[str, Any] = {}
     for key, value in body.items():
@@ -159,9 +174,7 @@ def _build(kind: type, body: Any, source: str) -> Any:
             values[key] = _build(_PARTS[key], value, where)
         elif isinstance(value, list | tuple):
             values[key] = tuple(_number(x, where) for x in value)
-        elif key in ("name", "note"):
-            values[key] = str(value)
-        elif key == "identification":
+        elif key in ("name", "note", "identification"):
             values[key] = value
         else:
             values[key] = None if value is None else _number(value, where)
@@ -192,5 +205,14 @@ def _build_effects(documents: Any, where: str) -> tuple[Effect, ...]:
 
 def _number(value: Any, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where} is {value!r}; expected a number")
-    return float(value)
+        raise InputError(f"{where} is {shown(value)}; expected a number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise InputError(f"{where} is larger than a float can hold") from None
+
+
+def _pair(name: str, values: Any) -> tuple[float, float]:
+    if isinstance(values, list | tuple) and len(values) == 2 and all(map(is_finite, values)):
+        return values[0], values[1]
+    raise InputError(f"{name} is {shown(values)}; give two finite numbers")

@@ -9,6 +9,7 @@ from pathlib import Path
 from rdpi_gym.plant.cores.rdpi import PAPER_III_B, PAPER_IV_B
 from rdpi_gym.plant.instruments import PAPER_CONVERTER, PAPER_SENSOR
 from rdpi_gym.plant.model import PlantModel
+from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 
 P5 = PlantModel(PAPER_III_B, "P5", (-25.0, 25.0), (0.0, 10.0), note="the paper, Section III-B")
@@ -59,7 +60,7 @@ def named_plant(name: str) -> PlantModel:
     1.2213
     """
     if name not in PLANTS:
-        raise InputError(f"no plant is named {name!r}; known are {', '.join(PLANTS)}")
+        raise InputError(f"no plant is named {shown(name)}; known are {', '.join(PLANTS)}")
     if name == "picma":
         return PlantModel.load(Path(str(files("rdpi_gym.plant") / "library" / "picma.json")))
     base, _, form = name.partition("-")
@@ -84,6 +85,12 @@ def find_plant(name_or_path: str) -> PlantModel:
     """
     if name_or_path in PLANTS:
         return named_plant(name_or_path)
-    if not Path(name_or_path).is_file():
-        raise InputError(f"{name_or_path!r} is neither a plant file nor one of {', '.join(PLANTS)}")
+    try:
+        found = Path(name_or_path).is_file()
+    except OSError:  # a name longer than any file's
+        found = False
+    if not found:
+        raise InputError(
+            f"{shown(name_or_path)} is neither a plant file nor one of {', '.join(PLANTS)}"
+        )
     return PlantModel.load(name_or_path)

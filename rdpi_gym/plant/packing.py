@@ -8,6 +8,7 @@ import numpy as np
 
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
 
@@ -24,10 +25,9 @@ def check_ts(ts_s: float) -> float:
     >>> check_ts(5e-5)
     5e-05
     """
-    value = float(ts_s)
-    if not (np.isfinite(value) and value > 0):
-        raise InputError(f"ts_s is {ts_s}; give a sampling time above 0 s, for example 5e-5")
-    return value
+    if not (is_finite(ts_s) and ts_s > 0):
+        raise InputError(f"ts_s is {shown(ts_s)}; give a sampling time above 0 s, for example 5e-5")
+    return float(ts_s)
 
 
 def pack(models: Sequence[RDPI], ts_s: float, offsets_um: Sequence[float]) -> Array:

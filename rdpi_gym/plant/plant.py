@@ -12,6 +12,7 @@ from rdpi_gym.plant.model import PlantModel
 from rdpi_gym.plant.packing import check_ts, empty_state, pack
 from rdpi_gym.plant.stages import stages_of
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
 
 
@@ -44,7 +45,9 @@ class Plant:
         self, models: PlantModel | Sequence[PlantModel], ts_s: float, lanes: int = 1
     ) -> None:
         if isinstance(models, PlantModel):
-            models = [models] * lanes
+            models = [models] * lanes if is_whole(lanes, 0) else []
+        if not isinstance(models, Sequence) or not all(isinstance(m, PlantModel) for m in models):
+            raise InputError(f"models is {shown(models)}; give a PlantModel, or one for each lane")
         if not models:
             raise InputError("a plant with no lane; give at least one model, or lanes of 1 or more")
         self.models = tuple(models)

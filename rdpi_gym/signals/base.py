@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from rdpi_gym.signals.checks import set_number
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_finite, is_whole, shown
 from rdpi_gym.support.errors import InputError
 
 # A sample that falls on a jump or a corner up to rounding belongs to what comes after it, so that
@@ -128,10 +129,12 @@ class Signal(ABC):
         array([[0.2, 0.4, 0.6],
                [0.4, 0.6, 0.8]])
         """
-        if not 0.0 < ts_s < np.inf:
-            raise InputError(f"ts_s is {ts_s!r}; give a sampling time above 0 s, for example 5e-5")
-        if samples < 0 or samples != int(samples):
-            raise InputError(f"samples is {samples!r}; give a whole number, 0 or more")
+        if not (is_finite(ts_s) and ts_s > 0.0):
+            raise InputError(
+                f"ts_s is {shown(ts_s)}; give a sampling time above 0 s, for example 5e-5"
+            )
+        if not is_whole(samples, 0):
+            raise InputError(f"samples is {shown(samples)}; give a whole number, 0 or more")
         return self(_times(t)[..., np.newaxis] + ts_s * np.arange(1, samples + 1))
 
     @property
@@ -193,7 +196,10 @@ def smoothstep_rate(s: Array) -> Array:
 
 
 def _times(t: ArrayLike) -> Array:
-    time = np.asarray(t, dtype=np.float64)
+    try:
+        time = np.asarray(t, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"the times are {shown(t)}; give numbers (s)") from None
     if not np.isfinite(time).all():
         raise InputError("a time is NaN or infinite; give finite times in s")
     return time

@@ -13,7 +13,7 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from rdpi_gym.signals.base import Signal
-from rdpi_gym.signals.checks import set_integer, set_number, set_positive
+from rdpi_gym.signals.checks import refuse, set_integer, set_number, set_positive
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -124,6 +124,8 @@ class Multisine(LineSpectrum):
         super().__post_init__()
         set_positive(self, "frequency_hz")
         set_integer(self, "lines", minimum=1, maximum=MOST_LINES)
+        if not isinstance(self.odd, bool | np.bool_):
+            raise refuse(self, "odd", "True or False")
         object.__setattr__(self, "odd", bool(self.odd))
 
     @property
@@ -164,9 +166,10 @@ class BandLimitedNoise(LineSpectrum):
         super().__post_init__()
         set_number(self, "low_hz", minimum=0.0)
         set_positive(self, "high_hz", "repeat_s")
-        if not 1 <= len(self._harmonics) <= MOST_LINES:
+        first, last = self._harmonics.start, self._harmonics.stop - 1
+        if not 1 <= last - first + 1 <= MOST_LINES:
             raise InputError(
-                f"noise: {len(self._harmonics)} lines 1 / {self.repeat_s:g} s apart lie between "
+                f"noise: {float(max(last - first + 1, 0)):g} lines 1 / {self.repeat_s:g} s apart lie between "
                 f"low_hz = {self.low_hz:g} and high_hz = {self.high_hz:g}; "
                 f"choose these three fields for 1 to {MOST_LINES} lines"
             )

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-import numbers
-import reprlib
 from typing import Any
 
 import numpy as np
 
+from rdpi_gym.support.checks import is_finite, is_whole, shown
 from rdpi_gym.support.errors import InputError
 
 
 def refuse(signal: Any, field: str, wanted: str) -> InputError:
     """Return the error for a field of `signal` that is not as `wanted` says."""
-    return InputError(
-        f"{signal.name}: {field} is {reprlib.repr(getattr(signal, field))}; give {wanted}"
-    )
+    return InputError(f"{signal.name}: {field} is {shown(getattr(signal, field))}; give {wanted}")
 
 
 def set_number(
@@ -35,8 +32,7 @@ def set_number(
         The field is no number, not finite, not above `above`, or outside `minimum` to `maximum`.
     """
     value = getattr(signal, field)
-    real = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    if not real or not math.isfinite(value) or not (value > above and minimum <= value <= maximum):
+    if not (is_finite(value) and value > above and minimum <= value <= maximum):
         bounds = [
             f"{word} {bound:g}"
             for word, bound in (("above", above), ("at least", minimum), ("at most", maximum))
@@ -61,8 +57,7 @@ def set_integer(signal: Any, field: str, *, minimum: int, maximum: int | None = 
         The field is no whole number or outside its bounds.
     """
     value = getattr(signal, field)
-    whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
-    if not whole or value < minimum or (maximum is not None and value > maximum):
+    if not is_whole(value, minimum) or (maximum is not None and value > maximum):
         limit = "" if maximum is None else f" and at most {maximum}"
         raise refuse(signal, field, f"a whole number of at least {minimum}{limit}")
     object.__setattr__(signal, field, int(value))
@@ -78,7 +73,7 @@ def set_numbers(signal: Any, field: str, *, count: int) -> None:
     """
     try:
         values = np.asarray(getattr(signal, field), dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.empty(0)
     if values.ndim != 1 or values.size < count or not np.isfinite(values).all():
         raise refuse(signal, field, f"a flat list of at least {count} finite numbers")

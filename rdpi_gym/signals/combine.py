@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from collections.abc import Sequence as Listed
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -36,8 +36,7 @@ class Combination(Signal):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        iterable = isinstance(self.parts, Iterable)
-        parts = tuple(self.parts) if iterable else ()
+        parts = tuple(self.parts) if isinstance(self.parts, list | tuple) else ()
         if not parts or not all(isinstance(part, Signal) for part in parts):
             raise refuse(self, "parts", "a list of one or more signals")
         object.__setattr__(self, "parts", parts)

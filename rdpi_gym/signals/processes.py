@@ -49,7 +49,7 @@ class RandomWalk(Signal):
         set_positive(self, "interval_s", "spread_s", "duration_s")
         if not 1 <= self._increments <= MOST_INCREMENTS:
             raise InputError(
-                f"{self.name}: duration_s = {self.duration_s:g} holds {self._increments} intervals "
+                f"{self.name}: duration_s = {self.duration_s:g} holds {float(self._increments):g} intervals "
                 f"of interval_s = {self.interval_s:g}; choose them for 1 to {MOST_INCREMENTS}"
             )
 

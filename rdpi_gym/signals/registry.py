@@ -18,6 +18,7 @@ from rdpi_gym.signals.processes import LaplaceProcess, WienerProcess
 from rdpi_gym.signals.raster import Raster, RasterSlowRamp, RasterSlowStairs
 from rdpi_gym.signals.steps import Constant, RandomSteps, Steps
 from rdpi_gym.signals.sweeps import Chirp, DecayingSine
+from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 
 _CLASSES: tuple[type[Signal], ...] = (
@@ -55,6 +56,8 @@ def make_signal(name: str, **fields: Any) -> Signal:
     ...
     rdpi_gym.support.errors.InputError: unknown signal 'sin'; did you mean 'sine'? The signals are ...
     """
+    if not isinstance(name, str):
+        raise InputError(f"a signal's name is text, for example 'sine'; {shown(name)} is none")
     if name not in SIGNALS:
         raise InputError(
             f"unknown signal {name!r}{_closest(name, SIGNALS)} The signals are {', '.join(SIGNALS)}"
@@ -70,7 +73,7 @@ def make_signal(name: str, **fields: Any) -> Signal:
     for field in declared.values():
         if field.default is dataclasses.MISSING and field.name not in fields:
             raise InputError(f"{name}: the field {field.name} is missing; it has no default")
-    if issubclass(cls, Combination) and isinstance(fields["parts"], Iterable):
+    if issubclass(cls, Combination) and isinstance(fields["parts"], list | tuple):
         parts = [
             signal_from_dict(part) if isinstance(part, Mapping) else part
             for part in fields["parts"]

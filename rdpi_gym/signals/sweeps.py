@@ -43,7 +43,7 @@ class Chirp(Signal):
     def __post_init__(self) -> None:
         super().__post_init__()
         set_positive(self, "start_hz", "stop_hz", "duration_s")
-        if self.sweep not in ("linear", "logarithmic"):
+        if not isinstance(self.sweep, str) or self.sweep not in ("linear", "logarithmic"):
             raise refuse(self, "sweep", "'linear' or 'logarithmic'")
 
     def instantaneous_hz(self, t: ArrayLike) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.signals.experiments import Experiment, standard_protocol
+from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
 from rdpi_gym.virtual_lab.independent.simulation import LARGEST_STEP_S
@@ -57,14 +57,14 @@ class Truth:
     ts_factor: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.noise_um) and self.noise_um >= 0):
+        if not (is_finite(self.noise_um) and self.noise_um >= 0):
             raise InputError(
-                f"noise_um is {self.noise_um}; give white noise of 0 µm rms or above, as in 0.012"
+                f"noise_um is {shown(self.noise_um)}; give white noise of 0 µm rms or above, as in 0.012"
             )
         low, high = TS_FACTORS
-        if not low <= self.ts_factor <= high:
+        if not (is_finite(self.ts_factor) and low <= self.ts_factor <= high):
             raise InputError(
-                f"ts_factor is {self.ts_factor}; give a factor on the sampling times from {low} to {high}"
+                f"ts_factor is {shown(self.ts_factor)}; give a factor on the sampling times from {low} to {high}"
             )
         known = [effect.name for effect in self.plant.effects]
         for effect in self.hidden:

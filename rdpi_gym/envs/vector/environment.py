@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv, check_options
+from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv, read_options
 from rdpi_gym.envs.vector.input import (
     checked_actions,
     checked_count,
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from rdpi_gym.envs.rendering import LiveFigure
 
 _INFO = ("displacement_um", "reference_um", "error_um", "command_V", "saturated")
+_MOST_LANES, _MOST_STEPS = 10**7, 10**15
 _KEYS = (*_INFO, *(f"_{key}" for key in _INFO))
 
 
@@ -117,11 +118,13 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        self.num_envs = checked_count("num_envs", num_envs, "lanes")
+        self.num_envs = checked_count("num_envs", num_envs, "lanes", _MOST_LANES)
         if max_episode_steps is not None:
-            max_episode_steps = checked_count("max_episode_steps", max_episode_steps, "steps")
+            max_episode_steps = checked_count(
+                "max_episode_steps", max_episode_steps, "steps", _MOST_STEPS
+            )
         if threads is not None:
-            threads = checked_count("threads", threads, "threads")
+            threads = checked_count("threads", threads, "threads", _MOST_LANES)
         self._mode = checked_mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self._mode}
         # It makes and checks what the lanes draw; it is never stepped.
@@ -183,9 +186,8 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
         gymnasium.error.ResetNeeded
             A mask, and there was no reset of all lanes yet.
         """
-        chosen = dict(options or {})
+        chosen = read_options(options, "reset_mask")
         mask = chosen.pop("reset_mask", None)
-        check_options(chosen)
         seeds = checked_seeds(seed, self.num_envs)
         lanes = np.arange(self.num_envs)
         if mask is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,11 +13,12 @@ from numpy.typing import NDArray
 
 from rdpi_gym.envs.vector.lanes import Flags
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
 
 
-def checked_count(name: str, value: Any, what: str) -> int:
-    """Return a whole number of at least 1.
+def checked_count(name: str, value: Any, what: str, most: int) -> int:
+    """Return a whole number of at least 1 and at most `most`.
 
     Raises
     ------
@@ -25,12 +27,13 @@ def checked_count(name: str, value: Any, what: str) -> int:
 
     Examples
     --------
-    >>> checked_count("num_envs", 2, "lanes")
+    >>> checked_count("num_envs", 2, "lanes", 10**7)
     2
     """
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or value < 1:
-        raise InputError(f"{name} is {value!r}; give a whole number of {what}, at least 1")
+    if not is_whole(value, 1) or value > most:
+        raise InputError(
+            f"{name} is {shown(value)}; give a whole number of {what}, at least 1 and at most {most}"
+        )
     return int(value)
 
 
@@ -49,9 +52,9 @@ def checked_mode(mode: Any) -> AutoresetMode:
     """
     try:
         return AutoresetMode(mode)
-    except ValueError:
+    except (TypeError, ValueError):
         modes = ", ".join(repr(each.value) for each in AutoresetMode)
-        raise InputError(f"autoreset_mode is {mode!r}; give one of {modes}") from None
+        raise InputError(f"autoreset_mode is {shown(mode)}; give one of {modes}") from None
 
 
 def checked_seeds(seed: Any, lanes: int) -> list[int | None]:
@@ -69,18 +72,17 @@ def checked_seeds(seed: Any, lanes: int) -> list[int | None]:
     """
     if seed is None:
         return [None] * lanes
-    if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
+    if is_whole(seed, -math.inf):
         seeds: list[Any] = [int(seed) + lane for lane in range(lanes)]
     elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
-        seeds = list(seed)
+        seeds = list(np.atleast_1d(seed) if isinstance(seed, np.ndarray) else seed)
     else:
-        raise InputError(f"seed is {seed!r}; give a whole number, or one for each lane")
+        raise InputError(f"seed is {shown(seed)}; give a whole number, or one for each lane")
     if len(seeds) != lanes:
         raise InputError(f"{len(seeds)} seeds for {lanes} lanes; give one for each lane")
     for lane, each in enumerate(seeds):
-        whole = isinstance(each, int | np.integer) and not isinstance(each, bool)
-        if each is not None and not (whole and 0 <= each < 2**64):
-            raise InputError(f"the seed of lane {lane} is {each!r}; seeds are 0 to 2**64 - 1")
+        if each is not None and not (is_whole(each, 0) and each < 2**64):
+            raise InputError(f"the seed of lane {lane} is {shown(each)}; seeds are 0 to 2**64 - 1")
     return seeds
 
 
@@ -133,7 +135,7 @@ def checked_actions(actions: Any, lanes: int) -> Array:
     numeric = isinstance(actions, np.ndarray) and actions.dtype.kind in "fiu"
     if not numeric or actions.shape != (lanes, 1):
         raise InputError(
-            f"actions are {type(actions).__name__} of shape {np.shape(actions)}; "
+            f"actions are {type(actions).__name__} of shape {getattr(actions, 'shape', None)}; "
             f"give a numpy array of numbers of shape ({lanes}, 1), -1 to 1"
         )
     if actions.dtype != np.float32:

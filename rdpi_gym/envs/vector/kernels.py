@@ -34,9 +34,11 @@ from rdpi_gym.support.arrays import Array
 
 
 @njit(cache=True)
-def encode(value: float, zero: float, per_unit: float) -> np.float32:
-    """Return a value in units of the observation."""
-    return np.float32((value - zero) * per_unit)
+def encode(value: float, zero: float, per_unit: float, limit: float) -> np.float32:
+    """Return a value in units of the observation, within its bounds."""
+    place = (value - zero) * per_unit
+    place = place if place < limit else limit
+    return np.float32(place if place > -limit else -limit)
 
 
 @njit(cache=True)
@@ -84,9 +86,10 @@ def _observe(
     size = window_um.shape[1] + 2
     for b in range(work.shape[1]):
         last = at + (b + 1) * size - 1
-        observed[n, last - 2] = encode(window_um[n, ring, b], law.centre_um, law.per_scale)
-        observed[n, last - 1] = encode(work[row, b], law.centre_um, law.per_scale)
-        observed[n, last] = encode(numbers[n, COMMAND, b], middle, per_half)
+        reference = window_um[n, ring, b]
+        observed[n, last - 2] = encode(reference, law.centre_um, law.per_scale, law.limit)
+        observed[n, last - 1] = encode(work[row, b], law.centre_um, law.per_scale, law.limit)
+        observed[n, last] = encode(numbers[n, COMMAND, b], middle, per_half, 1.0)
 
 
 @njit(cache=True)

@@ -80,6 +80,7 @@ class Law(NamedTuple):
     ts_s: float
     centre_um: float
     per_scale: float  # 1 / scale_um
+    limit: float  # end of the sensor's range, in units of scale_um
     low_V: float
     high_V: float
     action_scale_V: float

@@ -93,6 +93,7 @@ class VectorTask:
             ts_s=layout.ts_s,
             centre_um=float(layout.centre_um),
             per_scale=1.0 / layout.scale_um,
+            limit=float(np.float32(single.bound_um / layout.scale_um)),
             low_V=float(low),
             high_V=float(high),
             action_scale_V=float(layout.action_scale_V),

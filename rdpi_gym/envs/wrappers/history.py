@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
 
 Floats: TypeAlias = NDArray[Any]  # float32, as observations are
@@ -56,9 +57,9 @@ class History:
     steps: int
 
     def __post_init__(self) -> None:
-        if not isinstance(self.steps, int) or self.steps < 0:
+        if not is_whole(self.steps, 0):
             raise InputError(
-                f"history is {self.steps!r}; give the number of earlier samples, 0 or above"
+                f"history is {shown(self.steps)}; give the number of earlier samples, 0 or above"
             )
 
     @property

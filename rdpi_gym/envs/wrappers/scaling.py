@@ -22,6 +22,7 @@ from rdpi_gym.envs.wrappers.history import (
     layout_of,
     map_final,
 )
+from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
 
@@ -71,8 +72,8 @@ class Scaling:
     def __post_init__(self) -> None:
         for name in ("frequency_hz", "error"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name} is {value}; give a finite unit above 0")
+            if not (is_finite(value) and value > 0):
+                raise InputError(f"{name} is {shown(value)}; give a finite unit above 0")
 
     @cached_property
     def matrix(self) -> Floats:
@@ -104,8 +105,10 @@ class Scaling:
     def space(self, observation_space: Box) -> Box:
         """Return the space of scaled observations: the extremes of each row."""
         bound = np.maximum(np.abs(observation_space.low), np.abs(observation_space.high))
-        farthest = (bound @ np.abs(self.matrix)).astype(np.float32)
-        return Box(-farthest, farthest, dtype=np.float32)
+        farthest = bound.astype(np.float64) @ np.abs(self.matrix.astype(np.float64))
+        rounding = 1.0 + (len(bound) + 1) * np.finfo(np.float32).eps  # of products in float32
+        extreme = (rounding * farthest).astype(np.float32)
+        return Box(-extreme, extreme, dtype=np.float32)
 
 
 class ScaledObservation(

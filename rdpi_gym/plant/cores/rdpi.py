@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
 
@@ -51,8 +52,8 @@ class RDPI:
     rate_bandwidth_hz: float | None = None
 
     def __post_init__(self) -> None:
-        weights = tuple(float(a) for a in self.weights)
-        thresholds = tuple(float(r) for r in self.thresholds_V)
+        weights = _numbers("weights", self.weights)
+        thresholds = _numbers("thresholds_V", self.thresholds_V)
         object.__setattr__(self, "weights", weights)
         object.__setattr__(self, "thresholds_V", thresholds)
         if not weights or not (math.isfinite(weights[0]) and weights[0] > 0):
@@ -72,12 +73,14 @@ class RDPI:
                 raise InputError(
                     f"threshold r_{i} is {high} V after {low} V; thresholds increase from above 0 V"
                 )
-        if not (math.isfinite(self.delta2_s) and self.delta2_s >= 0):
-            raise InputError(f"delta2_s is {self.delta2_s}; δ2 is finite and not negative (s)")
-        hz = self.rate_bandwidth_hz
-        if hz is not None and not (math.isfinite(hz) and hz > 0):
+        if not (is_finite(self.delta2_s) and self.delta2_s >= 0):
             raise InputError(
-                f"rate_bandwidth_hz is {hz}; give a frequency above 0 Hz, or None for the literal rate"
+                f"delta2_s is {shown(self.delta2_s)}; δ2 is finite and not negative (s)"
+            )
+        hz = self.rate_bandwidth_hz
+        if hz is not None and not (is_finite(hz) and hz > 0):
+            raise InputError(
+                f"rate_bandwidth_hz is {shown(hz)}; give a frequency above 0 Hz, or None for the literal rate"
             )
 
     @classmethod
@@ -111,10 +114,11 @@ class RDPI:
         >>> RDPI.from_law([1.0, 0.5], 2.0, 0.0).thresholds_V
         (2.0,)
         """
-        if not (math.isfinite(delta1_V) and delta1_V > 0):
-            raise InputError(f"delta1_V is {delta1_V}; δ1 is finite and above 0 V")
-        thresholds = tuple(delta1_V * i for i in range(1, len(weights)))
-        return cls(tuple(weights), thresholds, delta2_s, rate_bandwidth_hz)
+        if not (is_finite(delta1_V) and delta1_V > 0):
+            raise InputError(f"delta1_V is {shown(delta1_V)}; δ1 is finite and above 0 V")
+        given = _numbers("weights", weights)
+        thresholds = tuple(delta1_V * i for i in range(1, len(given)))
+        return cls(given, thresholds, delta2_s, rate_bandwidth_hz)
 
     @property
     def n(self) -> int:
@@ -160,6 +164,15 @@ class RDPI:
     def band_limited(self, rate_bandwidth_hz: float | None) -> RDPI:
         """Return the same model with its rate low-passed at `rate_bandwidth_hz` (Hz), or literal (None)."""
         return replace(self, rate_bandwidth_hz=rate_bandwidth_hz)
+
+
+def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
+    if not isinstance(values, str):
+        try:
+            return tuple(float(value) for value in values)
+        except (TypeError, ValueError, OverflowError):
+            pass
+    raise InputError(f"{name} is {shown(values)}; give a list of numbers")
 
 
 # Section III-B. The paper does not print its threshold law there; Eq. 8 is used.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
 Slot = Literal["input", "rate", "memory", "hysteresis", "output"]
@@ -157,9 +157,9 @@ class Effect(ABC):
     def __post_init__(self) -> None:
         for parameter in self.parameters:
             value = getattr(self, parameter.name)
-            if not (math.isfinite(value) and parameter.low <= value <= parameter.high):
+            if not (is_finite(value) and parameter.low <= value <= parameter.high):
                 raise InputError(
-                    f"{self.name} {parameter.name} is {value} {parameter.unit}; "
+                    f"{self.name} {parameter.name} is {shown(value)} {parameter.unit}; "
                     f"physical values lie in {parameter.low:g} to {parameter.high:g}"
                 )
 
@@ -308,21 +308,23 @@ def effect_from_dict(
     """
     if not isinstance(document, Mapping):
         raise InputError(
-            f'{source}: {document!r} is no effect; expected {{"effect": name, parameter: value}}'
+            f'{source}: {shown(document)} is no effect; expected {{"effect": name, parameter: value}}'
         )
     body = dict(document)
     name = body.pop("effect", None)
     if not isinstance(name, str) or name not in catalogue:
-        raise InputError(f"{source}: no effect is named {name!r}; known are {', '.join(catalogue)}")
+        raise InputError(
+            f"{source}: no effect is named {shown(name)}; known are {', '.join(catalogue)}"
+        )
     kind = catalogue[name]
     known = [f.name for f in fields(kind)]
     for key, value in body.items():
         if key not in known:
             raise InputError(
-                f"{source}, {name}: unknown parameter {key!r}; known are {', '.join(known)}"
+                f"{source}, {name}: unknown parameter {shown(key)}; known are {', '.join(known)}"
             )
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{source}, {name}, {key} is {value!r}; expected a number")
+            raise InputError(f"{source}, {name}, {key} is {shown(value)}; expected a number")
     missing = [key for key in known if key not in body]
     if missing:
         raise InputError(f"{source}, {name}: parameter {missing[0]!r} is missing")

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import SLOTS, Effect
+from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.plugins import load_attribute
 
@@ -116,7 +117,7 @@ def load_effect(name: str) -> type[Effect]:
         return check_effect(load_attribute(name, "effect"), f"effect {name!r}")
     if name not in CATALOGUE:
         raise InputError(
-            f"no effect is named {name!r}; known are {', '.join(CATALOGUE)}, "
+            f"no effect is named {shown(name)}; known are {', '.join(CATALOGUE)}, "
             "and module:Class is one of your own"
         )
     return CATALOGUE[name]
