@@ -27,7 +27,7 @@ from rdpi_gym.envs.truth import PLANT_OPTIONS, PlantChoice, TruthSource, choose_
 from rdpi_gym.envs.unit_box import UnitBox
 from rdpi_gym.signals import Signal
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, is_whole, shown
+from rdpi_gym.support.checks import is_finite, is_whole, shape_of, shown
 from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
@@ -348,7 +348,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             inside = -1.0 <= place <= 1.0
         except (AttributeError, TypeError, ValueError):
             raise InputError(
-                f"action is {type(action).__name__} of shape {getattr(action, 'shape', None)}; "
+                f"action is {type(action).__name__} of shape {shape_of(action)}; "
                 "give a numpy array of shape (1,), -1 to 1"
             ) from None
         if not inside:

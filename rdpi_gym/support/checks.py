@@ -39,7 +39,22 @@ def is_whole(value: object, minimum: float) -> bool:
     (True, False, False, False)
     """
     whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
-    return whole and value >= minimum  # type: ignore[operator, no-any-return]  # Integral has no order
+    return whole and value >= minimum  # type: ignore[operator]  # Integral has no order
+
+
+def shape_of(value: Any) -> tuple[int, ...] | None:
+    """Return the shape of an array or of nested lists; None where they are ragged.
+
+    Examples
+    --------
+    >>> shape_of([[1.0], [2.0]]), shape_of([[1.0], [2.0, 3.0]])
+    ((2, 1), None)
+    """
+    try:
+        shape: tuple[int, ...] = np.shape(value)
+    except ValueError:
+        return None
+    return shape
 
 
 def shown(value: Any) -> str:

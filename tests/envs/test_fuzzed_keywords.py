@@ -40,7 +40,7 @@ def outcome(make: Callable[[], Any]) -> Any:
     except InputError as error:
         line = str(error)
         assert "\n" not in line
-        assert 10 < len(line) < 600
+        assert 10 < len(line) < 1020
         return None
 
 
@@ -76,8 +76,6 @@ def test_gymnasium_make_hands_the_line_on():
 )
 def test_keywords_of_the_vector_environment(keyword):
     for value in ODD:
-        if keyword == "num_envs" and value == 2**70:
-            continue  # a number of lanes that no memory holds
         envs = outcome(lambda value=value: PiezoTrackingVectorEnv(**{keyword: value}))
         if envs is not None and outcome(lambda envs=envs: envs.reset(seed=0)) is not None:
             actions = np.zeros((envs.num_envs, 1), dtype=np.float32)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rdpi_gym.envs.vector.lanes import Flags
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_whole, shown
+from rdpi_gym.support.checks import is_whole, shape_of, shown
 from rdpi_gym.support.errors import InputError
 
 
@@ -135,7 +135,7 @@ def checked_actions(actions: Any, lanes: int) -> Array:
     numeric = isinstance(actions, np.ndarray) and actions.dtype.kind in "fiu"
     if not numeric or actions.shape != (lanes, 1):
         raise InputError(
-            f"actions are {type(actions).__name__} of shape {getattr(actions, 'shape', None)}; "
+            f"actions are {type(actions).__name__} of shape {shape_of(actions)}; "
             f"give a numpy array of numbers of shape ({lanes}, 1), -1 to 1"
         )
     if actions.dtype != np.float32:

@@ -167,12 +167,10 @@ class RDPI:
 
 
 def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
-    if not isinstance(values, str):
-        try:
-            return tuple(float(value) for value in values)
-        except (TypeError, ValueError, OverflowError):
-            pass
-    raise InputError(f"{name} is {shown(values)}; give a list of numbers")
+    try:
+        return tuple(float(value) for value in values)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} is {shown(values)}; give a list of numbers") from None
 
 
 # Section III-B. The paper does not print its threshold law there; Eq. 8 is used.
