@@ -14,21 +14,33 @@ name                                    controller
 ``extended-inverse``                    inverses of the belief's effects around the classical one
 ``pi``                                  PI, tuned from the belief
 ``pi-<feedforward>``                    PI on the error that one of the above leaves
-``preview-oracle``                      iterative inversion over the whole reference, planned ahead
+``preview-inversion``                   inversion of the belief over the whole reference, in advance
 ======================================  ============================================================
+
+A new controller is one file in this folder: a subclass of :class:`baselines.base.Baseline` that
+states its ``name``. One of another project is named by an entry point of the group
+``rdpi_gym.controllers``, or typed as ``module:attribute``.
 """
 
-from baselines.base import Controller
+from baselines.base import Baseline
 from baselines.feedforward import Feedforward
-from baselines.feedforwards import FEEDFORWARDS
-from baselines.registry import CONTROLLERS, ControllerFactory, known_controller, make_controller
+from baselines.lookup import LEARNED, find_factory, make_controller
+from baselines.preview import ORACLE, PreviewOracle
+from baselines.registry import CONTROLLERS, FEEDFORWARDS, inverts_effects, known_controller
+from rdpi_gym.envs.controller import Controller, ControllerFactory
 
 __all__ = [
     "CONTROLLERS",
     "FEEDFORWARDS",
+    "LEARNED",
+    "ORACLE",
+    "Baseline",
     "Controller",
     "ControllerFactory",
     "Feedforward",
+    "PreviewOracle",
+    "find_factory",
+    "inverts_effects",
     "known_controller",
     "make_controller",
 ]

@@ -1,9 +1,9 @@
-"""What every controller is: a belief about the plant, an observation's layout, and ``predict``."""
+"""What the controllers of this package share: a belief, a layout, a memory, and ``predict``."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,8 +15,11 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
 
-class Controller(ABC):
-    """A controller that Stable-Baselines3's ``evaluate_policy`` and the benchmark run alike.
+class Baseline(ABC):
+    """A :class:`~rdpi_gym.envs.controller.Controller` that Stable-Baselines3's ``evaluate_policy`` runs too.
+
+    A class that states its ``name`` is a controller of that name: nothing else is needed than a file
+    in this folder.
 
     At step k it reads an observation and sets the command u(k+1). What it remembers is one array,
     ``float64[S, B]``: it is handed out by :meth:`predict` and taken back at the next call, and is
@@ -33,7 +36,20 @@ class Controller(ABC):
     ------
     InputError
         The layout reads actions as corrections to a baseline; a baseline computes the command.
+
+    Attributes
+    ----------
+    name : str
+        What the command line and tables call it; stated by the class itself.
+    on_feedforwards : bool
+        Whether it takes a ``feedforward`` too, and is made on each as ``<name>-<feedforward>``.
+    inverts_effects : bool
+        Whether it makes use of the effects of its belief, beside the hysteresis.
     """
+
+    name: ClassVar[str]
+    on_feedforwards: ClassVar[bool] = False
+    inverts_effects: ClassVar[bool] = False
 
     def __init__(self, belief: PlantModel, layout: ObservationLayout) -> None:
         if layout.action == "correction":
@@ -104,7 +120,7 @@ class Controller(ABC):
         episode_start
             ``(B,)``, true where an episode begins; its memory is that of rest.
         deterministic
-            No matter: nothing is drawn.
+            Without effect: no baseline draws random numbers.
 
         Returns
         -------

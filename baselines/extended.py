@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.classical_reference_rate import ClassicalReferenceRate
+from baselines.classical import ClassicalReferenceRate
 from baselines.feedforward import checked_reference
 from baselines.inverses import Inverse, inverses_of
 from baselines.inverses.chain import followed, run_stages, start_stages
@@ -33,7 +33,7 @@ class ExtendedInverse(ClassicalReferenceRate):
     Parameters
     ----------
     belief, layout
-        As :class:`baselines.base.Controller`.
+        As :class:`baselines.base.Baseline`.
 
     Examples
     --------
@@ -49,6 +49,9 @@ class ExtendedInverse(ClassicalReferenceRate):
     >>> bool(np.abs(y - r)[3:-2].max() < 1e-12), controller.needed_preview
     (True, 3)
     """
+
+    name = "extended-inverse"
+    inverts_effects = True
 
     def __init__(self, belief: PlantModel, layout: ObservationLayout) -> None:
         rest_V = min(max(0.0, layout.command_range_V[0]), layout.command_range_V[1])
@@ -91,7 +94,7 @@ class ExtendedInverse(ClassicalReferenceRate):
         return plays_V if self.inverses.congruency is not None else super()._rest_memory(plays_V)
 
     def start(self, reference_um: Array) -> Array:
-        """Return the memory at rest; see :meth:`baselines.base.Controller.start`."""
+        """Return the memory at rest; see :meth:`baselines.base.Baseline.start`."""
         own = super().start(reference_um)
         if self.inverses.changes_nothing:
             return own
@@ -104,7 +107,7 @@ class ExtendedInverse(ClassicalReferenceRate):
     def next_command(
         self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
     ) -> Array:
-        """Answer r(k+1) and what follows; see :meth:`baselines.base.Controller.next_command`."""
+        """Answer r(k+1) and what follows; see :meth:`baselines.base.Baseline.next_command`."""
         if self.inverses.changes_nothing:
             return super().next_command(observation, reference_um, state)
         shown = self.layout.reference_um(observation[:, 1 : 2 + self.inverses.ahead])

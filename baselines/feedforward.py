@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.base import Controller
+from baselines.base import Baseline
 from baselines.stability import spectral_radius
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import RDPI, Plant, PlantModel
@@ -43,7 +43,7 @@ def checked_reference(reference_um: ArrayLike) -> Array:
     return block
 
 
-class Feedforward(Controller):
+class Feedforward(Baseline):
     """A compensator; its memory has the kernels' rows, u(k-1), v(k-1), n play states, then r(k-1).
 
     A subclass says by :meth:`compensator_model` which RDPI model it is built on, packs it, states
@@ -52,7 +52,7 @@ class Feedforward(Controller):
     Parameters
     ----------
     belief, layout
-        As :class:`baselines.base.Controller`.
+        As :class:`baselines.base.Baseline`.
     """
 
     def __init__(self, belief: PlantModel, layout: ObservationLayout) -> None:
@@ -107,7 +107,7 @@ class Feedforward(Controller):
         )
 
     def start(self, reference_um: Array) -> Array:
-        """Return the memory at rest; see :meth:`baselines.base.Controller.start`."""
+        """Return the memory at rest; see :meth:`baselines.base.Baseline.start`."""
         state = np.repeat(self._rest[:, None], len(reference_um), axis=1)
         state[-1] = reference_um
         return state
@@ -115,7 +115,7 @@ class Feedforward(Controller):
     def next_command(
         self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
     ) -> Array:
-        """Answer r(k+1); see :meth:`baselines.base.Controller.next_command`."""
+        """Answer r(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         command: Array = self._advance(reference_um[1:], state)[0]
         return command
 

@@ -1,9 +1,15 @@
-"""What the inversion-free compensators share: the model restructured, Eq. 6 and 7."""
+"""``inversion-free-*``: the model restructured, Eq. 6 and 7, by which rate sets its thresholds."""
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from baselines.feedforward import Feedforward
-from rdpi_gym.plant import pack
+from baselines.inversion_free_kernels import inversion_free_given_rate, inversion_free_own_rate
+from baselines.stability import default_cutoff_hz, inversion_free_polynomial, limiting_cutoff_hz
+from rdpi_gym.plant import RDPI, pack
 from rdpi_gym.support.arrays import Array
 
 
@@ -19,3 +25,104 @@ class InversionFree(Feedforward):
 
     def _rest_memory(self, plays_V: Array) -> Array:
         return plays_V
+
+
+class InversionFreeLiteral(InversionFree):
+    """Eq. 6 at the rate of its own command one sample ago, by backward difference (Eq. 5).
+
+    With all plays sliding it is the loop z² + g (1 - q) z + g q = 0, q = δ2 / Ts: stable only
+    while Ts > g δ2, and for g above 1 only while Ts < 2 g δ2 / (g - 1). Below the first limit it
+    chatters.
+
+    Examples
+    --------
+    >>> from rdpi_gym.envs.layout import ObservationLayout
+    >>> from rdpi_gym.plant import named_plant
+    >>> plant = named_plant("P10")
+    >>> print(InversionFreeLiteral(plant, ObservationLayout.for_plant(plant, ts_s=1e-3)).warning())
+    None
+    >>> InversionFreeLiteral(plant, ObservationLayout.for_plant(plant, ts_s=5e-5)).warning()
+    'outside its stability limit: pole magnitude 5.2 at Ts = 5e-05 s with belief P10; stable for Ts above 0.000382 s'
+    """
+
+    name = "inversion-free-literal"
+
+    def compensator_model(self, hysteresis: RDPI) -> RDPI:
+        """Return the model with the literal rate of Eq. 5."""
+        return hysteresis.band_limited(None)
+
+    def loop_polynomial(self) -> Array:
+        """See :func:`baselines.stability.inversion_free_polynomial`."""
+        return inversion_free_polynomial(self.model, self.layout.ts_s)
+
+    def stable_where(self) -> str:
+        """Say the limits on Ts."""
+        g, lag = self.model.g, self.model.g * self.model.delta2_s
+        longest = 2.0 * lag / (g - 1.0) if g > 1.0 else math.inf
+        if longest <= lag:
+            return f"at no Ts: g = S / a_0 is {g:.3g}"
+        return f"for Ts above {lag:.3g} s" + (f" and below {longest:.3g} s" if g > 1.0 else "")
+
+    def _fill(self, reference_um: Array, parameters: Array, state: Array, u: Array) -> None:
+        inversion_free_own_rate(
+            reference_um, parameters, state[:-1], self.layout.ts_s, u, *self.limits
+        )
+
+
+class InversionFreeReferenceRate(InversionFree):
+    """Eq. 6 at the rate of the reference over A, (r(k+1) - r(k)) / (A Ts).
+
+    It is the command's rate while every play slides, known without a loop through the rate; what is
+    left of the loop is z + g = 0.
+
+    Examples
+    --------
+    >>> from rdpi_gym.envs.layout import ObservationLayout
+    >>> from rdpi_gym.plant import named_plant
+    >>> plant = named_plant("P10")
+    >>> layout = ObservationLayout.for_plant(plant, ts_s=5e-5)
+    >>> print(InversionFreeReferenceRate(plant, layout).warning())
+    None
+    """
+
+    name = "inversion-free-reference-rate"
+
+    def loop_polynomial(self) -> Array:
+        """Return z + g."""
+        return np.array([1.0, self.model.g])
+
+    def stable_where(self) -> str:
+        """Say the limit on g."""
+        return "for g = S / a_0 below 1"
+
+    def _fill(self, reference_um: Array, parameters: Array, state: Array, u: Array) -> None:
+        v = self._reference_rate(reference_um, state)
+        inversion_free_given_rate(reference_um, v, parameters, state[:-1], u, *self.limits)
+
+
+class InversionFreeLowPassed(InversionFreeLiteral):
+    """Eq. 6 at its own rate through a first-order low-pass at 500 Hz, or lower where it must be.
+
+    As Ts → 0 the loop is stable iff g < 1 and the cut-off is below A / (2π S δ2); the cut-off is
+    500 Hz, or 0.6 of that limit where that is lower.
+
+    Examples
+    --------
+    >>> from rdpi_gym.envs.layout import ObservationLayout
+    >>> from rdpi_gym.plant import named_plant
+    >>> plant = named_plant("P5")
+    >>> controller = InversionFreeLowPassed(plant, ObservationLayout.for_plant(plant, ts_s=5e-5))
+    >>> controller.model.rate_bandwidth_hz, controller.warning()
+    (500.0, None)
+    """
+
+    name = "inversion-free-low-passed"
+
+    def compensator_model(self, hysteresis: RDPI) -> RDPI:
+        """Return the model with its rate low-passed at the compensator's cut-off."""
+        return hysteresis.band_limited(default_cutoff_hz(hysteresis))
+
+    def stable_where(self) -> str:
+        """Say the limits as Ts → 0."""
+        limit = limiting_cutoff_hz(self.model)
+        return f"at small Ts for g = S / a_0 below 1 (it is {self.model.g:.3g}) and a low-pass below {limit:.3g} Hz"

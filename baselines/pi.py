@@ -8,11 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from baselines.base import Controller
+from baselines.base import Baseline
 from baselines.feedforward import Feedforward
 from baselines.limits import limited
-from baselines.pi_margin import gains_within_margin
-from baselines.pi_tuning import simc_gains
+from baselines.pi_gains import gains_within_margin, simc_gains
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
@@ -39,17 +38,17 @@ def _feed_back(
         state[0, b] = u[b]
 
 
-class PI(Controller):
+class PI(Baseline):
     """u(k+1) = feedforward + kp e(k) + ki Ts Σ e, e = r - measured, with anti-windup at the limits.
 
     Alone it starts from the command at rest. On a feedforward it works on the error that this
-    leaves. The gains come from the belief: :func:`baselines.pi_tuning.simc_gains`, lowered by
-    :func:`baselines.pi_margin.gains_within_margin` where it has lags, a delay or a resonance.
+    leaves. The gains come from the belief: :func:`baselines.pi_gains.simc_gains`, lowered by
+    :func:`baselines.pi_gains.gains_within_margin` where it has lags, a delay or a resonance.
 
     Parameters
     ----------
     belief, layout
-        As :class:`baselines.base.Controller`.
+        As :class:`baselines.base.Baseline`.
     feedforward
         Class of the feedforward; None: feedback alone.
 
@@ -61,6 +60,9 @@ class PI(Controller):
     >>> round(controller.gains.integral_V_um_s)
     1638
     """
+
+    name = "pi"
+    on_feedforwards = True
 
     def __init__(
         self,
@@ -85,7 +87,7 @@ class PI(Controller):
     def next_command(
         self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
     ) -> Array:
-        """Answer e(k) and r(k+1); see :meth:`baselines.base.Controller.next_command`."""
+        """Answer e(k) and r(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         if self.feedforward is None:
             u = np.full(len(observation), self.limits.rest_V)
         else:

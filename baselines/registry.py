@@ -1,38 +1,105 @@
-"""Controllers by name."""
+"""The controllers of this package by name: the closed list, read off the files of this folder."""
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Mapping
-from functools import partial
-from types import MappingProxyType
-from typing import TypeAlias, cast
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, cached_property, partial
+from importlib import import_module
+from typing import TypeAlias
 
-from baselines.base import Controller
-from baselines.feedforwards import FEEDFORWARDS
-from baselines.pi import PI
-from baselines.preview_oracle import PreviewOracle
+from baselines.base import Baseline
+from baselines.feedforward import Feedforward
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.plugins import load_attribute
 
-ControllerFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Controller]
+BaselineFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Baseline]
 
-CONTROLLERS: Mapping[str, ControllerFactory] = MappingProxyType(
-    {
-        **FEEDFORWARDS,
-        "pi": PI,
-        **{f"pi-{name}": partial(PI, feedforward=each) for name, each in FEEDFORWARDS.items()},
-        "preview-oracle": PreviewOracle,
+_PACKAGE = __name__.rpartition(".")[0]
+
+
+class Feedforwards(Mapping[str, type[Feedforward]]):
+    """The feedforwards of this package by name; its files are read when one is asked for.
+
+    Examples
+    --------
+    >>> FEEDFORWARDS["none"].__name__
+    'StaticGain'
+    """
+
+    @cached_property
+    def _found(self) -> dict[str, type[Feedforward]]:
+        return {name: kind for name, kind in _declared().items() if issubclass(kind, Feedforward)}
+
+    def __getitem__(self, name: str) -> type[Feedforward]:
+        return self._found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+
+class Controllers(Mapping[str, BaselineFactory]):
+    """What makes each controller of this package, by name, called with (belief, layout).
+
+    Every class in a file of this folder that states a ``name``, and ``<name>-<feedforward>`` for
+    those that are made on feedforwards.
+
+    Examples
+    --------
+    >>> "pi-classical-static" in CONTROLLERS, "preview-oracle" in CONTROLLERS
+    (True, False)
+    """
+
+    @cached_property
+    def _found(self) -> dict[str, BaselineFactory]:
+        found: dict[str, BaselineFactory] = dict(FEEDFORWARDS)
+        for name, kind in _declared().items():
+            found.setdefault(name, kind)
+            if kind.on_feedforwards:
+                make: Callable[..., Baseline] = kind
+                for under, feedforward in FEEDFORWARDS.items():
+                    found[f"{name}-{under}"] = partial(make, feedforward=feedforward)
+        return found
+
+    def __getitem__(self, name: str) -> BaselineFactory:
+        return self._found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+
+FEEDFORWARDS: Mapping[str, type[Feedforward]] = Feedforwards()
+"""Every feedforward of this package by its name."""
+CONTROLLERS: Mapping[str, BaselineFactory] = Controllers()
+"""Every controller of this package by its name."""
+
+
+@cache
+def _declared() -> dict[str, type[Baseline]]:
+    modules = [
+        import_module(f"{_PACKAGE}.{module.name}")
+        for module in pkgutil.iter_modules(import_module(_PACKAGE).__path__)
+        if not module.ispkg
+    ]
+    return {
+        kind.name: kind
+        for module in modules
+        for kind in vars(module).values()
+        if isinstance(kind, type)
+        and issubclass(kind, Baseline)
+        and kind.__module__ == module.__name__
+        and "name" in vars(kind)
     }
-)
-"""Every baseline by its name, simplest first."""
-LEARNED = "learned:"
-"""What the name of a trained policy begins with; its folder, or its name if it is shipped, follows."""
 
 
-def known_controller(name: object) -> ControllerFactory:
+def known_controller(name: object) -> BaselineFactory:
     """Return what makes one of this package's controllers: the closed list for names out of files.
 
     Nothing is imported for a name, so a file cannot run code by naming a module.
@@ -45,7 +112,8 @@ def known_controller(name: object) -> ControllerFactory:
     Raises
     ------
     InputError
-        It is none; ``module:attribute`` and ``learned:`` are not taken here.
+        It is none; ``module:attribute``, ``learned:`` and the names of installed packages are not
+        taken here.
 
     Examples
     --------
@@ -63,63 +131,18 @@ def known_controller(name: object) -> ControllerFactory:
     return CONTROLLERS[name]
 
 
-def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
-    """Make a controller by its name.
+def inverts_effects(name: str) -> bool:
+    """Whether a controller of this package makes use of its belief's effects.
 
-    Parameters
-    ----------
-    name
-        A name of :data:`CONTROLLERS`, ``learned:`` and the folder of a trained policy or the name of
-        a shipped one, or ``module:attribute`` of a callable that takes a belief and a layout and
-        returns an object with ``predict``.
-    belief
-        What the controller knows of the plant.
-    layout
-        What an observation shows, and how an action is read.
-
-    Raises
-    ------
-    InputError
-        The name is unknown, the attribute makes no controller, or the layout reads actions as
-        corrections, or a policy cannot be read.
+    On a belief without effects such a one is the double of another.
 
     Examples
     --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> plant = named_plant("P10")
-    >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-3)
-    >>> type(make_controller("pi-classical-static", plant, layout)).__name__
-    'PI'
-    >>> make_controller("clasical-static", plant, layout)
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: no controller is named 'clasical-static'; did you mean 'classical-static'? Known are ...
+    >>> inverts_effects("pi-extended-inverse"), inverts_effects("pi-classical-static")
+    (True, False)
     """
-    if name in CONTROLLERS:
-        return CONTROLLERS[name](belief, layout)
-    if name.startswith(LEARNED):
-        return _learned(name.removeprefix(LEARNED), belief, layout)
-    if ":" not in name:
-        close = difflib.get_close_matches(name, CONTROLLERS, 1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
-        raise InputError(
-            f"no controller is named {name!r}; {hint}Known are {', '.join(CONTROLLERS)}, learned:FOLDER, and module:attribute"
-        )
-    factory = load_attribute(name, "controller")
-    made = factory(belief, layout) if callable(factory) else factory
-    if not callable(getattr(made, "predict", None)):
-        raise InputError(
-            f"{name!r} makes a {type(made).__name__} without predict; it should be a callable (belief, layout) that returns a controller"
-        )
-    return cast(Controller, made)
-
-
-def _learned(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
-    try:
-        from baselines.learned.controller import LearnedController  # torch, only where needed
-        from baselines.learned.policy import find_policy
-    except ImportError as error:
-        raise InputError(
-            f"a learned controller needs torch ({error}); install rdpi-gym[rl]"
-        ) from error
-    return LearnedController(find_policy(name), belief, layout)
+    factory = CONTROLLERS.get(name)
+    kinds = (
+        [factory.func, *factory.keywords.values()] if isinstance(factory, partial) else [factory]
+    )
+    return any(getattr(kind, "inverts_effects", False) for kind in kinds)

@@ -28,6 +28,8 @@ class StaticGain(Feedforward):
     1.0201
     """
 
+    name = "none"
+
     def compensator_model(self, hysteresis: RDPI) -> RDPI:
         """Return the static model."""
         return hysteresis.static()

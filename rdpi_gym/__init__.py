@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from gymnasium.envs.registration import register
 
+from rdpi_gym.support.plugins import provide
+
 if TYPE_CHECKING:
     from rdpi_gym import signals
     from rdpi_gym.face import environments
@@ -73,6 +75,9 @@ register(
     vector_entry_point="rdpi_gym.envs.vector:PiezoTrackingVectorEnv",
     max_episode_steps=2000,
 )
+
+# Environments whose actions correct a controller take it by name.
+provide("rdpi_gym.controllers", "baselines:make_controller")
 
 
 def __getattr__(name: str) -> Any:

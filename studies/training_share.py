@@ -83,8 +83,8 @@ def measure(case: str, lanes: int, updates: int, seed: int = 0) -> dict[str, Any
     """
     from stable_baselines3 import PPO
 
+    from baselines.learned.run import Run
     from baselines.learned.train_ppo import Options
-    from baselines.learned.training import Run
 
     run = Run.open(Options(lanes=lanes, seed=seed, **CASES[case]), "ppo", PPO)
     env = run.environment()

@@ -35,7 +35,7 @@ def save_checkpoint(
     folder
         Holds one folder a checkpoint, named by its step.
     model
-        The model; what it draws next is not kept, see :mod:`baselines.learned.training`.
+        The model; what it draws next is not kept, see :mod:`baselines.learned.course`.
     progress
         Whatever else is needed to go on, as JSON.
     finished

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.base import Controller
+from baselines.base import Baseline
 from baselines.learned.policy import Policy
 from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
@@ -18,7 +18,7 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
 
-class LearnedController(Controller):
+class LearnedController(Baseline):
     """What a trained policy does in its environment, from the same observations.
 
     Observations and actions are relative to the layout's amplitude and command range, so a policy
@@ -30,7 +30,7 @@ class LearnedController(Controller):
     policy
         What was trained.
     belief, layout
-        As :class:`baselines.base.Controller`; the belief is its baseline's.
+        As :class:`baselines.base.Baseline`; the belief is its baseline's.
 
     Raises
     ------
@@ -97,7 +97,7 @@ class LearnedController(Controller):
     def next_command(
         self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
     ) -> Array:
-        """Return the network's answer; see :meth:`baselines.base.Controller.next_command`.
+        """Return the network's answer; see :meth:`baselines.base.Baseline.next_command`.
 
         Raises
         ------
@@ -128,7 +128,7 @@ class LearnedController(Controller):
         return np.clip(command, self.limits.low_V, self.limits.high_V)
 
 
-def _baseline(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
+def _baseline(name: str, belief: PlantModel, layout: ObservationLayout) -> Baseline:
     """Make the controller that a policy corrects; it must not plan beyond what is observed."""
     made = known_controller(name)(belief, replace(layout, action="command"))
     if hasattr(made, "plan"):

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
@@ -25,13 +25,10 @@ from baselines.learned.checkpoint import save_checkpoint
 from baselines.learned.controller import LearnedController
 from baselines.learned.evaluation import Evaluation, HeldOut
 from baselines.learned.policy import Policy
+from baselines.learned.run import CHECKPOINT, CURVE, POLICY, Run
 from rdpi_gym.envs.wrappers.history import layout_of
 from rdpi_gym.support.files import write_atomic
 
-if TYPE_CHECKING:
-    from baselines.learned.training import Run
-
-CURVE, POLICY, CHECKPOINT = "training.csv", "policy", "checkpoint"
 COLUMNS = (
     "timesteps", "seconds", "training_reward", "reward", "rmse_um", "rmse_percent",
     "command_variation_V_s", "compensator_rmse_um", "compensator_rmse_percent",
@@ -54,7 +51,7 @@ class Course(BaseCallback):  # type: ignore[misc]  # the library carries no type
     run
         The training.
     actor_of, progress
-        As :meth:`Run.learn`.
+        As :func:`baselines.learned.training.learn`.
     """
 
     def __init__(self, run: Run, actor_of: ActorOf, progress: Progress | None) -> None:

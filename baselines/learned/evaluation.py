@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.base import Controller
 from baselines.learned.environments import make_lanes
 from baselines.learned.options import TrainingOptions
-from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.plant import PlantModel
+from rdpi_gym.envs.controller import ControllerFactory
 
 LANES, SAMPLES, FIRST = 24, 1000, 200
 """Plants, each with a reference of its own; samples of a run; the first that counts."""
 SEED = 2**33
 """Of the held-out plants, references and noise; beyond the seeds that trainings draw."""
-
-Maker = Callable[[PlantModel, ObservationLayout], Controller]
 
 
 @dataclass(frozen=True)
@@ -60,7 +55,7 @@ class HeldOut:
             options.models, LANES, SAMPLES + 1, action="command", **options.world()
         )
 
-    def evaluate(self, make: Maker) -> Evaluation:
+    def evaluate(self, make: ControllerFactory) -> Evaluation:
         """Run the controller that `make` makes of the plants' belief and layout."""
         controller = make(self._env.belief, self._env.layout)
         observation, _ = self._env.reset(seed=SEED)

@@ -13,7 +13,8 @@ from torch import nn
 
 from baselines.learned.course import Progress
 from baselines.learned.options import TrainingOptions
-from baselines.learned.training import Run
+from baselines.learned.run import Run
+from baselines.learned.training import learn
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def train(options: Options, progress: Progress | None = None) -> Path:
     # The agent, its networks drawn from the seed, as the hyper-parameters say.
     model = run.model(PPO, env)
     # Between stretches it is evaluated, and a checkpoint kept; the best policy stays.
-    return run.learn(model, actor, progress)
+    return learn(run, model, actor, progress)
 
 
 def actor(model: PPO) -> list[nn.Module]:

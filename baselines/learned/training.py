@@ -1,192 +1,71 @@
-"""A training in its folder: what was asked for, the agent, and where its results lie."""
+"""Training, from the newest checkpoint on."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, TypeVar
 
-import numpy as np
-import stable_baselines3
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from baselines.learned.checkpoint import load_checkpoint
-from baselines.learned.course import CHECKPOINT, CURVE, POLICY, ActorOf, Course, Progress
-from baselines.learned.environments import training_environment
-from baselines.learned.options import TrainingOptions
-from baselines.learned.settings import SHIPPED, Settings, read_settings
-from rdpi_gym.envs.wrappers.stable_baselines import StableBaselinesVecEnv
+from baselines.learned.course import ActorOf, Course, Progress
+from baselines.learned.run import CHECKPOINT, CONFIG, POLICY, Run
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_json
+from rdpi_gym.support.files import write_json
 
-FORMAT, VERSION = "rdpi-training", 1
-CONFIG = "config.json"
 _DIVERGED = 1e6
 
-Algorithm = TypeVar("Algorithm", bound=BaseAlgorithm)
 
-
-@dataclass(frozen=True)
-class Run:
-    """A training in its folder.
+def learn(
+    run: Run, model: BaseAlgorithm, actor_of: ActorOf, progress: Progress | None = None
+) -> Path:
+    """Train, from the newest checkpoint on; the best policy so far lies in ``policy``.
 
     Parameters
     ----------
-    options
-        What was asked for.
-    settings
-        Its hyper-parameters.
-    algorithm
-        Name, as on the command line.
-    timesteps, every
-        Steps in all, and of a stretch.
+    run
+        The training.
+    model
+        Fresh, in its :meth:`~baselines.learned.run.Run.environment`.
+    actor_of
+        Takes the deterministic actor out of a model: linear layers, activations, and what keeps
+        actions within [-1, 1].
+    progress
+        Called with the number of steps done, and in all.
+
+    Returns
+    -------
+    Path
+        Folder of the policy.
+
+    Raises
+    ------
+    InputError
+        The checkpoint cannot be read, or the training diverged.
     """
-
-    options: TrainingOptions
-    settings: Settings
-    algorithm: str
-    timesteps: int
-    every: int
-
-    @classmethod
-    def open(cls, options: TrainingOptions, name: str, algorithm: type[BaseAlgorithm]) -> Run:
-        """Read the hyper-parameters, and see that the folder is new or was of the same options.
-
-        Raises
-        ------
-        InputError
-            Bad hyper-parameters, or the folder holds something else; nothing is written yet.
-        """
-        path = options.hyperparameters or SHIPPED / f"{name}.yml"
-        settings = read_settings(path, algorithm)
-        timesteps = options.timesteps or settings.timesteps
-        run = cls(options, settings, name, timesteps, options.every or -(-timesteps // 20))
-        config = options.out / CONFIG
-        if config.exists():
-            _check_same(read_json(config, FORMAT, VERSION), run.document(), options.out)
-        elif any((options.out / name).exists() for name in (CURVE, POLICY, CHECKPOINT)):
-            raise InputError(
-                f"{options.out} holds results without {CONFIG}; give another folder for --out"
+    course = Course(run, actor_of, progress)
+    if not (run.options.out / CONFIG).exists():
+        write_json(run.options.out / CONFIG, run.document())
+    kept = load_checkpoint(run.options.out / CHECKPOINT, model)
+    if kept is not None:
+        course.resume(kept)
+    left = run.timesteps - model.num_timesteps
+    try:
+        if left > 0:
+            model.learn(
+                left,
+                callback=course,
+                reset_num_timesteps=False,
+                tb_log_name=run.algorithm,
+                log_interval=1 if run.algorithm == "ppo" else 100,
             )
-        elif options.out.exists() and not options.out.is_dir():
-            raise InputError(f"{options.out} is a file; give a folder for --out")
-        return run
-
-    def environment(self) -> StableBaselinesVecEnv:
-        """Make what the agent is trained in."""
-        return training_environment(self.options, self.settings)
-
-    def model(self, algorithm: type[Algorithm], env: StableBaselinesVecEnv) -> Algorithm:
-        """Make the agent, its networks drawn from the seed.
-
-        Raises
-        ------
-        InputError
-            The algorithm refuses the hyper-parameters.
-        """
-        torch.set_num_threads(self.options.threads)
-        logs = str(self.options.out / "tensorboard") if self.options.tensorboard else None
-        arguments = {"policy": "MlpPolicy", **self.settings.arguments()}
-        try:
-            made: Algorithm = algorithm(
-                env=env, seed=self.options.seed, device="cpu", tensorboard_log=logs, **arguments
-            )
-        except (AssertionError, TypeError, ValueError) as error:
-            reason = " ".join(str(error).split())
-            raise InputError(
-                f"{algorithm.__name__} refuses its hyper-parameters: {reason}"
-            ) from error
-        return made
-
-    def learn(
-        self, model: BaseAlgorithm, actor_of: ActorOf, progress: Progress | None = None
-    ) -> Path:
-        """Train, from the newest checkpoint on; the best policy so far lies in ``policy``.
-
-        Parameters
-        ----------
-        model
-            Fresh, in :meth:`environment`.
-        actor_of
-            Takes the deterministic actor out of a model: linear layers, activations, and what keeps
-            actions within [-1, 1].
-        progress
-            Called with the number of steps done, and in all.
-
-        Returns
-        -------
-        Path
-            Folder of the policy.
-
-        Raises
-        ------
-        InputError
-            The checkpoint cannot be read, or the training diverged.
-        """
-        course = Course(self, actor_of, progress)
-        if not (self.options.out / CONFIG).exists():
-            write_json(self.options.out / CONFIG, self.document())
-        kept = load_checkpoint(self.options.out / CHECKPOINT, model)
-        if kept is not None:
-            course.resume(kept)
-        left = self.timesteps - model.num_timesteps
-        try:
-            if left > 0:
-                model.learn(
-                    left,
-                    callback=course,
-                    reset_num_timesteps=False,
-                    tb_log_name=self.algorithm,
-                    log_interval=1 if self.algorithm == "ppo" else 100,
-                )
-        except ValueError as error:
-            weights = torch.nn.utils.parameters_to_vector(model.policy.parameters())
-            largest = float(weights.detach().abs().max())  # NaN where one is
-            if largest < _DIVERGED:
-                raise
-            raise InputError(
-                f"the training diverged after {model.num_timesteps} steps: a weight is {largest:.3g}; "
-                "take a lower learning_rate"
-            ) from error
-        return self.options.out / POLICY
-
-    def document(self) -> dict[str, Any]:
-        """All that the result depends on: what ``config.json`` says."""
-        return {
-            "format": FORMAT,
-            "version": VERSION,
-            "algorithm": self.algorithm,
-            "timesteps": self.timesteps,
-            "every": self.every,
-            "lanes": self.options.lanes or self.settings.lanes,
-            "options": self.options.document(),
-            "hyperparameters": asdict(self.settings),
-            "versions": {
-                "stable_baselines3": stable_baselines3.__version__,
-                "torch": torch.__version__,
-                "numpy": np.__version__,
-            },
-        }
-
-
-def _check_same(found: dict[str, Any], asked: dict[str, Any], out: Path) -> None:
-    """Refuse to go on in a folder of other options, and name the first that differs."""
-    before, now = _flat(found), _flat(json.loads(json.dumps(asked)))
-    for name in [*now, *before]:
-        if before.get(name) != now.get(name):
-            raise InputError(
-                f"{out} holds a training with {name} {before.get(name)!r}, asked for is "
-                f"{now.get(name)!r}; give another folder for --out, or the options of that one"
-            )
-
-
-def _flat(document: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for name, value in document.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, f"{prefix}{name}.")
-        else:
-            flat[prefix + name] = value
-    return flat
+    except ValueError as error:
+        weights = torch.nn.utils.parameters_to_vector(model.policy.parameters())
+        largest = float(weights.detach().abs().max())  # NaN where one is
+        if largest < _DIVERGED:
+            raise
+        raise InputError(
+            f"the training diverged after {model.num_timesteps} steps: a weight is {largest:.3g}; "
+            "take a lower learning_rate"
+        ) from error
+    return run.options.out / POLICY

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import benchmarks.payoff
-from benchmarks.payoff.beliefs import FOLDER, make_beliefs
+from benchmarks.payoff.beliefs import FOLDER, make_beliefs, stored_beliefs
 from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
 from benchmarks.payoff.scores import ROWS_FILE, payoff_table
 from benchmarks.payoff.tables import payoff_summary, payoff_text
@@ -43,7 +43,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="payoff", description=benchmarks.payoff.__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("--out", type=Path, default=OUT, help="folder for tables and beliefs")
+    parser.add_argument("--out", type=Path, default=OUT, help="folder for tables and picture")
+    parser.add_argument(
+        "--beliefs", type=Path, default=FOLDER,
+        help="folder of what was discovered; what other code discovered is discovered anew",
+    )  # fmt: skip
+    parser.add_argument("--stored", action="store_true", help="discover nothing anew")
     parser.add_argument("--seed", type=int, default=0, help="of records, noise and references")
     parser.add_argument("--jobs", type=int, default=-1, help="processes; -1: one a core")
     options = parser.parse_args(arguments)
@@ -52,9 +57,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise InputError(f"--seed is {options.seed}; give 0 or more")
         if options.jobs == 0 or options.jobs < -1:
             raise InputError(f"--jobs is {options.jobs}; give the number of processes, or -1")
-        if options.out.exists() and not options.out.is_dir():
-            raise InputError(f"{options.out} is a file; give a folder for --out")
-        _compute(options.out, options.seed, options.jobs)
+        for name in ("out", "beliefs"):
+            folder = getattr(options, name)
+            if folder.exists() and not folder.is_dir():
+                raise InputError(f"{folder} is a file; give a folder for --{name}")
+        make = stored_beliefs if options.stored else make_beliefs
+        look = partial(_beliefs, make=make, folder=options.beliefs, seed=options.seed)
+        _compute(look, options.out, options.seed, options.jobs)
     except InputError as error:
         print(f"payoff: {error}", file=sys.stderr)
         return 2
@@ -64,16 +73,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _compute(out: Path, seed: int, jobs: int) -> None:
+Beliefs = dict[str, PlantModel]
+
+
+def _compute(
+    look: Callable[[HiddenPlant], tuple[HiddenPlant, Beliefs]], out: Path, seed: int, jobs: int
+) -> None:
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(
         *columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal
     ) as bar:
         looking = bar.add_task("discovering", total=len(HIDDEN_PLANTS))
-        found: dict[HiddenPlant, dict[str, PlantModel]] = {}
-        folder = FOLDER if out == OUT else out / FOLDER.name
-        look = partial(_beliefs, folder=folder, seed=seed)
+        found: dict[HiddenPlant, Beliefs] = {}
         for hidden, own in run_cases(look, HIDDEN_PLANTS, jobs):
             found[hidden] = own
             bar.advance(looking)
@@ -96,9 +108,9 @@ def _compute(out: Path, seed: int, jobs: int) -> None:
 
 
 def _beliefs(
-    hidden: HiddenPlant, folder: Path, seed: int
-) -> tuple[HiddenPlant, dict[str, PlantModel]]:
-    return hidden, make_beliefs(hidden, folder, seed)
+    hidden: HiddenPlant, make: Callable[[HiddenPlant, Path, int], Beliefs], folder: Path, seed: int
+) -> tuple[HiddenPlant, Beliefs]:
+    return hidden, make(hidden, folder, seed)
 
 
 if __name__ == "__main__":

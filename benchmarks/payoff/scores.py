@@ -19,15 +19,18 @@ from benchmarks.tracking.fingerprint import code_fingerprint
 from benchmarks.tracking.leaderboard import COLUMNS as SCORES
 from benchmarks.tracking.scoring import score, status
 from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ, Stage, make_stage
-from benchmarks.tracking.suite import ORACLE, Case
+from benchmarks.tracking.suite import Case
 from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.store import Row, named_rows
 
-CONTROLLERS = ("extended-inverse", "pi-extended-inverse", ORACLE)
+PREVIEW_INVERSION = "preview-inversion"
+"""With the true belief it is the bound that optimality gaps and command effort are measured against."""
+CONTROLLERS = ("extended-inverse", "pi-extended-inverse", PREVIEW_INVERSION)
 TS_S = 5e-5
 PREVIEW = 16
 """Samples of the reference that an observation shows ahead: 0.8 ms."""
@@ -138,7 +141,10 @@ def _related(rows: Sequence[Row]) -> pd.DataFrame:
     by_key = {tuple(row[k] for k in (*_CASE, "controller", "belief")): row for row in rows}
     related = []
     for row in rows:
-        best, bare = find(row, controller=ORACLE, belief="true"), find(row, belief="bare")
+        best, bare = (
+            find(row, controller=PREVIEW_INVERSION, belief="true"),
+            find(row, belief="bare"),
+        )
         related.append(
             row
             | {
@@ -194,7 +200,7 @@ def run_task(task: Task) -> list[Row]:
     rows = []
     for lane, case in enumerate(cases):
         named = {"reference": case.reference, "frequency_hz": case.frequency_hz}
-        scores = _scores(case, references[:, lane], taken, lane, controller.warning())
+        scores = _scores(case, references[:, lane], taken, lane, warning_of(controller))
         rows.append({"key": task.key(case), **common, **named, **scores})
     return rows
 

@@ -16,7 +16,7 @@ from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ
 METHOD = f"""\
 - **Plants.** P10 with one effect or two, each at a common size; their rate is low-passed at {RATE_BANDWIDTH_HZ:g} Hz for tracking and {1e3 * SENSOR_NOISE_UM:g} nm of white noise is measured. Ts is {1e6 * TS_S:g} µs, and observations show {PREVIEW} samples of the reference ahead.
 - **Beliefs.** `bare`: the true hysteresis without the effects, which no data show. `fitted`: the RDPI model of `rdpi fit`, fitted to the standard protocol of records of the plant, with {1e3 * NOISE_UM:g} nm of noise. `discovered`: the model of `rdpi discover` on the same records. `true`: the plant itself. The records are not made by the stages that are fitted: they are integrated independently on a fine grid.
-- **Compensators.** `extended-inverse` undoes the effects of its belief around the classical inverse at the rate of the reference; with a belief without effects it is `classical-reference-rate`. `pi-extended-inverse` adds feedback, tuned from the belief. `preview-oracle` inverts its belief over the whole reference beforehand.
+- **Compensators.** `extended-inverse` undoes the effects of its belief around the classical inverse at the rate of the reference; with a belief without effects it is `classical-reference-rate`. `pi-extended-inverse` adds feedback, tuned from the belief. `preview-inversion` inverts its belief over the whole reference beforehand; with the belief `true` it is the bound.
 - **Error.** RMSE of the displacement after the smooth start, in percent of the reference's peak to peak; means over the references are geometric. `diverged`: the error is larger than that of standing still.
 """
 

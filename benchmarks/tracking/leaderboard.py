@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
+from baselines import ORACLE
 from benchmarks.tracking.rows import key
 from benchmarks.tracking.scoring import words
-from benchmarks.tracking.suite import ORACLE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.store import Row
 

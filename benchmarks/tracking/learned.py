@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import baselines
-from baselines.registry import LEARNED
+from baselines import LEARNED
 from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:

@@ -7,12 +7,13 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pandas as pd
 
+from baselines import ORACLE
 from benchmarks.tracking.evaluation import Evaluation
 from benchmarks.tracking.leaderboard import CONFIDENCE
 from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
 from benchmarks.tracking.scoring import words
 from benchmarks.tracking.stages import COVERED, NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, Stage
-from benchmarks.tracking.suite import ORACLE, SUITE_VERSION
+from benchmarks.tracking.suite import SUITE_VERSION
 
 METHOD = f"""\
 - **Score.** Root mean square and largest tracking error of the noise-free displacement, in µm and in percent of the reference's peak to peak. A reference starts smoothly within its first period, which is not counted; the whole periods after it are.

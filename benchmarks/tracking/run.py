@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from baselines import ORACLE
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
 from benchmarks.tracking.rows import Key, key, open_rows
 from benchmarks.tracking.scoring import words
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import Stage
-from benchmarks.tracking.suite import ORACLE
 from benchmarks.tracking.tasks import Lane, Task, make_tasks, row_keys, run_task
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from baselines import CONTROLLERS
+from baselines import CONTROLLERS, ORACLE, inverts_effects
 from benchmarks.tracking.learned import is_learned, shipped_policies, trained_at_s
-from benchmarks.tracking.stages import EFFECT_AWARE, Stage, make_stage
+from benchmarks.tracking.stages import Stage, make_stage
 from benchmarks.tracking.suite import FEWEST_SAMPLES, MOST_SAMPLES, REFERENCES, SEEDS
 from rdpi_gym.plant import PLANTS, PlantModel, check_ts, find_plant
 from rdpi_gym.support.errors import InputError
@@ -88,12 +88,12 @@ def select(
     if controllers is None:
         shipped, notes = shipped_policies()
         with_effects = any(model.effects for model in models)
-        controllers = [name for name in CONTROLLERS if with_effects or name not in EFFECT_AWARE]
-        controllers += shipped
+        controllers = [name for name in CONTROLLERS if with_effects or not inverts_effects(name)]
+        controllers += [ORACLE, *shipped]
     names = tuple(dict.fromkeys((*controllers, *own_controllers)))
     for name in names:
         if ":" not in name:
-            _known(name, "controller", CONTROLLERS, "module:attribute")
+            _known(name, "controller", (*CONTROLLERS, ORACLE), "module:attribute")
     wanted = tuple(dict.fromkeys(references if references is not None else REFERENCES))
     for name in wanted:
         _known(name, "reference", REFERENCES)

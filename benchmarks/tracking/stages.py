@@ -8,18 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from baselines import inverts_effects
 from benchmarks.tracking.suite import Case, cases
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import Plant, PlantModel
 
 RATE_BANDWIDTH_HZ = 800.0
-"""Plants that score have a band-limited rate: a literal one rewards dither (theory.md, 3)."""
+"""Plants that score have a band-limited rate: a literal one rewards dither."""
 NOISE_UM = 0.010
 """Sensor noise (µm, one standard deviation) of a plant that states none."""
 SPREAD = 0.05
 """Relative half-width of the uniform draw of every parameter of the truth."""
-EFFECT_AWARE = ("extended-inverse", "pi-extended-inverse")
-"""Baselines that invert a plant's effects too; on one without effects they are others' doubles."""
 COVERED = 1.5
 """Command rates up to this factor above the identified ones count as covered by them."""
 
@@ -45,9 +44,9 @@ class Stage:
     def belief(self, controller: str) -> PlantModel:
         """Return what a controller is told: the same hysteresis without the plant's other effects.
 
-        Only those of :data:`EFFECT_AWARE` are told of them.
+        Only controllers that invert effects are told of them.
         """
-        if not self.plant.effects or controller in EFFECT_AWARE:
+        if not self.plant.effects or inverts_effects(controller):
             return self.plant
         return replace(self.plant, effects=(), name=f"{self.plant.name} without effects")
 

@@ -11,12 +11,10 @@ import numpy as np
 from rdpi_gym.signals import Signal, make_signal
 from rdpi_gym.support.arrays import Array
 
-SUITE_VERSION = 1
+SUITE_VERSION = 2
 REFERENCES = ("sine", "triangle", "raster", "steps", "multisine", "nested-loops", "noise")
 SINE_HZ = (1.0, 10.0, 25.0, 50.0, 80.0, 100.0, 200.0)
 SEEDS = 5
-ORACLE = "preview-oracle"
-"""The baseline that optimality gaps and command effort are measured against."""
 FEWEST_SAMPLES, MOST_SAMPLES = 20, 20_000
 """Samples that a period of the highest frequency has at least, and a whole period at most."""
 

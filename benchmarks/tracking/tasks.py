@@ -9,18 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from baselines import make_controller
+from baselines import ORACLE, Controller, PreviewOracle, make_controller
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.rows import Key, key
 from benchmarks.tracking.scoring import one_line, score, status
 from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
 from benchmarks.tracking.suite import Case
 from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.store import Row
 
 TRACE_SAMPLES = 200
+TRUE_PLANT = "true plant"
+"""What tables say in place of a belief for the oracle."""
 # Lanes whose lengths differ by more are run apart: a short one would idle to the end of a long one.
 _LENGTH_RATIO = 4.0
 
@@ -116,19 +119,18 @@ def run_task(task: Task) -> list[Row]:
 
 def _run(task: Task) -> list[Row]:
     plant, lanes = task.stage.plant, task.lanes
-    belief = task.stage.belief(task.controller)
-    layout = _layout(task, belief)
     truths = [truth(plant, lane.seed) for lane in lanes]
+    layout = _layout(task, truths)
     references = _references(task)
     timed = microseconds_per_sample(
-        make_controller(task.controller, belief, layout), truths[0], layout, references[:, 0]
+        _controller(task, layout, truths[:1]), truths[0], layout, references[:, 0]
     )
-    controller = make_controller(task.controller, belief, layout)
+    controller = _controller(task, layout, truths)
     rngs = [
         np.random.default_rng([lane.seed, zlib.crc32(lane.case.name.encode())]) for lane in lanes
     ]
     recording = record(controller, truths, layout, references, rngs)
-    warning = getattr(controller, "warning", lambda: None)()
+    warning = warning_of(controller)
     rows = []
     for b, lane in enumerate(lanes):
         row = _row(task, lane) | {"microseconds_per_sample": timed}
@@ -136,10 +138,21 @@ def _run(task: Task) -> list[Row]:
     return rows
 
 
-def _layout(task: Task, belief: PlantModel) -> ObservationLayout:
+def _controller(task: Task, layout: ObservationLayout, truths: Sequence[PlantModel]) -> Controller:
+    """Make what is scored: the oracle alone is given the true plants, all others their belief."""
+    if task.controller == ORACLE:
+        return PreviewOracle(truths, layout)
+    return make_controller(task.controller, _belief(task), layout)
+
+
+def _belief(task: Task) -> PlantModel:
+    return task.stage.belief(task.controller)
+
+
+def _layout(task: Task, truths: Sequence[PlantModel]) -> ObservationLayout:
     """Show as much of the reference ahead as the controller says that it makes use of."""
     usual = ObservationLayout.for_plant(task.stage.plant, task.ts_s)
-    needed = getattr(make_controller(task.controller, belief, usual), "needed_preview", 1)
+    needed = getattr(_controller(task, usual, truths), "needed_preview", 1)
     return replace(usual, preview=max(usual.preview, needed))
 
 
@@ -195,7 +208,7 @@ def _row(task: Task, lane: Lane) -> Row:
     return {
         "controller": task.controller,
         "plant": task.stage.plant.name,
-        "belief": task.stage.belief(task.controller).name,
+        "belief": TRUE_PLANT if task.controller == ORACLE else _belief(task).name,
         "reference": lane.case.reference,
         "frequency_hz": lane.case.frequency_hz,
         "ts_s": task.ts_s,

@@ -3,43 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rdpi_gym.envs.controller import make_named_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
-
-
-def make_baseline(name: str, belief: PlantModel, layout: ObservationLayout) -> Any:
-    """Return a baseline that gives commands, from the observation of an environment.
-
-    Parameters
-    ----------
-    name
-        A controller of the package ``baselines``, or ``module:attribute``. The package is imported
-        here and nowhere else: an environment without a baseline does not need it.
-    belief
-        What the baseline believes of the plant.
-    layout
-        Of commands.
-
-    Raises
-    ------
-    InputError
-        No controller has that name.
-    """
-    try:
-        make_controller = import_module("baselines").make_controller
-    except ImportError as error:
-        raise InputError(
-            f"baseline {name!r} needs the package baselines, which cannot be imported ({error})"
-        ) from error
-    return make_controller(name, belief, layout)
 
 
 class Correction:
@@ -48,7 +20,7 @@ class Correction:
     Parameters
     ----------
     name, belief
-        As :func:`make_baseline`.
+        As :func:`~rdpi_gym.envs.controller.make_named_controller`.
     layout
         The environment's; the baseline reads the same observation and gives commands.
 
@@ -65,15 +37,16 @@ class Correction:
 
     def __init__(self, name: str, belief: PlantModel, layout: ObservationLayout) -> None:
         self._layout = replace(layout, action="command")
-        self._controller = make_baseline(name, belief, self._layout)
+        self._controller = make_named_controller(name, belief, self._layout)
         self._state: Any = None
         self._start = True
         self.command_V = 0.0
 
     def reset(self, reference_um: Array, observation: NDArray[np.float32]) -> None:
         """Begin an episode with the references ``(K, 1)`` (µm) that are known before it."""
-        if hasattr(self._controller, "plan"):
-            self._controller.plan(reference_um)
+        plan = getattr(self._controller, "plan", None)
+        if plan is not None:
+            plan(reference_um)
         self._state, self._start = None, True
         self.observe(observation)
 

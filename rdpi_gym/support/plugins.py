@@ -1,9 +1,10 @@
-"""A user's own code by name: ``module:attribute``, imported from where the command is run."""
+"""Code by name: a user's own, that of installed packages, and what a room above provides."""
 
 from __future__ import annotations
 
 import sys
 from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -48,3 +49,83 @@ def load_attribute(name: str, wanted: str) -> Any:
         raise InputError(
             f"module {module_name!r} has no {attribute!r}; after the colon of {name!r} stands the name of the {wanted}"
         ) from None
+
+
+def installed(group: str, name: str, wanted: str) -> Any:
+    """Return what an installed package names in an entry-point group; None where none does.
+
+    Parameters
+    ----------
+    group
+        For example ``rdpi_gym.controllers``.
+    name
+        Its name there.
+    wanted
+        What it should be, for the error message.
+
+    Raises
+    ------
+    InputError
+        It cannot be imported.
+
+    Examples
+    --------
+    >>> print(installed("rdpi_gym.controllers", "no such name", "controller"))
+    None
+    """
+    for entry in entry_points(group=group, name=name):
+        try:
+            return entry.load()
+        except (ImportError, AttributeError) as error:
+            raise InputError(
+                f"installed {wanted} {name!r} ({entry.value}) cannot be imported ({error}); repair or uninstall its package"
+            ) from error
+    return None
+
+
+def installed_names(group: str) -> list[str]:
+    """Return the names in an entry-point group; nothing is imported.
+
+    Examples
+    --------
+    >>> installed_names("no such group")
+    []
+    """
+    return sorted({entry.name for entry in entry_points(group=group)})
+
+
+_PROVIDERS: dict[str, str] = {}
+
+
+def provide(group: str, lookup: str) -> None:
+    """Say which function finds the members of a group; it is imported when it is first asked for.
+
+    So a lower room uses what a higher one makes without knowing of it.
+
+    Parameters
+    ----------
+    group
+        For example ``rdpi_gym.controllers``.
+    lookup
+        ``module:function``.
+    """
+    _PROVIDERS[group] = lookup
+
+
+def provided(group: str) -> Any:
+    """Return the function that :func:`provide` named for a group.
+
+    Raises
+    ------
+    InputError
+        There is none, or its module cannot be imported.
+
+    Examples
+    --------
+    >>> provide("numbers", "math:sqrt")
+    >>> provided("numbers")(4.0)
+    2.0
+    """
+    if group not in _PROVIDERS:
+        raise InputError(f"nothing here knows the names of {group}")
+    return load_attribute(_PROVIDERS[group], "function")

@@ -11,15 +11,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from baselines import make_controller
-from baselines.feedforwards import FEEDFORWARDS
-from baselines.registry import LEARNED
+from baselines import FEEDFORWARDS, LEARNED, make_controller
 from benchmarks.tracking.episode import record
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
 from benchmarks.tracking.scoring import Score, one_line, score, status, words
 from benchmarks.tracking.stages import largest_rate_V_s
-from benchmarks.tracking.suite import ORACLE, Case, cases
+from benchmarks.tracking.suite import Case, cases
 from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.store import Row, named_rows
@@ -34,6 +33,8 @@ COLUMNS = (
 references; ``worst_percent`` is the RMSE of the worst of them. An RMSE in percent is relative to the
 reference's peak to peak. ``training_seed`` is missing where nothing was trained."""
 ROWS_FILE = "rows.jsonl"
+PREVIEW_INVERSION = "preview-inversion"
+"""Inverts the same belief with the whole reference at hand: what causal controllers cannot do."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Contestant:
     name
         What tables call it.
     kind
-        ``agent``, ``feedforward``, ``feedback``, or ``oracle``: the only one that is not causal.
+        ``agent``, ``feedforward``, ``feedback``, or ``preview``: the only one that is not causal.
     controller
         Name for ``make_controller``.
     seed
@@ -101,12 +102,14 @@ def contestants(rivals: Sequence[str], trainings: Sequence[Training]) -> list[Co
 
     Examples
     --------
-    >>> [one.kind for one in contestants(["none", "pi", "preview-oracle"], [])]
-    ['feedforward', 'feedback', 'oracle']
+    >>> [one.kind for one in contestants(["none", "pi", "preview-inversion"], [])]
+    ['feedforward', 'feedback', 'preview']
     """
     made = []
     for name in rivals:
-        kind = "oracle" if name == ORACLE else "feedforward" if name in FEEDFORWARDS else "feedback"
+        kind = "feedforward" if name in FEEDFORWARDS else "feedback"
+        if name == PREVIEW_INVERSION:
+            kind = "preview"
         made.append(Contestant(name, kind, name))
     for each in trainings:
         made.append(Contestant(each.agent.name, "agent", f"{LEARNED}{each.policy}", each.seed))
@@ -209,7 +212,7 @@ def _run(run: Run) -> list[Row]:
     references = _references(run, lanes, layout.preview)
     rngs = [np.random.default_rng([seed, i]) for i, (seed, _) in enumerate(lanes)]
     taken = record(controller, [truths[seed] for seed, _ in lanes], layout, references, rngs)
-    warning, limit = controller.warning(), largest_rate_V_s(stage.plant)
+    warning, limit = warning_of(controller), largest_rate_V_s(stage.plant)
     scores: list[list[Score]] = [[] for _ in truths]
     said: list[list[str]] = [[] for _ in truths]
     for lane, (seed, case) in enumerate(lanes):

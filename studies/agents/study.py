@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from baselines import CONTROLLERS
-from benchmarks.tracking.stages import EFFECT_AWARE
+from baselines import CONTROLLERS, inverts_effects
 from rdpi_gym.envs.layout import ActionMode
 
 BASELINE = "inversion-free-low-passed"
@@ -61,7 +60,7 @@ class Study:
     # Plants side by side; None: `n_envs` of the hyper-parameters.
     every: int | None = None
     # Steps between evaluations and checkpoints; None: a twentieth of all.
-    rivals: tuple[str, ...] = tuple(name for name in CONTROLLERS if name not in EFFECT_AWARE)
+    rivals: tuple[str, ...] = tuple(name for name in CONTROLLERS if not inverts_effects(name))
     # What agents are compared with. Without effects in the belief those left out are others' doubles.
     plants: int = 10
     # Held-out plants of a group, each drawn with a seed of its own.
@@ -94,7 +93,7 @@ QUICK = Study(
     timesteps=512,
     lanes=4,
     every=512,
-    rivals=("none", BASELINE, "preview-oracle"),
+    rivals=("none", BASELINE, "preview-inversion"),
     plants=2,
     references=("triangle",),
     domains=("bare", "picma"),

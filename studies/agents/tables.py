@@ -7,7 +7,7 @@ import pandas as pd
 
 from benchmarks.tracking.markdown import markdown_table, number
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ
-from benchmarks.tracking.suite import ORACLE
+from studies.agents.scores import PREVIEW_INVERSION
 from studies.agents.study import BASELINE, Study
 from studies.agents.summary import ALL_GROUPS, CONFIDENCE
 from studies.agents.worlds import TS_S
@@ -19,7 +19,7 @@ METHOD = f"""\
 - **References.** Sines of 25, 50, 80 and 100 Hz, triangle, raster and nested loops of 20 Hz, multisine of 10 to 100 Hz, as far as they were asked for. Raster and nested loops were in no training.
 - **Score of a plant.** Mean over the references of the RMSE of the noise-free displacement after the smooth start, in percent of the reference's peak to peak, and of the command's total variation (V/s).
 - **Interquartile mean.** As rliable defines it: the mean of the middle half of the scores of all trainings on all plants (where a quarter of them is no whole number, the scores at its ends count in part). Brackets hold its {100 * CONFIDENCE:g} % bootstrap interval: trainings and plants are drawn again, plants within their group. A run that failed counts as infinite.
-- **Ratios** are to the best causal compensator in the same group, feedforward or with feedback, by its interquartile mean, and to the best feedforward; `{ORACLE}` knows the whole reference beforehand and is not among them.
+- **Ratios** are to the best causal compensator in the same group, feedforward or with feedback, by its interquartile mean, and to the best feedforward; `{PREVIEW_INVERSION}` knows the whole reference beforehand and is not among them.
 """
 
 GAP_METHOD = f"""\

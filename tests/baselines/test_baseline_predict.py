@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from baselines import CONTROLLERS, FEEDFORWARDS, make_controller
+from baselines import CONTROLLERS, FEEDFORWARDS, known_controller, make_controller
 from baselines.static_gain import StaticGain
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import P5, P10, RDPI, Plant, PlantModel
@@ -210,7 +212,7 @@ def test_a_model_without_plays_is_a_gain():
     model = PlantModel(RDPI((2.0,), (), 0.0), "gain", (-9.0, 9.0), (0.0, 10.0))
     layout = ObservationLayout.for_plant(model, TS)
     r = references(layout)
-    for name in (*FEEDFORWARDS, "preview-oracle"):
+    for name in (*FEEDFORWARDS, "preview-inversion"):
         commands, _ = play(make_controller(name, model, layout), model, layout, r)
         np.testing.assert_allclose(commands[1:], r[1:] / 2.0, atol=1e-5)
 
@@ -242,17 +244,69 @@ def test_bad_input_is_one_line():
 
 def test_a_controller_of_one_s_own_by_module_and_attribute():
     layout = ObservationLayout.for_plant(P5, TS)
-    made = make_controller("baselines.classical_static:ClassicalStatic", P5, layout)
+    made = make_controller("baselines.classical:ClassicalStatic", P5, layout)
     assert type(made) is FEEDFORWARDS["classical-static"]
 
 
-def test_the_names():
-    feedforwards = ["none", "inversion-free-literal", "inversion-free-reference-rate"]
-    feedforwards += ["inversion-free-low-passed", "classical-literal", "classical-reference-rate"]
-    feedforwards += ["classical-low-passed", "classical-static", "extended-inverse"]
-    assert list(CONTROLLERS) == [
-        *feedforwards,
-        "pi",
-        *(f"pi-{name}" for name in feedforwards),
-        "preview-oracle",
-    ]
+def test_every_feedforward_is_there_with_feedback_too():
+    assert {"none", "classical-static", "inversion-free-literal", "extended-inverse"} <= set(
+        FEEDFORWARDS
+    )
+    feedback = {"pi", *(f"pi-{name}" for name in FEEDFORWARDS)}
+    assert set(CONTROLLERS) == {*FEEDFORWARDS, *feedback, "preview-inversion"}
+    for name, kind in FEEDFORWARDS.items():
+        assert kind.name == name
+
+
+NEW = """
+from baselines.static_gain import StaticGain
+
+class Twice(StaticGain):
+    name = "twice"
+
+class Quiet(StaticGain):
+    pass
+"""
+ASK = """
+import sys, baselines
+baselines.__path__.append(sys.argv[1])
+new = [name for name in baselines.CONTROLLERS if "twice" in name]
+print(new, baselines.known_controller("twice").__module__)
+"""
+
+
+def test_a_new_controller_is_one_file(tmp_path):
+    (tmp_path / "new.py").write_text(NEW)
+    found = subprocess.run(
+        [sys.executable, "-c", ASK, str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    assert found.stdout == "['twice', 'pi-twice'] baselines.new\n"
+
+
+ENTRY = "[rdpi_gym.controllers]\nlab-gain = lab:Gain\nlab-broken = lab:nothing\n"
+
+
+def test_an_installed_package_brings_controllers_by_entry_point(tmp_path, monkeypatch):
+    (tmp_path / "lab.py").write_text(
+        "from baselines.static_gain import StaticGain\nclass Gain(StaticGain): ...\n"
+    )
+    info = tmp_path / "lab-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lab\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(ENTRY)
+    monkeypatch.syspath_prepend(tmp_path)
+    layout = ObservationLayout.for_plant(P5, TS)
+    assert type(make_controller("lab-gain", P5, layout)).__module__ == "lab"
+    with pytest.raises(InputError, match=r"'lab-broken' \(lab:nothing\) cannot be imported"):
+        make_controller("lab-broken", P5, layout)
+    with pytest.raises(InputError, match="did you mean 'lab-gain'"):
+        make_controller("lab-gian", P5, layout)
+    with pytest.raises(InputError, match="no controller of this package"):  # out of a file
+        known_controller("lab-gain")
+
+
+def test_names_out_of_files_come_from_the_closed_list():
+    assert known_controller("pi-none")(P5, ObservationLayout.for_plant(P5, TS))
+    for name in ("os:system", "learned:ppo", "baselines.pi:PI", "", None, 3, ["pi"], {}):
+        with pytest.raises(InputError, match="no controller of this package"):
+            known_controller(name)

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from baselines import make_controller
 from baselines.inverses.whole_record import LinearUndo
-from baselines.pi_margin import gains_within_margin
-from baselines.pi_tuning import simc_gains
+from baselines.pi_gains import gains_within_margin, simc_gains
 from baselines.preview_inversion import SMOOTHING_HZ, learning_recursion
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import P10, Plant
@@ -58,7 +57,9 @@ CONVERGES = {
 @pytest.mark.parametrize("name", CONVERGES)
 def test_the_oracle_inverts_the_effects_of_its_belief(name):
     belief, r = plant_with(**CONVERGES[name]), references()
-    u = make_controller("preview-oracle", belief, ObservationLayout.for_plant(belief, TS)).plan(r)
+    u = make_controller("preview-inversion", belief, ObservationLayout.for_plant(belief, TS)).plan(
+        r
+    )
     plant = Plant(belief, TS, lanes=3)
     plant.reset(u0_V=0.0)
     rms = np.sqrt(np.mean((r - plant.simulate(u))[1:] ** 2, axis=0))

@@ -140,8 +140,8 @@ def test_on_a_plant_of_another_size_it_acts_in_proportion_and_says_so():
 
 
 def test_a_baseline_that_plans_ahead_is_refused():
-    policy = make_policy("correction", baseline="preview-oracle")
-    with pytest.raises(InputError, match="preview-oracle"):
+    policy = make_policy("correction", baseline="preview-inversion")
+    with pytest.raises(InputError, match="preview-inversion"):
         LearnedController(policy, P10, ObservationLayout.for_plant(P10, 1e-4, preview=2))
 
 

@@ -50,7 +50,7 @@ def test_the_table_of_this_release_is_whole_and_the_error_falls():
     summary = payoff_summary(table)
     assert set(summary["plant"]) == {hidden.name for hidden in HIDDEN_PLANTS}
     # compensation by a discovered belief is as good as by the truth
-    causal = summary[summary["controller"] != scores.ORACLE]
+    causal = summary[summary["controller"] != scores.PREVIEW_INVERSION]
     assert (causal["discovered"] < 1.05 * causal["true"]).all()
     falls = summary[["fall_from_bare", "fall_from_fitted"]].to_numpy()
     assert np.nanmin(falls) > 1.3
@@ -70,7 +70,7 @@ def guesses():
 def small(tmp_path_factory):
     out = tmp_path_factory.mktemp("payoff")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scores, "CONTROLLERS", ("extended-inverse", scores.ORACLE))
+        patch.setattr(scores, "CONTROLLERS", ("extended-inverse", scores.PREVIEW_INVERSION))
         patch.setattr(scores, "_WANTED", (("sine", 50.0), ("sine", 100.0)))
         yield out, scores.payoff_table({LAG: guesses()}, out)
 
@@ -80,12 +80,12 @@ def test_the_error_falls_with_the_belief(small):
     table = small[1].set_index(keys).sort_index()
     assert (table["status"] == "ok").all()
     assert len(table) == 16
-    for controller, fall in (("extended-inverse", 10.0), (scores.ORACLE, 100.0)):
+    for controller, fall in (("extended-inverse", 10.0), (scores.PREVIEW_INVERSION, 100.0)):
         rows = table.loc[controller]
         assert rows.loc[("true", "sine", 50.0), "fall"] > fall
         assert (rows.loc["bare", "fall"] == 1.0).all()
         assert rows.loc["true", "rmse_um"].tolist() == rows.loc["discovered", "rmse_um"].tolist()
-    assert (table.loc[(scores.ORACLE, "true"), "optimality_gap"] == 1.0).all()
+    assert (table.loc[(scores.PREVIEW_INVERSION, "true"), "optimality_gap"] == 1.0).all()
 
 
 def test_finished_rows_are_kept_and_those_of_another_belief_set_aside(small, monkeypatch):
@@ -100,17 +100,17 @@ def test_finished_rows_are_kept_and_those_of_another_belief_set_aside(small, mon
     scores.payoff_table({LAG: changed}, out)
     assert {(task.controller, task.name) for task in calls} == {
         ("extended-inverse", "fitted"),
-        (scores.ORACLE, "fitted"),
+        (scores.PREVIEW_INVERSION, "fitted"),
     }
 
 
 def test_tables_page_and_picture_say_what_diverged(small):
     table = small[1].copy()
-    table.loc[(table["controller"] == scores.ORACLE) & (table["belief"] == "bare"), "status"] = (
-        "diverged: the error is larger than that of standing still"
-    )
+    table.loc[
+        (table["controller"] == scores.PREVIEW_INVERSION) & (table["belief"] == "bare"), "status"
+    ] = "diverged: the error is larger than that of standing still"
     summary = payoff_summary(table)
-    oracle = summary[summary["controller"] == scores.ORACLE].iloc[0]
+    oracle = summary[summary["controller"] == scores.PREVIEW_INVERSION].iloc[0]
     assert oracle["diverged"] == "bare"
     assert np.isnan(oracle["bare"])
     assert summary_view(summary).loc[1, "bare"] == "diverged"
@@ -118,7 +118,7 @@ def test_tables_page_and_picture_say_what_diverged(small):
     mean = np.exp(np.log(part["rmse_percent"]).mean())
     assert summary.loc[0, "true"] == pytest.approx(mean)
     for text in (payoff_text(table), payoff_part(table)):
-        assert "| P10 with creep and sensor_lag | preview-oracle | diverged |" in text
+        assert "| P10 with creep and sensor_lag | preview-inversion | diverged |" in text
     assert payoff_picture(summary).startswith(b"\x89PNG")
     section = payoff_section(summary, summary_view(summary), "Method.")
     assert "bare: diverged" in section.figure.to_json()

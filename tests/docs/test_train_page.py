@@ -277,7 +277,7 @@ def test_evaluations_are_as_many_as_the_prose_says():
     from stable_baselines3 import PPO
 
     from baselines.learned import evaluation
-    from baselines.learned.training import Run
+    from baselines.learned.run import Run
 
     assert f"evaluated on {evaluation.LANES} plants" in TRAIN
     run = Run.open(TrainingOptions(Path("unused"), timesteps=STEPS), "ppo", PPO)

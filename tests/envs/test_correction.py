@@ -1,16 +1,21 @@
 """Actions that correct a baseline: its command plus theirs, from its belief and not from the truth."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
-import rdpi_gym  # noqa: F401  # registers the environments
+import rdpi_gym
 from baselines import make_controller
 from rdpi_gym.envs import PiezoTrackingEnv
 from rdpi_gym.support.errors import InputError
 
 ZERO = np.zeros(1, dtype=np.float32)
-BASELINES = ["none", "classical-low-passed", "pi-inversion-free-low-passed", "preview-oracle"]
+BASELINES = ["none", "classical-low-passed", "pi-inversion-free-low-passed", "preview-inversion"]
 
 
 def commands(env, actions, seed=0, **options):
@@ -34,8 +39,8 @@ def test_no_correction_is_the_baseline_itself(name):
         action, state = controller.predict(observation, state, np.array([k == 0]))
         observation, *_, info = env.step(action)
         expected.append(info["command_V"])
-    # The oracle plans over a longer reference there: its iterations end elsewhere.
-    np.testing.assert_allclose(found, expected, atol=1e-3 if name == "preview-oracle" else 1e-6)
+    # What is planned ahead is planned over a longer reference there: its iterations end elsewhere.
+    np.testing.assert_allclose(found, expected, atol=1e-3 if name == "preview-inversion" else 1e-6)
 
 
 def test_a_correction_is_added_in_units_of_its_scale():
@@ -119,3 +124,19 @@ def test_evaluate_policy_runs_a_baseline_unchanged(mode):
         for name in ("none", "classical-low-passed")
     }
     assert rewards["none"] < rewards["classical-low-passed"] < 0.0
+
+
+ASK = """
+import sys, gymnasium, rdpi_gym
+assert "baselines" not in sys.modules
+env = gymnasium.make("rdpi_gym/PiezoTracking-v0", action="correction", baseline="pi")
+env.reset(seed=0)
+assert "baselines" in sys.modules
+"""
+
+
+def test_a_name_is_found_without_an_import_of_the_controllers_and_without_installation(tmp_path):
+    root = str(Path(rdpi_gym.__file__).parents[1])
+    subprocess.run(
+        [sys.executable, "-c", ASK], cwd=tmp_path, check=True, env=os.environ | {"PYTHONPATH": root}
+    )

@@ -112,7 +112,7 @@ def test_options(keywords):
 
 def test_a_baseline_that_plans_ahead():
     found = largest_difference(
-        lanes=2, steps=25, episode=10, plant="P5", action="correction", baseline="preview-oracle",
+        lanes=2, steps=25, episode=10, plant="P5", action="correction", baseline="preview-inversion",
         frequency_hz=100.0,
     )  # fmt: skip
     assert found < 25.0 * ROUNDING

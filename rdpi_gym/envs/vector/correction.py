@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.envs.correction import Correction, make_baseline
+from rdpi_gym.envs.controller import make_named_controller
+from rdpi_gym.envs.correction import Correction
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.vector.lanes import Flags, Floats32, Integers
 from rdpi_gym.plant import PlantModel
@@ -39,7 +40,7 @@ class VectorCorrection:
         self, name: str, belief: PlantModel, layout: ObservationLayout, lanes: int
     ) -> None:
         self._layout = replace(layout, action="command")
-        self._controller = make_baseline(name, belief, self._layout)
+        self._controller = make_named_controller(name, belief, self._layout)
         self.plans = hasattr(self._controller, "plan")
         self._each = [Correction(name, belief, layout) for _ in range(lanes)] if self.plans else []
         self._state: Any = None

@@ -1,4 +1,4 @@
-"""The preview oracle: theory.md's yardsticks, and that no causal baseline beats it."""
+"""Commands planned over the whole reference: yardsticks, and that the oracle is a bound."""
 
 from __future__ import annotations
 
@@ -7,8 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baselines import CONTROLLERS, FEEDFORWARDS, make_controller
+from baselines import (
+    CONTROLLERS,
+    FEEDFORWARDS,
+    ORACLE,
+    PreviewOracle,
+    known_controller,
+    make_controller,
+)
 from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs.truth import randomise_plant
 from rdpi_gym.plant import P5, P10, Plant
 from rdpi_gym.signals import make_signal
 from rdpi_gym.support.errors import InputError
@@ -28,12 +36,14 @@ def rms(model, ts_s, u, r):
 @pytest.mark.parametrize(("frequency_hz", "percent"), [(50, 0.01), (100, 0.03), (200, 0.09)])
 @pytest.mark.parametrize("model", [P5, P10], ids=["P5", "P10"])
 def test_periodic_yardsticks(model, frequency_hz, percent):
-    """theory.md, section 3, on the literal plants: last of six periods."""
+    """On the literal plants, the last of six periods."""
     ts_s = 2e-5
     period = round(1 / frequency_hz / ts_s)
     amplitude = model.reference_um[1]
     r = amplitude * np.sin(2 * np.pi * np.arange(6 * period) / period)[:, None]
-    u = make_controller("preview-oracle", model, ObservationLayout.for_plant(model, ts_s)).plan(r)
+    u = make_controller("preview-inversion", model, ObservationLayout.for_plant(model, ts_s)).plan(
+        r
+    )
     plant = Plant(model, ts_s)
     error = (r - plant.simulate(u))[-period:]
     assert 100 * np.sqrt(np.mean(error**2)) / amplitude < percent
@@ -46,8 +56,8 @@ def test_where_the_sampled_plant_has_minimum_phase_it_nears_no_error(model):
     plant, ts_s = band_limited(model), 5e-5
     r = make_signal("sine", amplitude_um=10.0, frequency_hz=100.0, smooth_start_s=0.01)
     reference = r(ts_s * np.arange(800))[:, None]
-    oracle = make_controller("preview-oracle", plant, ObservationLayout.for_plant(plant, ts_s))
-    assert rms(plant, ts_s, oracle.plan(reference), reference)[0] < 2e-5 * 10.0
+    planned = make_controller("preview-inversion", plant, ObservationLayout.for_plant(plant, ts_s))
+    assert rms(plant, ts_s, planned.plan(reference), reference)[0] < 2e-5 * 10.0
 
 
 def benchmark_references(amplitude_um, ts_s, samples):
@@ -65,28 +75,52 @@ def benchmark_references(amplitude_um, ts_s, samples):
     return np.stack([signal(ts_s * np.arange(samples)) for signal in signals], axis=1)
 
 
+def tracked(controller, truths, layout, r):
+    """Return the RMS error (µm) of every lane."""
+    if hasattr(controller, "plan"):
+        controller.plan(r)
+    task = TrackingTask(truths, layout)
+    observation, state, errors = task.reset(r), None, []
+    for _ in range(len(r) - 1):
+        action, state = controller.predict(observation, state)
+        observation = task.step(layout.place_to_V(np.float64(action[:, 0])))
+        errors.append(task.error_um.copy())
+    return np.sqrt(np.mean(np.array(errors) ** 2, axis=0))
+
+
 @pytest.mark.parametrize("ts_s", [5e-5, 1e-3])
 @pytest.mark.parametrize("model", [P5, P10], ids=["P5", "P10"])
-def test_no_baseline_beats_it(model, ts_s):
+@pytest.mark.parametrize("spread", [0.0, 0.05])
+def test_the_oracle_is_a_bound_whatever_the_true_plant(model, ts_s, spread):
     plant = band_limited(model)
     layout = ObservationLayout.for_plant(plant, ts_s)
     r = benchmark_references(model.reference_um[1], ts_s, min(1600, round(0.4 / ts_s)))
-    scores = {}
-    for name in CONTROLLERS:
-        controller = make_controller(name, plant, layout)
-        if name == "preview-oracle":
-            controller.plan(r)
-        task = TrackingTask([plant] * r.shape[1], layout)
-        observation, state, errors = task.reset(r), None, []
-        for _ in range(len(r) - 1):
-            action, state = controller.predict(observation, state)
-            observation = task.step(layout.place_to_V(np.float64(action[:, 0])))
-            errors.append(task.error_um.copy())
-        scores[name] = np.sqrt(np.mean(np.array(errors) ** 2, axis=0))
-    oracle = scores.pop("preview-oracle")
+    truths = [randomise_plant(plant, spread, np.random.default_rng(s)) for s in range(r.shape[1])]
+    scores = {
+        name: tracked(make_controller(name, plant, layout), truths, layout, r)
+        for name in CONTROLLERS
+    }
+    oracle = tracked(PreviewOracle(truths, layout), truths, layout, r)
+    own = scores.pop("preview-inversion")
+    if spread == 0.0:  # the belief is the truth: they are the same
+        np.testing.assert_array_equal(own, oracle)
     best = np.min(list(scores.values()), axis=0)
     assert np.all(oracle < best)
     assert np.median(best / oracle) > 10.0
+    if spread:
+        assert np.all(oracle < own)
+        assert np.median(own / oracle) > 100.0
+        assert np.mean(own > best) > 0.3  # what inverts the belief is no bound
+
+
+def test_the_oracle_is_made_by_no_name_and_asks_for_a_plant_a_lane():
+    layout = ObservationLayout.for_plant(P5, 1e-3)
+    for call in (make_controller, lambda name, *_: known_controller(name)):
+        with pytest.raises(InputError) as caught:
+            call(ORACLE, P5, layout)
+        assert "preview-inversion" in str(caught.value)
+    with pytest.raises(InputError, match="2 true plants for 3 lanes"):
+        PreviewOracle([P5, P5], layout).plan(np.zeros((10, 3)))
 
 
 @pytest.mark.parametrize("ts_s", [2e-5, 2e-4, 5e-3])
@@ -97,7 +131,7 @@ def test_never_worse_than_a_stable_feedforward_on_its_belief(ts_s):
         for belief in (model, narrow):
             layout = ObservationLayout.for_plant(belief, ts_s)
             r = benchmark_references(model.reference_um[1], ts_s, 400)
-            u = make_controller("preview-oracle", belief, layout).plan(r)
+            u = make_controller("preview-inversion", belief, layout).plan(r)
             assert np.all(np.isfinite(u))
             assert u.min() >= belief.command_range_V[0]
             assert u.max() <= belief.command_range_V[1]
@@ -119,39 +153,39 @@ def test_it_inverts_effects_and_offset_of_its_belief_and_rests_at_the_range_s_ed
     t = 1e-4 * np.arange(1500)
     ramp = np.minimum(t / 0.05, 1.0)[:, None]
     r = rest + ramp * (45.0 - rest + 20.0 * np.sin(2 * np.pi * 40 * t)[:, None])
-    u = make_controller("preview-oracle", belief, layout).plan(r)
+    u = make_controller("preview-inversion", belief, layout).plan(r)
     assert u[0] == 10.0
     assert rms(belief, 1e-4, u, r)[0] < 1e-3
 
 
 def test_it_plays_the_plan_lane_by_lane_and_holds_its_end():
     layout = ObservationLayout.for_plant(P5, 1e-3)
-    oracle = make_controller("preview-oracle", P5, layout)
+    planned = make_controller("preview-inversion", P5, layout)
     r = 5.0 * np.sin(np.arange(20)[:, None] * np.array([0.2, 0.4]))
-    u = oracle.plan(r)
+    u = planned.plan(r)
     observation = np.zeros((2, layout.size), dtype=np.float32)
     state, played = None, []
     for _ in range(25):
-        action, state = oracle.predict(observation, state)
+        action, state = planned.predict(observation, state)
         played.append(layout.place_to_V(np.float64(action[:, 0])))
     expected = np.concatenate([u[1:], np.repeat(u[-1:], 6, axis=0)])
     np.testing.assert_allclose(played, expected, atol=1e-5)
-    oracle.plan(r[:, :1])
+    planned.plan(r[:, :1])
     np.testing.assert_allclose(
-        layout.place_to_V(np.float64(oracle.predict(observation)[0][:, 0])), u[1, 0], atol=1e-5
+        layout.place_to_V(np.float64(planned.predict(observation)[0][:, 0])), u[1, 0], atol=1e-5
     )
 
 
 def test_without_a_plan_it_says_so_in_one_line():
     layout = ObservationLayout.for_plant(P5, 1e-3)
-    oracle = make_controller("preview-oracle", P5, layout)
+    planned = make_controller("preview-inversion", P5, layout)
     with pytest.raises(InputError, match=r"call plan\(reference_um\)"):
-        oracle.predict(np.zeros(layout.size, dtype=np.float32))
-    oracle.plan(np.zeros((10, 3)))
+        planned.predict(np.zeros(layout.size, dtype=np.float32))
+    planned.plan(np.zeros((10, 3)))
     with pytest.raises(InputError, match="3 lanes for 2 episodes"):
-        oracle.predict(np.zeros((2, layout.size), dtype=np.float32))
+        planned.predict(np.zeros((2, layout.size), dtype=np.float32))
     holed = np.zeros((10, 1))
     holed[0] = np.nan
     for bad in (np.zeros(10), np.zeros((1, 3)), np.zeros((0, 2)), holed):
         with pytest.raises(InputError):
-            oracle.plan(bad)
+            planned.plan(bad)

@@ -1,0 +1,105 @@
+"""From a typed name to a controller: this package's, an installed one, a trained one, a user's own."""
+
+from __future__ import annotations
+
+import difflib
+
+from baselines.preview import ORACLE
+from baselines.registry import CONTROLLERS
+from rdpi_gym.envs.controller import GROUP, Controller
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.plugins import installed, installed_names, load_attribute
+
+LEARNED = "learned:"
+"""What the name of a trained policy begins with; its folder, or its name if it is shipped, follows."""
+
+
+def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
+    """Make a controller by a name that a user typed.
+
+    Names that stand in a file go through :func:`baselines.known_controller` instead.
+
+    Parameters
+    ----------
+    name
+        A name of :data:`~baselines.CONTROLLERS`; one that an installed package states in the
+        entry-point group ``rdpi_gym.controllers``; ``learned:`` and the folder of a trained policy
+        or the name of a shipped one; or ``module:attribute``. The last two kinds of code are
+        callables that take a belief and a layout and return a controller.
+    belief
+        What the controller knows of the plant.
+    layout
+        What an observation shows, and how an action is read.
+
+    Raises
+    ------
+    InputError
+        The name is unknown, what it names makes no controller, the layout reads actions as
+        corrections, or a policy cannot be read.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> plant = named_plant("P10")
+    >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-3)
+    >>> type(make_controller("pi-classical-static", plant, layout)).__name__
+    'PI'
+    >>> make_controller("clasical-static", plant, layout)
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: no controller is named 'clasical-static'; did you mean 'classical-static'? Known are ...
+    """
+    if name in CONTROLLERS:
+        return CONTROLLERS[name](belief, layout)
+    if name.startswith(LEARNED):
+        return _learned(name.removeprefix(LEARNED), belief, layout)
+    factory = find_factory(name)
+    made = factory(belief, layout) if callable(factory) else factory
+    if not isinstance(made, Controller):
+        raise InputError(
+            f"{name!r} makes a {type(made).__name__} without predict; it should be a callable (belief, layout) that returns a controller"
+        )
+    return made
+
+
+def find_factory(name: str) -> object:
+    """Return what an installed package or a user's module has under a name; it is not called.
+
+    Raises
+    ------
+    InputError
+        There is nothing of that name, or it cannot be imported.
+
+    Examples
+    --------
+    >>> find_factory("math:pi")
+    3.141592653589793
+    """
+    if ":" in name:
+        return load_attribute(name, "controller")
+    found = installed(GROUP, name, "controller")
+    if name == ORACLE:
+        raise InputError(
+            f"{ORACLE} holds the true plant, so only rdpi bench makes it; preview-inversion inverts what is believed of the plant"
+        )
+    if found is None:
+        known = [*CONTROLLERS, *installed_names(GROUP)]
+        close = difflib.get_close_matches(name, known, 1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
+        raise InputError(
+            f"no controller is named {name!r}; {hint}Known are {', '.join(known)}, learned:FOLDER, and module:attribute"
+        )
+    return found
+
+
+def _learned(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
+    try:
+        from baselines.learned.controller import LearnedController  # torch, only where needed
+        from baselines.learned.policy import find_policy
+    except ImportError as error:
+        raise InputError(
+            f"a learned controller needs torch ({error}); install rdpi-gym[rl]"
+        ) from error
+    return LearnedController(find_policy(name), belief, layout)

@@ -1,0 +1,245 @@
+"""Commands planned over the whole reference: ``preview-inversion``, and the oracle that is a bound."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baselines.base import Baseline
+from baselines.classical import (
+    ClassicalLiteral,
+    ClassicalLowPassed,
+    ClassicalReferenceRate,
+    ClassicalStatic,
+)
+from baselines.extended import ExtendedInverse
+from baselines.feedforward import Feedforward, checked_reference
+from baselines.inversion_free import (
+    InversionFreeLiteral,
+    InversionFreeLowPassed,
+    InversionFreeReferenceRate,
+)
+from baselines.limits import Limits
+from baselines.preview_inversion import invert_ahead
+from baselines.static_gain import StaticGain
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.plant import Plant, PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+ORACLE = "preview-oracle"
+"""What tables call :class:`PreviewOracle`."""
+
+# Share of the scale below which an error is that of actions, which are float32.
+_ENOUGH = 1e-7
+# Fixed, so that a plan does not depend on which other controllers there are.
+_STARTS: tuple[type[Feedforward], ...] = (
+    StaticGain,
+    InversionFreeLiteral,
+    InversionFreeReferenceRate,
+    InversionFreeLowPassed,
+    ClassicalLiteral,
+    ClassicalReferenceRate,
+    ClassicalLowPassed,
+    ClassicalStatic,
+    ExtendedInverse,
+)
+
+
+class Planned(Baseline):
+    """Plays back commands that were found for the whole reference before the episode.
+
+    Parameters
+    ----------
+    belief, layout
+        As :class:`baselines.base.Baseline`.
+    """
+
+    def __init__(self, belief: PlantModel, layout: ObservationLayout) -> None:
+        super().__init__(belief, layout)
+        self._plan: Array | None = None
+
+    @abstractmethod
+    def _commands(self, reference_um: Array) -> Array:
+        """Return u(k) (V), float64[K, B], for references (µm) of that shape."""
+
+    def plan(self, reference_um: ArrayLike) -> Array:
+        """Find the commands of the episodes to come.
+
+        Parameters
+        ----------
+        reference_um
+            r(0) ... r(K-1) (µm), ``(K, B)``: one lane for each episode side by side. Lane b is
+            played whenever episode b begins anew, until the next plan. One lane serves all.
+
+        Returns
+        -------
+        float64[K, B]
+            u(k) (V); u(0) is the command at rest. The last one is held beyond the end.
+
+        Raises
+        ------
+        InputError
+            The reference has another shape, less than two samples, or is not finite.
+        """
+        reference = checked_reference(reference_um)
+        if len(reference) < 2:
+            raise InputError("a reference of one sample to plan over; give two samples or more")
+        self._plan = self._commands(reference)
+        return self._plan.copy()
+
+    def start(self, reference_um: Array) -> Array:
+        """Return the memory at rest: the number of samples played, float64[1, B]."""
+        return np.zeros((1, len(reference_um)))
+
+    def next_command(
+        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
+    ) -> Array:
+        """Play u(k+1); see :meth:`baselines.base.Baseline.next_command`.
+
+        Raises
+        ------
+        InputError
+            There is no plan, or one for another number of episodes.
+        """
+        if self._plan is None:
+            raise InputError(
+                "there is no plan; call plan(reference_um) with the whole reference, (samples, lanes), before an episode"
+            )
+        samples, planned = self._plan.shape
+        lanes = state.shape[1]
+        if planned not in (1, lanes):
+            raise InputError(
+                f"the plan has {planned} lanes for {lanes} episodes; plan one lane for each, or one for all"
+            )
+        state += 1.0
+        now = np.minimum(state[0].astype(np.int64), samples - 1)
+        command: Array = self._plan[now, np.arange(lanes) if planned > 1 else 0]
+        return command
+
+
+class PreviewInversion(Planned):
+    """Inverts its belief iteratively over the whole reference.
+
+    See :mod:`baselines.preview_inversion`: once from the static inverse and once from the best
+    feedforward that is within its stability limit, and the better is kept for each lane: so on its
+    belief it is never worse than one of those. It may look ahead, as the plant's right-half-plane
+    zero asks; a causal compensator cannot. What it learns is low-passed at 4 kHz, so it does not
+    dither. Where the plant is another than its belief, it has no feedback to make up for that.
+
+    Parameters
+    ----------
+    belief, layout
+        As :class:`baselines.base.Baseline`.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> plant = named_plant("P5")
+    >>> controller = PreviewInversion(plant, ObservationLayout.for_plant(plant, ts_s=5e-5))
+    >>> r = 10.0 * np.sin(2 * np.pi * 50.0 * 5e-5 * np.arange(800))[:, None]
+    >>> u = controller.plan(r)
+    >>> bool(np.abs(Plant(plant, 5e-5).simulate(u) - r).max() < 0.02)
+    True
+
+    Notes
+    -----
+    Where the belief's rate is band-limited below A / (2π S δ2), or Ts is above 2 S δ2 / A, the
+    all-sliding plant has a causal inverse too, and only the number of iterations and the
+    smoothness stand between the plan and no error at all.
+    """
+
+    name = "preview-inversion"
+
+    def _commands(self, reference_um: Array) -> Array:
+        return _inverted(self.belief, self.layout, self.limits, reference_um)
+
+
+class PreviewOracle(Planned):
+    """The bound: inverts the true plant of every lane over the whole reference.
+
+    What is left of the error is what the sampling time, the command's range and the numerical
+    inversion leave; no noise enters, since nothing is measured. It holds what no controller may
+    hold, so it is no controller: it has no name, :func:`~baselines.make_controller` does not make
+    it, and only a benchmark that gives it the plants can.
+
+    Parameters
+    ----------
+    truths
+        The plant of each lane, or one for all.
+    layout
+        As :class:`baselines.base.Baseline`.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P5
+    >>> truths = [P5, P5.with_hysteresis(P5.hysteresis.static())]
+    >>> oracle = PreviewOracle(truths, ObservationLayout.for_plant(P5, ts_s=5e-5))
+    >>> r = 10.0 * np.sin(2 * np.pi * 50.0 * 5e-5 * np.arange(800))[:, None]
+    >>> u = oracle.plan(np.hstack([r, r]))
+    >>> bool(np.abs(Plant(truths, 5e-5, lanes=2).simulate(u) - r).max() < 0.02)
+    True
+    """
+
+    def __init__(self, truths: Sequence[PlantModel], layout: ObservationLayout) -> None:
+        super().__init__(truths[0], layout)
+        self._truths = tuple(truths)
+
+    def _commands(self, reference_um: Array) -> Array:
+        lanes = reference_um.shape[1]
+        if len(self._truths) not in (1, lanes):
+            raise InputError(
+                f"{len(self._truths)} true plants for {lanes} lanes; give one for each, or one for all"
+            )
+        truths = self._truths * (lanes // len(self._truths))
+        command = np.empty_like(reference_um)
+        for truth in dict.fromkeys(truths):
+            own = np.array([other == truth for other in truths])
+            found = _inverted(
+                truth, self.layout, self.limits, np.ascontiguousarray(reference_um[:, own])
+            )
+            command[:, own] = found
+        return command
+
+
+def _inverted(
+    model: PlantModel, layout: ObservationLayout, limits: Limits, reference_um: Array
+) -> Array:
+    return invert_ahead(
+        model,
+        layout.ts_s,
+        limits,
+        reference_um,
+        _starting_commands(model, layout, limits, reference_um),
+        _ENOUGH * layout.scale_um,
+    )
+
+
+def _starting_commands(
+    model: PlantModel, layout: ObservationLayout, limits: Limits, reference_um: Array
+) -> list[Array]:
+    lanes = reference_um.shape[1]
+    plant = Plant(model, layout.ts_s, lanes)
+    static = best = np.empty_like(reference_um)
+    smallest = np.full(lanes, np.inf)
+    for feedforward in _STARTS:
+        compensator = feedforward(model, layout)
+        if not compensator.is_stable:
+            continue
+        if compensator.needed_preview > layout.preview:  # the whole reference is known
+            seeing = replace(layout, preview=compensator.needed_preview)
+            compensator = feedforward(model, seeing)
+        u = np.full_like(reference_um, limits.rest_V)
+        u[1:] = compensator.command_block(reference_um[1:], compensator.start(reference_um[0]))
+        plant.reset(u0_V=limits.rest_V)
+        rms = np.sqrt(np.mean((reference_um - plant.simulate(u))[1:] ** 2, axis=0))
+        best = np.where(rms < smallest, u, best)
+        smallest = np.minimum(rms, smallest)
+        if isinstance(compensator, ClassicalStatic):
+            static = u
+    return [static, best]
