@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from inspect import isfunction, signature
 from pathlib import Path
 
 from baselines import CONTROLLERS, ORACLE, inverts_effects
@@ -149,10 +150,11 @@ def _plant(name: str) -> PlantModel:
         return PlantModel.load(name)
     if ":" not in name:
         _known(name, "plant", PLANTS, "the path of a plant's JSON file, or module:attribute")
-    given = load_attribute(name, "plant")
-    built = given() if callable(given) else given
+    built = load_attribute(name, "plant")
+    if isfunction(built) and not signature(built).parameters:
+        built = built()
     if not isinstance(built, PlantModel):
         raise InputError(
-            f"{name!r} is {type(built).__name__}; give a rdpi_gym.plant.PlantModel, or a function that returns one"
+            f"{name!r} is {type(built).__name__}; give a rdpi_gym.plant.PlantModel, or a function without arguments that returns one"
         )
     return built

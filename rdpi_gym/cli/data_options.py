@@ -7,13 +7,35 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
+from rdpi_gym.support.errors import InputError
+
 if TYPE_CHECKING:
     from rdpi_gym.measurement import DataOptions
+
+
+def data_path(text: str) -> Path:
+    """Return the path that the word DATA is; an empty one is not the current folder.
+
+    Raises
+    ------
+    InputError
+        The word is empty, as a variable of the shell is that was never set.
+
+    Examples
+    --------
+    >>> data_path("run.csv").suffix
+    '.csv'
+    """
+    if not text:
+        raise InputError("DATA is empty; give a data file or a folder of data files")
+    return Path(text)
+
 
 DataArgument: TypeAlias = Annotated[
     Path,
     typer.Argument(
         metavar="DATA",
+        parser=data_path,
         help="A data file (.csv, .txt, .dat, .tsv, .mat, .npz), or a folder of them.",
         show_default=False,
     ),

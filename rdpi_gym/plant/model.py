@@ -12,7 +12,7 @@ from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, effect_from_dict, in_chain_order
 from rdpi_gym.plant.instruments import Converter, Sensor
 from rdpi_gym.support.checks import is_finite, shown
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.files import read_json, write_json
 
 FORMAT, VERSION = "rdpi-plant", 1
@@ -86,8 +86,11 @@ class PlantModel:
                 f"offset_um is {shown(self.offset_um)}; give a finite displacement (µm)"
             )
         for name in ("name", "note"):
-            if not isinstance(getattr(self, name), str):
-                raise InputError(f"{name} is {shown(getattr(self, name))}; give text")
+            text = getattr(self, name)
+            if not isinstance(text, str) or printable(text) != text:
+                raise InputError(f"{name} is {shown(text)}; give one line of text")
+        if not isinstance(self.identification, Mapping):
+            raise InputError(f"identification is {shown(self.identification)}; give a mapping")
         if not isinstance(self.effects, list | tuple) or not all(
             isinstance(effect, Effect) for effect in self.effects
         ):
@@ -136,6 +139,8 @@ class PlantModel:
         InputError
             A key is missing or unknown, or a value is not what the plant needs.
         """
+        if not isinstance(document, Mapping):
+            raise InputError(f"{source} is {shown(document)}; expected a JSON object")
         body = {k: v for k, v in document.items() if k not in ("format", "version")}
         built = _build(cls, body, source)
         assert isinstance(built, cls)

@@ -17,6 +17,10 @@ from rdpi_gym.signals.base import ROUNDING, Signal
 from rdpi_gym.signals.checks import set_numbers
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_utf8
+from rdpi_gym.support.words import some
+
+_LARGEST = 2**28  # bytes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,10 +146,7 @@ class Measured(Signal):
 
 def _read_columns(path: Path, time: str, column: str) -> tuple[Array, Array]:
     """Return the two columns, the first increasing; errors name line and column of the file."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read as UTF-8 text ({error})") from None
+    text = read_utf8(path, _LARGEST)
     lines = [
         (number, line.split(","))
         for number, line in enumerate(text.splitlines(), start=1)
@@ -157,7 +158,7 @@ def _read_columns(path: Path, time: str, column: str) -> tuple[Array, Array]:
             close = difflib.get_close_matches(name, header, 1)
             hint = f"; did you mean {close[0]!r}?" if close else ""
             raise InputError(
-                f"{path} has no column {name!r}{hint}; its header has {', '.join(header) or '-'}"
+                f"{path} has no column {name!r}{hint}; its header has {some(header) or '-'}"
             )
     if len(lines) < 3:
         raise InputError(f"{path} holds fewer than two samples; give a record with more")

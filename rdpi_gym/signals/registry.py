@@ -29,6 +29,7 @@ _CLASSES: tuple[type[Signal], ...] = (
 
 SIGNALS: Mapping[str, type[Signal]] = MappingProxyType({cls.name: cls for cls in _CLASSES})
 """Every signal by its name."""
+_DEEPEST = 20
 
 
 def make_signal(name: str, **fields: Any) -> Signal:
@@ -56,30 +57,7 @@ def make_signal(name: str, **fields: Any) -> Signal:
     ...
     rdpi_gym.support.errors.InputError: unknown signal 'sin'; did you mean 'sine'? The signals are ...
     """
-    if not isinstance(name, str):
-        raise InputError(f"a signal's name is text, for example 'sine'; {shown(name)} is none")
-    if name not in SIGNALS:
-        raise InputError(
-            f"unknown signal {name!r}{_closest(name, SIGNALS)} The signals are {', '.join(SIGNALS)}"
-        )
-    cls = SIGNALS[name]
-    declared = {field.name: field for field in dataclasses.fields(cls)}
-    for given in fields:
-        if given not in declared:
-            raise InputError(
-                f"{name}: unknown field {given!r}{_closest(given, declared)} "
-                f"Its fields are {', '.join(declared)}"
-            )
-    for field in declared.values():
-        if field.default is dataclasses.MISSING and field.name not in fields:
-            raise InputError(f"{name}: the field {field.name} is missing; it has no default")
-    if issubclass(cls, Combination) and isinstance(fields["parts"], list | tuple):
-        parts = [
-            signal_from_dict(part) if isinstance(part, Mapping) else part
-            for part in fields["parts"]
-        ]
-        fields = fields | {"parts": parts}
-    return cls(**fields)
+    return _make(name, fields, 0)
 
 
 def signal_from_dict(document: Mapping[str, Any]) -> Signal:
@@ -88,7 +66,8 @@ def signal_from_dict(document: Mapping[str, Any]) -> Signal:
     Raises
     ------
     InputError
-        The document is no object with the key ``signal``, or `make_signal` refuses it.
+        The document is no object with the key ``signal``, its parts have parts more than 20 times
+        over, or `make_signal` refuses it.
 
     Examples
     --------
@@ -96,13 +75,46 @@ def signal_from_dict(document: Mapping[str, Any]) -> Signal:
     >>> signal_from_dict(signal.to_dict()) == signal
     True
     """
+    return _from_dict(document, 0)
+
+
+def _from_dict(document: Mapping[str, Any], depth: int) -> Signal:
     if not isinstance(document, Mapping) or not isinstance(document.get("signal"), str):
         raise InputError(
             'a signal is a JSON object with its name under "signal", for example '
             '{"signal": "sine", "frequency_hz": 10.0}'
         )
     fields = dict(document)
-    return make_signal(fields.pop("signal"), **fields)
+    return _make(fields.pop("signal"), fields, depth)
+
+
+def _make(name: str, fields: Mapping[str, Any], depth: int) -> Signal:
+    if not isinstance(name, str):
+        raise InputError(f"a signal's name is text, for example 'sine'; {shown(name)} is none")
+    if name not in SIGNALS:
+        raise InputError(
+            f"unknown signal {shown(name)}{_closest(name, SIGNALS)} The signals are {', '.join(SIGNALS)}"
+        )
+    cls = SIGNALS[name]
+    declared = {field.name: field for field in dataclasses.fields(cls)}
+    for given in fields:
+        if given not in declared:
+            raise InputError(
+                f"{name}: unknown field {shown(given)}{_closest(given, declared)} "
+                f"Its fields are {', '.join(declared)}"
+            )
+    for field in declared.values():
+        if field.default is dataclasses.MISSING and field.name not in fields:
+            raise InputError(f"{name}: the field {field.name} is missing; it has no default")
+    if issubclass(cls, Combination) and isinstance(fields["parts"], list | tuple):
+        if depth > _DEEPEST:
+            raise InputError(f"{name}: its parts have parts more than {_DEEPEST} times over")
+        parts = [
+            _from_dict(part, depth + 1) if isinstance(part, Mapping) else part
+            for part in fields["parts"]
+        ]
+        fields = dict(fields) | {"parts": parts}
+    return cls(**fields)
 
 
 def _closest(name: str, known: Iterable[str]) -> str:

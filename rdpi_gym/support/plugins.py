@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 
 def load_attribute(name: str, wanted: str) -> Any:
@@ -33,15 +34,15 @@ def load_attribute(name: str, wanted: str) -> Any:
     """
     module_name, colon, attribute = name.partition(":")
     if not (colon and module_name and attribute):
-        raise InputError(f"{name!r} names no {wanted}; write module:attribute")
+        raise InputError(f"{quoted(name)} names no {wanted}; write module:attribute")
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
     try:
         module = import_module(module_name)
-    except ImportError as error:
+    except (ImportError, TypeError, ValueError) as error:  # also of ".", ".." and the like
         raise InputError(
-            f"module {module_name!r} of {name!r} cannot be imported ({error})"
+            f"module {quoted(module_name)} of {quoted(name)} cannot be imported ({error})"
         ) from error
     try:
         return getattr(module, attribute)

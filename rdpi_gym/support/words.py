@@ -60,7 +60,10 @@ def quoted(value: object) -> str:
     >>> quoted(list(range(1000))), len(quoted("x" * 10_000))
     ('[0, 1, 2, 3, ...]', 60)
     """
-    return _QUOTE.repr(value)
+    try:
+        return _QUOTE.repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        return f"a {type(value).__name__}"
 
 
 def some(names: Iterable[object], count: int = 8) -> str:

@@ -175,3 +175,28 @@ def test_a_rest_at_a_command_allows_only_its_memory():
     plant.reset(u0_V=10.0, memory=np.zeros(5))
     rest = np.array(P5.hysteresis.thresholds_V)
     np.testing.assert_allclose(plant.memory[:, 0], settled_memory(rest, [10.0]))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("name", 3), ("name", "a\nb"), ("note", ["a"]), ("note", "\x1b[2J"), ("weights", 1.0),
+        ("thresholds_V", [True, 2.0]), ("offset_um", float("nan")), ("offset_um", 10**400),
+        ("offset_um", [1.0]), ("reference_um", [0.0]), ("effects", {}), ("effects", [[]]),
+        ("identification", 1), ("sensor", "none"), ("command_range_V", [0.0, 1.0, 2.0]),
+        ("effects", [{"effect": "os:system"}]), ("effects", [{"effect": ["creep"]}]),
+    ],
+)  # fmt: skip
+def test_a_value_of_another_type_is_one_line(key, value) -> None:
+    document = P5.to_dict()
+    inside = document["hysteresis"] if key in document["hysteresis"] else document
+    inside[key] = value
+    with pytest.raises(InputError) as caught:
+        PlantModel.from_dict(document, "plant.json")
+    assert key in str(caught.value)
+    assert len(str(caught.value)) < 400
+
+
+def test_a_list_is_no_plant() -> None:
+    with pytest.raises(InputError, match="expected a JSON object"):
+        PlantModel.from_dict([1.0], "plant.json")

@@ -223,3 +223,19 @@ def test_the_measured_reference_of_the_picma_record():
     t = np.arange(0.0, 30.0, 5e-3)
     assert np.ptp(reference(t)) == pytest.approx(45.0, abs=10.0)
     assert Sequence(parts=[reference], durations_s=[30.0])(35.0) == pytest.approx(reference(5.0))
+
+
+def test_parts_in_parts_without_end_are_refused() -> None:
+    document = {"signal": "sine"}
+    for _ in range(20):
+        document = {"signal": "sum", "parts": [document]}
+    assert signal_from_dict(document).parts
+    for _ in range(5000):
+        document = {"signal": "sum", "parts": [document]}
+    with pytest.raises(InputError, match="parts have parts more than 20 times over"):
+        signal_from_dict(document)
+
+
+def test_a_field_that_is_named_name() -> None:
+    with pytest.raises(InputError, match="unknown field 'name'"):
+        signal_from_dict({"signal": "sine", "name": "sine"})
