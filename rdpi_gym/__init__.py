@@ -5,6 +5,9 @@
     data = rg.load("measurement.csv")      # prints itself: records, samples, rates, roles
     model = rg.fit(data)                   # model.plant is the identified plant
     rg.compare(data, model).plot()         # .page("out.html"), .to_dataframe(), .save("out.npz")
+    found = rg.discover(data)              # which effects are missing; found.plant has them
+    found.add("creep")                     # and on from here: each a new result
+    rg.benchmark(["pi", "extended-inverse"], plants=[found.plant])
 
 The import also registers the environments with Gymnasium. Each name is loaded when it is first used.
 """
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.fitting import FitResult, fit
     from rdpi_gym.face.result import Result
     from rdpi_gym.face.results import load_result
+    from rdpi_gym.face.search import SearchResult, add, diagnose, discover
     from rdpi_gym.face.simulation import Simulation, simulate
     from rdpi_gym.support.errors import InputError
 
@@ -40,6 +44,7 @@ _HOME = {
     "fitting": ("FitResult", "fit"),
     "result": ("Result",),
     "results": ("load_result",),
+    "search": ("SearchResult", "add", "diagnose", "discover"),
     "simulation": ("Simulation", "simulate"),
 }
 _MODULES = {name: f"{__name__}.face.{module}" for module, names in _HOME.items() for name in names}
@@ -53,11 +58,15 @@ __all__ = [
     "FitResult",
     "InputError",
     "Result",
+    "SearchResult",
     "Simulation",
     "__version__",
+    "add",
     "benchmark",
     "compare",
     "controllers",
+    "diagnose",
+    "discover",
     "effects",
     "environments",
     "fit",

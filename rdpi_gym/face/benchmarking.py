@@ -82,7 +82,7 @@ class Evaluation(Shown, evaluation.Evaluation):
     Everything that :class:`benchmarks.tracking.evaluation.Evaluation` is, and it shows itself.
     """
 
-    kind: ClassVar[str] = "benchmark"
+    saved_as: ClassVar[str] = "benchmark"
     figure_inches: ClassVar[tuple[float, float]] = (10.5, 4.9)
 
     computed: int = field(kw_only=True, default=0)

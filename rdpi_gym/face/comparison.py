@@ -36,7 +36,7 @@ class Comparison(Shown, diagnosis.Comparison):
     True
     """
 
-    kind: ClassVar[str] = "comparison"
+    saved_as: ClassVar[str] = "comparison"
 
     @classmethod
     def of(cls, found: diagnosis.Comparison) -> Self:

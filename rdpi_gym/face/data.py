@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from fnmatch import fnmatchcase
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -14,7 +15,9 @@ from rdpi_gym import measurement
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.measurement import DataOptions
 from rdpi_gym.support.checked import check_type
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
+from rdpi_gym.support.words import quoted, some
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +40,7 @@ class Dataset(Shown, measurement.Dataset):
     simulated records of P5: 16 records, 22,742 samples; 10 to fit, 5 to validate on, 1 at rest
     """
 
-    kind: ClassVar[str] = "dataset"
+    saved_as: ClassVar[str] = "dataset"
 
     @classmethod
     def of(cls, data: measurement.Dataset) -> Self:
@@ -123,6 +126,34 @@ class Dataset(Shown, measurement.Dataset):
         from rdpi_gym.report.measurement.page import write_data_page
 
         return write_data_page(path, self)
+
+    def select(self, *patterns: str) -> Self:
+        """Return a data set of some of the records.
+
+        Parameters
+        ----------
+        *patterns
+            Names of records, or patterns of names as in ``"validation-*"``.
+
+        Raises
+        ------
+        InputError
+            A pattern matches no record.
+
+        Examples
+        --------
+        >>> import rdpi_gym as rg
+        >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
+        >>> [record.name for record in data.select("stairs", "sine-50*").records]
+        ['sine-50hz', 'stairs']
+        """
+        names = [record.name for record in self.records]
+        for pattern in patterns:
+            check_type(pattern, str, "select: pattern")
+            if not any(fnmatchcase(name, pattern) for name in names):
+                raise InputError(f"no record is named {quoted(pattern)}; there are {some(names)}")
+        kept = [r for r in self.records if any(fnmatchcase(r.name, p) for p in patterns)]
+        return replace(self, records=tuple(kept))
 
     def write(self, folder: Path | str) -> Path:
         """Write the records as CSV files with a ``dataset.toml``, which :func:`load` reads back.

@@ -38,7 +38,7 @@ class FitResult(Shown, identification.FitResult):
     ['delta1_V', 'delta2_s', 'a_0']
     """
 
-    kind: ClassVar[str] = "fit"
+    saved_as: ClassVar[str] = "fit"
 
     @classmethod
     def of(cls, found: identification.FitResult) -> Self:

@@ -40,7 +40,7 @@ def load_result(path: PathLike[str] | str) -> Result:
     >>> type(again).__name__, again.title == data.title
     ('Simulation', True)
     """
-    kinds: dict[str, Any] = {kind.kind: kind for kind in _kinds()}
+    kinds: dict[str, Any] = {kind.saved_as: kind for kind in _kinds()}
     found: Result = read_result(Path(path), kinds)
     return found
 
@@ -50,6 +50,7 @@ def _kinds() -> list[Any]:
     from rdpi_gym.face.comparison import Comparison
     from rdpi_gym.face.data import Dataset
     from rdpi_gym.face.fitting import FitResult
+    from rdpi_gym.face.search import SearchResult
     from rdpi_gym.face.simulation import Simulation
 
-    return [Dataset, Simulation, FitResult, Comparison, Evaluation]
+    return [Dataset, Simulation, FitResult, Comparison, SearchResult, Evaluation]

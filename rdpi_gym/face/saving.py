@@ -12,7 +12,7 @@ import math
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
 import cattrs
 import numpy as np
@@ -211,6 +211,9 @@ def _converter(arrays: list[NDArray[Any]]) -> cattrs.Converter:
     converter.register_structure_hook(
         Effect, lambda document, _: effect_from_dict(CATALOGUE, document, "effect")
     )
+    # classes of a user's own are not saved
+    converter.register_unstructure_hook_func(_is_classes, lambda classes: None)
+    converter.register_structure_hook_func(_is_classes, lambda nothing, _: ())
     for kind in (str, int, float, bool):
         converter.register_structure_hook(kind, _exactly)
     return converter
@@ -218,6 +221,10 @@ def _converter(arrays: list[NDArray[Any]]) -> cattrs.Converter:
 
 def _is_array(hint: Any) -> bool:
     return hint is np.ndarray or get_origin(hint) is np.ndarray
+
+
+def _is_classes(hint: Any) -> bool:
+    return get_origin(hint) is tuple and get_origin(get_args(hint)[0]) is type
 
 
 def _cell(value: Any) -> Any:

@@ -25,7 +25,7 @@ class Shown:
     A subclass is a frozen dataclass of one of the rooms below, this class before it among its bases.
     """
 
-    kind: ClassVar[str]
+    saved_as: ClassVar[str]
     """Names the class in a file."""
     figure_inches: ClassVar[tuple[float, float]] = (9.0, 3.6)
 
@@ -107,7 +107,7 @@ class Shown:
         """
         from rdpi_gym.face.saving import write_result
 
-        return write_result(path, self.kind, self)
+        return write_result(path, self.saved_as, self)
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
@@ -120,7 +120,7 @@ class Shown:
         """
         from rdpi_gym.face.saving import read_result
 
-        found = read_result(path, {cls.kind: cls})
+        found = read_result(path, {cls.saved_as: cls})
         if not isinstance(found, cls):
             raise InputError(f"{path} holds a {type(found).__name__}, no {cls.__name__}")
         return found

@@ -33,7 +33,7 @@ class Simulation(Dataset):
     ['creep']
     """
 
-    kind: ClassVar[str] = "simulation"
+    saved_as: ClassVar[str] = "simulation"
 
     truth: Truth = field(kw_only=True)
 

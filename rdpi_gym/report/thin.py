@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rdpi_gym.diagnosis import Trace
 from rdpi_gym.support.arrays import Array
 
 DISPLAY_SAMPLES = 3000
@@ -53,3 +54,14 @@ def thin_index(*traces: Array, samples: int = DISPLAY_SAMPLES) -> NDArray[np.int
         row = np.arange(stretches)
         chosen += [rows[row, low], rows[row, high]]
     return np.unique(np.concatenate(chosen))
+
+
+def around_largest_error(trace: Trace, samples: int = DISPLAY_SAMPLES) -> NDArray[np.intp]:
+    """Choose the samples of the half-cycle of the largest error, and of those beside it."""
+    error = np.where(trace.counted, np.abs(trace.residual_um), -1.0)
+    worst = int(np.argmax(error))
+    edges = trace.cycles.edges
+    at = int(np.searchsorted(edges, worst, side="right")) - 1
+    around = np.arange(edges[max(0, at - 1)], edges[min(edges.size - 1, at + 2)])
+    thinned = thin_index(trace.measured_um[around], trace.residual_um[around], samples=samples)
+    return around[thinned]

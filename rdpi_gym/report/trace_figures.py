@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 
 from rdpi_gym.diagnosis import Trace
 from rdpi_gym.report.style import FALLING, MEASURED, MODEL, RESIDUAL, RISING, styled
-from rdpi_gym.report.thin import DISPLAY_SAMPLES, thin_index
+from rdpi_gym.report.thin import DISPLAY_SAMPLES, around_largest_error, thin_index
 from rdpi_gym.support.arrays import Array
 
 DISPLACEMENT_UM = "Displacement (µm)"
@@ -27,13 +27,7 @@ def time_traces(trace: Trace, samples: int = DISPLAY_SAMPLES) -> Any:
 
 def largest_error(trace: Trace, samples: int = DISPLAY_SAMPLES) -> Any:
     """Draw the half-cycle of the largest error that counts, and those before and after it."""
-    error = np.where(trace.counted, np.abs(trace.residual_um), -1.0)
-    worst = int(np.argmax(error))
-    edges = trace.cycles.edges
-    at = int(np.searchsorted(edges, worst, side="right")) - 1
-    around = np.arange(edges[max(0, at - 1)], edges[min(edges.size - 1, at + 2)])
-    thinned = thin_index(trace.measured_um[around], trace.residual_um[around], samples=samples)
-    return _over_time(trace, around[thinned], left_out=False)
+    return _over_time(trace, around_largest_error(trace, samples), left_out=False)
 
 
 def _over_time(trace: Trace, k: NDArray[np.intp], left_out: bool) -> Any:

@@ -83,7 +83,7 @@ def with_options(
 
 @overload
 def with_options(
-    kind: Callable[P, O], leading: type[None]
+    kind: Callable[P, O], leading: None
 ) -> Callable[[Callable[[A, B, O], R]], Callable[Concatenate[A, B, P], R]]: ...
 
 

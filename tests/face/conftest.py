@@ -24,11 +24,23 @@ def comparison(data, model):
 
 
 @pytest.fixture(scope="session")
+def found(data):
+    few = data.select("stairs", "sine-*", "validation-stairs", "quiet")
+    return rg.discover(few, jobs=1)
+
+
+@pytest.fixture(scope="session")
 def scores():
     return rg.benchmark(["none", "classical-static"], ["P5"], ["sine"], [1e-3], seeds=2, jobs=1)
 
 
 @pytest.fixture(scope="session")
-def results(data, model, comparison, scores):
+def results(data, model, comparison, found, scores):
     """Every kind of result by its name."""
-    return {"data": data, "model": model, "comparison": comparison, "scores": scores}
+    return {
+        "data": data,
+        "model": model,
+        "comparison": comparison,
+        "found": found,
+        "scores": scores,
+    }

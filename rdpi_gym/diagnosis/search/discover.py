@@ -14,6 +14,7 @@ from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.support.errors import InputError
 
 # More effects than this are not a model but a collection.
 MOST_EFFECTS = 6
@@ -191,6 +192,51 @@ def add_effect(
         rounds=[ranked],
         last=ranked[:1],
         notes=notes,
+    )
+
+
+def remove_effect(dataset: Dataset, given: PlantModel, name: str) -> SearchResult:
+    """Take an effect out of a model because the user says so, and refit everything.
+
+    Parameters
+    ----------
+    dataset
+        As :func:`diagnose`.
+    given
+        The model.
+    name
+        Of one of its effects.
+
+    Returns
+    -------
+    SearchResult
+        Without steps; `given` holds the errors with the effect, `base` those without.
+
+    Raises
+    ------
+    InputError
+        As :func:`diagnose`; the model has no such effect.
+    """
+    began = time.perf_counter()
+    names = [effect.name for effect in given.effects]
+    if name not in names:
+        raise InputError(f"the model has no effect {name!r}; it has {', '.join(names) or 'none'}")
+    kept = replace(given, effects=tuple(e for e in given.effects if e.name != name))
+    laboratory = Laboratory(dataset, CATALOGUE, 1, 0, None, None)
+    base = laboratory.base(kept)
+    state, notes = laboratory.on_law(base, kept)
+    return _result(
+        laboratory,
+        began,
+        "discovery",
+        given,
+        base,
+        state,
+        added=[],
+        rounds=[],
+        last=[],
+        removed=(name,),
+        notes=(f"{name} was taken out on request", *notes),
     )
 
 

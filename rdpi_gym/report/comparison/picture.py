@@ -8,14 +8,14 @@ import numpy as np
 
 from rdpi_gym.diagnosis import Comparison
 from rdpi_gym.report.style import MEASURED, MODEL, RESIDUAL
-from rdpi_gym.report.thin import thin_index
+from rdpi_gym.report.thin import around_largest_error
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def draw_comparison(figure: Figure, comparison: Comparison) -> Any:
-    """Draw measured and modelled displacement of the worst record into an empty figure.
+    """Draw the half-cycles about the largest error of the worst record into an empty figure.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def draw_comparison(figure: Figure, comparison: Comparison) -> Any:
     """
     trace = comparison.traces[int(np.argmax(comparison.records["rmse_um"].to_numpy()))]
     axes = figure.subplots(1, 3)
-    k = thin_index(trace.measured_um, trace.model_um, trace.residual_um)
+    k = around_largest_error(trace)
     t, u = trace.t_s[k], trace.u_V[k]
     for panel, x in ((axes[0], t), (axes[1], u)):
         panel.plot(x, trace.measured_um[k], color=MEASURED, linewidth=0.9, label="measured")
@@ -45,5 +45,5 @@ def draw_comparison(figure: Figure, comparison: Comparison) -> Any:
     axes[1].set_xlabel("Command (V)")
     axes[2].set_xlabel("Time (s)")
     axes[0].set_title(f"{trace.name} ({trace.role})", loc="left")
-    axes[0].legend()
+    axes[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2)
     return axes

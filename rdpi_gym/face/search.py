@@ -1,0 +1,417 @@
+"""`diagnose`, `discover`, `add`: the search for missing effects, and its result that goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import pandas as pd
+
+from rdpi_gym import measurement
+from rdpi_gym.diagnosis import results
+from rdpi_gym.diagnosis.search import discover as searches
+from rdpi_gym.face.catalogues import HasPlant, as_plant
+from rdpi_gym.face.data import Dataset, as_dataset
+from rdpi_gym.face.search_options import SearchOptions
+from rdpi_gym.face.shown import Shown
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
+from rdpi_gym.report.discovery.sentences import (
+    candidate_sentence,
+    closed,
+    confounded_sentence,
+    joined,
+    staircase,
+    verdict_sentence,
+)
+from rdpi_gym.support.checked import check_type, checked
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.options import with_options
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_HEADINGS = {"diagnosis": "What is missing", "discovery": "Missing effects"}
+Own = tuple[type[Effect], ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SearchResult(Shown, results.SearchResult):
+    """What a search for missing effects found, with its data: it goes on from here.
+
+    Everything that :class:`rdpi_gym.diagnosis.results.SearchResult` is, and it shows itself.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", hide="creep", seed=1, ts_factor=4.0)
+    >>> data = data.select("stairs", "sine-50hz", "validation-stairs", "quiet")
+    >>> found = rg.add("creep", data, "P5", jobs=1)
+    >>> [effect.name for effect in found.plant.effects]
+    ['creep']
+    >>> [effect.name for effect in found.remove("creep").plant.effects]
+    []
+    """
+
+    saved_as: ClassVar[str] = "search"
+    figure_inches: ClassVar[tuple[float, float]] = (9.5, 3.8)
+
+    data: Dataset = field(kw_only=True)
+    """The records that were searched."""
+    own: Own = field(kw_only=True, default=())
+    """Effects of the user's own that were tried beside the catalogue; not saved."""
+
+    @classmethod
+    def of(cls, found: results.SearchResult, data: Dataset, own: Own = ()) -> Self:
+        """Return the same result as one that shows itself and goes on."""
+        values = {f.name: getattr(found, f.name) for f in fields(results.SearchResult)}
+        return cls(**values, data=data, own=own)
+
+    @checked
+    def add(
+        self,
+        effect: str | type[Effect],
+        *,
+        jobs: int = -1,
+        seed: int = 0,
+        progress: Callable[[str, int, int], None] | None = None,
+    ) -> SearchResult:
+        """Add an effect to the model and refit everything, whether the records ask for it or not.
+
+        Parameters
+        ----------
+        effect
+            Name of an effect, ``module:Class`` of one of your own, or its class.
+        jobs, seed, progress
+            As in :class:`SearchOptions`.
+
+        Returns
+        -------
+        SearchResult
+            A new one, with the error before and after; this one stays as it is.
+
+        Raises
+        ------
+        InputError
+            No such effect, or the model has it already.
+        """
+        options = SearchOptions(
+            self.plant, jobs=jobs, seed=seed, effects=self.own, progress=progress
+        )
+        return _add(effect, self.data, options)
+
+    @checked
+    def remove(self, effect: str) -> SearchResult:
+        """Take an effect out of the model and refit everything.
+
+        Parameters
+        ----------
+        effect
+            Name of an effect of the model.
+
+        Returns
+        -------
+        SearchResult
+            A new one, with the error before and after; this one stays as it is.
+
+        Raises
+        ------
+        InputError
+            The model has no such effect.
+        """
+        found = searches.remove_effect(self.data, self.plant, effect)
+        return SearchResult.of(found, self.data, self.own)
+
+    def _lines(self) -> Sequence[str]:
+        sentences = [self.remainder, confounded_sentence(self)]
+        if self.next_experiment:
+            sentences.append(f"Next experiment: {self.next_experiment}")
+        return [
+            verdict_sentence(self),
+            *(f"- {candidate_sentence(candidate)}" for candidate in self.added),
+            *(closed(sentence) for sentence in sentences if sentence),
+            *map(closed, self.notes),
+        ]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the models in order, each with its errors; of a diagnosis, the candidates.
+
+        Returns
+        -------
+        DataFrame
+            ``model``, ``train_rmse_um``, ``validation_rmse_um`` (µm), ``validation_nrmse_percent``
+            (%), ``times_noise_floor``; or ``candidate``, the errors, ``share`` and ``confidence``
+            (0 to 1), best first.
+        """
+        if self.kind == "diagnosis":
+            return pd.DataFrame(
+                [
+                    {
+                        "candidate": c.effect,
+                        "train_rmse_um": c.errors.train_rmse_um,
+                        "validation_rmse_um": c.errors.validation_rmse_um,
+                        "share": c.share,
+                        "confidence": c.confidence,
+                        "indistinguishable": ", ".join(c.indistinguishable),
+                    }
+                    for c in self.candidates
+                ]
+            )
+        floor = self.noise_floor_um
+        return pd.DataFrame(
+            [
+                {
+                    "model": name,
+                    "train_rmse_um": errors.train_rmse_um,
+                    "validation_rmse_um": errors.validation_rmse_um,
+                    "validation_nrmse_percent": errors.validation_nrmse_percent,
+                    "times_noise_floor": errors.validation_rmse_um / floor if floor > 0 else None,
+                }
+                for name, errors in staircase(self)
+            ]
+        )
+
+    def _shown_table(self) -> pd.DataFrame:
+        return self.to_dataframe()
+
+    def _draw(self, figure: Figure) -> Any:
+        from rdpi_gym.report.discovery.picture import draw_search
+
+        return draw_search(figure, self)
+
+    def page(self, path: Path | str) -> Path:
+        """Write the page of ``rdpi diagnose``, ``rdpi add`` or ``rdpi discover``.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        from rdpi_gym.report.discovery.page import write_discovery_page
+
+        names = joined([candidate.effect for candidate in self.added])
+        heading = _HEADINGS.get(self.kind, f"{names} added")
+        title = f"{heading}: {self.title}"
+        return write_discovery_page(path, title, self, candidates_of(self.own))
+
+    def to_json(self, path: Path | str) -> Path:
+        """Write what was found as JSON, as the commands do: without the records.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        return results.SearchResult.save(self, path)
+
+
+def candidates_of(effects: Sequence[str | type[Effect]]) -> Mapping[str, type[Effect]]:
+    """Return the catalogue with a user's own effects.
+
+    Parameters
+    ----------
+    effects
+        Classes, or each as ``module:Class``.
+
+    Raises
+    ------
+    InputError
+        What is named is no effect, or has the name of another.
+
+    Examples
+    --------
+    >>> "creep" in candidates_of(())
+    True
+    """
+    known = dict(CATALOGUE)
+    for effect in effects:
+        kind = _effect(effect)
+        if known.setdefault(kind.name, kind) is not kind:
+            raise InputError(
+                f"effect {_named(effect)} is named {kind.name!r}, as another effect is; rename it"
+            )
+    return known
+
+
+def _effect(effect: str | type[Effect]) -> type[Effect]:
+    if isinstance(effect, str):
+        return load_effect(effect)
+    return check_effect(effect, f"effect {_named(effect)}")
+
+
+def _named(effect: str | type[Effect]) -> str:
+    return effect if isinstance(effect, str) else effect.__name__
+
+
+def _given(options: SearchOptions) -> PlantModel | None:
+    check_type(options.model, PlantModel | HasPlant | PathLike | str | None, "model")
+    return None if options.model is None else as_plant(options.model)
+
+
+def _search(
+    function: Callable[..., results.SearchResult],
+    data: measurement.Dataset | PathLike[str] | str,
+    options: SearchOptions,
+) -> SearchResult:
+    check_type(data, measurement.Dataset | PathLike | str, "data")
+    own = tuple(_effect(effect) for effect in options.effects)
+    catalogue = candidates_of(own)
+    given = _given(options)
+    dataset = as_dataset(data)
+    found = function(
+        dataset,
+        given,
+        catalogue=catalogue,
+        jobs=options.jobs,
+        seed=options.seed,
+        progress=options.progress,
+        checkpoint=None if options.resume is None else Path(options.resume),
+    )
+    return SearchResult.of(found, dataset, own)
+
+
+@with_options(SearchOptions)
+def diagnose(
+    data: measurement.Dataset | PathLike[str] | str, options: SearchOptions
+) -> SearchResult:
+    """Rank the effects that a model may miss, each refitted with it.
+
+    Parameters
+    ----------
+    data
+        From :func:`rdpi_gym.load`, or the path of a measurement.
+    model
+        The model to start from: a plant, a result that has one, the path of a plant file, or a
+        plant's name; its effects are kept and refitted. By default the bare model is fitted.
+    seed
+        Of every random draw.
+    jobs
+        Processes that refit candidates; -1: one for each core.
+    effects
+        Effects of your own, tried beside the catalogue: classes, or each as ``module:Class``.
+    resume
+        File that keeps finished candidates, so that an interrupted search goes on.
+    progress
+        Called as ``progress(stage, done, total)``.
+
+    Returns
+    -------
+    SearchResult
+        It prints the verdict; ``.to_dataframe()`` is the ranking by the error on validation records.
+
+    Raises
+    ------
+    InputError
+        No record to fit, or none to validate on; no such model or effect; an argument of another
+        type.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", hide="creep", seed=1, ts_factor=4.0)
+    >>> data = data.select("stairs", "sine-50hz", "validation-stairs", "quiet")
+    >>> rg.diagnose(data, jobs=1).to_dataframe()["candidate"][0]
+    'creep'
+    """
+    return _search(searches.diagnose, data, options)
+
+
+@with_options(SearchOptions)
+def discover(
+    data: measurement.Dataset | PathLike[str] | str, options: SearchOptions
+) -> SearchResult:
+    """Fit, then find and add missing effects until nothing more improves the held-out error.
+
+    Parameters are those of :func:`diagnose`.
+
+    Returns
+    -------
+    SearchResult
+        It prints the verdict and each effect that was found; `plant` is the model.
+
+    Raises
+    ------
+    InputError
+        As :func:`diagnose`.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", hide="creep", seed=1, ts_factor=4.0)
+    >>> data = data.select("stairs", "sine-50hz", "validation-stairs", "quiet")
+    >>> [candidate.effect for candidate in rg.discover(data, jobs=1).added]
+    ['creep']
+    """
+    return _search(searches.discover, data, options)
+
+
+@with_options(SearchOptions, None)
+def add(
+    effect: str | type[Effect],
+    data: measurement.Dataset | PathLike[str] | str,
+    options: SearchOptions,
+) -> SearchResult:
+    """Add an effect to a model and refit everything, whether the records ask for it or not.
+
+    Parameters
+    ----------
+    effect
+        Name of an effect, ``module:Class`` of one of your own, or its class.
+    data
+        From :func:`rdpi_gym.load`, or the path of a measurement.
+    model
+        The model that it is added to: a plant, a result that has one, the path of a plant file, or a
+        plant's name.
+    seed, jobs, effects, resume, progress
+        As in :func:`diagnose`.
+
+    Returns
+    -------
+    SearchResult
+        With the error before and after.
+
+    Raises
+    ------
+    InputError
+        As :func:`diagnose`; no model, no such effect, or the model has it already.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", hide="creep", seed=1, ts_factor=4.0)
+    >>> data = data.select("stairs", "sine-50hz", "validation-stairs", "quiet")
+    >>> added = rg.add("creep", data, "P5", jobs=1)
+    >>> added.plant.effects[0].name
+    'creep'
+    """
+    check_type(effect, str | type, "add: effect")
+    return _add(effect, data, options)
+
+
+def _add(
+    effect: str | type[Effect],
+    data: measurement.Dataset | PathLike[str] | str,
+    options: SearchOptions,
+) -> SearchResult:
+    check_type(data, measurement.Dataset | PathLike | str, "data")
+    kind = _effect(effect)
+    given = _given(options)
+    if given is None:
+        raise InputError("add needs the model that the effect is added to; give it with --model")
+    dataset = as_dataset(data)
+    found = searches.add_effect(
+        dataset,
+        given,
+        kind,
+        jobs=options.jobs,
+        seed=options.seed,
+        progress=options.progress,
+        checkpoint=None if options.resume is None else Path(options.resume),
+    )
+    own = tuple(_effect(each) for each in options.effects)
+    if kind.name not in CATALOGUE and kind not in own:
+        own = (*own, kind)
+    return SearchResult.of(found, dataset, own)

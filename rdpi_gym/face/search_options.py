@@ -1,0 +1,74 @@
+"""What a search for missing effects is asked for: the options of diagnose, add and discover."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from os import PathLike
+from typing import TYPE_CHECKING
+
+from rdpi_gym.support.checked import check_type
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.options import Option
+
+if TYPE_CHECKING:
+    from rdpi_gym.face.catalogues import HasPlant
+    from rdpi_gym.plant import PlantModel
+    from rdpi_gym.plant.effects import Effect
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """Options of :func:`rdpi_gym.diagnose`, :func:`rdpi_gym.add` and :func:`rdpi_gym.discover`.
+
+    Parameters
+    ----------
+    model
+        The model to start from, a plant file as `rdpi fit` writes it or a plant's name; its effects
+        are kept and refitted. Without it the bare model is fitted.
+    seed
+        Seed of every random draw.
+    jobs
+        Processes that refit candidates; -1: one for each core.
+    effects
+        An effect of your own, tried beside the catalogue; may be repeated.
+    resume
+        File that keeps finished candidates, so that an interrupted search goes on.
+    progress
+        Called as ``progress(stage, done, total)``.
+
+    Raises
+    ------
+    InputError
+        A value of another type, a seed below 0, a number of processes that there cannot be.
+
+    Examples
+    --------
+    >>> SearchOptions("P10", jobs=2).seed
+    0
+    """
+
+    model: PlantModel | HasPlant | PathLike[str] | str | None = field(
+        default=None, metadata=Option("--model", "M").metadata
+    )
+    _: KW_ONLY
+    seed: int = field(default=0, metadata=Option("--seed", type=int).metadata)
+    jobs: int = field(default=-1, metadata=Option("--jobs", type=int).metadata)
+    effects: Sequence[str | type[Effect]] = field(
+        default=(), metadata=Option("--effect", "MODULE:CLASS", list[str]).metadata
+    )
+    resume: PathLike[str] | str | None = None
+    progress: Callable[[str, int, int], None] | None = None
+
+    def __post_init__(self) -> None:
+        check_type(self.seed, int, "seed")
+        check_type(self.jobs, int, "jobs")
+        check_type(self.effects, Sequence[str | type], "effects")
+        check_type(self.resume, PathLike | str | None, "resume")
+        check_type(self.progress, Callable[..., None] | None, "progress")
+        if self.seed < 0:
+            raise InputError(f"seed is {self.seed}; give 0 or above")
+        if self.jobs == 0 or self.jobs < -1:
+            raise InputError(
+                f"jobs is {self.jobs}; give the number of processes, or -1 for all cores"
+            )
