@@ -68,7 +68,8 @@ class SearchResult(Shown, results.SearchResult):
     def of(cls, found: results.SearchResult, data: Dataset, own: Own = ()) -> Self:
         """Return the same result as one that shows itself and goes on."""
         values = {f.name: getattr(found, f.name) for f in fields(results.SearchResult)}
-        return cls(**values, data=data, own=own)
+        # of simulated records only what a measurement has
+        return cls(**values, data=Dataset.of(data), own=own)
 
     @checked
     def add(
