@@ -13,6 +13,7 @@ from baselines.feedforward import Feedforward
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted, some
 
 BaselineFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Baseline]
 
@@ -126,7 +127,7 @@ def known_controller(name: object) -> BaselineFactory:
     """
     if not isinstance(name, str) or name not in CONTROLLERS:
         raise InputError(
-            f"{name!r} is no controller of this package; known are {', '.join(CONTROLLERS)}"
+            f"{quoted(name)} is no controller of this package; known are {some(CONTROLLERS)}"
         )
     return CONTROLLERS[name]
 

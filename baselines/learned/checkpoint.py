@@ -15,9 +15,11 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
+from baselines.learned.weights import read_tensors
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_atomic, write_json
 from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.npz import open_npz
 from rdpi_gym.support.temporaries import clear_abandoned
 
 FORMAT, VERSION = "rdpi-checkpoint", 1
@@ -96,7 +98,7 @@ def load_checkpoint(folder: Path, model: BaseAlgorithm) -> dict[str, Any] | None
         )
     try:
         _check(newest, document)
-        saved = torch.load(newest / _MODEL, map_location=model.device, weights_only=True)
+        saved = read_tensors(newest / _MODEL, device=model.device)
         model.set_parameters(saved["parameters"], exact_match=True, device=model.device)
         for name in _variables(model):
             getattr(model, name).data = saved["variables"][name]
@@ -154,7 +156,8 @@ def _replayed(model: OffPolicyAlgorithm) -> dict[str, Any]:
 def _replay(model: OffPolicyAlgorithm, path: Path) -> None:
     buffer = model.replay_buffer
     assert buffer is not None
-    with np.load(path, allow_pickle=False) as saved:
+    with open_npz(path) as saved:
         for name in _REPLAYED:
-            getattr(buffer, name)[: len(saved[name])] = saved[name]
-        buffer.pos, buffer.full = int(saved["position"]), bool(saved["full"])
+            kept = saved.read(name)
+            getattr(buffer, name)[: len(kept)] = kept
+        buffer.pos, buffer.full = int(saved.read("position")), bool(saved.read("full"))

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from torch import nn
 
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
+
+_WIDEST, _DEEPEST = 16_384, 64
 
 ACTIVATIONS: Mapping[str, type[nn.Module]] = {
     each.__name__: each for each in (nn.Tanh, nn.ReLU, nn.ELU, nn.SiLU, nn.Hardtanh)
@@ -29,7 +32,8 @@ class Network:
     Raises
     ------
     InputError
-        Fewer than two widths, one that is no whole number above 0, or an unknown activation.
+        Fewer than 2 widths or more than 64, one that is no whole number of 1 to 16,384, or an unknown
+        activation.
 
     Examples
     --------
@@ -43,13 +47,18 @@ class Network:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "widths", tuple(self.widths))
-        if len(self.widths) < 2 or any(type(w) is not int or w < 1 for w in self.widths):
+        if not 2 <= len(self.widths) <= _DEEPEST or any(
+            type(w) is not int or not 1 <= w <= _WIDEST for w in self.widths
+        ):
             raise InputError(
-                f"network widths are {list(self.widths)}; give inputs, hidden units and outputs, each 1 or more"
+                f"network widths are {quoted(list(self.widths))}; give inputs, hidden units and outputs, "
+                f"each 1 to {_WIDEST}, {_DEEPEST} at most"
             )
         for name in (self.activation, self.output):
-            if name not in ACTIVATIONS:
-                raise InputError(f"activation {name!r} is unknown; known: {', '.join(ACTIVATIONS)}")
+            if not isinstance(name, str) or name not in ACTIVATIONS:
+                raise InputError(
+                    f"activation {quoted(name)} is unknown; known: {', '.join(ACTIVATIONS)}"
+                )
 
     def build(self) -> nn.Sequential:
         """Return the network, weights not yet trained."""

@@ -13,17 +13,23 @@ import torch
 from torch import nn
 
 from baselines.learned.network import Network
+from baselines.learned.weights import read_weights
+from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.envs.wrappers.scaling import Scaling
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_atomic, write_json
 from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support.words import quoted, some
 
 FORMAT, VERSION = "rdpi-policy", 1
 DESCRIPTION, WEIGHTS = "policy.json", "weights.pt"
 SHIPPED = Path(__file__).parent / "policies"
 """Where the policies of this release lie, each in a folder of its name."""
+_LAYOUT_NUMBERS = ("centre_um", "scale_um", "ts_s", "action_scale_V")
+_LONGEST = 4096  # samples ahead, and earlier ones
 
 
 @dataclass(frozen=True)
@@ -129,34 +135,18 @@ class Policy:
         Raises
         ------
         InputError
-            A file is missing, was cut off, is of another version, or does not fit the other.
+            A file is missing, was cut off, is of another version, does not fit the other, or names a
+            controller that is none of this package's.
         """
         folder = settled_folder(folder)
         source = folder / DESCRIPTION
         document = read_json(source, FORMAT, VERSION)
         try:
-            layout = dict(document["layout"])
-            layout["command_range_V"] = tuple(layout["command_range_V"])
-            actor = Network(**document["network"]).build()
-            actor.load_state_dict(_weights(folder / WEIGHTS, str(document["weights_sha256"])))
-            return cls(
-                layout=ObservationLayout(**layout),
-                history=document["history"],
-                frequency_hz=document["scaling"]["frequency_hz"],
-                error=document["scaling"]["error"],
-                actor=actor.eval().requires_grad_(False),
-                baseline=document["baseline"],
-                training=document["training"],
-            )
+            return cls(**_described(document), actor=_actor(document, folder / WEIGHTS))
         except InputError as error:
             raise InputError(f"{source}: {error}") from error
-        except (KeyError, TypeError, AttributeError) as error:
-            raise InputError(f"{source} does not describe a policy ({error!r})") from error
-        except RuntimeError as error:
-            reason = " ".join(str(error).split())
-            raise InputError(
-                f"{folder}: {WEIGHTS} does not fit {DESCRIPTION} ({reason})"
-            ) from error
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(f"{source} does not describe a policy ({quoted(error)})") from error
 
 
 def find_policy(name: str) -> Policy:
@@ -167,33 +157,60 @@ def find_policy(name: str) -> Policy:
     InputError
         There is none, or it cannot be read.
     """
+    if not name:
+        raise InputError("the name of the policy is empty; give its folder")
     shipped = sorted(path.parent.name for path in SHIPPED.glob(f"*/{DESCRIPTION}"))
     if name in shipped:
         return Policy.load(SHIPPED / name)
     if not (settled_folder(Path(name)) / DESCRIPTION).is_file():
         raise InputError(
-            f"no policy is at {name!r}: give a folder with {DESCRIPTION}"
+            f"no policy is at {quoted(name)}: give a folder with {DESCRIPTION}"
             + (f", or a shipped policy: {', '.join(shipped)}" if shipped else "")
         )
     return Policy.load(Path(name))
 
 
-def _weights(path: Path, sha256: str) -> dict[str, torch.Tensor]:
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror})") from error
-    if hashlib.sha256(content).hexdigest() != sha256:
-        raise InputError(
-            f"{path.name} is not the file that was saved with it; perhaps one of them was cut off"
-        )
-    try:
-        weights: dict[str, torch.Tensor] = torch.load(
-            io.BytesIO(content), map_location="cpu", weights_only=True
-        )
-    except Exception as error:  # a file of something else raises whatever its reader trips over
-        raise InputError(f"{path.name} holds no weights alone ({type(error).__name__})") from error
-    for name, tensor in weights.items():
-        if not torch.isfinite(tensor).all():
-            raise InputError(f"{path.name} holds a weight in {name!r} that is not finite")
-    return weights
+def _described(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a description says beside the network; a name in it is a controller's of ours."""
+    layout, scaling, training = (document[key] for key in ("layout", "scaling", "training"))
+    low, high = map(_number, layout["command_range_V"])
+    numbers = {key: _number(layout[key]) for key in _LAYOUT_NUMBERS}
+    whole = {"preview": layout["preview"], "history": document["history"]}
+    for key, value in whole.items():
+        if type(value) is not int or not 0 <= value <= _LONGEST:
+            raise InputError(f"{key} is {quoted(value)}; give a whole number up to {_LONGEST}")
+    if set(layout) != {*_LAYOUT_NUMBERS, "preview", "command_range_V", "action"}:
+        raise InputError(f"the layout has the keys {some(layout)}; it is of another release")
+    if not (isinstance(training, Mapping) and low < high):
+        raise InputError("training is no mapping, or command_range_V is not lowest and highest")
+    if document["baseline"] is not None:
+        known_controller(document["baseline"])
+    return {
+        "layout": ObservationLayout(
+            preview=whole["preview"],
+            command_range_V=(low, high),
+            action=layout["action"],
+            **numbers,
+        ),
+        "history": whole["history"],
+        "frequency_hz": _number(scaling["frequency_hz"]),
+        "error": _number(scaling["error"]),
+        "baseline": document["baseline"],
+        "training": training,
+    }
+
+
+def _actor(document: Mapping[str, Any], path: Path) -> nn.Sequential:
+    network = Network(**document["network"])
+    with torch.device("meta"):  # shapes alone: the file says how large it is
+        shapes = network.build().state_dict()
+    weights = read_weights(path, str(document["weights_sha256"]), shapes)
+    actor = network.build()
+    actor.load_state_dict(weights)
+    return actor.eval().requires_grad_(False)
+
+
+def _number(value: Any) -> float:
+    if not is_finite(value):
+        raise TypeError(f"{quoted(value)} is no number")
+    return float(value)

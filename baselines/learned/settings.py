@@ -11,7 +11,10 @@ from typing import Any
 
 import yaml
 
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_utf8
+from rdpi_gym.support.words import quoted, short
 
 SHIPPED = Path(__file__).parent / "hyperparameters"
 """One file an algorithm."""
@@ -21,6 +24,8 @@ _WRAPPERS = {
     "rdpi_gym.envs.wrappers.history.HistoryObservation": ("history",),
     "rdpi_gym.envs.wrappers.scaling.ScaledObservation": ("frequency_hz", "error"),
 }
+_LARGEST, _MOST_VALUES = 2**20, 10_000  # bytes, values
+_LONGEST, _MOST_LANES = 4096, 1_000_000
 _OWN = ("env", "seed", "device", "tensorboard_log", "verbose", "_init_setup_model")
 _COUNTS = ("batch_size", "n_steps", "n_epochs", "buffer_size")
 _TEXT = ("learning_rate", "clip_range", "clip_range_vf", "train_freq", "ent_coef")
@@ -88,12 +93,7 @@ def read_settings(path: Path, algorithm: Callable[..., Any]) -> Settings:
         The file is missing or no YAML, names no such environment, or has a key that neither the
         algorithm nor this package knows.
     """
-    try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}); give a YAML file") from error
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{path} is no YAML file ({' '.join(str(error).split())})") from error
+    document = _yaml(path)
     entries = document if isinstance(document, dict) else {}
     values = entries.get(ENVIRONMENT_ID, entries.get("default"))
     if not isinstance(values, dict):
@@ -110,6 +110,28 @@ def read_settings(path: Path, algorithm: Callable[..., Any]) -> Settings:
     return settings
 
 
+def _yaml(path: Path) -> Any:
+    """Read YAML of plain values, a few hundred of them at most: an alias can stand for millions."""
+    text = read_utf8(path, _LARGEST)
+    try:
+        document = yaml.safe_load(text)
+    except Exception as error:  # dates that are none, whole numbers of thousands of digits, nesting
+        reason = " ".join(str(error).split())[:150] or type(error).__name__
+        raise InputError(f"{path} is no YAML file ({reason})") from error
+    left = [document]
+    for _ in range(_MOST_VALUES):
+        if not left:
+            return document
+        value = left.pop()
+        if isinstance(value, dict):
+            left += [*value, *value.values()]
+        elif isinstance(value, list):
+            left += value
+        elif not (value is None or isinstance(value, str | bool) or is_finite(value)):
+            raise InputError(f"{path} has the value {quoted(value)}; give numbers and words")
+    raise InputError(f"{path} has more than {_MOST_VALUES} values; give hyper-parameters alone")
+
+
 def _check(values: Mapping[str, Any], algorithm: Callable[..., Any]) -> None:
     """Refuse what the algorithm does not take, and what is of another kind than its default."""
     parameters = inspect.signature(algorithm).parameters
@@ -117,17 +139,17 @@ def _check(values: Mapping[str, Any], algorithm: Callable[..., Any]) -> None:
         if name in ("noise_type", "noise_std"):
             continue
         if name in _OWN or name not in parameters:
-            raise InputError(f"{name} is no hyper-parameter of {algorithm.__name__}")
+            raise InputError(f"{short(str(name))} is no hyper-parameter of {algorithm.__name__}")
         default = parameters[name].default
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if name == "policy_kwargs" and not isinstance(value, dict):
-            raise InputError(f"policy_kwargs is {value!r}; give a mapping")
+            raise InputError(f"policy_kwargs is {quoted(value)}; give a mapping")
         if isinstance(default, bool) and not isinstance(value, bool):
-            raise InputError(f"{name} is {value!r}; give true or false")
+            raise InputError(f"{name} is {quoted(value)}; give true or false")
         if type(default) in (int, float) and not (number or name in _TEXT):
-            raise InputError(f"{name} is {value!r}; give a number")
+            raise InputError(f"{name} is {quoted(value)}; give a number")
         if name in _COUNTS and (type(value) is not int or value < 1):
-            raise InputError(f"{name} is {value!r}; give a whole number of 1 or more")
+            raise InputError(f"{name} is {quoted(value)}; give a whole number of 1 or more")
 
 
 def _count(values: dict[str, Any], name: str) -> int:
@@ -135,7 +157,9 @@ def _count(values: dict[str, Any], name: str) -> int:
     if isinstance(value, float) and value.is_integer():  # !!float 1e6
         value = int(value)
     if type(value) is not int or value < 1:
-        raise InputError(f"{name} is {value!r}; give a whole number of 1 or more")
+        raise InputError(f"{name} is {quoted(value)}; give a whole number of 1 or more")
+    if name == "n_envs" and value > _MOST_LANES:
+        raise InputError(f"{name} is {quoted(value)}; give {_MOST_LANES} at most")
     return value
 
 
@@ -148,12 +172,22 @@ def _wrappers(listed: Any) -> dict[str, Any]:
             ((name, options),) = entry.items()
         takes = _WRAPPERS.get(name) if isinstance(name, str) else None
         if takes is None:
-            raise InputError(f"env_wrapper {name!r} is unknown; known are {', '.join(_WRAPPERS)}")
+            raise InputError(
+                f"env_wrapper {quoted(name)} is unknown; known are {', '.join(_WRAPPERS)}"
+            )
+        if not isinstance(options, dict | None):
+            raise InputError(f"{name} is {quoted(options)}; give its options by name")
         for option, value in (options or {}).items():
             if option not in takes:
-                raise InputError(f"{name} has no option {option!r}; it has {', '.join(takes)}")
-            if not isinstance(value, int | float):
-                raise InputError(f"{option} of {name} is {value!r}; give a number")
+                raise InputError(
+                    f"{name} has no option {quoted(option)}; it has {', '.join(takes)}"
+                )
+            if option == "history" and not (type(value) is int and 0 <= value <= _LONGEST):
+                raise InputError(
+                    f"{option} of {name} is {quoted(value)}; give a whole number up to {_LONGEST}"
+                )
+            if not is_finite(value):
+                raise InputError(f"{option} of {name} is {quoted(value)}; give a number")
             found[option] = value
     return found
 
@@ -166,7 +200,9 @@ def _schedule(name: str, text: str) -> Callable[[float], float]:
     except ValueError:
         first = -1.0
     if word != "lin" or first < 0.0:
-        raise InputError(f"{name} is {text!r}; give a number, for example 0.0003, or lin_3e-4")
+        raise InputError(
+            f"{name} is {quoted(text)}; give a number, for example 0.0003, or lin_3e-4"
+        )
     return lambda left: first * left
 
 
@@ -174,10 +210,10 @@ def _noise(values: Mapping[str, Any]) -> Any:
     from stable_baselines3.common.noise import NormalActionNoise
 
     kind, deviation = values.get("noise_type"), values.get("noise_std")
-    if kind != "normal" or not isinstance(deviation, int | float) or deviation < 0:
+    if kind != "normal" or not is_finite(deviation) or float(deviation or 0.0) < 0.0:
         raise InputError(
-            f"noise_type is {kind!r} with noise_std {deviation!r}; give normal and a deviation of 0 or more"
+            f"noise_type is {quoted(kind)} with noise_std {quoted(deviation)}; give normal and a deviation of 0 or more"
         )
     import numpy as np
 
-    return NormalActionNoise(mean=np.zeros(1), sigma=deviation * np.ones(1))
+    return NormalActionNoise(mean=np.zeros(1), sigma=float(deviation or 0.0) * np.ones(1))

@@ -1,5 +1,6 @@
 """A saved policy: whole or refused, and read without executing anything."""
 
+import hashlib
 import json
 import pickle
 import subprocess
@@ -16,6 +17,7 @@ import torch
 
 from baselines import make_controller
 from baselines.learned import policy as policy_module
+from baselines.learned import weights as weights_module
 from baselines.learned.policy import Network, Policy, find_policy
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
@@ -98,6 +100,19 @@ def widths(*values):
         ({"scaling": {"frequency_hz": 100.0, "error": 0.0}}, "error is 0"),
         ({"scaling": None}, "does not describe"),
         ({"layout": {"preview": 2}}, "does not describe"),
+        ({"baseline": "notes:open_me"}, "'notes:open_me' is no controller of this package"),
+        ({"baseline": "learned:ppo-correction"}, "is no controller of this package"),
+        ({"baseline": ["pi"]}, "is no controller of this package"),
+        ({"history": True}, "history is True"),
+        ({"history": 10**9}, "history is 1000000000"),
+        ({"network": widths(14, 10**6, 1)}, "widths are"),
+        ({"network": widths(14, *[8] * 1000, 1)}, "64 at most"),
+        ({"network": {**widths(14, 8, 1), "output": ["Tanh"]}}, "activation"),
+        ({"network": {**widths(14, 8, 1), "extra": 1}}, "does not describe"),
+        ({"network": [1]}, "does not describe"),
+        ({"scaling": {"frequency_hz": "100", "error": 0.02}}, "'100' is no number"),
+        ({"training": 3}, "training is no mapping"),
+        ({"weights_sha256": 3}, "is not the file that was saved with it"),
     ],
 )
 def test_a_description_that_fits_nothing_is_one_line(tmp_path, fields, message):
@@ -115,6 +130,57 @@ def test_weights_that_are_not_finite_are_refused(tmp_path):
         Policy.load(policy.save(tmp_path / "policy"))
 
 
+def test_a_file_beside_a_policy_is_not_imported(tmp_path, monkeypatch):
+    folder = changed(make_policy().save(tmp_path / "policy"), baseline="notes:open_me")
+    (tmp_path / "notes.py").write_text("open('ran', 'w')\ndef open_me(*_): ...\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="is no controller of this package"):
+        make_controller(f"learned:{folder}", P10, layout(preview=4))
+    assert not (tmp_path / "ran").exists()
+
+
+def with_weights(folder, weights):
+    """A policy whose description agrees with other weights."""
+    torch.save(weights, folder / "weights.pt")
+    digest = hashlib.sha256((folder / "weights.pt").read_bytes()).hexdigest()
+    return changed(folder, weights_sha256=digest)
+
+
+def test_weights_of_a_billion_numbers_in_a_small_file_are_refused(tmp_path):
+    folder = make_policy().save(tmp_path / "policy")
+    weights = dict(Policy.load(folder).actor.state_dict())
+    weights["0.bias"] = torch.zeros(1).expand(2**33)
+    assert (with_weights(folder, weights) / "weights.pt").stat().st_size < 10_000
+    with pytest.raises(InputError, match=r"does not fit the network: '0\.bias' is not 8 numbers"):
+        Policy.load(folder)
+
+
+@pytest.mark.parametrize("weights", [[1, 2], {"0.bias": torch.zeros(8)}, torch.zeros(3)])
+def test_other_things_than_the_weights_of_the_network(tmp_path, weights):
+    folder = make_policy().save(tmp_path / "policy")
+    with pytest.raises(InputError, match=r"weights\.pt (does not fit the network|holds a)"):
+        Policy.load(with_weights(folder, weights))
+
+
+def test_weights_that_expand_are_refused(tmp_path):
+    folder = make_policy().save(tmp_path / "policy")
+    path = folder / "weights.pt"
+    with zipfile.ZipFile(path) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in entries.items():
+            archive.writestr(name, content)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    with pytest.raises(InputError, match=r"weights\.pt holds no weights alone"):
+        Policy.load(changed(folder, weights_sha256=digest))
+
+
+def test_an_empty_name_is_not_the_current_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(make_policy().save(tmp_path / "policy"))
+    with pytest.raises(InputError, match="the name of the policy is empty"):
+        find_policy("")
+
+
 class Bomb:
     def __reduce__(self):
         return (sys.exit, ("code of a policy was executed",))
@@ -130,7 +196,7 @@ def test_weights_that_carry_code_are_refused_and_the_code_is_not_run(tmp_path, m
             archive.writestr(
                 name, pickle.dumps(Bomb(), protocol=2) if name.endswith(".pkl") else content
             )
-    monkeypatch.setattr(policy_module.hashlib, "sha256", lambda _: Same(folder))
+    monkeypatch.setattr(weights_module.hashlib, "sha256", lambda _: Same(folder))
     with pytest.raises(InputError, match=r"weights\.pt holds no weights alone"):
         Policy.load(folder)
 

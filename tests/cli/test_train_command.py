@@ -127,6 +127,22 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, messa
         (YAML + "  policy_kwargs: 'dict(net_arch=[8])'\n", "policy_kwargs"),
         (YAML + "  gamma: high\n", "gamma"),
         (YAML.replace("32", "-1"), "batch_size"),
+        (
+            "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\nb: &b [*a, *a, *a, *a, *a, *a, *a, *a, *a]\n"
+            "c: &c [*b, *b, *b, *b, *b, *b, *b, *b, *b]\nd: &d [*c, *c, *c, *c, *c, *c, *c, *c, *c]\n"
+            "e: [*d, *d, *d, *d, *d, *d, *d, *d, *d]\n",
+            "more than 10000 values",
+        ),
+        ("default: " + "[" * 5000, "no YAML"),
+        ("default: " + "9" * 5000, "no YAML"),
+        (f"default: {10**400}", "give numbers and words"),
+        ("default: 2026-13-45", "no YAML"),
+        ("default: !!python/object/apply:os.system [id]", "no YAML"),
+        ("default: 2026-11-22", "give numbers and words"),
+        (YAML + "  gamma: .nan\n", "give numbers and words"),
+        (YAML + f"  env_wrapper: [{{{SCALING}: [1]}}]\n", "give its options by name"),
+        (YAML.replace("n_envs: 4", "n_envs: 4000000000"), "1000000 at most"),
+        (YAML + "  policy_kwargs: {activation_fn: 'os.getcwd'}\n", "refuses its hyper-parameters"),
     ],
 )
 def test_bad_hyperparameters_are_one_line_and_leave_nothing(tmp_path, capsys, text, message):
