@@ -1,7 +1,7 @@
 """Results as files: one NumPy archive with the arrays, and JSON that says where each belongs.
 
 What is read is decided by the annotations of the result's class alone. The file names no class, no
-module and no function; its arrays are no larger than the file.
+module and no function.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import tokenize
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,13 +23,15 @@ from numpy.typing import NDArray
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, effect_from_dict
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.files import parse_json, write_atomic
+from rdpi_gym.support.npz import Npz, open_npz
+from rdpi_gym.support.words import quoted, some
 
 FORMAT, VERSION = "rdpi-result", 1
 ENDING = ".npz"
 _DOCUMENT = "document"
 R = TypeVar("R")
-# What a field of another type than its annotation's raises.
+# What a damaged archive raises, and a field of another type than its annotation's.
 _UNFIT = (
     cattrs.BaseValidationError,
     cattrs.ForbiddenExtraKeysError,
@@ -38,6 +41,12 @@ _UNFIT = (
     LookupError,
     AttributeError,
     RecursionError,
+    EOFError,
+    OSError,
+    SyntaxError,
+    tokenize.TokenError,
+    NotImplementedError,
+    zipfile.BadZipFile,
 )
 
 
@@ -60,18 +69,16 @@ def write_result(path: Path | str, kind: str, result: Any) -> Path:
     """
     if Path(path).suffix.lower() != ENDING:
         raise InputError(f"{path}: a result is saved to a file that ends in {ENDING}")
-    arrays: list[NDArray[Any]] = []
+    arrays: dict[str, NDArray[Any]] = {}
     document = {
         "format": FORMAT,
         "version": VERSION,
         "kind": kind,
-        "result": _converter(arrays).unstructure(result, unstructure_as=type(result)),
+        "result": _json(_writer(arrays).unstructure(result, unstructure_as=type(result))),
     }
-    text = json.dumps(document, ensure_ascii=False, default=_plain_number).encode()
+    text = json.dumps(document, ensure_ascii=False, allow_nan=False).encode()
+    members: dict[str, Any] = {_DOCUMENT: np.frombuffer(text, dtype=np.uint8), **arrays}
     stream = io.BytesIO()
-    # not compressed: what is read is no larger than the file
-    members: dict[str, Any] = {_DOCUMENT: np.frombuffer(text, dtype=np.uint8)}
-    members |= {f"a{i}": array for i, array in enumerate(arrays)}
     np.savez(stream, **members)
     return write_atomic(path, stream.getvalue())
 
@@ -92,127 +99,104 @@ def read_result(path: Path | str, kinds: Mapping[str, type[R]]) -> R:
         The file is missing, damaged, no result, or one of another kind.
     """
     source = Path(path)
-    members = _members(source)
-    document = _document(source, members)
-    kind = str(document.get("kind"))
-    if kind not in kinds:
-        raise InputError(f"{source} holds a {kind[:40]!r}; expected {' or '.join(kinds)}")
-    arrays = [members[f"a{i}"] for i in range(len(members) - 1) if f"a{i}" in members]
-    try:
-        return _converter(arrays).structure(document.get("result"), kinds[kind])
-    except InputError as error:
-        raise InputError(f"{source}: {error}") from None
-    except _UNFIT as error:
-        raise _damaged(source, error) from error
-
-
-def _damaged(source: Path, error: BaseException) -> InputError:
-    reason = " ".join(str(error).split())[:120] or type(error).__name__
-    return InputError(
-        f"{source} is damaged, or was written by another release ({type(error).__name__}: {reason})"
-    )
-
-
-def _members(source: Path) -> dict[str, NDArray[Any]]:
-    """Read the arrays of an archive, none larger than what the file holds for it."""
-    if not source.is_file():
+    if not source.exists():
         raise InputError(f"{source} does not exist; give a file that a result was saved to")
     try:
-        with zipfile.ZipFile(source) as archive:
-            entries = archive.infolist()
-            if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries):
-                raise InputError(f"{source} is compressed; give a file that a result was saved to")
-            return {e.filename.removesuffix(".npy"): _array(archive.read(e)) for e in entries}
-    except (zipfile.BadZipFile, OSError, ValueError, EOFError, NotImplementedError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise _damaged(source, error) from error
-
-
-def _array(raw: bytes) -> NDArray[Any]:
-    stream = io.BytesIO(raw)
-    version = np.lib.format.read_magic(stream)
-    if version != (1, 0):
-        raise ValueError(f"an array of format {version}")
-    shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
-    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(raw) - stream.tell():
-        raise ValueError("an array that does not fit its header")
-    stream.seek(0)
-    return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
-
-
-def _document(source: Path, members: dict[str, NDArray[Any]]) -> dict[str, Any]:
-    text = members.get(_DOCUMENT)
-    if text is None or text.dtype != np.uint8 or text.ndim != 1:
-        raise InputError(f"{source} is no saved result; give a file that a result was saved to")
-    try:
-        document = json.loads(text.tobytes().decode())
-    except (ValueError, RecursionError) as error:
-        raise _damaged(source, error) from error
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise InputError(f"{source} is no saved result; give a file that a result was saved to")
-    if document.get("version") != VERSION:
+        with open_npz(source) as archive:
+            document = _document(source, archive)
+            kind = str(document.get("kind"))
+            if kind not in kinds:
+                raise InputError(f"it holds a {quoted(kind)}; expected {some(kinds)}")
+            return _reader(archive).structure(document.get("result"), kinds[kind])
+    except InputError as error:
+        said = str(error)
+        raise (error if said.startswith(str(source)) else InputError(f"{source}: {said}")) from None
+    except _UNFIT as error:
+        reason = " ".join(str(error).split())[:120]
         raise InputError(
-            f"{source} has version {str(document.get('version'))[:20]} of {FORMAT}; this release "
-            f"reads version {VERSION}"
+            f"{source} is damaged, or was written by another release "
+            f"({type(error).__name__}: {reason})"
+        ) from error
+
+
+def _document(source: Path, archive: Npz) -> dict[str, Any]:
+    no_result = InputError(f"{source} is no saved result; give a file that a result was saved to")
+    if _DOCUMENT not in archive.names:
+        raise no_result
+    document = parse_json(archive.read(_DOCUMENT).tobytes().decode(), str(source))
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise no_result
+    version = document.get("version")
+    if version != VERSION:
+        raise InputError(
+            f"{source} has version {quoted(version)} of {FORMAT}; this release reads version {VERSION}"
         )
     return document
 
 
-def _plain_number(value: Any) -> Any:
+def _json(value: Any) -> Any:
+    """Return a value as JSON has it: a number that is not finite is text."""
+    if isinstance(value, dict):
+        return {key: _json(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_json(each) for each in value]
     if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"{type(value).__name__} has no place in JSON")
+        value = value.item()
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _converter(arrays: list[NDArray[Any]]) -> cattrs.Converter:
-    """Return a converter of dataclasses whose arrays are kept in a list, in their places a number."""
-    converter = cattrs.Converter(forbid_extra_keys=True, detailed_validation=False)
+def _writer(arrays: dict[str, NDArray[Any]]) -> cattrs.Converter:
+    """Return a converter of dataclasses that leaves a name in place of each array."""
+    converter = cattrs.Converter()
 
-    def keep(array: NDArray[Any]) -> int:
-        arrays.append(array)
-        return len(arrays) - 1
-
-    def kept(place: Any, _: Any) -> NDArray[Any]:
-        return arrays[_whole(place)]
+    def keep(array: NDArray[Any]) -> str:
+        name = f"a{len(arrays)}"
+        arrays[name] = array
+        return name
 
     def keep_table(table: pd.DataFrame) -> dict[str, Any]:
         columns = []
         for name in table.columns:
             values = table[name]
             if values.dtype.kind in "iufb":
-                column: dict[str, Any] = {"values": keep(values.to_numpy())}
+                column: dict[str, Any] = {"array": keep(values.to_numpy())}
             else:
-                text = isinstance(values.dtype, pd.StringDtype)
-                column = {"values": [_cell(v) for v in values], "text": text}
+                cells = [None if cell is pd.NA else cell for cell in values]
+                column = {"cells": cells, "text": isinstance(values.dtype, pd.StringDtype)}
             columns.append({"name": str(name), **column})
         return {"rows": len(table), "columns": columns}
+
+    converter.register_unstructure_hook_func(_is_array, keep)
+    converter.register_unstructure_hook(pd.DataFrame, keep_table)
+    converter.register_unstructure_hook(PlantModel, lambda plant: plant.to_dict())
+    converter.register_unstructure_hook(Effect, lambda effect: effect.to_dict())
+    # classes of a user's own are not saved
+    converter.register_unstructure_hook_func(_is_classes, lambda classes: None)
+    return converter
+
+
+def _reader(archive: Npz) -> cattrs.Converter:
+    """Return a converter that builds what the annotations say, and takes arrays from an archive."""
+    converter = cattrs.Converter(forbid_extra_keys=True, detailed_validation=False)
 
     def kept_table(document: Any, _: Any) -> pd.DataFrame:
         columns: dict[str, Any] = {}
         for column in document["columns"]:
-            values = column["values"]
-            columns[str(column["name"])] = (
-                pd.Series(values, dtype=str if column["text"] else object)
-                if isinstance(values, list)
-                else arrays[_whole(values)]
-            )
-        return pd.DataFrame(columns, index=pd.RangeIndex(_whole(document["rows"])))
+            if "array" in column:
+                columns[column["name"]] = archive.read(column["array"])
+            else:
+                kind = str if column["text"] else object
+                columns[column["name"]] = pd.Series(column["cells"], dtype=kind)
+        return pd.DataFrame(columns, index=pd.RangeIndex(document["rows"]))
 
-    converter.register_unstructure_hook_func(_is_array, keep)
-    converter.register_structure_hook_func(_is_array, kept)
-    converter.register_unstructure_hook(pd.DataFrame, keep_table)
+    converter.register_structure_hook_func(_is_array, lambda name, _: archive.read(name))
     converter.register_structure_hook(pd.DataFrame, kept_table)
-    converter.register_unstructure_hook(PlantModel, lambda plant: plant.to_dict())
     converter.register_structure_hook(
         PlantModel, lambda document, _: PlantModel.from_dict(document, "plant")
     )
-    converter.register_unstructure_hook(Effect, lambda effect: effect.to_dict())
     converter.register_structure_hook(
         Effect, lambda document, _: effect_from_dict(CATALOGUE, document, "effect")
     )
-    # classes of a user's own are not saved
-    converter.register_unstructure_hook_func(_is_classes, lambda classes: None)
     converter.register_structure_hook_func(_is_classes, lambda nothing, _: ())
     for kind in (str, int, float, bool):
         converter.register_structure_hook(kind, _exactly)
@@ -227,20 +211,10 @@ def _is_classes(hint: Any) -> bool:
     return get_origin(hint) is tuple and get_origin(get_args(hint)[0]) is type
 
 
-def _cell(value: Any) -> Any:
-    return None if value is pd.NA or value is None else value
-
-
-def _whole(value: Any) -> int:
-    if type(value) is not int or value < 0:
-        raise ValueError(f"{value!r} is no place")
-    return value
-
-
 def _exactly(value: Any, kind: type) -> Any:
-    """Return a value of the type that is expected, as JSON has it."""
-    if kind is float and type(value) in (int, float, str):  # a key of a JSON object is text
+    """Return a value of the type that is expected; a key of a JSON object is always text."""
+    if kind is float and type(value) in (int, float, str):
         return float(value)
     if type(value) is not kind:
-        raise ValueError(f"{str(value)[:40]!r} where a {kind.__name__} is expected")
+        raise ValueError(f"{quoted(value)} where a {kind.__name__} is expected")
     return value

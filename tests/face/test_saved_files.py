@@ -98,10 +98,7 @@ def test_a_changed_head(saved, change):
 def test_a_field_of_another_type(saved, change):
     document, arrays = document_of(saved)
     document["result"] |= change
-    if "evaluations" in change:  # a number of any size is a number
-        assert rg.load_result(write(saved, document, arrays)).evaluations == 10**400
-    else:
-        refused(write(saved, document, arrays))
+    refused(write(saved, document, arrays))
 
 
 def test_a_field_that_is_missing(saved):
@@ -110,7 +107,7 @@ def test_a_field_that_is_missing(saved):
     assert "rmse_um" in refused(write(saved, document, arrays))
 
 
-@pytest.mark.parametrize("place", [-1, 10**6, "a0", 1.5, None, True])
+@pytest.mark.parametrize("place", [-1, "a999", "document", 1.5, None, ["a0"]])
 def test_an_array_that_is_not_there(data, tmp_path, place):
     path = data.save(tmp_path / "data.npz")
     document, arrays = document_of(path)
@@ -118,31 +115,33 @@ def test_an_array_that_is_not_there(data, tmp_path, place):
     refused(write(path, document, arrays))
 
 
-def test_pickled_objects_are_refused(saved):
-    document, _ = document_of(saved)
-    refused(write(saved, document, {"a0": np.array([{"x": 1}], dtype=object)}))
+def test_pickled_objects_are_refused(data, tmp_path):
+    path = data.save(tmp_path / "data.npz")
+    document, arrays = document_of(path)
+    document["result"]["records"][0]["u_V"] = "pickled"
+    arrays["pickled"] = np.array([{"x": 1}], dtype=object)
+    assert "Python objects" in refused(write(path, document, arrays))
 
 
 def test_an_array_whose_header_promises_more_than_the_file_holds(data, tmp_path):
     path = data.save(tmp_path / "data.npz")
+    document, arrays = document_of(path)
+    document["result"]["records"][0]["u_V"] = "huge"
+    write(path, document, arrays)
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(
         header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
     )
-    document, _ = document_of(path)
-    with zipfile.ZipFile(path, "w") as archive:
-        text = io.BytesIO()
-        np.save(text, np.frombuffer(json.dumps(document).encode(), dtype=np.uint8))
-        archive.writestr("document.npy", text.getvalue())
-        archive.writestr("a0.npy", header.getvalue() + bytes(8))
-    assert "does not fit its header" in refused(path)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("huge.npy", header.getvalue() + bytes(8))
+    assert "expands to" in refused(path)
 
 
-def test_a_compressed_archive_is_refused(saved):
+def test_an_archive_that_expands_beyond_all_proportion(saved):
     document, arrays = document_of(saved)
     text = np.frombuffer(json.dumps(document).encode(), dtype=np.uint8)
-    np.savez_compressed(saved, document=text, **arrays)
-    assert "compressed" in refused(saved)
+    np.savez_compressed(saved, document=np.zeros(2**28, dtype=np.uint8), old=text, **arrays)
+    assert "expands to" in refused(saved)
 
 
 def test_a_deeply_nested_document(saved):
