@@ -27,10 +27,12 @@ if TYPE_CHECKING:
     from rdpi_gym.face.comparison import Comparison, compare
     from rdpi_gym.face.data import Dataset, load
     from rdpi_gym.face.fitting import FitResult, fit
+    from rdpi_gym.face.paper import PaperResults, reproduce
     from rdpi_gym.face.result import Result
     from rdpi_gym.face.results import load_result
     from rdpi_gym.face.search import SearchResult, add, diagnose, discover
     from rdpi_gym.face.simulation import Simulation, simulate
+    from rdpi_gym.face.training import Training, export, train
     from rdpi_gym.support.errors import InputError
 
     __version__: str
@@ -42,10 +44,12 @@ _HOME = {
     "comparison": ("Comparison", "compare"),
     "data": ("Dataset", "load"),
     "fitting": ("FitResult", "fit"),
+    "paper": ("PaperResults", "reproduce"),
     "result": ("Result",),
     "results": ("load_result",),
     "search": ("SearchResult", "add", "diagnose", "discover"),
     "simulation": ("Simulation", "simulate"),
+    "training": ("Training", "export", "train"),
 }
 _MODULES = {name: f"{__name__}.face.{module}" for module, names in _HOME.items() for name in names}
 _MODULES["InputError"] = f"{__name__}.support.errors"
@@ -57,9 +61,11 @@ __all__ = [
     "Evaluation",
     "FitResult",
     "InputError",
+    "PaperResults",
     "Result",
     "SearchResult",
     "Simulation",
+    "Training",
     "__version__",
     "add",
     "benchmark",
@@ -69,13 +75,16 @@ __all__ = [
     "discover",
     "effects",
     "environments",
+    "export",
     "fit",
     "load",
     "load_result",
     "make_controller",
     "plants",
+    "reproduce",
     "signals",
     "simulate",
+    "train",
 ]
 
 register(

@@ -50,7 +50,8 @@ def _kinds() -> list[Any]:
     from rdpi_gym.face.comparison import Comparison
     from rdpi_gym.face.data import Dataset
     from rdpi_gym.face.fitting import FitResult
+    from rdpi_gym.face.paper import PaperResults
     from rdpi_gym.face.search import SearchResult
     from rdpi_gym.face.simulation import Simulation
 
-    return [Dataset, Simulation, FitResult, Comparison, SearchResult, Evaluation]
+    return [Dataset, Simulation, FitResult, Comparison, SearchResult, Evaluation, PaperResults]

@@ -1,0 +1,169 @@
+"""`train`, `export`: an agent trained in a folder, and its policy as a file that others read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from rdpi_gym.support.checked import checked
+from rdpi_gym.support.errors import InputError
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    import pandas as pd
+
+_INSTALL = "install rdpi-gym[rl]"
+
+
+@dataclass(frozen=True, repr=False)
+class Training:
+    """A training, finished; as :func:`rdpi_gym.train` returns it. Its folder is its saved form.
+
+    Parameters
+    ----------
+    folder
+        Holds ``policy/``, ``training.csv``, ``config.json`` and ``checkpoint/``.
+    policy
+        Folder of the policy that did best on held-out plants and references.
+    compensator
+        What it is compared with.
+    """
+
+    folder: Path
+    policy: Path
+    compensator: str
+
+    @property
+    def controller(self) -> str:
+        """Name under which :func:`rdpi_gym.make_controller` and the benchmark know the policy."""
+        return f"learned:{self.policy}"
+
+    def __repr__(self) -> str:
+        curve = self.to_dataframe()
+        best = curve.iloc[int(curve["reward"].to_numpy().argmax())]
+        variation = best["command_variation_V_s"] / best["compensator_command_variation_V_s"]
+        return (
+            f"after {best['timesteps']:.0f} steps, on held-out plants: RMSE {best['rmse_um']:.3g} um, "
+            f"{self.compensator} {best['compensator_rmse_um']:.3g} um; command variation "
+            f"{variation:.3g} of its"
+        )
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the learning curve, ``training.csv``: one row an evaluation."""
+        import pandas as pd
+
+        return pd.read_csv(self.folder / "training.csv")
+
+    def plot(self) -> Any:
+        """Draw the error on held-out plants over the steps, beside the compensator's.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        import matplotlib.pyplot as plt
+
+        from rdpi_gym.report.style import INK, matplotlib_style
+
+        style: Any = matplotlib_style()
+        curve = self.to_dataframe()
+        with plt.rc_context(style):
+            axes = plt.figure(figsize=(6.0, 3.6), layout="constrained").subplots()
+            axes.plot(curve["timesteps"], curve["rmse_um"], "o-", label="policy")
+            level = float(curve["compensator_rmse_um"].iloc[-1])
+            axes.axhline(level, color=INK, linestyle="--", label=self.compensator)
+            axes.set_yscale("log")
+            axes.set_xlabel("Environment steps")
+            axes.set_ylabel("RMSE on held-out plants (µm)")
+            axes.legend()
+        return axes
+
+
+@checked
+def train(
+    algorithm: Literal["ppo", "sac", "td3"],
+    out: PathLike[str] | str = "results/train",
+    *,
+    seed: int = 0,
+    progress: Callable[..., None] | None = None,
+    **options: Any,
+) -> Training:
+    """Train a policy with Stable-Baselines3; the same call goes on with an interrupted one.
+
+    Parameters
+    ----------
+    algorithm
+        ``ppo``, ``sac`` or ``td3``.
+    out
+        Folder of the training.
+    seed
+        Of every random draw.
+    progress
+        Called with the number of steps done, and in all.
+    **options
+        Those of :class:`baselines.learned.options.TrainingOptions`, such as ``timesteps``,
+        ``plants``, ``reference``, ``action``.
+
+    Returns
+    -------
+    Training
+        It prints the error on held-out plants; `controller` is the policy's name.
+
+    Raises
+    ------
+    InputError
+        The packages of ``rdpi-gym[rl]`` are missing, an option is unknown or out of range, or the
+        folder holds something else.
+    """
+    script = _script(algorithm)
+    known = script.Options.__dataclass_fields__
+    for name in options:
+        if name not in known:
+            raise TypeError(f"train() got an unexpected keyword argument {name!r}")
+    asked = script.Options(out=Path(out), seed=seed, **options)
+    policy = script.train(asked, progress)
+    return Training(Path(out), policy, asked.baseline)
+
+
+@checked
+def export(
+    policy: PathLike[str] | str | Training, path: PathLike[str] | str = "policy.onnx"
+) -> Path:
+    """Write a trained policy as an ONNX file: stacked observation in, action out.
+
+    Parameters
+    ----------
+    policy
+        A training, the folder of a policy, or the name of one that ships.
+    path
+        File that is written.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        The packages of ``rdpi-gym[rl]`` are missing, or the policy cannot be read.
+    """
+    try:
+        from baselines.learned.onnx_export import export_onnx
+        from baselines.learned.policy import find_policy
+    except ImportError as error:
+        raise InputError(f"an export needs {error.name}; {_INSTALL}") from error
+    folder = policy.policy if isinstance(policy, Training) else policy
+    return export_onnx(find_policy(str(folder)), Path(path))
+
+
+def _script(algorithm: str) -> ModuleType:
+    try:
+        return import_module(f"baselines.learned.train_{algorithm}")
+    except ImportError as error:
+        raise InputError(f"training needs {error.name}; {_INSTALL}") from error
