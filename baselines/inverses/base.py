@@ -61,11 +61,15 @@ class Inverse(ABC):
     ----------
     effect
         Name of the effect.
+    urgency
+        Where the preview is too short for all, the more urgent is served first: what cannot be had
+        without it.
     ahead, rows
         Samples that it looks ahead, and rows of its memory.
     """
 
     effect: ClassVar[str]
+    urgency: ClassVar[int] = 0
     rows: int = 0
 
     def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:

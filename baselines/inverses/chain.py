@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,9 +12,6 @@ from baselines.inverses.catalogue import INVERSES
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.support.arrays import Array
-
-# Who goes short last where the preview is too short: what cannot be had without it.
-_FIRST_SERVED = ("delay", "resonance", "sensor_lag", "actuator_lag")
 
 
 @dataclass(frozen=True)
@@ -112,7 +109,7 @@ def inverses_of(
             for name, effect in known.items()
             if name not in dealt_with and effect.slot != "memory"
         ),
-        short=tuple(name for name in _FIRST_SERVED if granted.get(name, 0) < wanted.get(name, 0)),
+        short=tuple(name for name in _by_urgency(wanted) if granted[name] < wanted[name]),
         wanted_ahead=sum(wanted.values()),
         rest_V=_rest_input([e for e in belief.effects if e.slot == "input"], ts_s, rest_V),
     )
@@ -120,11 +117,14 @@ def inverses_of(
 
 def _share(wanted: dict[str, int], available: int) -> dict[str, int]:
     granted = dict.fromkeys(wanted, 0)
-    for name in (*_FIRST_SERVED, *wanted):
-        if name in wanted and not granted[name]:
-            granted[name] = min(wanted[name], available)
-            available -= granted[name]
+    for name in _by_urgency(wanted):
+        granted[name] = min(wanted[name], available)
+        available -= granted[name]
     return granted
+
+
+def _by_urgency(names: Iterable[str]) -> list[str]:
+    return sorted(names, key=lambda name: -INVERSES[name].urgency)
 
 
 def _rest_before(belief: PlantModel, effect: Effect, ts_s: float, rest_V: float) -> float:

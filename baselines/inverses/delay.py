@@ -37,6 +37,7 @@ class DelayInverse(PreviewFilter):
     """
 
     effect = "delay"
+    urgency = 4
 
     def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
         super().__init__(effect, setting, ahead)

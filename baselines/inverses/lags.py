@@ -20,6 +20,7 @@ class SensorLagInverse(LinearInverse):
     """
 
     effect = "sensor_lag"
+    urgency = 2
 
     @classmethod
     def half_window_s(cls, effect: Effect) -> float:
@@ -31,3 +32,4 @@ class ActuatorLagInverse(SensorLagInverse):
     """The lag in front of the hysteresis."""
 
     effect = "actuator_lag"
+    urgency = 1

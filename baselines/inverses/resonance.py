@@ -21,6 +21,7 @@ class ResonanceInverse(LinearInverse):
     """
 
     effect = "resonance"
+    urgency = 3
 
     @classmethod
     def half_window_s(cls, effect: Effect) -> float:

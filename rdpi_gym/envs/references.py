@@ -9,16 +9,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rdpi_gym.signals import SIGNALS, Measured, Signal, Sum, make_signal
-from rdpi_gym.signals import Sequence as SignalSequence
+from rdpi_gym.signals import SIGNALS, Signal, make_signal
 from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 
 ReferenceChoice: TypeAlias = str | Mapping[str, Any] | Signal
 FrequencyChoice: TypeAlias = float | Sequence[float]
-
-# Their values are in µm already: the environment's amplitude and centre are not theirs.
-_IN_MICROMETRES = (Measured, Sum, SignalSequence)
 
 
 @dataclass(frozen=True)
@@ -103,7 +99,7 @@ class ReferenceSource:
             "frequency_hz": frequency_hz,
             "seed": seed,
         }
-        if not issubclass(SIGNALS[name], _IN_MICROMETRES):
+        if not SIGNALS[name].in_micrometres:  # else amplitude and centre are not theirs
             defaults |= {"amplitude_um": self.amplitude_um, "offset_um": self.offset_um}
         declared = {field.name for field in fields(SIGNALS[name])}
         known = {key: value for key, value in defaults.items() if key in declared}

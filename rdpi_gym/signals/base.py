@@ -40,6 +40,13 @@ class Signal(ABC):
     smooth_start_s
         Duration of the smooth start (s); 0 starts at once.
 
+    Attributes
+    ----------
+    name
+        By which `make_signal` knows it.
+    in_micrometres
+        Whether the shape is in µm already, so that `amplitude_um` is no amplitude but a factor.
+
     Raises
     ------
     InputError
@@ -56,6 +63,7 @@ class Signal(ABC):
     """
 
     name: ClassVar[str]
+    in_micrometres: ClassVar[bool] = False
 
     amplitude_um: float = 1.0
     offset_um: float = 0.0

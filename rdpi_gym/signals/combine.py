@@ -32,6 +32,8 @@ class Combination(Signal):
         The signals it is made of, one or more.
     """
 
+    in_micrometres: ClassVar[bool] = True
+
     parts: tuple[Signal, ...]
 
     def __post_init__(self) -> None:

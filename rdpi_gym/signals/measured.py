@@ -52,6 +52,7 @@ class Measured(Signal):
     """
 
     name: ClassVar[str] = "measured"
+    in_micrometres: ClassVar[bool] = True
     times_s: ArrayLike = field(repr=False)
     values_um: ArrayLike = field(repr=False)
 

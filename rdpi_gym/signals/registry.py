@@ -5,30 +5,17 @@ from __future__ import annotations
 import dataclasses
 import difflib
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import Any
 
 from rdpi_gym.signals.base import Signal
-from rdpi_gym.signals.broadband import BandLimitedNoise, Multisine
-from rdpi_gym.signals.combine import Combination, Sequence, Sum
-from rdpi_gym.signals.loops import NestedLoops
-from rdpi_gym.signals.measured import Measured
-from rdpi_gym.signals.periodic import Sawtooth, Sine, Triangle
-from rdpi_gym.signals.processes import LaplaceProcess, WienerProcess
-from rdpi_gym.signals.raster import Raster, RasterSlowRamp, RasterSlowStairs
-from rdpi_gym.signals.steps import Constant, RandomSteps, Steps
-from rdpi_gym.signals.sweeps import Chirp, DecayingSine
+from rdpi_gym.signals.combine import Combination
 from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.members import Members
 
-_CLASSES: tuple[type[Signal], ...] = (
-    *(Constant, Sine, Triangle, Sawtooth, Steps, RandomSteps),
-    *(Raster, RasterSlowRamp, RasterSlowStairs, Chirp, DecayingSine, NestedLoops),
-    *(Multisine, BandLimitedNoise, WienerProcess, LaplaceProcess, Sum, Sequence, Measured),
-)
+SIGNALS: Mapping[str, type[Signal]] = Members("rdpi_gym.signals", Signal)  # type: ignore[type-abstract]
+"""Every signal by its name: a file of this folder that defines one is found."""
 
-SIGNALS: Mapping[str, type[Signal]] = MappingProxyType({cls.name: cls for cls in _CLASSES})
-"""Every signal by its name."""
 _DEEPEST = 20
 
 

@@ -12,14 +12,11 @@ from rdpi_gym.plant.effects import CATALOGUE, SLOTS, Effect, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.virtual_lab.dataset import clock, plant_displacement
+from rdpi_gym.virtual_lab.independent import twins
 from rdpi_gym.virtual_lab.truth import Truth
 from rdpi_gym.virtual_lab.visibility import left_over
 
-HIDEABLE = (
-    "creep", "resonance", "actuator_lag", "sensor_lag", "delay", "asymmetry", "saturation",
-    "slew_limit", "thermal_drift", "gain_drift", "rate_law", "backlash", "mains_hum", "congruency",
-    "initial_memory",
-)  # fmt: skip
+HIDEABLE: tuple[str, ...] = tuple(twins())
 """Effects that the independent formulation knows."""
 
 VISIBLE = 3.0

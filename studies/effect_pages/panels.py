@@ -1,12 +1,15 @@
-"""Panels of a picture: one way to look at an effect each."""
+"""Panels of a picture: one way to look at an effect each, as ``rdpi_gym.plant.effects.Look`` names it."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rdpi_gym.report.effect_figure import LEFT, WITH, WITHOUT, Line, Panel
-from rdpi_gym.signals.experiments import Experiment
+from rdpi_gym.signals import Constant
+from rdpi_gym.signals.experiments import Experiment, polyline
 from rdpi_gym.support.arrays import Array
 from studies.effect_pages.study import Study
 
@@ -19,14 +22,28 @@ RESIDUAL = "Measured − model (µm)"
 _FIRST_HZ, _APART_HZ = 20.0, 40.0
 
 
-def loops(study: Study, name: str, title: str) -> Panel:
+# Voltage below the first threshold of the plant, where every play sticks.
+_SMALL_V = 0.8
+_SMALL = polyline([0.0, *[_SMALL_V, -_SMALL_V] * 3, 0.0], rate_V_s=4.0 * _SMALL_V)
+EXPERIMENTS: dict[str, Experiment] = {
+    experiment.name: experiment
+    for experiment in (
+        Experiment("small-triangle", "reversals while every play sticks", _SMALL, 1e-3, 3.0),
+        Experiment("step", "ringing", polyline([0.0, 0.0, 5.0], rate_V_s=1e4), 2e-5, 0.02),
+        Experiment("at-rest", "drift", Constant(offset_um=0.0), 0.1, 300.0),
+    )
+}
+"""Experiments besides those of the standard protocol."""
+
+
+def loops(study: Study, title: str, name: str) -> Panel:
     """Displacement over the command of one record, with and without the effect."""
     bare, having = study.without[name], study.having[name]
     lines = (Line(WITHOUT, bare.u_V, bare.y_um), Line(WITH, having.u_V, having.y_um))
     return Panel(title, COMMAND, DISPLACEMENT, lines)
 
 
-def over_time(study: Study, name: str, title: str, start_s: float, stop_s: float) -> Panel:
+def over_time(study: Study, title: str, name: str, start_s: float, stop_s: float) -> Panel:
     """Displacement over a stretch of one record's time, with and without the effect."""
     bare, having = study.without[name], study.having[name]
     t = having.t_s - having.t_s[0]
@@ -35,15 +52,17 @@ def over_time(study: Study, name: str, title: str, start_s: float, stop_s: float
     return Panel(title, TIME, DISPLACEMENT, lines)
 
 
-def response(study: Study, experiment: Experiment, title: str) -> Panel:
+def response(study: Study, title: str, name: str) -> Panel:
     """Displacement over time in an experiment of its own, with and without the effect."""
+    experiment = EXPERIMENTS[name]
     t = experiment.times_s()
     bare, having = study.respond(experiment)
     return Panel(title, TIME, DISPLACEMENT, (Line(WITHOUT, t, bare), Line(WITH, t, having)))
 
 
-def small_loop(study: Study, experiment: Experiment, title: str, start_s: float) -> Panel:
+def small_loop(study: Study, title: str, name: str, start_s: float) -> Panel:
     """Displacement over the command in an experiment of its own, from a time (s) on."""
+    experiment = EXPERIMENTS[name]
     k = experiment.times_s() >= start_s
     u = experiment.command_V()[k]
     bare, having = (y[k] for y in study.respond(experiment))
@@ -51,7 +70,7 @@ def small_loop(study: Study, experiment: Experiment, title: str, start_s: float)
 
 
 def left_over_time(
-    study: Study, name: str, title: str, start_s: float = 0.0, stop_s: float = np.inf
+    study: Study, title: str, name: str, start_s: float = 0.0, stop_s: float = np.inf
 ) -> Panel:
     """What a refit leaves over the time of one record."""
     record = study.having[name]
@@ -100,7 +119,7 @@ def _transfer(study: Study) -> tuple[Array, Complex, Complex]:
     return f[lines], found[0], found[1]
 
 
-def onward(study: Study, name: str, title: str, moved_s: float, stop_s: float) -> Panel:
+def onward(study: Study, title: str, name: str, moved_s: float, stop_s: float) -> Panel:
     """Displacement since the end of a move, over the logarithm of the time since then."""
     lines = []
     for label, record in ((WITHOUT, study.without[name]), (WITH, study.having[name])):
@@ -110,7 +129,7 @@ def onward(study: Study, name: str, title: str, moved_s: float, stop_s: float) -
     return Panel(title, "Time since the move (s)", "Onward (µm)", tuple(lines), log_x=True)
 
 
-def spectrum(study: Study, name: str, title: str, highest_hz: float) -> Panel:
+def spectrum(study: Study, title: str, name: str, highest_hz: float) -> Panel:
     """Amplitudes of what a refit leaves of one record."""
     record, left = study.having[name], study.left_um[name]
     f = np.fft.rfftfreq(left.size, record.ts_s).astype(np.float64)
@@ -120,10 +139,20 @@ def spectrum(study: Study, name: str, title: str, highest_hz: float) -> Panel:
     return Panel(title, "Frequency (Hz)", "Amplitude (µm)", (Line(LEFT, f[k], amplitude[k]),))
 
 
-def displacement_of_repeats(study: Study, first: str, again: str, title: str) -> Panel:
+def repeats(study: Study, title: str, first: str, again: str) -> Panel:
     """How much more the same command moves the plant when it is repeated, over displacement."""
     lines = []
     for label, records in ((WITHOUT, study.without), (WITH, study.having)):
         before, after = records[first].y_um, records[again].y_um
         lines.append(Line(label, before, after - before))
     return Panel(title, DISPLACEMENT, "Repeat − first (µm)", tuple(lines))
+
+
+PANELS: dict[str, Callable[..., Panel]] = {
+    panel.__name__: panel
+    for panel in (
+        *(loops, over_time, response, small_loop, left_over_time, left_over_command),
+        *(gain, phase, onward, spectrum, repeats),
+    )
+}
+"""By the name that an effect's picture gives."""

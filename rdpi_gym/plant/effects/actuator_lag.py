@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import Effect, Parameter
+from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import linear_block, pack_lag
 
 
@@ -63,6 +63,11 @@ class ActuatorLag(Effect):
         "hysteresis; it needs one sample of preview and amplifies noise of the reference."
     )
     mistaken_for = ("sensor_lag", "delay", "rate_law", "resonance")
+    picture = Picture(
+        {"time_constant_s": 3e-4},
+        Look("phase", "A small multisine: every play sticks"),
+        Look("left_over_time", "What a refit leaves of a large sine", "sine-50hz", 0.1, 0.14),
+    )
     block = staticmethod(linear_block)
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:

@@ -8,7 +8,7 @@ from typing import Self
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -76,6 +76,11 @@ class Asymmetry(Effect):
         "of a quadratic."
     )
     mistaken_for = ("congruency", "saturation", "thermal_drift")
+    picture = Picture(
+        {"coefficient": 0.05},
+        Look("loops", "A large sine about zero", "sine-10hz"),
+        Look("left_over_command", "What a refit leaves of it", "sine-10hz"),
+    )
     block = staticmethod(asymmetry_block)
 
     @classmethod

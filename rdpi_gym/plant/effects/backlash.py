@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -72,6 +72,11 @@ class Backlash(Effect):
         "as an error. Approach every target from the same side where the task allows."
     )
     mistaken_for = ("rate_law",)
+    picture = Picture(
+        {"half_width_um": 0.2},
+        Look("small_loop", "Reversals while every play sticks", "small-triangle", 0.5),
+        Look("left_over_command", "What a refit leaves of minor loops", "minor-loops"),
+    )
     block = staticmethod(backlash_block)
 
     @classmethod

@@ -68,6 +68,45 @@ class Parameter:
     fixed: bool = False
 
 
+class Look:
+    """One way to look at an effect, half of its picture.
+
+    Parameters
+    ----------
+    kind
+        What is drawn, for example ``loops``: a function of ``studies.effect_pages.panels``.
+    title
+        Above it.
+    arguments
+        What that function takes besides: names of records of the standard protocol, times (s).
+
+    Examples
+    --------
+    >>> Look("over_time", "A large sine", "sine-50hz", 0.0, 0.04).arguments
+    ('sine-50hz', 0.0, 0.04)
+    """
+
+    def __init__(self, kind: str, title: str, *arguments: str | float) -> None:
+        self.kind, self.title, self.arguments = kind, title, arguments
+
+
+@dataclass(frozen=True)
+class Picture:
+    """How an effect is shown best.
+
+    Parameters
+    ----------
+    values
+        Parameters that are not at their defaults: an effect of a size that the eye sees.
+    left, right
+        Its two halves.
+    """
+
+    values: Mapping[str, float]
+    left: Look
+    right: Look
+
+
 @dataclass(frozen=True)
 class DataScale:
     """How large and how fast measured records are: what a search starts from.
@@ -116,6 +155,8 @@ class Effect(ABC):
         Names of effects that data may not tell apart from it.
     block
         The compiled kernel, as a ``staticmethod``.
+    picture
+        How its page shows it; None: as any effect is shown.
     kinked
         Parameter along which the error has a cusp, so that no gradient leads to its least value: a
         fit searches along it; None unless stated.
@@ -151,6 +192,7 @@ class Effect(ABC):
     remedy: ClassVar[str] = ""
     mistaken_for: ClassVar[tuple[str, ...]]
     block: ClassVar[Block]
+    picture: ClassVar[Picture | None] = None
     kinked: ClassVar[str | None] = None
     clocked: ClassVar[bool] = False
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import math
-import pkgutil
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from importlib import import_module
 from importlib.metadata import entry_points
-from pathlib import Path
 
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import SLOTS, Effect
 from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.members import Members
 from rdpi_gym.support.plugins import load_attribute
 
 ENTRY_POINTS = "rdpi_gym.effects"
@@ -42,19 +40,8 @@ class Catalogue(Mapping[str, type[Effect]]):
     """
 
     @cached_property
-    def _own(self) -> dict[str, type[Effect]]:
-        folder = str(Path(__file__).parent)
-        modules = [import_module(f"{_PACKAGE}.{m.name}") for m in pkgutil.iter_modules([folder])]
-        found = [
-            kind
-            for module in modules
-            for kind in vars(module).values()
-            if inspect.isclass(kind)
-            and issubclass(kind, Effect)
-            and kind.__module__ == module.__name__
-            and not inspect.isabstract(kind)
-        ]
-        return {kind.name: kind for kind in sorted(found, key=_place)}
+    def _own(self) -> Mapping[str, type[Effect]]:
+        return Members(_PACKAGE, Effect, order=_place)  # type: ignore[type-abstract]
 
     @cached_property
     def _all(self) -> dict[str, type[Effect]]:

@@ -8,7 +8,7 @@ from typing import Self
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -70,6 +70,11 @@ class Congruency(Effect):
         "extended inverse does while the sum still rises."
     )
     mistaken_for = ("saturation", "asymmetry")
+    picture = Picture(
+        {"coefficient": 0.3},
+        Look("loops", "Minor loops at three biases", "minor-loops"),
+        Look("left_over_command", "What a refit leaves of it", "minor-loops"),
+    )
     block = staticmethod(congruency_block)
 
     @classmethod

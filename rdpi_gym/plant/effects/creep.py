@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import Effect, Parameter
+from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import lag_step
 from rdpi_gym.support.arrays import Array
 
@@ -126,6 +126,11 @@ class Creep(Effect):
         "stable and needs no preview. Waiting helps slowly: each further decade costs as much."
     )
     mistaken_for = ("thermal_drift", "gain_drift", "initial_memory")
+    picture = Picture(
+        {"gain_per_decade": 0.02},
+        Look("onward", "A hold of 30 s", "stairs", 23.85, 53.8),
+        Look("left_over_time", "What a refit leaves of the stairs", "stairs"),
+    )
     block = staticmethod(creep_block)
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:

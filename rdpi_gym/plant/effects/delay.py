@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import Effect, Parameter
+from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -93,6 +93,11 @@ class Delay(Effect):
         "feedback a delay cannot be undone and limits the gain."
     )
     mistaken_for = ("sensor_lag", "actuator_lag", "rate_law", "resonance")
+    picture = Picture(
+        {"delay_s": 3e-4},
+        Look("phase", "A small multisine: every play sticks"),
+        Look("gain", "Its gain stays"),
+    )
     block = staticmethod(delay_block)
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:

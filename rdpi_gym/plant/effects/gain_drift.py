@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import Effect, Parameter
+from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -72,6 +72,21 @@ class GainDrift(Effect):
         "loop, which takes a slow gain out."
     )
     mistaken_for = ("thermal_drift", "creep")
+    picture = Picture(
+        {"rate_per_s": 3e-4},
+        Look(
+            "repeats",
+            "The first record once more, 85 s later",
+            "triangle-slow",
+            "triangle-slow-again",
+        ),
+        Look(
+            "left_over_command",
+            "What a refit leaves of both",
+            "triangle-slow",
+            "triangle-slow-again",
+        ),
+    )
     block = staticmethod(gain_drift_block)
     clocked = True
 

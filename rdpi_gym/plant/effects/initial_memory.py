@@ -8,7 +8,7 @@ from typing import Self
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -71,6 +71,11 @@ class InitialMemory(Effect):
         "past, or move once through the full range."
     )
     mistaken_for = ("creep", "thermal_drift")
+    picture = Picture(
+        {"extremum_V": 25.0},
+        Look("over_time", "The first moments of a large sine", "sine-10hz", 0.0, 0.02),
+        Look("left_over_time", "What a refit leaves of it", "sine-10hz", 0.0, 0.5),
+    )
     block = staticmethod(identity_block)
 
     @classmethod

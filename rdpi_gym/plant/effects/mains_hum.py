@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 # Samples after which the phasor is set anew: rounding stays far below a picometre.
@@ -88,6 +88,11 @@ class MainsHum(Effect):
         "stage does move."
     )
     mistaken_for = ()
+    picture = Picture(
+        {"amplitude_um": 0.05},
+        Look("over_time", "A quiet record", "quiet", 0.0, 0.1),
+        Look("spectrum", "What a refit leaves of a slow triangle", "triangle-slow", 120.0),
+    )
     block = staticmethod(mains_hum_block)
     clocked = True
 

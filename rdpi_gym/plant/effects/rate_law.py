@@ -8,7 +8,7 @@ from typing import Self
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -77,6 +77,11 @@ class RateLaw(Effect):
         "stays the same and only the rate is replaced."
     )
     mistaken_for = ("delay", "sensor_lag", "actuator_lag", "slew_limit")
+    picture = Picture(
+        {"exponent": 0.5},
+        Look("loops", "A large sine of 10 Hz", "sine-10hz"),
+        Look("left_over_command", "What a refit leaves", "sine-10hz", "sine-50hz"),
+    )
     block = staticmethod(rate_law_block)
 
     @classmethod

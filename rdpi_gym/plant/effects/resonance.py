@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import linear_block, pack_linear
 
 
@@ -66,6 +66,11 @@ class Resonance(Effect):
         "2013)."
     )
     mistaken_for = ("delay", "sensor_lag", "actuator_lag")
+    picture = Picture(
+        {"f0_hz": 1000.0, "damping": 0.02},
+        Look("gain", "A small multisine: every play sticks"),
+        Look("response", "A step of 5 V", "step"),
+    )
     block = staticmethod(linear_block)
 
     @classmethod

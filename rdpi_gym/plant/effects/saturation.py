@@ -9,7 +9,7 @@ from typing import Self
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -78,6 +78,11 @@ class Saturation(Effect):
         "beyond them no command helps and the reference must be made smaller."
     )
     mistaken_for = ("asymmetry", "congruency", "slew_limit")
+    picture = Picture(
+        {"limit_V": 60.0},
+        Look("loops", "A slow decaying triangle", "triangle-slow"),
+        Look("left_over_command", "What a refit leaves of it", "triangle-slow"),
+    )
     block = staticmethod(saturation_block)
 
     @classmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import Effect, Parameter
+from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import linear_block, pack_lag
 
 
@@ -61,6 +61,11 @@ class SensorLag(Effect):
         "alone."
     )
     mistaken_for = ("delay", "actuator_lag", "rate_law", "resonance")
+    picture = Picture(
+        {"time_constant_s": 2e-4},
+        Look("phase", "A small multisine: every play sticks"),
+        Look("gain", "Its gain falls"),
+    )
     block = staticmethod(linear_block)
 
     def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:

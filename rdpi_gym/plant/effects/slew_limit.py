@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -86,6 +86,11 @@ class SlewLimit(Effect):
     )
     mistaken_for = ("rate_law", "saturation", "actuator_lag")
     kinked = "rate_V_s"
+    picture = Picture(
+        {"rate_V_s": 5e3},
+        Look("over_time", "A large sine of 50 Hz", "sine-50hz", 0.0, 0.04),
+        Look("left_over_time", "What a refit leaves of it", "sine-50hz", 0.0, 0.04),
+    )
     block = staticmethod(slew_limit_block)
 
     @classmethod

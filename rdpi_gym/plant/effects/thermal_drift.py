@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -78,6 +78,11 @@ class ThermalDrift(Effect):
         "of interest and feedback work without a model."
     )
     mistaken_for = ("creep", "gain_drift", "initial_memory")
+    picture = Picture(
+        {"rate_um_s": 0.02, "time_constant_s": 50.0},
+        Look("response", "Five minutes at a constant command", "at-rest"),
+        Look("left_over_time", "What a refit leaves of the stairs", "stairs"),
+    )
     block = staticmethod(thermal_drift_block)
     clocked = True
 

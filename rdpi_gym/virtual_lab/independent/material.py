@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.virtual_lab.independent.twin import MaterialTwin
 
 
 @njit(cache=True)
@@ -111,3 +112,23 @@ class Deformation:
                 self._stops, self._memory,
             )
         )  # fmt: skip
+
+
+TWINS = (
+    MaterialTwin(
+        "asymmetry", 6, lambda coefficient, span_um: {"square_per_um": coefficient / span_um}
+    ),
+    MaterialTwin(
+        "rate_law",
+        11,
+        lambda exponent, reference_rate_V_s: {
+            "exponent": exponent,
+            "reference_rate_V_s": reference_rate_V_s,
+        },
+    ),
+    MaterialTwin(
+        "congruency", 14, lambda coefficient, span_V: {"growth_per_V2": coefficient / span_V**2}
+    ),
+    MaterialTwin("initial_memory", 15, lambda extremum_V: {"extremum_V": extremum_V}),
+)
+"""Effects that lie in the ceramic."""

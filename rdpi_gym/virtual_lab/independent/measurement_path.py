@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.virtual_lab.independent.twin import Twin
 
 
 class _Clocked:
@@ -80,3 +81,12 @@ class Line:
         end = len(line) - int(whole)
         newer, older = line[end - len(x) : end], line[end - len(x) - 1 : end - 1]
         return np.asarray(newer + part * (older - newer), dtype=np.float64)
+
+
+TWINS = (
+    Twin("gain_drift", 10, 40, lambda grid, **values: Ageing(**values, **vars(grid))),
+    Twin("thermal_drift", 9, 50, lambda grid, **values: Warming(**values, **vars(grid))),
+    Twin("delay", 5, 60, lambda grid, **values: Line(**values, step_s=grid.step_s)),
+    Twin("mains_hum", 13, 80, lambda grid, **values: Hum(**values, **vars(grid))),
+)
+"""Effects between the mechanics and the record."""

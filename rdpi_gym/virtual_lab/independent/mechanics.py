@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.virtual_lab.independent.twin import Twin
 
 # Creep lives on time constants of 10^-2.25 to 10^3.25 s, with the same density everywhere.
 _FASTEST, _SLOWEST = -2.25, 3.25
@@ -114,3 +115,11 @@ class Viscoelasticity:
         out = np.asarray(_creep(x, self._decay, self._share, self._elements, self._last))
         self._last = float(x[-1])
         return out
+
+
+TWINS = (
+    Twin("creep", 1, 10, lambda grid, **values: Viscoelasticity(**values, step_s=grid.step_s)),
+    Twin("resonance", 2, 20, lambda grid, **values: Vibration(**values, step_s=grid.step_s)),
+    Twin("backlash", 12, 30, lambda grid, **values: Gap(**values)),
+)
+"""Effects of what the ceramic moves."""

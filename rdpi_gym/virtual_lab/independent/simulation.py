@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,17 +13,13 @@ from numpy.typing import ArrayLike
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.virtual_lab.independent.material import Ceramic, Deformation
-from rdpi_gym.virtual_lab.independent.measurement_path import Ageing, Hum, Line, Warming
-from rdpi_gym.virtual_lab.independent.mechanics import Gap, Vibration, Viscoelasticity
-from rdpi_gym.virtual_lab.independent.voltage import CurrentLimit, FirstOrder, Softening
+from rdpi_gym.virtual_lab.independent.twin import Grid, MaterialTwin, Mechanism, twins
 
 LARGEST_STEP_S = 1e-5
 """The fine grid's step (s) divides the record's sampling time and is no larger than this."""
 
 # Points of the fine grid that are worked on at a time.
 _BLOCK = 1 << 18
-
-_Mechanism = Callable[[Array], Array]
 
 
 def simulate_truth(
@@ -92,7 +88,7 @@ def simulate_truth(
     return y
 
 
-def _through(chain: Sequence[_Mechanism], x: Array) -> Array:
+def _through(chain: Sequence[Mechanism], x: Array) -> Array:
     for mechanism in chain:
         x = mechanism(x)
     return x
@@ -104,53 +100,21 @@ def _chain(
     start_s: float,
     h: float,
     parts: int,
-) -> list[_Mechanism]:
-    ceramic = Ceramic(**hysteresis)
-    mechanisms: list[tuple[int, _Mechanism]] = []
+) -> list[Mechanism]:
+    ceramic, grid = Ceramic(**hysteresis), Grid(start_s, h)
+    mechanisms: list[tuple[int, Mechanism]] = []
     for effect in effects:
         values = dict(effect)
         name = values.pop("effect", None)
+        twin = twins().get(str(name))
+        if twin is None:
+            raise InputError(f"no effect is named {name!r} in the independent formulation")
         try:
-            if name in _IN_MATERIAL:
-                ceramic = replace(ceramic, **_IN_MATERIAL[name](**values))
-            elif name in _ORDER:
-                mechanisms.append((_ORDER.index(name), _mechanism(name, values, start_s, h)))
+            if isinstance(twin, MaterialTwin):
+                ceramic = replace(ceramic, **twin.change(**values))
             else:
-                raise InputError(f"no effect is named {name!r} in the independent formulation")
+                mechanisms.append((twin.place, twin.make(grid, **values)))
         except TypeError as error:
             raise InputError(f"{name}: {error}") from error
-    mechanisms.append((_ORDER.index("hysteresis"), Deformation(ceramic, h, parts)))
+    mechanisms.append((0, Deformation(ceramic, h, parts)))
     return [mechanism for _, mechanism in sorted(mechanisms, key=lambda item: item[0])]
-
-
-_ORDER = (
-    *("saturation", "slew_limit", "actuator_lag", "hysteresis", "creep", "resonance", "backlash"),
-    *("gain_drift", "thermal_drift", "delay", "sensor_lag", "mains_hum"),
-)
-
-_IN_MATERIAL: Mapping[str, Callable[..., dict[str, Any]]] = {
-    "rate_law": lambda exponent, reference_rate_V_s: {
-        "exponent": exponent,
-        "reference_rate_V_s": reference_rate_V_s,
-    },
-    "initial_memory": lambda extremum_V: {"extremum_V": extremum_V},
-    "congruency": lambda coefficient, span_V: {"growth_per_V2": coefficient / span_V**2},
-    "asymmetry": lambda coefficient, span_um: {"square_per_um": coefficient / span_um},
-}
-
-
-def _mechanism(name: str, values: Mapping[str, Any], start_s: float, h: float) -> _Mechanism:
-    kinds: dict[str, Callable[[], _Mechanism]] = {
-        "saturation": lambda: Softening(**values),
-        "slew_limit": lambda: CurrentLimit(**values, step_s=h),
-        "actuator_lag": lambda: FirstOrder(**values, step_s=h),
-        "creep": lambda: Viscoelasticity(**values, step_s=h),
-        "resonance": lambda: Vibration(**values, step_s=h),
-        "backlash": lambda: Gap(**values),
-        "gain_drift": lambda: Ageing(**values, start_s=start_s, step_s=h),
-        "thermal_drift": lambda: Warming(**values, start_s=start_s, step_s=h),
-        "delay": lambda: Line(**values, step_s=h),
-        "sensor_lag": lambda: FirstOrder(**values, step_s=h),
-        "mains_hum": lambda: Hum(**values, start_s=start_s, step_s=h),
-    }
-    return kinds[name]()

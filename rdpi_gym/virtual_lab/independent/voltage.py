@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.virtual_lab.independent.twin import Twin
 
 
 @njit(cache=True)
@@ -105,3 +106,12 @@ class FirstOrder:
         out = np.asarray(_relax(u, self._step, self._tau, self._last, self._value))
         self._last, self._value = float(u[-1]), float(out[-1])
         return out
+
+
+TWINS = (
+    Twin("saturation", 7, -30, lambda grid, **values: Softening(**values)),
+    Twin("slew_limit", 8, -20, lambda grid, **values: CurrentLimit(**values, step_s=grid.step_s)),
+    Twin("actuator_lag", 3, -10, lambda grid, **values: FirstOrder(**values, step_s=grid.step_s)),
+    Twin("sensor_lag", 4, 70, lambda grid, **values: FirstOrder(**values, step_s=grid.step_s)),
+)
+"""Effects on the way to the stack, and the sensor that is such a first order too."""
