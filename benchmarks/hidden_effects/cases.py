@@ -88,8 +88,8 @@ def make_cases(
 
     Examples
     --------
-    >>> [len(make_cases([study])) for study in NUMBERS]
-    [300, 315, 100, 60, 152]
+    >>> [case.subject for case in make_cases(["pairs"], 1, effects=("creep", "delay", "backlash"))]
+    [('creep', 'delay'), ('creep', 'backlash'), ('delay', 'backlash')]
     """
     cases = []
     for study in studies:

@@ -13,7 +13,7 @@ from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects.base import Effect, Slot
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.torch_plant.hysteresis import RDPITensors, play_sum, rate
-from rdpi_gym.torch_plant.stages import TWINS, Twin
+from rdpi_gym.torch_plant.stages import TWINS, Twin, has_twin
 from rdpi_gym.torch_plant.state import ROW, State
 
 
@@ -231,7 +231,7 @@ class TorchPlant:
         self, effects: Sequence[Effect], hysteresis: Sequence[RDPI]
     ) -> tuple[Slot, Twin, Tensor]:
         kind = type(effects[0])
-        if kind.block not in TWINS:
+        if not has_twin(kind):
             raise InputError(
                 f"effect {kind.name} has no form in torch; run it with rdpi_gym.plant.Plant"
             )

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from rdpi_gym.plant.effects.asymmetry import asymmetry_block
 from rdpi_gym.plant.effects.backlash import backlash_block
-from rdpi_gym.plant.effects.base import Block
+from rdpi_gym.plant.effects.base import Block, Effect
 from rdpi_gym.plant.effects.congruency import congruency_block
 from rdpi_gym.plant.effects.creep import creep_block
 from rdpi_gym.plant.effects.delay import delay_block
@@ -171,3 +171,15 @@ TWINS: Mapping[Block, Twin] = {
     mains_hum_block: mains_hum,
 }
 """The twin of each kernel; an effect whose kernel is not among them has no form in torch."""
+
+
+def has_twin(kind: type[Effect]) -> bool:
+    """Whether an effect has a form in torch: its kernel a twin, or no kernel that is run.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> has_twin(CATALOGUE["creep"]), has_twin(CATALOGUE["initial_memory"])
+    (True, True)
+    """
+    return kind.slot == "memory" or kind.block in TWINS

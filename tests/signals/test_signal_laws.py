@@ -61,6 +61,10 @@ EXAMPLES: list[Signal] = [
     Sequence(parts=(Sine(frequency_hz=1.0), Triangle(frequency_hz=2.0)), durations_s=(1.0, 1.5)),
     Measured(times_s=[0.0, 0.4, 1.0, 1.7], values_um=[0.0, 1.0, -1.0, 0.5], amplitude_um=6.0),
 ]
+# A signal that is not among them is held to the laws as its defaults make it.
+EXAMPLES += [
+    kind() for name, kind in SIGNALS.items() if name not in {example.name for example in EXAMPLES}
+]
 # Twice where one class has two faces: with its name and a number.
 IDS = [
     f"{signal.name}-{[type(other) for other in EXAMPLES[:i]].count(type(signal))}"

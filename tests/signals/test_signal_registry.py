@@ -142,7 +142,7 @@ BAD_FIELDS = [
     ("sine", {"xyz": 1.0}, "unknown field 'xyz'. Its fields are amplitude_um,"),
     ("sin", {}, "unknown signal 'sin'; did you mean 'sine'?"),
     ("Nested_Loops", {}, "did you mean 'nested-loops'?"),
-    ("qqq", {}, "unknown signal 'qqq'. The signals are constant, sine,"),
+    ("qqq", {}, "unknown signal 'qqq'. The signals are chirp, constant,"),
 ]
 
 

@@ -10,6 +10,7 @@ from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import RDPI, Converter, Plant, PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.torch_plant import TorchPlant, TorchTracking
+from rdpi_gym.torch_plant.stages import has_twin
 
 TS_S = 2e-5
 EVERYTHING = PlantModel(
@@ -17,7 +18,7 @@ EVERYTHING = PlantModel(
     "everything",
     (-40.0, 40.0),
     (0.0, 20.0),
-    effects=tuple(kind() for kind in CATALOGUE.values()),
+    effects=tuple(kind() for kind in CATALOGUE.values() if has_twin(kind)),
     sensor=Sensor(0.01, 0.03),
     converter=Converter(1e-4),
 )

@@ -57,6 +57,15 @@ def test_small_signal_curvature_tells_resonance_lag_and_delay_apart():
     assert -np.angle(lag) == pytest.approx(w * tau, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    "name", ["slew_limit", "actuator_lag", "resonance", "backlash", "delay", "sensor_lag", "creep"]
+)
+def test_the_gain_at_rest_is_one_but_for_what_has_crept(name):
+    gain = 1.0 + (0.015 * 11 / 2 if name == "creep" else 0.0)
+    y = CATALOGUE[name]().run(np.full(50, 7.5), 1e-4)
+    np.testing.assert_allclose(y, gain * 7.5, rtol=1e-12)
+
+
 def test_resonance_rings_at_f0_after_a_step():
     ts, f0 = 1e-5, 850.0
     y = CATALOGUE["resonance"](f0_hz=f0, damping=0.01).run(np.r_[0.0, np.ones(40_000)], ts)
