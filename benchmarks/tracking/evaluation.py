@@ -63,6 +63,17 @@ class Evaluation:
         """Controllers, best first."""
         return [str(name) for name in self.ranking["controller"]]
 
+    @property
+    def first_seed(self) -> int:
+        """The first seed that was asked for."""
+        return self.selection.seeds[0]
+
+    @property
+    def shown_setting(self) -> tuple[str, float]:
+        """First plant, and the sampling time (s) at which it is shown in detail."""
+        stage = self.selection.stages[0]
+        return stage.plant.name, stage.shown_ts_s
+
 
 def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
     """Summarise the rows of a run, and score the feedforwards on measured records.

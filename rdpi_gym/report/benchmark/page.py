@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.tracking.evaluation import Evaluation
 from rdpi_gym.report.benchmark import figures
+from rdpi_gym.report.benchmark.results import BenchmarkResults
 from rdpi_gym.report.page import Section, write_page
 
 _LOOK = (
@@ -31,7 +31,7 @@ _RANKING = {
 
 def write_benchmark_page(
     path: Path,
-    results: Evaluation,
+    results: BenchmarkResults,
     method: str,
     measured: str,
     where_trained: str,
@@ -44,7 +44,7 @@ def write_benchmark_page(
     path
         The HTML file.
     results
-        From :func:`benchmarks.tracking.evaluation.evaluate`.
+        The scores.
     method, measured, where_trained
         How the rows were scored, how those on measured records were, and what a ranking at the
         sampling time of learned controllers is: plain text.
@@ -87,7 +87,7 @@ def write_benchmark_page(
     return write_page(path, "Tracking benchmark", _summary(results), sections)
 
 
-def _where_trained(results: Evaluation, text: str) -> list[Section]:
+def _where_trained(results: BenchmarkResults, text: str) -> list[Section]:
     return [
         Section(
             f"Ranking at Ts = {ts:g} s",
@@ -99,11 +99,11 @@ def _where_trained(results: Evaluation, text: str) -> list[Section]:
     ]
 
 
-def _finished(results: Evaluation) -> bool:
+def _finished(results: BenchmarkResults) -> bool:
     return bool(results.ranking["rmse_percent"].notna().any())
 
 
-def _summary(results: Evaluation) -> str:
+def _summary(results: BenchmarkResults) -> str:
     heads = [f"{len(results.order)} controllers, {len(results.rows)} scores."]
     if _finished(results):
         best = results.ranking.iloc[0]
@@ -115,7 +115,7 @@ def _summary(results: Evaluation) -> str:
     return f"{' '.join(heads)}\n\n{notes}"
 
 
-def _curves(results: Evaluation) -> list[Section]:
+def _curves(results: BenchmarkResults) -> list[Section]:
     cases, settings = results.by_case, results.by_sampling_time
     frequency = figures.frequency_figures(cases.dropna(subset="rmse_percent"), results.order)
     effort = figures.effort_figures(settings.dropna(subset="rmse_percent"), results.order)
@@ -141,10 +141,10 @@ def _curves(results: Evaluation) -> list[Section]:
     return sections
 
 
-def _pairs(results: Evaluation) -> list[Section]:
+def _pairs(results: BenchmarkResults) -> list[Section]:
     by_case: dict[str, dict[str, Mapping[str, Any]]] = {}
     for row in results.rows:
-        if "trace" in row and row["seed"] == results.selection.seeds[0]:
+        if "trace" in row and row["seed"] == results.first_seed:
             name = (
                 f"{row['plant']}, {row['reference']} {row['frequency_hz']:g} Hz, "
                 f"Ts = {1e6 * row['ts_s']:g} µs"
@@ -170,7 +170,7 @@ def _pairs(results: Evaluation) -> list[Section]:
     ]
 
 
-def _measured(results: Evaluation, text: str) -> Section:
+def _measured(results: BenchmarkResults, text: str) -> Section:
     measured = results.measured
     if measured.table.empty:
         return Section("On real input", text)

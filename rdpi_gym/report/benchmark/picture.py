@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,8 @@ import pandas as pd
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from benchmarks.tracking.evaluation import Evaluation
 from rdpi_gym.report.benchmark.figures import look, ranking_range
+from rdpi_gym.report.benchmark.results import BenchmarkResults
 from rdpi_gym.report.style import INK, MUTED, matplotlib_style
 
 _MARKERS = {"x": "x", "circle": "o", "square": "s", "diamond": "D", "triangle-up": "^"}
@@ -22,7 +23,7 @@ _LINES = (
 )  # fmt: skip
 
 
-def leaderboard_picture(results: Evaluation) -> bytes:
+def leaderboard_picture(results: BenchmarkResults) -> bytes:
     """Draw the ranking, and beside it the error over the frequency of some controllers.
 
     Returns
@@ -41,7 +42,7 @@ def leaderboard_picture(results: Evaluation) -> bytes:
     return stream.getvalue()
 
 
-def draw_leaderboard(figure: Figure, results: Evaluation) -> Any:
+def draw_leaderboard(figure: Figure, results: BenchmarkResults) -> Any:
     """Draw what :func:`leaderboard_picture` shows into an empty figure.
 
     Returns
@@ -57,13 +58,13 @@ def draw_leaderboard(figure: Figure, results: Evaluation) -> Any:
     return panels
 
 
-def _sines(results: Evaluation) -> pd.DataFrame:
+def _sines(results: BenchmarkResults) -> pd.DataFrame:
     """Return the cases with a sine on the first plant at its shortest sampling time."""
-    stage = results.selection.stages[0]
+    plant, ts_s = results.shown_setting
     cases = results.by_case
     wanted = (
-        (cases["plant"] == stage.plant.name)
-        & np.isclose(cases["ts_s"], stage.shown_ts_s)
+        (cases["plant"] == plant)
+        & np.isclose(cases["ts_s"], ts_s)
         & (cases["reference"] == "sine")
         & cases["rmse_percent"].notna()
     )
@@ -89,7 +90,7 @@ def _draw_ranking(axes: Any, ranking: pd.DataFrame) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14))
 
 
-def _draw_lines(axes: Any, sines: pd.DataFrame, order: list[str]) -> None:
+def _draw_lines(axes: Any, sines: pd.DataFrame, order: Sequence[str]) -> None:
     for name in [name for name in _LINES if name in order] or order[:6]:
         line = sines[sines["controller"] == name].sort_values("frequency_hz")
         style = look(name)

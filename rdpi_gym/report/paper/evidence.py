@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rdpi_gym.report.paper.canvas import BLUE, RED, STYLES, legend_below, sheet, title_panel
+from rdpi_gym.report.paper.results import PaperResults
 from rdpi_gym.report.style import INK, MUTED
-
-if TYPE_CHECKING:
-    from benchmarks.paper import PaperResults
 
 
 def error_against_ts(results: PaperResults) -> Figure:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -24,14 +24,11 @@ from rdpi_gym.report.paper.canvas import (
     write_seconds,
 )
 from rdpi_gym.report.paper.evidence import error_against_ts, growth_against_ts, irreproducible
+from rdpi_gym.report.paper.results import LastPeriod, PaperResults, Run
 from rdpi_gym.report.style import INK, MUTED, REFERENCE, matplotlib_style
 from rdpi_gym.report.thin import thin_index
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.files import write_atomic
-
-if TYPE_CHECKING:
-    from benchmarks.paper import PaperResults
-    from benchmarks.paper.tracking import Trace, Tracking
 
 _DPI = 110
 _TICKS = (-10, -5, 0, 5, 10)
@@ -46,7 +43,7 @@ def write_paper_figures(folder: Path, results: PaperResults) -> list[Path]:
     folder
         Where the files are written, named ``fig3.png`` and so on.
     results
-        All cases of :func:`benchmarks.paper.paper_cases`, run.
+        The runs of all figures.
 
     Returns
     -------
@@ -74,7 +71,7 @@ def write_paper_figures(folder: Path, results: PaperResults) -> list[Path]:
     return written
 
 
-def _trace(run: Tracking) -> Trace:
+def _trace(run: Run) -> LastPeriod:
     assert run.trace is not None, "the figures are given runs with their traces"
     return run.trace
 
@@ -84,7 +81,7 @@ def _closed(values: Array) -> Array:
     return np.append(values, values[0])
 
 
-def _runs(results: PaperResults, label: str, reading: str) -> list[Tracking]:
+def _runs(results: PaperResults, label: str, reading: str) -> list[Run]:
     return [
         run
         for case, run in zip(results.cases, results.runs, strict=True)
@@ -205,6 +202,6 @@ def figure_8(results: PaperResults) -> Figure:
     return figure
 
 
-def _over_time(axes: Axes, reading: str, run: Tracking, values: Array) -> None:
+def _over_time(axes: Axes, reading: str, run: Run, values: Array) -> None:
     style: dict[str, Any] = STYLES[reading] | {"lw": 1.1, "label": reading}
     axes.plot(1e3 * _trace(run).t, values, **style)

@@ -24,8 +24,7 @@ def payoff_picture(summary: pd.DataFrame) -> bytes:
     Parameters
     ----------
     summary
-        Columns ``plant, controller``, one of RMSE (%) for each belief, and ``diverged``, as
-        :func:`benchmarks.payoff.tables.payoff_summary` returns it.
+        Columns ``plant, controller``, one of RMSE (%) for each belief, and ``diverged``.
 
     Returns
     -------
