@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,41 @@ from rdpi_gym.support.arrays import Array
 DISPLACEMENT_UM = "Displacement (µm)"
 _LOOP_SAMPLES = 120
 _LEFT_OUT = "#9AA3AB"
+_Shown = TypeVar("_Shown")
+
+
+def rms_um(trace: Trace) -> float:
+    """RMS error of a record over the samples that count (µm); 0 where none does."""
+    error = trace.residual_um[trace.counted]
+    return float(np.sqrt(np.mean(error**2))) if error.size else 0.0
+
+
+def peak_um(trace: Trace) -> float:
+    """Largest error of a record over the samples that count (µm); 0 where none does."""
+    return float(np.max(np.abs(trace.residual_um[trace.counted]), initial=0.0))
+
+
+def worst_first(
+    records: Mapping[str, _Shown], error_um: Callable[[_Shown], float], most: int | None = None
+) -> dict[str, _Shown]:
+    """Sort records by name so that a page opens on the one with the largest error.
+
+    Parameters
+    ----------
+    records
+        By the name that the reader chooses from.
+    error_um
+        Error (µm) of one.
+    most
+        So many are kept, all by default.
+
+    Examples
+    --------
+    >>> worst_first({"a": 0.01, "b": 0.3, "c": 0.2}, lambda error: error, most=2)
+    {'b': 0.3, 'c': 0.2}
+    """
+    order = sorted(records, key=lambda name: -error_um(records[name]))
+    return {name: records[name] for name in order[:most]}
 
 
 def time_traces(trace: Trace, samples: int = DISPLAY_SAMPLES) -> Any:

@@ -1,5 +1,6 @@
 """Every figure of a comparison can be drawn, from a short record to a large data set."""
 
+import re
 from dataclasses import replace
 from html import escape
 
@@ -68,6 +69,21 @@ def test_many_long_records_stay_small(tmp_path):
     page = write_compare_page(tmp_path / "report.html", comparison)
     assert page.stat().st_size < 12e6
     assert f"Of {MOST_RECORDS + 5} traces the {MOST_RECORDS}" in page.read_text(encoding="utf-8")
+
+
+def test_figures_open_on_the_record_with_the_largest_error(tmp_path):
+    good, bad = sine("a good record"), sine("b bad record", role="validation")
+    bad = replace(bad, y_um=1.5 * bad.y_um)
+    spiked = sine("c spiked record")
+    spiked.y_um[700] += 30.0
+    comparison = compare(Dataset("three", (good, bad, spiked)), named_plant("P5"))
+    text = write_compare_page(tmp_path / "report.html", comparison).read_text(encoding="utf-8")
+    opened = dict(re.findall(r'<select aria-label="([^"]+)"[^>]*><option [^>]*>([^<]+)<', text))
+    assert opened == {
+        "Time traces": "b bad record (validation)",
+        "Where the error is largest": "c spiked record (train)",
+        "Loops": "b bad record (validation)",
+    }
 
 
 @pytest.fixture

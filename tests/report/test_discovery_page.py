@@ -231,7 +231,19 @@ def test_many_records_keep_the_page_small(made_discovery, tmp_path):
     )
     path = write_discovery_page(tmp_path / "report.html", "many", made_discovery(views=views))
     assert path.stat().st_size < 15e6
-    assert f"Of {MOST_VIEWS + 3} records the first {MOST_VIEWS}" in path.read_text(encoding="utf-8")
+    said = f"Of {MOST_VIEWS + 3} records the {MOST_VIEWS} with the largest errors are here."
+    assert said in path.read_text(encoding="utf-8")
+
+
+def test_figures_open_on_the_record_with_the_largest_error(made_discovery):
+    small, large = made_discovery().views
+    models = {label: 0.5 * y for label, y in large.models_um.items()}
+    quiet = replace(small, name="a quiet record", models_um=dict.fromkeys(models, small.y_um))
+    views = (quiet, small, replace(large, models_um=models))
+    for section in view_sections(made_discovery(views=views)):
+        assert list(section.figure) == [
+            "validation-stairs (validation)", "sine (train)", "a quiet record (train)",
+        ]  # fmt: skip
 
 
 def test_parameters_of_an_unknown_effect_are_listed(made_discovery, tmp_path):

@@ -61,16 +61,14 @@ def write_compare_page(path: Path | str, comparison: Comparison) -> Path:
 
 def _sections(comparison: Comparison) -> list[Section]:
     found = comparison.findings
-    order = comparison.records["rmse_um"].sort_values(ascending=False).index[:MOST_RECORDS]
     # a record of which the last quarter is held out stands for two traces
-    names = [f"{trace.name} ({trace.role})" for trace in comparison.traces]
-    shown = {names[i]: comparison.traces[i] for i in sorted(order)}
+    named = {f"{trace.name} ({trace.role})": trace for trace in comparison.traces}
+    shown = trace_figures.worst_first(named, trace_figures.rms_um, most=MOST_RECORDS)
     samples = max(500, min(DISPLAY_SAMPLES, _ALL_SAMPLES // len(shown)))
-    chosen = (
-        f" Of {len(names)} traces the {len(shown)} with the largest errors are here."
-        if len(shown) < len(names)
-        else ""
-    )
+    several = len(comparison.traces)
+    chosen = "" if several == 1 else " The record with the largest RMS error comes first."
+    if len(shown) < several:
+        chosen += f" Of {several} traces the {len(shown)} with the largest errors are here."
     return [
         Section(
             "Error by record",
@@ -79,7 +77,7 @@ def _sections(comparison: Comparison) -> list[Section]:
             "error. Scatter is what the residual changes from sample to sample, over √2: the "
             "most that white sensor noise can be. A gain ratio above 1 means that the measured "
             "stroke is larger than the model's.",
-            figures.record_errors(comparison.records) if len(names) > 1 else None,
+            figures.record_errors(comparison.records) if several > 1 else None,
             comparison.records,
         ),
         _checks(comparison),
@@ -92,8 +90,12 @@ def _sections(comparison: Comparison) -> list[Section]:
         Section(
             "Where the error is largest",
             f"{found['largest']}\n\nShown for each record: the half-cycle of its largest "
-            "difference, the one before and the one after.",
-            {name: trace_figures.largest_error(trace, samples) for name, trace in shown.items()},
+            "difference, the one before and the one after."
+            f"{'' if several == 1 else ' The record with the largest difference comes first.'}",
+            {
+                name: trace_figures.largest_error(trace, samples)
+                for name, trace in trace_figures.worst_first(shown, trace_figures.peak_um).items()
+            },
         ),
         Section(
             "Loops",

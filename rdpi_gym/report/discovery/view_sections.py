@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
+from rdpi_gym.diagnosis.comparison.traces import Trace
 from rdpi_gym.diagnosis.results import SearchResult, View
 from rdpi_gym.report.discovery import view_figures
 from rdpi_gym.report.page import Section
 from rdpi_gym.report.thin import DISPLAY_SAMPLES
+from rdpi_gym.report.trace_figures import peak_um, rms_um, worst_first
 
 MOST_VIEWS = 24
-"""Records whose traces stand on the page; of more, the first."""
+"""Records whose traces stand on the page; of more, those with the largest errors."""
 _ALL_SAMPLES = 8 * DISPLAY_SAMPLES
 
 
 def view_sections(result: SearchResult) -> list[Section]:
     """Show the records over time, as loops, and what is left of them; none without views."""
-    views = [view for view in result.views if view.models_um and np.any(view.counted)][:MOST_VIEWS]
+    views = [view for view in result.views if view.models_um and np.any(view.counted)]
     if not views:
         return []
     floor = result.noise_floor_um
-    samples = max(600, min(DISPLAY_SAMPLES, _ALL_SAMPLES // len(views)))
-    names = _names(views)
+    # the held-out part of a record has the role beside its name
+    every = {f"{view.name} ({view.role})": view for view in views}
+    names = worst_first(every, lambda view: rms_um(_first_trace(view)), most=MOST_VIEWS)
+    samples = max(600, min(DISPLAY_SAMPLES, _ALL_SAMPLES // len(names)))
     labels = list(views[0].models_um)
     pair = (
         f"Orange is the model “{labels[0]}”, blue is “{labels[-1]}”"
@@ -32,10 +34,12 @@ def view_sections(result: SearchResult) -> list[Section]:
         else f"Blue is the model “{labels[0]}”"
     )
     chosen = (
-        f" Of {len(result.views)} records the first {len(views)} are here."
-        if len(views) < len(result.views)
+        f" The record that the model “{labels[0]}” fits worst comes first."
+        if len(every) > 1
         else ""
     )
+    if len(names) < len(every):
+        chosen += f" Of {len(every)} records the {len(names)} with the largest errors are here."
     residuals = {}
     for name, view in names.items():
         traces = {label: view_trace(view, label) for label in view.models_um}
@@ -56,7 +60,10 @@ def view_sections(result: SearchResult) -> list[Section]:
             f"Where the model “{labels[0]}” was farthest off",
             "The half-cycle of its largest difference with the one before and the one after: "
             "what the added effects change is seen best here.",
-            {n: view_figures.largest_error(v, floor, samples // 2) for n, v in names.items()},
+            {
+                n: view_figures.largest_error(v, floor, samples // 2)
+                for n, v in worst_first(names, lambda view: peak_um(_first_trace(view))).items()
+            },
         ),
         Section(
             "Loops",
@@ -75,6 +82,5 @@ def view_sections(result: SearchResult) -> list[Section]:
     ]
 
 
-def _names(views: Sequence[View]) -> dict[str, View]:
-    """Name each view by its record; the held-out part of a record has the role beside it."""
-    return {f"{view.name} ({view.role})": view for view in views}
+def _first_trace(view: View) -> Trace:
+    return view_trace(view, next(iter(view.models_um)))
