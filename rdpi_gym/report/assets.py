@@ -25,13 +25,18 @@ header, section {{ background: var(--paper); border: 1px solid var(--line); bord
 p, ul {{ max-width: 72ch; margin: 0 0 .8rem; }}
 ul {{ padding-left: 1.2rem; }}
 a {{ color: var(--link); }}
-.figure {{ width: 100%; margin: .6rem 0; }}
+.figure {{ width: 100%; margin: 2.2rem 0 .6rem; }}
+/* the tool bar of a figure stands above it: inside it would cover legends and buttons */
+.figure .modebar-container {{ top: -1.9rem !important; }}
 .choice {{ display: flex; gap: .6rem; align-items: center; margin: .8rem 0 0; font-size: .95rem; }}
 select, .search {{ font: inherit; font-size: .9rem; padding: .3rem .5rem; color: inherit;
   background: var(--paper); border: 1px solid #B9C1C9; border-radius: 6px; max-width: 100%; }}
 .table {{ margin: .8rem 0 0; }}
 .search {{ margin-bottom: .5rem; width: 18rem; }}
 .scroll {{ overflow: auto; max-height: 34rem; border: 1px solid var(--line); border-radius: 6px; }}
+/* a bar that is always seen: one that shows only while scrolling hides that there is more */
+.scroll::-webkit-scrollbar {{ width: 12px; height: 12px; background: #F1F4F7; }}
+.scroll::-webkit-scrollbar-thumb {{ background: #AEB7C0; border-radius: 6px; border: 2px solid #F1F4F7; }}
 table {{ border-collapse: collapse; width: 100%; font-size: .88rem; line-height: 1.4;
   font-variant-numeric: tabular-nums; }}
 th, td {{ padding: .35rem .7rem; text-align: left; border-bottom: 1px solid var(--line); }}
@@ -50,6 +55,10 @@ th[aria-sort=descending] button::after {{ content: " ▼"; font-size: .7em; }}
   nav {{ position: static; max-height: none; padding: 1rem 0 0; }}
   main {{ padding-top: 1rem; }}
   header, section {{ padding: 1rem; }}
+}}
+@media (max-width: 40rem) {{  /* narrower, labels would run into each other */
+  section {{ overflow-x: auto; }}
+  .figure {{ min-width: 36rem; }}
 }}
 @media print {{
   body {{ background: none; }}

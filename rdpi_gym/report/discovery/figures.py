@@ -83,20 +83,24 @@ def _with_scale_buttons(figure: Any, limits: Mapping[str, list[float]], chosen: 
         }
         for kind, reach in limits.items()
     ]
+    # in a row of their own over the legend, which may be as wide as the figure
+    margin_px = 92
+    plot_px = figure.layout.height - margin_px - figure.layout.template.layout.margin.b
     return figure.update_layout(
+        margin_t=margin_px,
         updatemenus=[
             {
                 "type": "buttons",
                 "direction": "right",
                 "buttons": buttons,
                 "active": list(limits).index(chosen),
-                "x": 1.0,
-                "xanchor": "right",
-                "y": 1.03,
+                "x": 0.0,
+                "xanchor": "left",
+                "y": 1.0 + 40.0 / plot_px,
                 "yanchor": "bottom",
                 "font": {"size": 12},
             }
-        ]
+        ],
     )
 
 
