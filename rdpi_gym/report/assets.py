@@ -7,7 +7,7 @@ CSS = f"""
 * {{ box-sizing: border-box; }}
 html {{ scroll-behavior: smooth; scroll-padding-top: 1rem; }}
 body {{ margin: 0; color: var(--ink); background: #F6F7F8; font: 16px/1.6 {FONT}; }}
-.layout {{ display: grid; grid-template-columns: 15rem minmax(0, 66rem); gap: 2rem;
+.layout {{ display: grid; grid-template-columns: 15rem minmax(0, 76rem); gap: 2rem;
   justify-content: center; padding: 0 1.5rem; }}
 nav {{ position: sticky; top: 0; align-self: start; max-height: 100vh; overflow-y: auto;
   padding: 2.2rem 0; font-size: .9rem; }}
@@ -39,20 +39,22 @@ select, .search {{ font: inherit; font-size: .9rem; padding: .3rem .5rem; color:
 .scroll::-webkit-scrollbar-thumb {{ background: #AEB7C0; border-radius: 6px; border: 2px solid #F1F4F7; }}
 table {{ border-collapse: collapse; width: 100%; font-size: .88rem; line-height: 1.4;
   font-variant-numeric: tabular-nums; }}
-th, td {{ padding: .35rem .7rem; text-align: left; border-bottom: 1px solid var(--line); }}
+th, td {{ padding: .35rem .6rem; text-align: left; border-bottom: 1px solid var(--line); }}
 td.number {{ text-align: right; white-space: nowrap; }}
 th.number button {{ text-align: right; }}
 tbody tr:last-child td {{ border-bottom: 0; }}
 tbody tr:hover {{ background: #F1F4F7; }}
 th {{ position: sticky; top: 0; background: #EEF1F4; padding: 0; vertical-align: bottom; }}
 th button {{ all: unset; box-sizing: border-box; display: block; width: 100%; cursor: pointer;
-  padding: .4rem .7rem; font-weight: 600; }}
+  padding: .4rem .6rem; font-weight: 600; }}
 th button:focus-visible {{ outline: 2px solid var(--link); outline-offset: -2px; }}
 th[aria-sort=ascending] button::after {{ content: " ▲"; font-size: .7em; }}
 th[aria-sort=descending] button::after {{ content: " ▼"; font-size: .7em; }}
-@media (max-width: 62rem) {{
-  .layout {{ grid-template-columns: minmax(0, 1fr); gap: 0; padding: 0 .8rem; }}
+@media (max-width: 96rem) {{  /* tables need the width more than the contents do */
+  .layout {{ grid-template-columns: minmax(0, 76rem); gap: 0; padding: 0 .8rem; }}
   nav {{ position: static; max-height: none; padding: 1rem 0 0; }}
+  nav ol {{ display: flex; flex-wrap: wrap; border-left: 0; }}
+  nav a {{ margin: 0; padding: .1rem .8rem .1rem 0; border-left: 0; }}
   main {{ padding-top: 1rem; }}
   header, section {{ padding: 1rem; }}
 }}

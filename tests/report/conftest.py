@@ -1,8 +1,10 @@
-"""Results of the laboratory that are made up, for the pages that show them."""
+"""Results that are made up, for the pages that show them."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step, View
@@ -99,5 +101,102 @@ def made_diagnosis(made_discovery):
             "notes": (),
         }
         return replace(whole, **{**settings, **changes})
+
+    return build
+
+
+@dataclass(frozen=True)
+class MadeScores:
+    """What the benchmark's page asks for, made up."""
+
+    rows: tuple
+    ranking: pd.DataFrame
+    where_trained: dict
+    by_case: pd.DataFrame
+    by_sampling_time: pd.DataFrame
+    measured: object
+    notes: tuple
+    order: list
+    first_seed: int = 0
+    shown_setting: tuple = ("P5", 1e-4)
+
+
+CONTROLLERS = (
+    "pi-classical-reference-rate", "pi-inversion-free-reference-rate", "preview-oracle", "none",
+    "classical-literal", "inversion-free-low-passed", "learned:ppo-increment", "my.package:Own",
+)  # fmt: skip
+
+
+@pytest.fixture
+def made_benchmark():
+    """Build a benchmark with every kind of column, figure and row."""
+
+    def build(**changes):
+        rng = np.random.default_rng(2)
+        rmse = np.sort(rng.uniform(0.05, 4.0, len(CONTROLLERS)))
+        ranking = pd.DataFrame(
+            {
+                "place": ["1 to 2", "1 to 2", *map(str, range(3, len(rmse) + 1))],
+                "controller": CONTROLLERS,
+                "status": [
+                    "ok",
+                    "unstable in 300 of 530 rows, saturated, extrapolated",
+                    *["ok"] * 6,
+                ],
+                "rmse_percent": rmse,
+                "rmse_percent_low": 0.7 * rmse,
+                "rmse_percent_high": 1.4 * rmse,
+                "optimality_gap": rmse / rmse[2],
+                "optimality_gap_low": rmse / rmse[2],
+                "optimality_gap_high": rmse / rmse[2],
+                "seed_0_rmse_percent": 0.5 * rmse,
+                "mean_rank": np.arange(1.0, len(rmse) + 1.0),
+                "mean_rank_half_width": 1.0,
+                "command_total_variation": 1.01,
+                "microseconds_per_sample": 14.4,
+                "rows": 530,
+                "failed": 0,
+                "warnings": ["", "extrapolated, saturated, unstable", *[""] * 6],
+            }
+        )
+        cases = pd.DataFrame(
+            [
+                (name, plant, "sine", hz, 1e-4, rmse[i], 0.7 * rmse[i], 1.4 * rmse[i], 1.1)
+                for i, name in enumerate(CONTROLLERS)
+                for plant in ("P5", "picma")
+                for hz in (1.0, 10.0, 100.0)
+            ],
+            columns=[
+                "controller", "plant", "reference", "frequency_hz", "ts_s", "rmse_percent",
+                "rmse_percent_low", "rmse_percent_high", "command_total_variation",
+            ],
+        )  # fmt: skip
+        cases["extrapolated"] = cases["plant"] == "picma"
+        t = np.arange(400) * 1e-4
+        lists = ("reference_um", "displacement_um", "error_um", "command_V")
+        trace = {"step_s": 1e-4, **{key: np.sin(30.0 * t).tolist() for key in lists}}
+        rows = tuple(
+            {
+                "controller": name, "plant": "P5", "reference": "sine", "frequency_hz": 10.0,
+                "ts_s": 1e-4, "seed": 0, "trace": trace,
+            }
+            for name in CONTROLLERS
+        )  # fmt: skip
+        commands = {name: np.cos(t) for name in CONTROLLERS[:4]}
+        measured = SimpleNamespace(
+            table=pd.DataFrame({"controller": CONTROLLERS[:4], "rms_V": 0.1}),
+            traces={"stairs": {"t_s": t, "applied": np.sin(t), **commands}},
+        )
+        settings = {
+            "rows": rows,
+            "ranking": ranking,
+            "where_trained": {1e-4: ranking},
+            "by_case": cases,
+            "by_sampling_time": cases.drop(columns="extrapolated"),
+            "measured": measured,
+            "notes": ("Not run at Ts = 0.001 s on P5: sine 200 Hz.",),
+            "order": list(CONTROLLERS),
+        }
+        return MadeScores(**{**settings, **changes})
 
     return build

@@ -9,6 +9,7 @@ from rdpi_gym.cli import main
 from rdpi_gym.diagnosis import compare
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, Plant, named_plant
+from rdpi_gym.report.benchmark.page import write_benchmark_page
 from rdpi_gym.report.comparison.page import write_compare_page
 from rdpi_gym.report.discovery.page import write_discovery_page
 
@@ -40,11 +41,55 @@ _BEYOND = """() => [...document.querySelectorAll(".figure:not([hidden])")].flatM
   });
 })"""
 
+# Pairs of things to read or to press that cover each other, by more than a pixel each way.
+_OVERLAPS = """() => {
+  const seen = "main h1, main h2, main p, main li, main label, main select, main input, main th, "
+    + "main td, nav a, .figure svg text, .updatemenu-button rect, .modebar-group";
+  const boxes = [...document.querySelectorAll(seen)]
+    .filter((each) => each.checkVisibility({visibilityProperty: true}))
+    .filter((each) => each.tagName !== "text" || each.textContent.trim())
+    .map((each) => {
+      let {left, top, right, bottom} = each.getBoundingClientRect();
+      const frame = each.closest(".scroll");
+      if (frame) {
+        const {left: x, top: y} = frame.getBoundingClientRect();
+        left = Math.max(left, x); right = Math.min(right, x + frame.clientWidth);
+        top = Math.max(top, y); bottom = Math.min(bottom, y + frame.clientHeight);
+      }
+      const text = each.textContent.trim() || String(each.getAttribute("class"));
+      return {each, left, top, right, bottom, text};
+    })
+    .filter((box) => box.right - box.left > 1 && box.bottom - box.top > 1)
+    .sort((a, b) => a.top - b.top);
+  const found = [];
+  boxes.forEach((a, i) => {
+    for (const b of boxes.slice(i + 1)) {
+      if (b.top > a.bottom - 1) break;
+      const button = a.each.closest(".updatemenu-button");
+      if (a.each.contains(b.each) || b.each.contains(a.each)) continue;
+      if (button && button === b.each.closest(".updatemenu-button")) continue;
+      const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+      const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+      if (wide > 1.5 && high > 1.5) found.push([a.text, b.text]);
+    }
+  });
+  return found;
+}"""
+
+# Each table: its section, what is cut off of its width, and the height of its scroll bar (pixels).
+_TABLES = """() => [...document.querySelectorAll(".scroll")].map((box) => ({
+  title: box.closest("section").querySelector("h2").textContent,
+  cut: box.scrollWidth - box.clientWidth,
+  bar: box.offsetHeight - box.clientHeight - 2,
+}))"""
+
 
 @pytest.fixture(scope="module")
 def browser():
     with sync_api.sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM)
+        chromium = playwright.chromium.launch(
+            executable_path=CHROMIUM, ignore_default_args=["--hide-scrollbars"]
+        )
         yield chromium
         chromium.close()
 
@@ -52,9 +97,9 @@ def browser():
 class Visit:
     """A page that is open, what its console said and what it asked the network for."""
 
-    def __init__(self, browser, path):
+    def __init__(self, browser, path, width=1280):
         self.said, self.asked = [], []
-        self.page = browser.new_page(viewport={"width": 1300, "height": 900})
+        self.page = browser.new_page(viewport={"width": width, "height": 900})
         self.page.on("console", lambda message: self.said.append(message.text))
         self.page.on("pageerror", lambda error: self.said.append(str(error)))
         self.page.route("**/*", self._only_files)
@@ -90,8 +135,8 @@ class Visit:
 def visit(browser):
     visits = []
 
-    def open_page(path):
-        visits.append(Visit(browser, path))
+    def open_page(path, width=1280):
+        visits.append(Visit(browser, path, width))
         return visits[-1]
 
     yield open_page
@@ -141,15 +186,42 @@ def test_page_draws_every_figure_silently_and_alone(page, visit):
     assert opened.asked == []
 
 
-@pytest.mark.parametrize("width", [400, 800, 1280])
-def test_titles_are_not_clipped(width, tmp_path, visit, made_diagnosis):
-    opened = visit(write_discovery_page(tmp_path / "report.html", "narrow", made_diagnosis()))
-    opened.page.set_viewport_size({"width": width, "height": 900})
-    opened.page.reload()
+@pytest.fixture(params=["bench", "compare", "discover", "diagnose"])
+def laid_out(request, tmp_path):
+    """Write a page of the kind with much in it, long names and every column."""
+    path = tmp_path / "report.html"
+    if request.param == "bench":
+        made = request.getfixturevalue("made_benchmark")()
+        return write_benchmark_page(path, made, "Method.", "Measured.", "Where trained.")
+    if request.param == "compare":
+        return compare_page(tmp_path)
+    made = request.getfixturevalue(
+        "made_discovery" if request.param == "discover" else "made_diagnosis"
+    )
+    return write_discovery_page(path, "a stage", made())
+
+
+@pytest.mark.parametrize("width", [800, 1280])
+def test_nothing_covers_or_cuts_off_anything(width, laid_out, visit):
+    opened = visit(laid_out, width)
     opened.figures()
+    assert opened.page.evaluate(_OVERLAPS) == []
     titles = opened.page.evaluate(_BEYOND)
-    assert any("Confidence" in title["text"] for title in titles)
+    assert titles
     assert [title for title in titles if title["beyond"] > 0] == []
+    tables = opened.page.evaluate(_TABLES)
+    assert tables
+    assert [table for table in tables if table["cut"] > 0 and table["bar"] < 8] == []
+    if width >= 1280:
+        assert [table for table in tables if table["cut"] > 0] == []
+    assert opened.page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+
+
+def test_what_covers_something_is_noticed(tmp_path, visit):
+    page = tmp_path / "bad.html"
+    page.write_text("<main><p>one</p><p style='margin-top:-2em'>two</p></main>")
+    opened = visit(page)
+    assert opened.page.evaluate(_OVERLAPS) == [["one", "two"]]
 
 
 def test_page_that_breaks_the_rules_is_noticed(tmp_path, visit):

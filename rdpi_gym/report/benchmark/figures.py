@@ -54,10 +54,10 @@ def ranking_figure(ranking: pd.DataFrame) -> Any:
     ----------
     ranking
         Columns ``controller, rmse_percent, rmse_percent_low, rmse_percent_high,
-        seed_0_rmse_percent, optimality_gap``, best first.
+        seed_0_rmse_percent, optimality_gap``, best first, and ``status`` where there is one.
     """
     shown = ranking.dropna(subset=["rmse_percent"])
-    names = [figure_text(name) for name in shown["controller"]]
+    names = [figure_text(name).replace("\n", "<br>") for name in marked_names(shown)]
     figure = go.Figure()
     figure.add_scatter(
         x=shown["rmse_percent"],
@@ -87,12 +87,28 @@ def ranking_figure(ranking: pd.DataFrame) -> Any:
     low, high = np.log10(ranking_range(shown))
     figure.update_xaxes(
         type="log",
-        title_text=f"Geometric mean of the {_RMSE}",
+        title_text=_RMSE,
         range=[float(low), float(high)],
         dtick="D2",
     )
     figure.update_yaxes(autorange="reversed")
-    return styled(figure, 160 + 26 * len(shown))
+    lines = len(shown) + sum("<br>" in name for name in names)
+    return styled(figure, 160 + 26 * lines)
+
+
+def marked_names(ranking: pd.DataFrame) -> list[str]:
+    r"""Name the controllers, each with its status in a line below unless that is ``ok``.
+
+    Examples
+    --------
+    >>> marked_names(pd.DataFrame({"controller": ["none", "pi"], "status": ["ok", "unstable"]}))
+    ['none', 'pi\n(unstable)']
+    """
+    names = [str(name) for name in ranking["controller"]]
+    if "status" not in ranking.columns:
+        return names
+    pairs = zip(names, ranking["status"], strict=True)
+    return [name if status in ("ok", "") else f"{name}\n({status})" for name, status in pairs]
 
 
 def ranking_range(ranking: pd.DataFrame) -> tuple[float, float]:

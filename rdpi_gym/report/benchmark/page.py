@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from rdpi_gym.report.benchmark import figures
 from rdpi_gym.report.benchmark.results import BenchmarkResults
 from rdpi_gym.report.page import Section, write_page
@@ -14,19 +17,14 @@ _LOOK = (
     "Colour says which inverse (grey: none, red: inversion-free, blue: classical, green: feedback "
     "alone), the symbol at which rate, a dotted line or an open symbol that feedback is added."
 )
-_RANKING = {
-    "controller": "Controller",
-    "rmse_percent": "RMSE (%)",
-    "rmse_percent_low": "from (%)",
-    "rmse_percent_high": "to (%)",
+_HEADINGS = {
     "seed_0_rmse_percent": "RMSE, seed 0 (%)",
-    "optimality_gap": "Optimality gap",
-    "mean_rank": "Mean rank",
     "command_total_variation": "Command variation",
     "microseconds_per_sample": "µs per sample",
     "failed": "Failed rows",
-    "warnings": "Warnings",
-}  # fmt: skip
+    "extrapolated": "Beyond identification",
+}
+_WIDTHS = ("_low", "_high", "_half_width")
 
 
 def write_benchmark_page(
@@ -67,7 +65,7 @@ def write_benchmark_page(
             "Controllers by the geometric mean of their RMSE over the cases, with the confidence "
             "interval over the drawn truths; the bar marks the error where the belief is true.",
             figures.ranking_figure(results.ranking) if _finished(results) else None,
-            results.ranking[list(_RANKING)].rename(columns=_RANKING),
+            table_view(results.ranking),
         ),
         *_where_trained(results, where_trained),
         Section("What the numbers mean", method),
@@ -77,14 +75,37 @@ def write_benchmark_page(
             "Every case",
             "Mean over the drawn truths with its confidence interval, and the command's total "
             "variation over the smallest that tracks. Every single row is in leaderboard.csv.",
-            table=results.by_case.rename(
-                columns=_RANKING | {"extrapolated": "Beyond identification"}
-            ),
+            table=table_view(results.by_case),
         ),
         *([] if payoff is None else [payoff]),
         _measured(results, measured),
     ]
     return write_page(path, "Tracking benchmark", _summary(results), sections)
+
+
+def table_view(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return every column under a reader's heading, the ends of the RMSE's interval in one cell.
+
+    Other intervals are left out; they stand in the leaderboard.
+
+    Examples
+    --------
+    >>> row = {"rmse_percent": 2.0, "rmse_percent_low": 1.5, "rmse_percent_high": 2.5, "status": "ok"}
+    >>> table_view(pd.DataFrame([row])).to_dict("records")
+    [{'rmse_percent': 2.0, 'Interval (%)': '1.5 to 2.5', 'status': 'ok'}]
+    """
+    view = {}
+    for name in frame.columns:
+        stem = next((name.removesuffix(end) for end in _WIDTHS if name.endswith(end)), name)
+        if stem != name and stem in frame.columns:
+            continue
+        view[_HEADINGS.get(name, name)] = frame[name]
+        if name == "rmse_percent" and f"{name}_low" in frame.columns:
+            ends = zip(frame[f"{name}_low"], frame[f"{name}_high"], strict=True)
+            view["Interval (%)"] = [
+                f"{low:.3g} to {high:.3g}" if np.isfinite(low) else "–" for low, high in ends
+            ]
+    return pd.DataFrame(view)
 
 
 def _where_trained(results: BenchmarkResults, text: str) -> list[Section]:
@@ -93,7 +114,7 @@ def _where_trained(results: BenchmarkResults, text: str) -> list[Section]:
             f"Ranking at Ts = {ts:g} s",
             text,
             figures.ranking_figure(ranked) if ranked["rmse_percent"].notna().any() else None,
-            ranked[list(_RANKING)].rename(columns=_RANKING),
+            table_view(ranked),
         )
         for ts, ranked in results.where_trained.items()
     ]

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from rdpi_gym.report.benchmark.figures import look, ranking_range
+from rdpi_gym.report.benchmark.figures import look, marked_names, ranking_range
 from rdpi_gym.report.benchmark.results import BenchmarkResults
 from rdpi_gym.report.style import INK, MUTED, matplotlib_style
 
@@ -80,7 +80,7 @@ def _draw_ranking(axes: Any, ranking: pd.DataFrame) -> None:
     axes.scatter(
         ranking["seed_0_rmse_percent"], place, marker="|", s=70, c=INK, zorder=3, label="plant equals belief",
     )  # fmt: skip
-    axes.set_yticks(place, ranking["controller"])
+    axes.set_yticks(place, marked_names(ranking))
     axes.invert_yaxis()
     if len(ranking):
         axes.set_xscale("log")
