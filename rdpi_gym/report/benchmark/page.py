@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +94,7 @@ def table_view(frame: pd.DataFrame) -> pd.DataFrame:
     >>> table_view(pd.DataFrame([row])).to_dict("records")
     [{'rmse_percent': 2.0, 'Interval (%)': '1.5 to 2.5', 'status': 'ok'}]
     """
-    view = {}
+    view: dict[str, Sequence[object] | pd.Series[Any]] = {}
     for name in frame.columns:
         stem = next((name.removesuffix(end) for end in _WIDTHS if name.endswith(end)), name)
         if stem != name and stem in frame.columns:
