@@ -12,6 +12,11 @@
 The import also registers the environments with Gymnasium. Each name is loaded when it is first used.
 """
 
+from rdpi_gym.support.guard import guard, is_command
+
+if is_command():  # and no program that uses the package: before the imports that take their time
+    guard()
+
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

@@ -28,6 +28,7 @@ from baselines.learned.policy import Policy
 from baselines.learned.run import CHECKPOINT, CURVE, POLICY, Run
 from rdpi_gym.envs.wrappers.history import layout_of
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.progress import Progress
 
 COLUMNS = (
     "timesteps", "seconds", "training_reward", "reward", "rmse_um", "rmse_percent",
@@ -38,7 +39,6 @@ COLUMNS = (
 
 _COMPARED = ("rmse_um", "rmse_percent", "command_variation_V_s")
 
-Progress = Callable[[int, int], None]
 ActorOf = Callable[[Any], list[nn.Module]]
 Row = dict[str, float | None]
 
@@ -72,7 +72,7 @@ class Course(BaseCallback):  # type: ignore[misc]  # the library carries no type
 
     def _on_rollout_start(self) -> None:
         if self.progress is not None:
-            self.progress(self.num_timesteps, self.run.timesteps)
+            self.progress("training", self.num_timesteps, self.run.timesteps)
         stretch = self.model.num_timesteps // self.run.every
         if stretch > self._stretch:
             self._stretch = stretch
@@ -89,7 +89,7 @@ class Course(BaseCallback):  # type: ignore[misc]  # the library carries no type
     def _on_training_end(self) -> None:
         self._keep(finished=True)
         if self.progress is not None:
-            self.progress(self.run.timesteps, self.run.timesteps)
+            self.progress("training", self.run.timesteps, self.run.timesteps)
 
     def _seed(self) -> None:
         model = self.model

@@ -11,10 +11,10 @@ from pathlib import Path
 from stable_baselines3 import SAC
 from torch import nn
 
-from baselines.learned.course import Progress
 from baselines.learned.options import TrainingOptions
 from baselines.learned.run import Run
 from baselines.learned.training import learn
+from rdpi_gym.support.progress import Progress
 
 
 @dataclass(frozen=True)

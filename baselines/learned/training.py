@@ -8,10 +8,11 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from baselines.learned.checkpoint import load_checkpoint
-from baselines.learned.course import ActorOf, Course, Progress
+from baselines.learned.course import ActorOf, Course
 from baselines.learned.run import CHECKPOINT, CONFIG, POLICY, Run
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
+from rdpi_gym.support.progress import Progress
 
 _DIVERGED = 1e6
 
@@ -31,7 +32,7 @@ def learn(
         Takes the deterministic actor out of a model: linear layers, activations, and what keeps
         actions within [-1, 1].
     progress
-        Called with the number of steps done, and in all.
+        Called as steps are done.
 
     Returns
     -------

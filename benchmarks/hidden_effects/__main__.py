@@ -13,9 +13,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 from benchmarks.hidden_effects.case_row import Engine, discover_engine
 from benchmarks.hidden_effects.cases import NUMBERS, make_cases
 from benchmarks.hidden_effects.run import run_study
@@ -24,6 +21,7 @@ from benchmarks.hidden_effects.summary import as_markdown, by_subject, targets
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.draws import HIDEABLE
 
@@ -95,13 +93,10 @@ def _run(options: argparse.Namespace, engine: Engine) -> list[Row]:
     if options.out.exists() and not options.out.is_dir():
         raise InputError(f"{options.out} is a file; give a folder for --out")
     cases = make_cases(studies, options.plants, options.seed, effects)
-    console = Console(stderr=True)
-    columns = (TextColumn("diagnosing"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=len(cases))
+    with progress_bar() as show:
         return run_study(
             cases, options.out, options.jobs,
-            lambda done, total: bar.update(task, completed=done, total=total), engine,
+            show, engine,
             lambda sentence: print(sentence, file=sys.stderr), options.ray,
         )  # fmt: skip
 

@@ -10,6 +10,7 @@ from benchmarks.hidden_effects.case_row import Engine, discover_engine, run_case
 from benchmarks.hidden_effects.cases import Case
 from benchmarks.hidden_effects.fingerprint import study_fingerprint
 from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, named_rows
 
 ROWS_FILE = "rows.jsonl"
@@ -19,7 +20,7 @@ def run_study(
     cases: Sequence[Case],
     out: Path,
     jobs: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     engine: Engine = discover_engine,
     note: Callable[[str], None] | None = None,
     ray_address: str | None = None,
@@ -35,7 +36,7 @@ def run_study(
     jobs
         Processes, of one thread each.
     progress
-        Called with the number of cases done, and in all.
+        Called as cases are done.
     engine
         What is put to the test.
     note
@@ -58,10 +59,10 @@ def run_study(
     missing = [case for case in cases if case.key not in store.rows]
     done = len(cases) - len(missing)
     if progress is not None:
-        progress(done, len(cases))
+        progress("diagnosing", done, len(cases))
     for row in run_cases(partial(run_case, engine=engine), missing, jobs, ray_address):
         store.append([row])
         done += 1
         if progress is not None:
-            progress(done, len(cases))
+            progress("diagnosing", done, len(cases))
     return [store.rows[case.key] for case in cases]

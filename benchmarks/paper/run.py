@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmarks.paper.cases import SWEEP, Case, Claim, paper_cases, section_iii
@@ -19,6 +19,7 @@ from benchmarks.paper.tracking import PERIODS, Sine, Tracking, track
 from benchmarks.paper.verdicts import judge
 from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B, RDPI
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress
 
 PLANTS: dict[str, RDPI] = {"P5": PAPER_III_B, "P10": PAPER_IV_B}
 """The paper's two parameter sets, Sections III-B and IV-B."""
@@ -27,7 +28,6 @@ DRAWN = ("literal", "given", "closed-form reference-rate/A")
 """Readings whose traces the figures show."""
 DIVERGENCE_TS_S = 1e-4
 
-Progress = Callable[[str, float], None]
 """Told what is next and the share of the work done, 0 to 1."""
 
 
@@ -117,7 +117,7 @@ class _Runs:
         if run is None:
             if self._progress:
                 what = f"{reading.name}, {sine.frequency_hz:g} Hz, Ts = {sine.ts_s:.1e} s"
-                self._progress(what, self._spent / self._work)
+                self._progress(what, self._spent, self._work)
             run = track(reading, sine, self._lanes(reading), self._seed, keep_trace)
             self._done[pair] = run
             self._spent += self._cost(*pair)
@@ -159,7 +159,7 @@ def reproduce_paper(
     sweep
         References that the error over the sampling time is taken on.
     progress
-        Told what is next and the share of the work done.
+        Told what is next and the work done, of all.
 
     Returns
     -------

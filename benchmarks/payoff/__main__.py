@@ -8,9 +8,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
 import benchmarks.payoff
 from benchmarks.payoff.beliefs import FOLDER, make_beliefs, stored_beliefs
 from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
@@ -21,6 +18,7 @@ from rdpi_gym.report.payoff.picture import payoff_picture
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.progress import progress_bar
 
 OUT = Path("studies/results/payoff")
 """Tables of a release; its beliefs lie beside the code, which scores them in `rdpi bench`."""
@@ -79,24 +77,18 @@ Beliefs = dict[str, PlantModel]
 def _compute(
     look: Callable[[HiddenPlant], tuple[HiddenPlant, Beliefs]], out: Path, seed: int, jobs: int
 ) -> None:
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(
-        *columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal
-    ) as bar:
-        looking = bar.add_task("discovering", total=len(HIDDEN_PLANTS))
+    with progress_bar() as show:
         found: dict[HiddenPlant, Beliefs] = {}
         for hidden, own in run_cases(look, HIDDEN_PLANTS, jobs):
             found[hidden] = own
-            bar.advance(looking)
+            show("discovering", len(found), len(HIDDEN_PLANTS))
         beliefs = {hidden: found[hidden] for hidden in HIDDEN_PLANTS}
-        tracking = bar.add_task("tracking", total=None)
         table = payoff_table(
             beliefs,
             out,
             seed,
             jobs,
-            lambda done, total: bar.update(tracking, completed=done, total=total),
+            show,
             note=lambda sentence: print(sentence, file=sys.stderr),
         )
     write_atomic(

@@ -26,6 +26,7 @@ from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, named_rows
 
 PREVIEW_INVERSION = "preview-inversion"
@@ -82,7 +83,7 @@ def payoff_table(
     out: Path,
     seed: int = 0,
     jobs: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     ray_address: str | None = None,
     note: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
@@ -99,7 +100,7 @@ def payoff_table(
     jobs
         Processes; -1: one a core.
     progress
-        Called with the number of runs done, and in all.
+        Called as runs are done.
     ray_address
         Of a Ray cluster that does the runs in place of processes here.
     note
@@ -129,7 +130,7 @@ def payoff_table(
     for done, rows in enumerate(run_cases(run_task, missing, jobs, ray_address), start=1):
         store.append(rows)
         if progress is not None:
-            progress(done, len(missing))
+            progress("hidden effects", done, len(missing))
     return _related([store.rows[key] for key in code])
 
 

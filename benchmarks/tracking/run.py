@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from benchmarks.tracking.stages import Stage
 from benchmarks.tracking.tasks import Lane, Task, make_tasks, row_keys, run_task
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
 
 
@@ -41,7 +42,7 @@ def benchmark(
     selection: Selection,
     out: Path,
     jobs: int = -1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     ray_address: str | None = None,
 ) -> Outcome:
     """Compute what is missing or failed and return every row that was asked for.
@@ -55,7 +56,7 @@ def benchmark(
     jobs
         Worker processes; -1: one a core.
     progress
-        Called with the number of tasks done, and in all.
+        Called as tasks are done.
     ray_address
         Of a Ray cluster that runs the tasks in place of processes here.
 
@@ -90,7 +91,7 @@ def benchmark(
         store.append(fresh)
         computed += len(fresh)
         if progress is not None:
-            progress(done, len(missing))
+            progress("scoring", done, len(missing))
     return Outcome([store.rows[k] for k in _in_order(selection)], tuple(notes), computed)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import sys
+from functools import partial
 from importlib import import_module
 
 import typer
 
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.command import run_command
 
 COMMANDS = (
     "bench",
@@ -53,24 +53,11 @@ def main(arguments: list[str] | None = None) -> int:
     Returns
     -------
     int
-        0 on success, 2 on bad input (one line on standard error), 130 when interrupted.
+        0 on success, else as :func:`~rdpi_gym.support.command.run_command` says.
     """
-    try:
-        result = app(args=arguments, prog_name="rdpi", standalone_mode=False)
-    except InputError as error:
-        return _refuse(str(error))
-    except KeyboardInterrupt:
-        print("rdpi: interrupted; what was computed is kept", file=sys.stderr)
-        return 130
-    except Exception as error:
-        # Typer's usage errors carry their own sentence and exit status.
-        format_message = getattr(error, "format_message", None)
-        if format_message is None:
-            raise
-        return _refuse(format_message())
+    return run_command("rdpi", partial(_call, arguments))
+
+
+def _call(arguments: list[str] | None) -> int:
+    result = app(args=arguments, prog_name="rdpi", standalone_mode=False)
     return result if isinstance(result, int) else 0
-
-
-def _refuse(message: str) -> int:
-    print(f"rdpi: {' '.join(message.split())}", file=sys.stderr)
-    return 2

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,9 +9,11 @@ import typer
 
 from rdpi_gym.cli.options import OutOption, check_jobs, words
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress, progress_bar
+from rdpi_gym.support.terminal import console
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Sequence
 
     import pandas as pd
 
@@ -106,13 +106,9 @@ def bench(
         own_plants=plant or (),
     )
     everything = controllers is plants is references is ts is None
-    try:
-        with _progress("scoring") as show:
-            outcome = benchmark(selection, out, jobs, show, ray)
-        payoff = _payoff(out, jobs, ray) if everything else None
-    except KeyboardInterrupt:
-        print(f"interrupted; the same command continues from the rows in {out}", file=sys.stderr)
-        raise
+    with progress_bar() as show:
+        outcome = benchmark(selection, out, jobs, show, ray)
+        payoff = _payoff(out, jobs, ray, show) if everything else None
     results = evaluate(selection, outcome)
     leaderboard = write_tables(out, results, payoff)
     write_atomic(out / "leaderboard.png", leaderboard_picture(results))
@@ -137,15 +133,14 @@ def bench(
     print(f"page: {page}")
 
 
-def _payoff(out: Path, jobs: int, ray: str | None) -> pd.DataFrame:
+def _payoff(out: Path, jobs: int, ray: str | None, show: Progress) -> pd.DataFrame:
     """Score the plants with hidden effects, with the beliefs of this release."""
     from benchmarks.payoff.beliefs import stored_beliefs
     from benchmarks.payoff.plants import HIDDEN_PLANTS
     from benchmarks.payoff.scores import payoff_table
 
     beliefs = {hidden: stored_beliefs(hidden) for hidden in HIDDEN_PLANTS}
-    with _progress("hidden effects") as show:
-        return payoff_table(beliefs, out, jobs=jobs, progress=show, ray_address=ray, note=print)
+    return payoff_table(beliefs, out, jobs=jobs, progress=show, ray_address=ray, note=print)
 
 
 def _payoff_section(payoff: pd.DataFrame) -> Section:
@@ -164,22 +159,9 @@ def _seconds(word: str) -> float:
         raise InputError(f"--ts {word!r} is no number; give seconds, for example 2e-4") from None
 
 
-@contextmanager
-def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    columns = (what, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
 def _print_top(ranking: pd.DataFrame, own: Sequence[str], where: str = "") -> None:
     """Print the first of a ranking, and the user's own wherever they stand."""
     from rich.box import SIMPLE
-    from rich.console import Console
     from rich.table import Table
 
     from benchmarks.tracking.markdown import number
@@ -196,5 +178,4 @@ def _print_top(ranking: pd.DataFrame, own: Sequence[str], where: str = "") -> No
         table.add_column(name, no_wrap=True)
     for row in ranking.loc[printed, shown].itertuples(index=False):
         table.add_row(*(number(cell) if isinstance(cell, float) else str(cell) for cell in row))
-    # without a terminal there is no width to keep to
-    Console(width=None if Console().is_terminal else 140).print(table)
+    console().print(table)

@@ -17,6 +17,7 @@ from rdpi_gym.cli.data_options import (
     data_options,
 )
 from rdpi_gym.cli.options import OutOption
+from rdpi_gym.support.progress import progress_bar
 
 
 def compare(
@@ -41,9 +42,6 @@ def compare(
 
     Tests of the data that need no model stand beside it. Writes compare.json and report.html.
     """
-    from rich.console import Console
-    from rich.progress import Progress
-
     from rdpi_gym.diagnosis import compare as compare_with
     from rdpi_gym.measurement import load
     from rdpi_gym.plant import find_plant
@@ -51,15 +49,14 @@ def compare(
     from rdpi_gym.support.files import write_json
 
     options = data_options(columns, units, sampling_time, validate, skip)
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("reading", total=3)
+    with progress_bar() as show:
+        show("reading", 0, 3)
         plant = find_plant(model)
         dataset = load(data, options)
-        progress.update(task, description="comparing", completed=1)
+        show("comparing", 1, 3)
         result = compare_with(dataset, plant)
         numbers = write_json(out / "compare.json", result.to_dict())
-        progress.update(task, description="drawing", completed=2)
+        show("drawing", 2, 3)
         page = write_compare_page(out / "report.html", result)
 
     print(dataset.describe())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rdpi_gym.cli.options import check_folder
+from rdpi_gym.support.terminal import console
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,22 +37,19 @@ def effects(
     ] = None,
 ) -> None:
     """List the physical effects that a plant can have: equations, parameters, signatures."""
-    from rich.console import Console
-    from rich.markup import escape
-
     from rdpi_gym.plant.effects import CATALOGUE, load_effect
     from rdpi_gym.plant.effects.description import describe, pages
     from rdpi_gym.support.files import write_atomic, write_json
 
     if out is not None:
         check_folder(out)
-    console = Console(highlight=False)
+    screen = console(width=80)
     if name is None:
         kinds = list(CATALOGUE.values())
-        console.print(_catalogue(kinds))
+        screen.print(_catalogue(kinds))
     else:
         kinds = [load_effect(name)]
-        _print_in_full(console, kinds[0])
+        _print_in_full(screen, kinds[0])
     if out is not None:
         document = {
             "format": "rdpi-effects",
@@ -62,11 +60,10 @@ def effects(
             write_json(out / "effects.json", document),
             write_atomic(out / "effects.md", pages(kinds)),
         ):
-            console.print(escape(str(path)), soft_wrap=True)
+            print(path)
 
 
 def _catalogue(kinds: list[type[Effect]]) -> Table:
-    from rich.markup import escape
     from rich.table import Table
 
     from rdpi_gym.plant.effects.description import typical
@@ -77,25 +74,25 @@ def _catalogue(kinds: list[type[Effect]]) -> Table:
     table.add_column("parameters, typical values", ratio=2)
     for kind in kinds:
         parameters = "\n".join(f"{p.name}: {typical(p)}" for p in kind.parameters)
-        table.add_row(kind.name, escape(f"{kind.equation}\n{kind.signature}"), escape(parameters))
+        table.add_row(kind.name, f"{kind.equation}\n{kind.signature}", parameters)
     return table
 
 
-def _print_in_full(console: Console, kind: type[Effect]) -> None:
-    from rich.markup import escape
+def _print_in_full(screen: Console, kind: type[Effect]) -> None:
     from rich.table import Table
+    from rich.text import Text
 
     from rdpi_gym.plant.effects.description import PLACES, paragraphs, summary, typical
 
-    console.print(f"[bold]{escape(kind.name)}[/bold]: {escape(summary(kind))}")
-    console.print(f"It acts {PLACES[kind.slot]}.\n\n    {escape(kind.equation)}\n")
+    screen.print(Text.assemble((kind.name, "bold"), f": {summary(kind)}"))
+    screen.print(f"It acts {PLACES[kind.slot]}.\n\n    {kind.equation}\n")
     table = Table()
     for heading in ("parameter", "meaning", "default", "typical", "bounds"):
         table.add_column(heading)
     for p in kind.parameters:
         bounds = "chosen, not fitted" if p.fixed else f"{p.low:.6g} to {p.high:.6g}"
         cells = (p.name, p.meaning, f"{kind().values[p.name]:.6g}", typical(p), bounds)
-        table.add_row(*map(escape, cells))
-    console.print(table)
+        table.add_row(*cells)
+    screen.print(table)
     for heading, text in paragraphs(kind).items():
-        console.print(f"[bold]{heading}:[/bold] {escape(text)}")
+        screen.print(Text.assemble((f"{heading}:", "bold"), f" {text}"))

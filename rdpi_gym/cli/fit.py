@@ -18,6 +18,8 @@ from rdpi_gym.cli.data_options import (
     data_options,
 )
 from rdpi_gym.cli.options import OutOption, SeedOption
+from rdpi_gym.support.progress import progress_bar
+from rdpi_gym.support.terminal import console
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -54,31 +56,25 @@ def fit(
 
     Writes model.json: the plant, its standard errors, and what the data do not determine.
     """
-    from rich.console import Console
-    from rich.progress import Progress
-
     from rdpi_gym.identification import fit as identify
     from rdpi_gym.measurement import load
 
     options = data_options(columns, units, sampling_time, validate, skip)
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("reading", total=1.0)
+    with progress_bar() as show:
+        show("reading", 0, 0)
         dataset = load(data, options)
-        progress.update(task, description="fitting")
         result = identify(
             dataset,
             plays,
             rate_bandwidth_hz=rate_bandwidth,
             free_memory=free_memory,
-            progress=lambda part: progress.update(task, completed=part),
+            progress=show,
         )
         path = result.plant.save(out / "model.json")
 
     print(dataset.describe())
     print()
-    # without a terminal there is no width to keep to
-    Console(width=None if Console().is_terminal else 100).print(_table(result))
+    console(width=100).print(_table(result))
     print(f"training error    {result.train_rmse_um:.4g} µm rms")
     if result.validation_rmse_um is not None:
         print(f"validation error  {result.validation_rmse_um:.4g} µm rms, one offset a record free")

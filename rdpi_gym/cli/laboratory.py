@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import progress_bar
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 CHECKPOINT = "candidates.jsonl"
 """File in the folder of results that keeps finished candidates: an interrupted run goes on."""
-
-Show: TypeAlias = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -127,27 +125,3 @@ def candidates(effects: Sequence[str] | None) -> Mapping[str, type[Effect]]:
                 f"--effect {name} is named {kind.name!r}, as another effect is; rename it"
             )
     return known
-
-
-@contextmanager
-def progress_bar() -> Iterator[Show]:
-    """Show stages as they finish, on a terminal only; give ``show(stage, done, total)``."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        task = bar.add_task("reading", total=None)
-
-        def show(stage: str, done: int, total: int) -> None:
-            bar.update(task, description=stage, completed=done, total=total or None)
-
-        yield show

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from rdpi_gym.support.terminal import console
+
 if TYPE_CHECKING:
     from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult
 
@@ -90,7 +92,6 @@ def _percent(share: float) -> str:
 
 def _print_table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     from rich.box import SIMPLE
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
@@ -100,4 +101,4 @@ def _print_table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]
     for row in rows:
         table.add_row(*map(escape, row))
     # without a terminal there is no width to keep to
-    Console(width=None if Console().is_terminal else 140, highlight=False).print(table)
+    console().print(table)

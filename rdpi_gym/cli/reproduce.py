@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from rdpi_gym.cli.options import OutOption, SeedOption
+from rdpi_gym.support.progress import progress_bar
 
 
 def reproduce(
@@ -24,9 +25,6 @@ def reproduce(
 
     Writes paper.md with its figures, paper.csv, sweep.csv and implementation.csv.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
-
     from benchmarks.paper import (
         implementation_rows,
         paper_markdown,
@@ -39,23 +37,9 @@ def reproduce(
     from rdpi_gym.report.paper.figures import write_paper_figures
     from rdpi_gym.support.files import write_atomic
 
-    bar = Progress(
-        TextColumn("reproduce"),
-        BarColumn(bar_width=24),
-        TaskProgressColumn(),
-        TextColumn("{task.description}"),
-        console=Console(stderr=True),
-        disable=not Console(stderr=True).is_terminal,
-        transient=True,
-    )
-    with bar:
-        task = bar.add_task("", total=1.0)
-        results = reproduce_paper(
-            seed,
-            realisations,
-            progress=lambda what, share: bar.update(task, description=what, completed=share),
-        )
-        bar.update(task, description="figures", completed=1.0)
+    with progress_bar() as show:
+        results = reproduce_paper(seed, realisations, progress=show)
+        show("figures", 0, 0)
         write_paper_figures(out, results)
     rows = paper_rows(results)
     write_atomic(out / "paper.csv", to_csv(rows))

@@ -9,6 +9,7 @@ import typer
 
 from rdpi_gym.cli.options import OutOption, SeedOption
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import progress_bar
 
 
 def simulate(
@@ -37,8 +38,6 @@ def simulate(
     Writes one CSV file for each record into DIR/data, and what is hidden into DIR/truth.json.
     """
     import numpy as np
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     from rdpi_gym.plant import find_plant
     from rdpi_gym.virtual_lab import HIDEABLE, Truth, hide_one, simulate_dataset, write_dataset
@@ -51,18 +50,11 @@ def simulate(
         raise InputError(f"--hide: {model} has {taken[0]} already; hide another effect")
     rng = np.random.default_rng([seed, 1])
     free = [name for name in HIDEABLE if name not in known]
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        task = bar.add_task("drawing", total=None)
+    with progress_bar() as show:
+        show("drawing", 0, 0)
         truth = hide_one(free, truth, rng) if hide == "random" else hide_named(names, truth, rng)
-        bar.update(task, description="simulating")
-        dataset = simulate_dataset(
-            truth, progress=lambda done, total: bar.update(task, completed=done, total=total)
-        )
-        bar.update(task, description="writing")
+        dataset = simulate_dataset(truth, progress=show)
+        show("writing", 0, 0)
         folder = out / "data"
         write_dataset(dataset, folder, "Simulated by `rdpi simulate`.")
         answer = truth.save(out / "truth.json")

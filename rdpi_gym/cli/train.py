@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import sys
-from contextlib import contextmanager
 from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
@@ -14,9 +12,9 @@ import typer
 
 from rdpi_gym.cli.options import OutOption, SeedOption, words
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import progress_bar
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
     from types import ModuleType
 
 
@@ -103,12 +101,8 @@ def train(
     options = {name: value for name, value in given.items() if value is not None}
     script = _script(algorithm.value)
     asked = script.Options(out=out, seed=seed, tensorboard=tensorboard, **options)
-    try:
-        with _progress() as show:
-            policy = script.train(asked, show)
-    except KeyboardInterrupt:
-        print(f"interrupted; the same command continues in {out}", file=sys.stderr)
-        raise
+    with progress_bar() as show:
+        policy = script.train(asked, show)
     print(_summary(out / "training.csv", asked.baseline))
     print(f"policy: {policy}")
 
@@ -128,18 +122,6 @@ def _frequencies(text: str) -> tuple[float, float]:
             f"--frequency {text!r} is not two numbers; give the lowest and the highest (Hz), for example 20,100"
         ) from None
     return low, high
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    columns = ("training", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task("training", total=None)
-        yield lambda done, total: bar.update(task, completed=min(done, total), total=total)
 
 
 def _summary(curve: Path, compensator: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
@@ -24,6 +24,7 @@ from rdpi_gym.face.shown import Shown
 from rdpi_gym.plant import PLANTS, PlantModel
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -175,7 +176,7 @@ def benchmark(
     out: PathLike[str] | str | None = None,
     jobs: int = -1,
     ray: str | None = None,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Evaluation:
     """Score controllers on reference signals.
 
@@ -220,7 +221,6 @@ def benchmark(
     >>> scores.order
     ['classical-static', 'none']
     """
-    say = progress or (lambda stage, done, total: None)
     if isinstance(seeds, int) and seeds < 1:
         raise InputError(f"seeds is {seeds}; give the number of seeds, 1 or more, or the seeds")
     selection = select(
@@ -233,10 +233,8 @@ def benchmark(
     everything = all(asked is None for asked in (controllers, plants, references, ts_s))
     with TemporaryDirectory() as scratch:
         folder = Path(scratch if out is None else out)
-        outcome = run_benchmark(
-            selection, folder, jobs, lambda done, total: say("scoring", done, total), ray
-        )
-        payoff = _payoff(folder, jobs, ray, say) if everything else None
+        outcome = run_benchmark(selection, folder, jobs, progress, ray)
+        payoff = _payoff(folder, jobs, ray, progress) if everything else None
     return Evaluation.of(evaluation.evaluate(selection, outcome), outcome.computed, payoff)
 
 
@@ -247,9 +245,7 @@ def _named(plant: PlantModel | HasPlant | PathLike[str] | str) -> PlantModel | s
     return as_plant(plant)
 
 
-def _payoff(
-    out: Path, jobs: int, ray: str | None, say: Callable[[str, int, int], None]
-) -> pd.DataFrame:
+def _payoff(out: Path, jobs: int, ray: str | None, progress: Progress | None) -> pd.DataFrame:
     """Score the plants with hidden effects, with the beliefs of this release."""
     from benchmarks.payoff.beliefs import stored_beliefs
     from benchmarks.payoff.plants import HIDDEN_PLANTS
@@ -260,7 +256,7 @@ def _payoff(
         beliefs,
         out,
         jobs=jobs,
-        progress=lambda done, total: say("hidden effects", done, total),
+        progress=progress,
         ray_address=ray,
     )
 

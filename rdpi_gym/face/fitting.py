@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
@@ -13,6 +13,7 @@ from rdpi_gym import identification, measurement
 from rdpi_gym.face.data import as_dataset
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.support.checked import checked
+from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import micrometres, pm
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def fit(
     free_memory: bool = False,
     rate_bandwidth_hz: float | None = None,
     name: str = "fit",
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> FitResult:
     """Identify the RDPI model from measured records, by Equations 9 and 10.
 
@@ -134,7 +135,7 @@ def fit(
     name
         Name of the plant.
     progress
-        Called with the part (0 to 1) that is done.
+        Called as ``progress(stage, done, total)``.
 
     Returns
     -------

@@ -30,6 +30,7 @@ from rdpi_gym.report.discovery.sentences import (
 from rdpi_gym.support.checked import check_type, checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
+from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -78,7 +79,7 @@ class SearchResult(Shown, results.SearchResult):
         *,
         jobs: int = -1,
         seed: int = 0,
-        progress: Callable[[str, int, int], None] | None = None,
+        progress: Progress | None = None,
     ) -> SearchResult:
         """Add an effect to the model and refit everything, whether the records ask for it or not.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rdpi_gym.support.checked import check_type
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option
+from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
     from rdpi_gym.face.catalogues import HasPlant
@@ -58,7 +59,7 @@ class SearchOptions:
         default=(), metadata=Option("--effect", "MODULE:CLASS", list[str]).metadata
     )
     resume: PathLike[str] | str | None = None
-    progress: Callable[[str, int, int], None] | None = None
+    progress: Progress | None = None
 
     def __post_init__(self) -> None:
         check_type(self.seed, int, "seed")

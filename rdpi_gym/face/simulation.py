@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import ClassVar, Literal
@@ -16,6 +16,7 @@ from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress, silent
 from rdpi_gym.virtual_lab import HIDEABLE, Truth
 
 
@@ -46,7 +47,7 @@ def simulate(
     seed: int = 0,
     noise_um: float = 0.012,
     ts_factor: float = 1.0,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Simulation:
     """Simulate the standard protocol of experiments on a plant, as if it had been measured.
 
@@ -83,7 +84,7 @@ def simulate(
     >>> len(rg.simulate("P5", seed=1, ts_factor=4.0).records)
     16
     """
-    say = progress or (lambda stage, done, total: None)
+    say = progress or silent
     plant = as_plant(model)
     names = _names(hide)
     if seed < 0:
@@ -99,9 +100,7 @@ def simulate(
         truth = virtual_lab.hide_one(free, truth, rng)
     else:
         truth = virtual_lab.hide(names, truth, rng)
-    found = virtual_lab.simulate_dataset(
-        truth, progress=lambda done, total: say("simulating", done, total)
-    )
+    found = virtual_lab.simulate_dataset(truth, progress=say)
     return Simulation(found.title, found.records, found.remarks, truth=truth)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress, silent
 
 # Plays that move (rms) less than this part of their command are told from the offset by a sliver
 # of the data near the extremes; their weights would fit whatever else happens there.
@@ -42,7 +43,7 @@ def fit(
     free_memory: bool = False,
     min_motion: float = MIN_MOTION,
     name: str = "fit",
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> FitResult:
     """Identify an RDPI plant by variable projection.
 
@@ -68,7 +69,7 @@ def fit(
     name
         Name of the plant.
     progress
-        Called with the part (0 to 1) that is done.
+        Called as percents are done.
 
     Returns
     -------
@@ -102,7 +103,7 @@ def fit(
     _check_gain(stack)
     bounds = set_bounds(stack, n, min_motion)
     point, evaluations = search(
-        stack, n, free_memory=free_memory, bounds=bounds, progress=progress or _silent
+        stack, n, free_memory=free_memory, bounds=bounds, progress=progress or silent
     )
     offsets = means_um - point.means[:, : n + 1] @ point.weights
     model = _plant(point, offsets, train, name, rate_bandwidth_hz)
@@ -252,7 +253,3 @@ def _documented(result: FitResult, title: str, spread: RateSpread) -> PlantModel
     }
     note = " ".join([f"identified from {title}.", *(f"{w}." for w in result.warnings[:1])])
     return replace(result.plant, note=note, identification=identification)
-
-
-def _silent(_: float) -> None:
-    return

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -13,8 +11,7 @@ from rdpi_gym.identification.gram import gram_matrices
 from rdpi_gym.identification.refine import Point, begin, evaluate, project, refine
 from rdpi_gym.identification.stack import Stack, thin
 from rdpi_gym.support.arrays import Array
-
-Progress = Callable[[float], None]
+from rdpi_gym.support.progress import Progress
 
 # The error has many valleys along δ1 (ways in which a comb of thresholds meets the weights), which
 # a fine grid finds once δ2 is about right; along δ2 it has few.
@@ -71,7 +68,7 @@ def search(
         best = end if best is None or end.cost < best.cost else best
         # thinning that left more error than the whole data have may have hidden the right valley
         if coarse is stack or start.cost < _FAITHFUL * end.cost:
-            progress(1.0)
+            progress("fitting", 100, 100)
             return best, evaluations
         samples *= 4
 
@@ -88,7 +85,7 @@ def _look_around(
     grid = np.empty((deltas2.size, deltas1.size))
     for k, delta2 in enumerate(deltas2):
         grid_costs(stack, n, deltas1, delta2, unmoved, bounds, grid[k])
-        progress(0.3 * (k + 1) / deltas2.size)
+        progress("fitting", round(30 * (k + 1) / deltas2.size), 100)
     place = np.unravel_index(grid.argmin(), grid.shape)
     theta = np.concatenate([[deltas1[place[1]], deltas2[place[0]]], unmoved])
     first, passes = _descend(
@@ -100,7 +97,7 @@ def _look_around(
     costs = np.empty(_FINE)
     grid_costs(stack, n, deltas1, first.theta[1], first.theta[2:], bounds, costs)
     evaluations += _FINE
-    progress(0.6)
+    progress("fitting", 60, 100)
     ends = [first]
     for i in _valleys(costs)[:_STARTS]:
         theta = np.concatenate([[deltas1[i]], first.theta[1:]])
@@ -109,7 +106,7 @@ def _look_around(
         )
         ends.append(end)
         evaluations += passes + 2
-    progress(0.8)
+    progress("fitting", 80, 100)
     return min(ends, key=lambda point: point.cost), evaluations
 
 

@@ -6,12 +6,15 @@ import logging
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from typing import TypeVar
 from urllib.parse import urlsplit
 
 from joblib import Parallel, delayed, parallel_config
+from joblib.externals.loky.backend.resource_tracker import ensure_running
 
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.interrupts import uninterrupted_children
 
 C = TypeVar("C")
 R = TypeVar("R")
@@ -65,7 +68,12 @@ def run_cases(
         with parallel_config(backend="loky", inner_max_num_threads=1):
             # one case at a time to a worker: results come early
             parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-        yield from parallel(delayed(function)(case) for case in cases)
+        # they would lift what holds interrupts back from the workers, were they started after it
+        resource_tracker.ensure_running()
+        ensure_running()
+        with uninterrupted_children():
+            results = parallel(delayed(function)(case) for case in cases)
+        yield from results
 
 
 def _on_ray(function: Callable[[C], R], cases: Sequence[C], address: str) -> Iterator[R]:

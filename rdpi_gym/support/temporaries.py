@@ -22,6 +22,7 @@ from rdpi_gym.support.errors import InputError
 _NAME = re.compile(r"\.(?P<target>.+)\.[0-9a-f]{12}\.tmp")
 _FULL = {errno.ENOSPC, errno.EDQUOT}
 _ATTEMPTS = 100
+FREE_SPACE = "what was written before is kept, free some space and give the same command again"
 
 
 def unwritable(path: Path | str, error: OSError) -> InputError:
@@ -34,10 +35,7 @@ def unwritable(path: Path | str, error: OSError) -> InputError:
     """
     reason = error.strerror or str(error)
     if is_full(error):
-        return InputError(
-            f"{path} cannot be written: the disk is full ({reason}); what was written before is "
-            "kept, free some space and give the same command again"
-        )
+        return InputError(f"{path} cannot be written: the disk is full ({reason}); {FREE_SPACE}")
     return InputError(f"{path} cannot be written ({reason}); give a folder that you may write to")
 
 

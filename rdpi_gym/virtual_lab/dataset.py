@@ -14,10 +14,10 @@ from rdpi_gym.signals.experiments import PAUSE_S, Experiment
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.progress import Progress
 from rdpi_gym.virtual_lab.independent.simulation import LARGEST_STEP_S, simulate_truth
 from rdpi_gym.virtual_lab.truth import Truth
 
-Progress = Callable[[int, int], None]
 SETTINGS = "dataset.toml"
 
 
@@ -39,7 +39,7 @@ def simulate_dataset(
         Called with the truth, times (s) and commands (V), returns the displacement (µm) before the
         sensor; :func:`displacement` by default.
     progress
-        Called with the number of records done, and in all.
+        Called as records are done.
 
     Returns
     -------
@@ -65,7 +65,7 @@ def simulate_dataset(
             )
         )  # fmt: skip
         if progress is not None:
-            progress(number + 1, len(experiments))
+            progress("simulating", number + 1, len(experiments))
     return Dataset(f"simulated records of {truth.plant.name}", tuple(records))
 
 

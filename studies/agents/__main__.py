@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pandas as pd
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import studies.agents
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json
+from rdpi_gym.support.progress import progress_bar
 from studies.agents.curves import PICTURE, curves_text, learning_bands, learning_curves
 from studies.agents.page import page_texts, walk_template
 from studies.agents.scores import Run, contestants, score_all
@@ -84,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _train(study: Study, options: argparse.Namespace) -> None:
-    with _progress("training") as show:
+    with progress_bar() as show:
         fresh = train_all(study, options.runs, options.jobs, show, options.ray)
     print(f"{fresh} trained now, {len(all_trainings(study, options.runs))} in all: {options.runs}")
 
@@ -168,7 +166,7 @@ def _scores(
         for one in contestants(study.rivals, finished)
         for world in worlds
     ]
-    with _progress("scoring") as show:
+    with progress_bar() as show:
         table = score_all(runs, options.runs, options.jobs, show, options.ray, _note)
     table["training_seed"] = table["training_seed"].astype("Int64")
     return pd.DataFrame(rows).astype({"seconds": float}), table
@@ -189,17 +187,6 @@ def _finished(study: Study, runs: Path) -> list[Training]:
 
 def _write(path: Path, table: pd.DataFrame) -> None:
     write_atomic(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(
-        *columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal
-    ) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 if __name__ == "__main__":

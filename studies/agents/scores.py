@@ -21,6 +21,7 @@ from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, named_rows
 from studies.agents.training import Training
 from studies.agents.worlds import TS_S, World
@@ -120,7 +121,7 @@ def score_all(
     runs: Sequence[Run],
     out: Path,
     jobs: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     ray_address: str | None = None,
     note: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
@@ -158,7 +159,7 @@ def score_all(
     for done, rows in enumerate(run_cases(score_run, left, jobs, ray_address), start=1):
         store.append(rows)
         if progress is not None:
-            progress(done, len(left))
+            progress("scoring", done, len(left))
     return pd.DataFrame([store.rows[key] for key in code], columns=list(COLUMNS))
 
 

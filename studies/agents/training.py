@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +12,7 @@ from baselines.learned.options import TrainingOptions
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json
 from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
 from studies.agents.study import Agent, Study
 
@@ -98,7 +98,7 @@ def train_all(
     study: Study,
     runs: Path,
     jobs: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     ray_address: str | None = None,
 ) -> int:
     """Train what is not finished, each training from its newest checkpoint on.
@@ -129,7 +129,7 @@ def train_all(
     left = [each for each in all_trainings(study, runs.absolute()) if not each.is_finished()]
     for done, _ in enumerate(run_cases(train_one, left, jobs, ray_address), start=1):
         if progress is not None:
-            progress(done, len(left))
+            progress("training", done, len(left))
     return len(left)
 
 

@@ -7,13 +7,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import track
-
 import studies.effect_pages
 from rdpi_gym.report.effect_figure import effect_picture
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.progress import progress_bar
 from studies.effect_pages.shown import SHOWN
 from studies.effect_pages.study import bare_records, study_effect
 from studies.effect_pages.text import page_texts
@@ -54,13 +52,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             write_atomic(options.out / name, text)
         if options.text_only:
             return 0
-        console = Console(stderr=True)
         without = bare_records()
-        for name, shown in track(
-            SHOWN.items(), "drawing", console=console, disable=not console.is_terminal
-        ):
-            panels = shown.panels(study_effect(name, shown.values, without))
-            write_atomic(options.out / f"{name}.png", small_png(effect_picture(panels)))
+        with progress_bar() as show:
+            for number, (name, shown) in enumerate(SHOWN.items()):
+                show("drawing", number, len(SHOWN))
+                panels = shown.panels(study_effect(name, shown.values, without))
+                write_atomic(options.out / f"{name}.png", small_png(effect_picture(panels)))
     except InputError as error:
         print(f"effect_pages: {error}", file=sys.stderr)
         return 2

@@ -68,7 +68,7 @@ def same(a, b):
 
 
 def interrupted_at(steps):
-    def show(done, total):
+    def show(stage, done, total):
         if done >= steps:
             raise KeyboardInterrupt
 

@@ -215,7 +215,7 @@ def test_an_interrupted_study_continues(quick, tmp_path):
         return oracle(dataset, seed)
 
     done = []
-    rows = run_study(cases, tmp_path, progress=lambda *n: done.append(n), engine=counted)
+    rows = run_study(cases, tmp_path, progress=lambda stage, *n: done.append(n), engine=counted)
     assert seen == again == ["creep", "delay"]
     assert done == [(2, 4), (3, 4), (4, 4)]
     assert [r["key"] for r in rows] == [case.key for case in cases]

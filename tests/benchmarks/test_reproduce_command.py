@@ -108,8 +108,8 @@ def test_the_same_seed_gives_the_same_files():
 def test_progress_goes_from_0_to_1():
     seen = []
     cases = [case for case in paper_cases() if case.label.startswith("Fig. 4")]
-    reproduce_paper(0, 2, cases, [], progress=lambda what, share: seen.append((what, share)))
-    shares = [share for _, share in seen]
+    reproduce_paper(0, 2, cases, [], progress=lambda *step: seen.append(step))
+    shares = [done / total for _, done, total in seen]
     assert len(seen) == len(cases)
     assert shares[0] == 0.0
     assert shares == sorted(shares)

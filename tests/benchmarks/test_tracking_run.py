@@ -95,7 +95,7 @@ def test_an_interrupted_run_continues_where_it_stopped(tmp_path, monkeypatch):
     original = run.run_task
     monkeypatch.setattr(run, "run_task", counted)
 
-    def interrupt(done, total):
+    def interrupt(stage, done, total):
         if done == 2:
             raise KeyboardInterrupt
 

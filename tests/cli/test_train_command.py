@@ -177,5 +177,7 @@ def test_an_interrupted_command_says_that_it_continues(capsys, monkeypatch):
 
     monkeypatch.setattr(Course, "_on_rollout_end", interrupt)
     assert train() == 130
-    assert "the same command continues in run" in capsys.readouterr().err
+    assert capsys.readouterr().err == (
+        "rdpi: interrupted; what was computed is kept, and the same command goes on from it\n"
+    )
     monkeypatch.undo()

@@ -169,7 +169,7 @@ def test_the_plant_that_comes_out_simulates_saves_and_loads(tmp_path):
 
 
 def test_the_progress_ends_at_one():
-    parts = []
-    fit(sines()[:1], progress=parts.append)
-    assert parts[-1] == 1.0
-    assert all(0.0 < part <= 1.0 for part in parts)
+    seen = []
+    fit(sines()[:1], progress=lambda *step: seen.append(step))
+    assert seen[-1] == ("fitting", 100, 100)
+    assert all(0 < done <= total for _, done, total in seen)

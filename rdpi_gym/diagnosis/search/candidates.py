@@ -34,8 +34,6 @@ _SCAN_PASSES = 2
 # Only where a start takes this much from the error without the effect is there a cusp to find.
 _CUSP_SHOWS = 0.998
 
-Progress = Callable[[str, int, int], None]
-
 
 @dataclass(frozen=True)
 class Outcome:

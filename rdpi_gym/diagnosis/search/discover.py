@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from rdpi_gym.diagnosis.results import Candidate, Kind, SearchResult, steps_of
-from rdpi_gym.diagnosis.search.candidates import Progress
 from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress
 
 # More effects than this are not a model but a collection.
 MOST_EFFECTS = 6

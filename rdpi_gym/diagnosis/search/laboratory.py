@@ -14,7 +14,6 @@ from rdpi_gym.diagnosis.features.noise import noise_floor
 from rdpi_gym.diagnosis.results import Candidate, Errors, Verdict, View
 from rdpi_gym.diagnosis.search.candidates import (
     Outcome,
-    Progress,
     Setting,
     assess,
     past_cusps,
@@ -48,6 +47,7 @@ from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress
 
 # At most this many times the noise floor is explained.
 EXPLAINED = 1.15

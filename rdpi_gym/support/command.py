@@ -1,0 +1,90 @@
+"""How a command ends: 0, or one line and the status that goes with it, never a traceback."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.guard import INTERRUPTED, say_interrupted
+from rdpi_gym.support.interrupts import interruptible
+from rdpi_gym.support.temporaries import FREE_SPACE, is_full
+from rdpi_gym.support.terminal import plain_output
+
+REFUSED, NO_READER = 2, 141
+
+
+def run_command(name: str, command: Callable[[], int | None]) -> int:
+    """Run a command as every command of this project is run.
+
+    Parameters
+    ----------
+    name
+        What the line on standard error begins with.
+    command
+        Returns its status; None: 0.
+
+    Returns
+    -------
+    int
+        The command's status; 2 on bad input or a full disk, 130 when interrupted (one line on
+        standard error each); 141 where nobody reads its output any more, in silence.
+
+    Examples
+    --------
+    >>> run_command("sum", lambda: None)
+    0
+    """
+    try:
+        with interruptible(), plain_output():
+            status = _answered(name, command)
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    if status == INTERRUPTED:  # Typer returns it without a word
+        say_interrupted(name)
+    return status
+
+
+def _answered(name: str, command: Callable[[], int | None]) -> int:
+    try:
+        status = command()
+        sys.stdout.flush()
+        return status or 0
+    except InputError as error:
+        return _refuse(name, str(error))
+    except BrokenPipeError:
+        _drop_output()
+        return NO_READER
+    except Exception as error:
+        if _was_interrupted(error):
+            return INTERRUPTED
+        if isinstance(error, OSError) and is_full(error):
+            place = f" ({error.filename})" if error.filename else ""
+            return _refuse(name, f"the disk is full{place}; {FREE_SPACE}")
+        # Typer's usage errors carry their own sentence and exit status.
+        format_message = getattr(error, "format_message", None)
+        if format_message is None:
+            raise
+        return _refuse(name, format_message())
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether an interrupt became this error on its way, as in an extension's import."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+def _refuse(name: str, message: str) -> int:
+    print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
+    return REFUSED
+
+
+def _drop_output() -> None:
+    """Let nothing be written to a pipe that is closed, at the end of the process either."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)

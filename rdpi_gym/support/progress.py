@@ -1,0 +1,74 @@
+"""How far a long job is: the call that reports it, and the one bar that shows it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+
+class Progress(Protocol):
+    """Called now and then by whatever takes long."""
+
+    def __call__(self, stage: str, done: int, total: int, /) -> None:
+        """Report where a job stands.
+
+        Parameters
+        ----------
+        stage
+            What is being done, in a word or two.
+        done, total
+            Parts of the stage that are done, and in all; a total of 0 is not known.
+        """
+
+
+def silent(stage: str, done: int, total: int) -> None:
+    """Report nothing."""
+
+
+@contextmanager
+def progress_bar() -> Iterator[Progress]:
+    """Show stages on standard error while a job runs, on a terminal only.
+
+    Yields
+    ------
+    Progress
+        To be called by the job.
+
+    Examples
+    --------
+    >>> with progress_bar() as show:
+    ...     show("fitting", 1, 3)
+    """
+    if sys.stderr is None or not sys.stderr.isatty():
+        yield silent
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    from rdpi_gym.support.terminal import console
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Bar(*columns, console=console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=None)
+        last = ""
+
+        def show(stage: str, done: int, total: int) -> None:
+            nonlocal last
+            if stage != last:
+                bar.reset(task)  # its own time
+                last = stage
+            bar.update(
+                task,
+                description=stage,
+                completed=min(done, total) if total else done,
+                total=total or None,
+            )
+
+        yield show

@@ -1,0 +1,133 @@
+"""What reaches a terminal: text alone, in any encoding, whatever stands in titles and names.
+
+Inside :func:`plain_output` whatever is printed has its control characters written as escapes. Colours
+and bars come from :func:`console`, the only writer that goes past this; it takes them from no text.
+"""
+
+from __future__ import annotations
+
+import codecs
+import io
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TextIO, cast
+
+from rdpi_gym.support.errors import printable
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_SPELLED = {
+    "µ": "u", "μ": "u", "²": "^2", "³": "^3", "δ": "delta", "Δ": "Delta", "ξ": "xi", "γ": "gamma",
+    "π": "pi", "Σ": "sum", "τ": "tau", "σ": "sigma", "±": "+/-", "×": "x", "·": "*", "≤": "<=", "≥": ">=",
+    "→": "->", "–": "-", "—": "-", "−": "-", "…": "...", "∞": "inf", "√": "sqrt", "°": "deg",
+}  # fmt: skip
+_ERRORS = "rdpi-spelled"
+
+
+class _Plain:
+    """A text stream without control characters but line ends and tabs."""
+
+    def __init__(self, raw: TextIO) -> None:
+        self.raw = raw
+
+    def write(self, text: str) -> int:
+        self.raw.write(plain(text))
+        return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.raw, name)
+
+
+def plain(text: str) -> str:
+    r"""Return text as a terminal may show it: line ends and tabs stay, other controls are written out.
+
+    Examples
+    --------
+    >>> plain("a title\x1b[2J\n\tand 2 µm")
+    'a title\\x1b[2J\n\tand 2 µm'
+    """
+    if text.isprintable():
+        return text
+    lines = text.split("\n")
+    return "\n".join("\t".join(map(printable, line.split("\t"))) for line in lines)
+
+
+@contextmanager
+def plain_output() -> Iterator[None]:
+    """Let standard output and standard error take any text, and obey none; as before afterwards.
+
+    What an encoding other than UTF-8 lacks is spelled (µm as um) or replaced by a question mark.
+    """
+    codecs.register_error(_ERRORS, _spell)
+    before = sys.stdout, sys.stderr
+    strict = [
+        (stream, stream.errors)
+        for stream in before
+        if isinstance(stream, io.TextIOWrapper) and stream.errors != _ERRORS
+    ]
+    for stream, _ in strict:
+        stream.reconfigure(errors=_ERRORS)
+    sys.stdout, sys.stderr = (_wrapped(stream) for stream in before)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
+        for stream, errors in strict:
+            stream.reconfigure(errors=errors)
+
+
+def console(*, stderr: bool = False, width: int = 140) -> Console:
+    """Return where tables and bars are drawn; no text in them is read as markup.
+
+    Parameters
+    ----------
+    stderr
+        Standard error in place of standard output.
+    width
+        Where there is no terminal, and so no width to keep to (characters).
+
+    Examples
+    --------
+    >>> console(width=60).print("[bold]this is a title")
+    [bold]this is a title
+    """
+    from rich.console import Console, ConsoleOptions
+    from rich.segment import Segment
+
+    class _Console(Console):
+        def render(
+            self, renderable: Any, options: ConsoleOptions | None = None
+        ) -> Iterable[Segment]:
+            for segment in super().render(renderable, options):
+                if segment.control or segment.text.isprintable():
+                    yield segment
+                else:
+                    yield Segment(plain(segment.text), segment.style)
+
+    stream = sys.stderr if stderr else sys.stdout
+    raw = stream.raw if isinstance(stream, _Plain) else stream
+    made = _Console(file=raw, markup=False, highlight=False, emoji=False)
+    if not made.is_terminal:
+        made.width = width
+    return made
+
+
+def _wrapped(stream: TextIO) -> TextIO:
+    # None where a process has no such stream
+    if stream is None or isinstance(stream, _Plain):
+        return stream
+    return cast(TextIO, _Plain(stream))
+
+
+def _spell(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lacking = error.object[error.start : error.end]
+    spelled = "".join(_SPELLED.get(letter, "?") for letter in lacking)
+    return spelled.encode("ascii", "replace").decode("ascii"), error.end
