@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -13,6 +13,7 @@ from benchmarks import paper
 from benchmarks.paper.cases import SWEEP_LABEL, TABLE_TS_S
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.support.checked import checked
+from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,7 +110,7 @@ def reproduce(
     *,
     seed: int = 0,
     realisations: int = 16,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> PaperResults:
     """Recompute the paper's figures and numbers, ours beside the paper's; takes about a minute.
 
@@ -132,9 +133,4 @@ def reproduce(
     InputError
         A negative seed, fewer than two realisations, an argument of another type.
     """
-    say = progress or (lambda stage, done, total: None)
-    return PaperResults.of(
-        paper.reproduce_paper(
-            seed, realisations, progress=lambda what, share: say(what, round(100 * share), 100)
-        )
-    )
+    return PaperResults.of(paper.reproduce_paper(seed, realisations, progress=progress))
