@@ -9,7 +9,6 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-import rdpi_gym  # noqa: F401  # registers the environments
 from baselines.learned.options import TrainingOptions
 from baselines.learned.settings import ENVIRONMENT_ID, Settings
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation

@@ -22,7 +22,6 @@ import torch
 from gymnasium.vector import AutoresetMode
 from torch import Tensor, nn
 
-import rdpi_gym  # noqa: F401  # registers the environments
 from baselines.learned.network import Network
 from baselines.learned.policy import Policy
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation, layout_of

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 import plotly.graph_objects as go
 
 from rdpi_gym.report.page import Section, write_page
+from rdpi_gym.report.paper.results import PaperResults
 from rdpi_gym.report.style import styled
-
-if TYPE_CHECKING:
-    from benchmarks.paper import PaperResults
 
 
 def write_paper_page(

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rdpi_gym.report.paper.canvas import STYLES
+from rdpi_gym.report.paper.results import PaperResults
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from benchmarks.paper import PaperResults
 
 
 def draw_paper(figure: Figure, results: PaperResults) -> Any:

@@ -72,6 +72,10 @@ class Run(Protocol):
         """RMS error (µm), one a realisation."""
 
     @property
+    def percent(self) -> float:
+        """Median of the largest error in percent of the reference's amplitude."""
+
+    @property
     def reproducible(self) -> bool:
         """Whether the realisations agree."""
 
@@ -150,6 +154,10 @@ class PaperResults(Protocol):
     @property
     def runs(self) -> Sequence[Run]:
         """The run of each case."""
+
+    @property
+    def sweep(self) -> Sequence[Run]:
+        """Runs over the sampling time, of every reading."""
 
     @property
     def divergences(self) -> Sequence[Parting]:
