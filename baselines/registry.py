@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, cached_property, partial
-from importlib import import_module
 from typing import TypeAlias
 
 from baselines.base import Baseline
@@ -13,6 +11,7 @@ from baselines.feedforward import Feedforward
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.members import classes_of
 from rdpi_gym.support.words import quoted, some
 
 BaselineFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Baseline]
@@ -84,20 +83,8 @@ CONTROLLERS: Mapping[str, BaselineFactory] = Controllers()
 
 @cache
 def _declared() -> dict[str, type[Baseline]]:
-    modules = [
-        import_module(f"{_PACKAGE}.{module.name}")
-        for module in pkgutil.iter_modules(import_module(_PACKAGE).__path__)
-        if not module.ispkg
-    ]
-    return {
-        kind.name: kind
-        for module in modules
-        for kind in vars(module).values()
-        if isinstance(kind, type)
-        and issubclass(kind, Baseline)
-        and kind.__module__ == module.__name__
-        and "name" in vars(kind)
-    }
+    found: list[type[Baseline]] = classes_of(_PACKAGE, Baseline)  # type: ignore[type-abstract]
+    return {kind.name: kind for kind in found if "name" in vars(kind)}
 
 
 def known_controller(name: object) -> BaselineFactory:

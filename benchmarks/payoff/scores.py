@@ -14,12 +14,12 @@ import pandas as pd
 from baselines import make_controller
 from benchmarks.payoff.beliefs import BELIEFS
 from benchmarks.payoff.plants import HiddenPlant
+from benchmarks.tracking.case import Case
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.fingerprint import code_fingerprint
 from benchmarks.tracking.leaderboard import COLUMNS as SCORES
 from benchmarks.tracking.scoring import score, status
 from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ, Stage, make_stage
-from benchmarks.tracking.suite import Case
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.envs.truth import limit_band

@@ -9,7 +9,7 @@ from benchmarks.payoff.beliefs import BELIEFS
 from benchmarks.payoff.plants import HIDDEN_PLANTS, NOISE_UM, HiddenPlant
 from benchmarks.payoff.scores import PREVIEW, TS_S
 from benchmarks.tracking.markdown import markdown_table, number
-from benchmarks.tracking.scoring import words
+from benchmarks.tracking.scoring import DIVERGED, ERROR, words
 from benchmarks.tracking.stages import NOISE_UM as SENSOR_NOISE_UM
 from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ
 
@@ -34,7 +34,7 @@ def payoff_summary(table: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         ``plant, controller``, the geometric mean of the RMSE (%) for each belief, by how much it
         falls from ``bare`` and from ``fitted`` to ``discovered``, and ``diverged``: the beliefs
-        with which a run diverged or failed, whose means and falls are missing.
+        with which a run diverged or ended in an error, whose means and falls are missing.
     """
     lines = []
     for (plant, controller), rows in table.groupby(["plant", "controller"], sort=False):
@@ -42,7 +42,7 @@ def payoff_summary(table: pd.DataFrame) -> pd.DataFrame:
         lost = []
         for belief in BELIEFS:
             part = rows[rows["belief"] == belief]
-            if words(part["status"].tolist()) & {"diverged", "failed"}:
+            if words(part["status"].tolist()) & {DIVERGED, ERROR}:
                 lost.append(belief)
                 means[belief] = np.nan
             else:
@@ -117,7 +117,7 @@ def _by_case(table: pd.DataFrame) -> pd.DataFrame:
             for reference, hz in zip(table["reference"], table["frequency_hz"], strict=True)
         ],
         text=[
-            "diverged" if words([said]) & {"diverged", "failed"} else number(rmse)
+            "diverged" if words([said]) & {DIVERGED, ERROR} else number(rmse)
             for said, rmse in zip(table["status"], table["rmse_um"], strict=True)
         ],
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
 from benchmarks.tracking.leaderboard import (
     CASE,
     by_case,
@@ -15,11 +16,10 @@ from benchmarks.tracking.leaderboard import (
     ranking,
     score_table,
 )
-from benchmarks.tracking.learned import trained_at_s
 from benchmarks.tracking.measured import MeasuredScores, no_scores, score_measured
 from benchmarks.tracking.run import Outcome
 from benchmarks.tracking.selection import Selection
-from benchmarks.tracking.suite import FEWEST_SAMPLES, MOST_SAMPLES, cases
+from benchmarks.tracking.suite import cases
 from rdpi_gym.support.store import Row
 
 MEASURED_PLANT = "picma"
@@ -39,9 +39,9 @@ class Evaluation:
         Their scores, as ``leaderboard.csv`` holds them.
     ranking, by_case, by_sampling_time, where_trained
         Summaries, see :mod:`benchmarks.tracking.leaderboard`. Only `by_case` holds the cases beyond
-        a plant's identification, marked in its column ``extrapolated``. `where_trained` are rankings
-        over the cases of one sampling time (s) each: those of learned controllers, which run at no
-        other; empty where nothing else was scored.
+        a plant's identification, marked in its column ``extrapolated``. The ranking is over the same
+        cases whatever policies there are. `where_trained` are rankings of all controllers over the
+        cases of one sampling time (s) each: those of trained policies, which run at no other.
     measured
         Scores on measured records.
     notes
@@ -60,8 +60,9 @@ class Evaluation:
 
     @property
     def order(self) -> list[str]:
-        """Controllers, best first."""
-        return [str(name) for name in self.ranking["controller"]]
+        """Controllers, best first; those that are only ranked where they were trained at the end."""
+        ranked = [self.ranking, *self.where_trained.values()]
+        return list(dict.fromkeys(str(name) for part in ranked for name in part["controller"]))
 
     @property
     def first_seed(self) -> int:
@@ -99,12 +100,17 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
         selection,
         tuple(row for row in outcome.rows if row["controller"] in selection.controllers),
         table,
-        ranking(counted),
+        ranking(_in_ranking(selection, counted)),
         summary,
         by_sampling_time(counted),
         _where_trained(selection, counted),
         measured,
-        (*selection.notes, *left_out(selection), *_unranked(beyond)),
+        (
+            *selection.notes,
+            *_where_they_run(selection),
+            *left_out(selection),
+            *_unranked(beyond),
+        ),
     )
 
 
@@ -112,7 +118,7 @@ def left_out(selection: Selection) -> tuple[str, ...]:
     """Name the cases that do not suit a sampling time, one sentence for each Ts."""
     plants: dict[tuple[float, str], list[str]] = {}
     for stage in selection.stages:
-        for ts in stage.ts_s:
+        for ts in stage.every_ts_s:
             every = cases(selection.references, 1.0, stage.base_hz)
             names = ", ".join(case.name for case in every if not case.fits(ts))
             if names:
@@ -128,7 +134,7 @@ def _beyond(selection: Selection) -> list[tuple[str, str, float, float]]:
     return [
         (stage.plant.name, case.reference, case.frequency_hz, ts)
         for stage in selection.stages
-        for ts in stage.ts_s
+        for ts in stage.every_ts_s
         for case in stage.cases(selection.references, ts)
         if not stage.covers(case, ts)
     ]
@@ -151,10 +157,35 @@ def _unranked(beyond: list[tuple[str, str, float, float]]) -> list[str]:
     ]
 
 
+def _in_ranking(selection: Selection, counted: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows that the ranking is over: no policy that ran in a part of the cases only."""
+    times = {stage.plant.name: stage.ts_s for stage in selection.stages}
+    ranked = [name for name in selection.controllers if selection.is_ranked(name)]
+    kept = [
+        name in ranked and ts in times[plant]
+        for name, plant, ts in counted[["controller", "plant", "ts_s"]].itertuples(index=False)
+    ]
+    return counted.loc[kept]
+
+
 def _where_trained(selection: Selection, counted: pd.DataFrame) -> dict[float, pd.DataFrame]:
-    found = {}
-    for ts in trained_at_s(selection.controllers):
-        part = counted[np.isclose(counted["ts_s"], ts)]
-        if 0 < len(part) < len(counted):
-            found[ts] = ranking(part)
-    return found
+    own_s = {
+        ts: [name for name, own in selection.trained_s.items() if own == ts]
+        for ts in sorted(set(selection.trained_s.values()))
+    }
+    return {
+        ts: ranking(counted[np.isclose(counted["ts_s"], ts)])
+        for ts, names in own_s.items()
+        if not all(selection.is_ranked(name) for name in names)
+    }
+
+
+def _where_they_run(selection: Selection) -> tuple[str, ...]:
+    """Say of the policies that are not in the ranking where they are ranked."""
+    apart = {n: ts for n, ts in selection.trained_s.items() if not selection.is_ranked(n)}
+    return tuple(
+        f"Ranked at Ts = {ts:g} s only, where they were trained and can run: "
+        f"{', '.join(name for name, own in apart.items() if own == ts)}; on "
+        f"{', '.join(stage.plant.name for stage in selection.stages if ts in stage.every_ts_s)}."
+        for ts in sorted(set(apart.values()))
+    )

@@ -15,7 +15,7 @@ from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 
 # What a score depends on; the tables and pages made of scores are not among it.
 _ROOMS = ("plant", "signals", "envs")
-_SCORING = ("suite.py", "stages.py", "scoring.py", "episode.py", "tasks.py")
+_SCORING = ("case.py", "references/*.py", "stages.py", "scoring.py", "episode.py", "tasks.py")
 
 
 @cache
@@ -29,7 +29,7 @@ def code_fingerprint() -> str:
     """
     files = room_files(*_ROOMS)
     files += Path(baselines.__file__).parent.glob("**/*.py")
-    files += [Path(__file__).parent / name for name in _SCORING]
+    files += [file for name in _SCORING for file in Path(__file__).parent.glob(name)]
     return fingerprint([str(SUITE_VERSION).encode(), *code_parts(files)])
 
 

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from baselines import ORACLE
 from benchmarks.tracking.rows import key
-from benchmarks.tracking.scoring import words
+from benchmarks.tracking.scoring import tally
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.store import Row
 
@@ -19,6 +20,12 @@ COLUMNS = (
     "rmse_um", "rmse_percent", "max_um", "max_percent",
     "command_total_variation", "max_command_step_V", "saturated_percent",
     "optimality_gap", "microseconds_per_sample", "status",
+)  # fmt: skip
+RANKING = (
+    "rank", "controller", "rmse_percent", "rmse_percent_low", "rmse_percent_high", "rmse_um",
+    "status", "optimality_gap", "optimality_gap_low", "optimality_gap_high",
+    "seed_0_rmse_percent", "mean_rank", "mean_rank_half_width", "places",
+    "command_total_variation", "microseconds_per_sample", "rows", "errors",
 )  # fmt: skip
 CASE = ["plant", "reference", "frequency_hz", "ts_s"]
 CONFIDENCE = 0.95
@@ -35,7 +42,7 @@ def score_table(rows: Sequence[Row]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns :data:`COLUMNS`, one row a row; a failed row has no numbers. The command's total
+        Columns :data:`COLUMNS`, one row a row; one that ended in an error has no numbers. The command's total
         variation is divided by that of the oracle's command, the smallest that tracks.
     """
     oracle = {key(row)[1:]: row for row in rows if row["controller"] == ORACLE}
@@ -87,9 +94,13 @@ def drawn(table: pd.DataFrame) -> pd.DataFrame:
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
     """Rank the controllers by the geometric mean of their RMSE (%) over all cases.
 
-    The mean is taken for each seed, as are that of the optimality gaps and the mean rank (by RMSE
-    among all but the oracle; a failed row is last). Each is given as the mean over the drawn seeds
-    with its confidence interval.
+    The mean is taken for each seed, as are those of the RMSE (µm) and of the optimality gaps, and
+    the mean rank (by RMSE within each case, the oracle aside; a row with an error is last). Each is
+    given as the mean over the drawn seeds, with its confidence interval.
+
+    Two controllers are tied where the confidence interval of their paired difference includes zero:
+    that of the mean, over the drawn seeds, of the difference of the logarithms of their geometric
+    means, by Student's t. The oracle is a bound and has no rank.
 
     Parameters
     ----------
@@ -99,29 +110,38 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Best first: ``controller``; ``rmse_percent`` and ``optimality_gap``, each with ``_low`` and
-        ``_high``; ``seed_0_rmse_percent``; ``mean_rank, mean_rank_half_width``;
-        ``command_total_variation, microseconds_per_sample, rows, failed, warnings``. Means are
-        missing where rows failed.
+        Columns :data:`RANKING`, best first. ``rank``: those between whom a chain of ties leads have
+        one number, followed by ``=``; ``bound`` for the oracle. ``places``: those that the paired
+        differences leave open. Means are missing where a row ended in an error. ``status``: in how
+        many rows each word of :data:`~benchmarks.tracking.scoring.MEANING` stands.
     """
     rivals = table[table["controller"] != ORACLE]
     errors = rivals["rmse_um"].fillna(np.inf)
     ranks = errors.groupby([rivals[name] for name in [*CASE, "seed"]]).rank(method="average")
-    table = table.assign(rank=ranks)
+    table = table.assign(case_rank=ranks)
     lines = [_line(str(name), rows) for name, rows in table.groupby("controller", sort=False)]
-    return pd.DataFrame(lines).sort_values(
+    ranked = pd.DataFrame(lines, columns=list(RANKING)).sort_values(
         ["rmse_percent", "mean_rank"], na_position="last", ignore_index=True
     )
+    labels = _labels(rivals, [str(name) for name in ranked["controller"]])
+    for column in ("rank", "places"):
+        ranked[column] = [labels[name][column] for name in ranked["controller"]]
+    return ranked
 
 
 def _line(controller: str, rows: pd.DataFrame) -> dict[str, object]:
     draws = drawn(rows)
     nominal = rows[rows["seed"] == 0]
-    failed = rows["rmse_um"].isna()
-    rank, rank_half = interval(draws.groupby("seed")["rank"].mean().to_numpy())
+    rank, rank_half = interval(draws.groupby("seed")["case_rank"].mean().to_numpy())
+    statuses = rows["status"].tolist()
+    said = tally(statuses)
+    if controller == ORACLE:
+        said = "bound" if said == "ok" else f"bound, {said}"
     return {
         "controller": controller,
         **_geometric_mean(draws, "rmse_percent"),
+        "rmse_um": _geometric_mean(draws, "rmse_um")["rmse_um"],
+        "status": said,
         **_geometric_mean(draws, "optimality_gap"),
         "seed_0_rmse_percent": _geometric_mean(nominal, "rmse_percent")["rmse_percent"],
         "mean_rank": rank,
@@ -131,13 +151,58 @@ def _line(controller: str, rows: pd.DataFrame) -> dict[str, object]:
         ],
         "microseconds_per_sample": float(rows["microseconds_per_sample"].median()),
         "rows": len(rows),
-        "failed": int(failed.sum()),
-        "warnings": ", ".join(sorted(words(rows.loc[~failed, "status"].tolist()))),
+        "errors": int(rows["rmse_um"].isna().sum()),
     }
 
 
+def _labels(rivals: pd.DataFrame, order: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Rank and places of every controller, from paired differences over the drawn seeds."""
+    logs = _log_means(drawn(rivals), "rmse_percent")
+    names = [name for name in order if name in logs.columns and logs[name].notna().all()]
+    n = len(names)
+    worse = np.array([[exceeds(logs[a] - logs[b]) for b in names] for a in names])
+    tied = ~(worse | worse.T) if n else worse
+    labels = {name: {"rank": "–", "places": "–"} for name in order}
+    labels[ORACLE] = {"rank": "bound", "places": "–"}
+    first = 0
+    for i, name in enumerate(names):
+        if not tied[:i, i:].any():
+            first = i
+        last = next((k for k in range(i + 1, n) if not tied[:k, k:].any()), n)
+        best, worst = 1 + int(worse[i].sum()), n - int(worse[:, i].sum())
+        labels[name] = {
+            "rank": f"{first + 1}{'=' if last - first > 1 else ''}",
+            "places": f"{best} to {worst}" if best < worst else f"{best}",
+        }
+    return labels
+
+
+def exceeds(differences: ArrayLike) -> bool:
+    """Whether paired differences, one a seed, are above zero with all of their confidence interval.
+
+    One seed tells nothing of chance: there the difference itself counts.
+
+    Examples
+    --------
+    >>> exceeds([0.9, 1.0, 1.1]), exceeds([-0.9, 1.0, 1.1]), exceeds([0.1])
+    (True, False, True)
+    """
+    mean, half = interval(np.asarray(differences, dtype=np.float64))
+    return mean > (half if np.isfinite(half) else 0.0)
+
+
+def _log_means(rows: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Mean logarithm over the cases, a row a seed and a column a controller."""
+    # A row without numbers must not make a mean better: it makes it missing.
+    with np.errstate(divide="ignore"):
+        logs = np.log(rows[column])
+    by = [rows["seed"], rows["controller"]]
+    means = logs.groupby(by).agg(lambda values: values.mean(skipna=False))
+    return pd.DataFrame(means.unstack())
+
+
 def _geometric_mean(rows: pd.DataFrame, column: str) -> dict[str, float]:
-    # A failed row must not make a mean better: it makes it missing.
+    # A row without numbers must not make a mean better: it makes it missing.
     with np.errstate(divide="ignore"):
         logs = np.log(rows[column])
     by_seed = logs.groupby(rows["seed"]).agg(lambda values: values.mean(skipna=False))
@@ -156,9 +221,14 @@ def by_case(table: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         ``controller, plant, reference, frequency_hz, ts_s, rmse_percent, rmse_percent_low,
-        rmse_percent_high, command_total_variation``.
+        rmse_percent_high, command_total_variation, rmse_um, status``; the status counts all seeds.
     """
-    return _summary(table, ["controller", *CASE], with_interval=True)
+    names = ["controller", *CASE]
+    means = _summary(table, names, with_interval=True)
+    um = _summary(table, names, with_interval=False, error="rmse_um")
+    said = table.groupby(names, sort=False)["status"].agg(lambda rows: tally(rows.tolist()))
+    means["rmse_um"] = um["rmse_um"]
+    return means.merge(said.reset_index(), on=names)
 
 
 def by_sampling_time(table: pd.DataFrame) -> pd.DataFrame:
@@ -172,8 +242,10 @@ def by_sampling_time(table: pd.DataFrame) -> pd.DataFrame:
     return _summary(table, ["controller", "plant", "ts_s"], with_interval=False)
 
 
-def _summary(table: pd.DataFrame, names: list[str], *, with_interval: bool) -> pd.DataFrame:
-    error, effort = "rmse_percent", "command_total_variation"
+def _summary(
+    table: pd.DataFrame, names: list[str], *, with_interval: bool, error: str = "rmse_percent"
+) -> pd.DataFrame:
+    effort = "command_total_variation"
     lines = []
     for values, rows in drawn(table).groupby(names, sort=False):
         means = _geometric_mean(rows, error)

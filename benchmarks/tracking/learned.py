@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,21 +61,15 @@ def read_policy(controller: str) -> Policy:
     return find_policy(controller.removeprefix(LEARNED))
 
 
-def trained_at_s(controllers: Iterable[str]) -> list[float]:
-    """Return the sampling times (s) of the learned ones among some controllers.
+def trained_at_s(controller: str) -> float:
+    """Return the sampling time (s) of a learned controller's training: it runs at no other.
 
     Raises
     ------
     InputError
         As :func:`read_policy`.
-
-    Examples
-    --------
-    >>> trained_at_s(["none", "pi"])
-    []
     """
-    learned = filter(is_learned, controllers)
-    return list(dict.fromkeys(read_policy(name).layout.ts_s for name in learned))
+    return read_policy(controller).layout.ts_s
 
 
 def policy_bytes(controller: str) -> bytes:

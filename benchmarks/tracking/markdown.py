@@ -11,22 +11,26 @@ from baselines import ORACLE
 from benchmarks.tracking.evaluation import Evaluation
 from benchmarks.tracking.leaderboard import CONFIDENCE
 from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
-from benchmarks.tracking.scoring import words
-from benchmarks.tracking.stages import COVERED, NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, Stage
+from benchmarks.tracking.scoring import MEANING, words
+from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, Stage
 from benchmarks.tracking.suite import SUITE_VERSION
 
 METHOD = f"""\
 - **Score.** Root mean square and largest tracking error of the noise-free displacement, in µm and in percent of the reference's peak to peak. A reference starts smoothly within its first period, which is not counted; the whole periods after it are.
 - **Plants.** Every plant that scores has its rate low-passed at {RATE_BANDWIDTH_HZ:g} Hz at most, since a literal one rewards dither. Its displacement is measured with {1e3 * NOISE_UM:g} nm of white noise (one standard deviation) unless the plant states its own; only feedback sees the measurement.
 - **Truth and belief.** Every controller holds the nominal plant, its hysteresis without other effects (column `belief`). The truth (column `plant`) of seed 0 is that plant; of every other seed it is drawn around it: each weight, each gap between thresholds and δ2 by its own factor, uniform within 1 ± {SPREAD:g}. The seed also draws the noise and the phases of multisine and noise references. All controllers meet the same truths.
-- **Optimality gap.** RMSE over that of `{ORACLE}`, which knows the whole reference beforehand and inverts the same belief. With a drawn truth 1 is what the best inversion of that belief reaches, and a value below it means that feedback corrects the belief; with seed 0 the gap is large and says what is lost for want of a preview.
-- **Command effort.** `command_total_variation` is that of the command over that of the oracle's command for the same reference, the smallest that tracks; a value far above 1 is chatter, dither or noise that is passed on.
 - **Means and intervals.** Means over cases and seeds are geometric. An interval in brackets is the {100 * CONFIDENCE:g} % confidence interval of the mean over the drawn seeds, by Student's t on the logarithms; seed 0 is not among them.
-- **`microseconds_per_sample`** is the median time of one decision for one plant through `predict`, on the machine and under the load of this run.
+- **Rank.** By the mean RMSE (%). Two controllers are tied if the {100 * CONFIDENCE:g} % confidence interval of their paired difference over the drawn seeds includes zero (Student's t on the difference of the logarithms of their means). Controllers that a chain of ties connects share a rank, marked with `=`. `places` are the ranks that the paired differences of a controller with all others leave open.
+- **Mean rank.** By RMSE within each case and seed, the bound aside.
+- **Status.** In how many rows of all: {"; ".join(f"`{word}`: {text}" for word, text in MEANING.items())}.
+- **Bound.** `{ORACLE}` is no controller and has no rank. It holds the true plant of every row and the whole reference, and inverts the one along the other before it begins: what it leaves is what the sampling time, the command's range and the accuracy of its inversion leave. Nothing is measured, so noise costs it nothing. The benchmark gives the true plant to it alone.
+- **Optimality gap.** RMSE over that of `{ORACLE}` on the same row. It is large, since the bound is nearly exact on a smooth reference: it says what knowledge of the plant, preview and freedom from noise would be worth together. Below 1 the bound's iteration was not finished.
+- **Command variation.** Total variation of the command over that of the bound's command on the same row; a value far above 1 is chatter, dither or noise that is passed on.
+- **Time.** `µs per sample` is the median time of one decision for one plant through `predict`, on the machine and under the load of this run.
 """
 WHERE_TRAINED = (
-    "A learned controller runs at the sampling time of its training only; at any other its rows count as "
-    "failed. Here all controllers are ranked over the cases of that sampling time."
+    "A trained policy runs only at the sampling time of its training. Here all controllers are ranked "
+    "over the cases of that sampling time, with the policies among them."
 )
 
 
@@ -37,14 +41,13 @@ def leaderboard_text(evaluation: Evaluation) -> str:
     seeds = ", ".join(map(str, selection.seeds))
     parts = [
         "# Leaderboard of the tracking benchmark",
-        f"{len(table)} rows, seeds {seeds}, suite version {SUITE_VERSION}. "
-        "One row for each controller, plant, reference, frequency, sampling time and seed is in "
-        "`leaderboard.csv`.",
+        answer(evaluation),
+        f"{len(table)} rows, seeds {seeds}, suite version {SUITE_VERSION}: every row is in "
+        "`leaderboard.csv`, the rankings are in `ranking.csv`.",
         "\n".join(f"- {note}" for note in evaluation.notes),
         "## Ranking",
-        "By the geometric mean of the RMSE over the cases, best first, with its confidence interval; "
-        "`RMSE, seed 0`: where the belief is true. Mean rank: by RMSE within each case and seed, the "
-        "oracle aside.",
+        "Geometric mean of the RMSE over the cases, best first, with its confidence interval; `=` "
+        "marks a tie. `RMSE, seed 0`: where the belief is true.",
         markdown_table(ranking_view(evaluation.ranking)),
         *_where_trained(evaluation.where_trained),
         "## What the numbers mean",
@@ -62,7 +65,12 @@ def leaderboard_text(evaluation: Evaluation) -> str:
         markdown_table(_ts_view(cases[~cases["extrapolated"]], order)),
     ]
     if words(table["status"].tolist()):
-        parts += ["## Warnings", _warning_words(table), markdown_table(_warning_view(table, order))]
+        parts += [
+            "## Status",
+            "Rows with each word in their status, of all rows, those beyond the identification "
+            "among them.",
+            markdown_table(_status_view(table, order)),
+        ]
     parts += ["## On real input", measured_text(measured)]
     if not measured.table.empty:
         parts.append(markdown_table(measured.table, digits=4))
@@ -112,20 +120,49 @@ def number(value: float, digits: int = 3) -> str:
     return f"{float(text):g}" if "e" in text and 1e-4 < abs(value) < 1e6 else text
 
 
+def answer(evaluation: Evaluation) -> str:
+    """Say which controller is first, by how much, and what is tied with it.
+
+    Of the ranking, or where only trained policies were scored of theirs.
+    """
+    finished = [
+        part[part["rmse_percent"].notna()]
+        for part in (evaluation.ranking, *evaluation.where_trained.values())
+    ]
+    rivals = next((p[p["rank"] != "bound"] for p in finished if (p["rank"] != "bound").any()), None)
+    if rivals is None:
+        return "No controller finished every case, so none is ranked."
+    best = rivals.iloc[0]
+    said = (
+        f"Smallest error: {best['controller']}, RMSE {number(best['rmse_percent'])} % of peak to peak "
+        f"({number(best['rmse_um'])} µm)"
+    )
+    if np.isfinite(best["rmse_percent_low"]):
+        said += (
+            f", {100 * CONFIDENCE:g} % interval {number(best['rmse_percent_low'])} to "
+            f"{number(best['rmse_percent_high'])} %"
+        )
+    tied = [str(n) for n in rivals.loc[rivals["rank"] == best["rank"], "controller"].iloc[1:]]
+    said += f"; status {best['status']}."
+    return said + (f" Tied with it: {', '.join(tied)}." if tied else "")
+
+
 def ranking_view(ranked: pd.DataFrame) -> pd.DataFrame:
     """Return the ranking with the columns and headings that a reader sees."""
     return pd.DataFrame(
         {
+            "rank": ranked["rank"],
             "controller": ranked["controller"],
             "RMSE (%)": _ranged(ranked, "rmse_percent"),
+            "RMSE (µm)": ranked["rmse_um"],
+            "status": ranked["status"],
             "RMSE, seed 0 (%)": ranked["seed_0_rmse_percent"],
             "optimality gap": _ranged(ranked, "optimality_gap"),
             "mean rank": ranked["mean_rank"],
+            "places": ranked["places"],
             "command variation": ranked["command_total_variation"],
             "µs per sample": ranked["microseconds_per_sample"],
             "rows": ranked["rows"],
-            "failed": ranked["failed"],
-            "warnings": ranked["warnings"],
         }
     )
 
@@ -162,7 +199,10 @@ def _case_view(part: pd.DataFrame, order: list[str]) -> pd.DataFrame:
         text=_ranged(part, "rmse_percent", digits=2),
     )
     wide = part.pivot(index="controller", columns="case", values="text")
-    wide = wide.reindex(index=order, columns=part["case"].drop_duplicates())
+    run = set(part["controller"])
+    wide = wide.reindex(
+        index=[name for name in order if name in run], columns=part["case"].drop_duplicates()
+    )
     return wide.fillna("–").reset_index()
 
 
@@ -179,35 +219,17 @@ def _ts_view(cases: pd.DataFrame, order: list[str]) -> pd.DataFrame:
     return pd.DataFrame(columns).rename_axis("controller").reset_index()
 
 
-def _warning_words(table: pd.DataFrame) -> str:
+def _status_view(table: pd.DataFrame, order: list[str]) -> pd.DataFrame:
     found = words(table["status"].tolist())
-    meaning = {
-        "unstable": "the controller says that it is outside its stability limit",
-        "warned": "the controller says something else of itself",
-        "saturated": "some samples of the action lie at the end of the command range",
-        "diverged": "the error is larger than that of standing still",
-        "extrapolated": f"the command is faster than {COVERED:g} times the fastest that the plant was "
-        "identified with, so the plant itself is a guess there",
-        "failed": "the controller raised an error or answered with NaN; the row has no numbers",
-    }
-    return "\n".join(
-        [
-            "Rows with each word in their `status`, of all rows.",
-            "",
-            *(f"- `{word}`: {text}." for word, text in meaning.items() if word in found),
-        ]
-    )
-
-
-def _warning_view(table: pd.DataFrame, order: list[str]) -> pd.DataFrame:
-    found = sorted(words(table["status"].tolist()))
     by_name = {name: rows["status"] for name, rows in table.groupby("controller")}
     counts = {
         word: [sum(word in words([text]) for text in by_name[name]) for name in order]
-        for word in found
+        for word in MEANING
+        if word in found
     }
+    ok = [sum(text == "ok" for text in by_name[name]) for name in order]
     rows = [len(by_name[name]) for name in order]
-    return pd.DataFrame({"controller": list(order), "rows": rows, **counts})
+    return pd.DataFrame({"controller": list(order), "rows": rows, "ok": ok, **counts})
 
 
 def measured_text(measured: MeasuredScores) -> str:

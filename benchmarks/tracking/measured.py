@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baselines import make_controller
 from benchmarks.tracking.learned import is_learned
-from benchmarks.tracking.scoring import one_line
+from benchmarks.tracking.scoring import ERROR, one_line
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
 from rdpi_gym.plant import RDPI, Plant, PlantModel
@@ -107,7 +107,7 @@ def score_records(data: Dataset, controllers: Sequence[str], belief: PlantModel)
                 )
             except Exception as error:  # a user's controller may raise anything; the others go on
                 reason = one_line(f"{type(error).__name__}: {error}")
-                rows.append(row | {"status": f"failed: {reason}"})
+                rows.append(row | {"status": f"{ERROR}: {reason}"})
         traces[record.name] = shown
     note = f"Records: {', '.join(traces)} of {data.title}."
     return MeasuredScores(pd.DataFrame(rows, columns=list(COLUMNS)), traces, note)

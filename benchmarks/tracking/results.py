@@ -1,4 +1,4 @@
-"""The tables on disk: leaderboard.csv, leaderboard.md, measured.csv."""
+"""The tables on disk: leaderboard.csv, ranking.csv, leaderboard.md, measured.csv."""
 
 from __future__ import annotations
 
@@ -37,9 +37,18 @@ def write_tables(out: Path, evaluation: Evaluation, payoff: pd.DataFrame | None 
         table = pd.concat([table, payoff[list(COLUMNS)]], ignore_index=True)
         text += f"\n{payoff_part(payoff)}"
     write_atomic(out / "leaderboard.csv", _csv(table))
+    write_atomic(out / "ranking.csv", _csv(_rankings(evaluation)))
     if not evaluation.measured.table.empty:
         write_atomic(out / "measured.csv", _csv(evaluation.measured.table))
     return write_atomic(out / "leaderboard.md", text)
+
+
+def _rankings(evaluation: Evaluation) -> pd.DataFrame:
+    """Return the ranking and those at one sampling time; ``ts_s`` is missing for the first."""
+    parts = [(float("nan"), evaluation.ranking), *evaluation.where_trained.items()]
+    return pd.concat(
+        [part.assign(ts_s=ts)[["ts_s", *part.columns]] for ts, part in parts], ignore_index=True
+    )
 
 
 def _csv(table: pd.DataFrame) -> str:

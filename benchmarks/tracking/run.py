@@ -9,7 +9,7 @@ from pathlib import Path
 from baselines import ORACLE
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
 from benchmarks.tracking.rows import Key, key, open_rows
-from benchmarks.tracking.scoring import words
+from benchmarks.tracking.scoring import ERROR, words
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import Stage
 from benchmarks.tracking.tasks import Lane, Task, make_tasks, row_keys, run_task
@@ -82,7 +82,7 @@ def benchmark(
     if aside is not None:
         notes.append(f"Rows of changed code, plants or controllers were set aside in {aside.name}.")
     # what failed for want of a file or a package may succeed now
-    finished = {k for k, row in store.rows.items() if words([row["status"]]) != {"failed"}}
+    finished = {k for k, row in store.rows.items() if words([row["status"]]) != {ERROR}}
     missing = [task for task in tasks if not finished.issuperset(row_keys(task))]
     missing.sort(key=lambda task: -task.samples)
     computed = 0
@@ -120,5 +120,6 @@ def _settings(selection: Selection) -> Iterator[tuple[str, Stage, float]]:
     # the oracle is always run: gaps and efforts are measured against it
     for controller in dict.fromkeys((*selection.controllers, ORACLE)):
         for one in selection.stages:
-            for ts in one.ts_s:
-                yield controller, one, ts
+            for ts in one.every_ts_s:
+                if selection.runs_at(controller, one, ts):
+                    yield controller, one, ts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,20 @@ import numpy as np
 
 from benchmarks.tracking.stages import COVERED
 from rdpi_gym.support.arrays import Array
+
+ERROR, DIVERGED, UNSTABLE, SATURATED, EXTRAPOLATED, WARNED = (
+    "error", "diverged", "unstable", "saturated", "extrapolated", "warned",
+)  # fmt: skip
+MEANING = {
+    ERROR: "the controller raised an error or answered with NaN; the row has no numbers",
+    DIVERGED: "the error is larger than that of standing still",
+    UNSTABLE: "the controller says that it is outside its stability limit",
+    SATURATED: "some samples of the action lie at the end of the command range",
+    EXTRAPOLATED: f"the command is faster than {COVERED:g} times the fastest that the plant was "
+    "identified with, so the plant itself is a guess there",
+    WARNED: "the controller says something else of itself",
+}
+"""What a status can begin with, worst first."""
 
 
 @dataclass(frozen=True)
@@ -115,18 +130,18 @@ def status(
     """
     said = []
     if warning:
-        word = "unstable" if "stability limit" in warning else "warned"
+        word = UNSTABLE if "stability limit" in warning else WARNED
         said.append(f"{word}: {one_line(warning)}")
     if scored.rmse_um > np.std(reference_um):
-        said.append("diverged: the error is larger than that of standing still")
+        said.append(f"{DIVERGED}: the error is larger than that of standing still")
     if scored.saturated_percent > 0.0:
         said.append(
-            f"saturated: {scored.saturated_percent:.3g} % of the samples at the end of the command range"
+            f"{SATURATED}: {scored.saturated_percent:.3g} % of the samples at the end of the command range"
         )
     rate = scored.max_command_step_V / ts_s
     if identified_V_s is not None and rate > COVERED * identified_V_s:
         said.append(
-            f"extrapolated: command rate up to {rate:.3g} V/s, the plant was identified up to {identified_V_s:.3g} V/s"
+            f"{EXTRAPOLATED}: command rate up to {rate:.3g} V/s, the plant was identified up to {identified_V_s:.3g} V/s"
         )
     return "; ".join(said) or "ok"
 
@@ -153,3 +168,16 @@ def words(statuses: Sequence[str]) -> set[str]:
     """
     parts = {part.split(":")[0] for text in statuses for part in text.split("; ")}
     return parts - {"ok"}
+
+
+def tally(statuses: Sequence[str]) -> str:
+    """Say in how many rows each word of their statuses stands, worst first; ``ok`` if in none.
+
+    Examples
+    --------
+    >>> tally(["ok", "ok"]), tally(["ok", "unstable: chatters; saturated: 2 %", "unstable: so"])
+    ('ok', 'unstable 2/3, saturated 1/3')
+    """
+    counts = Counter(word for text in statuses for word in words([text]))
+    said = [f"{word} {counts[word]}/{len(statuses)}" for word in MEANING if counts[word]]
+    return ", ".join(said) or "ok"

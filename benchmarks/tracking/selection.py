@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from inspect import isfunction, signature
 from pathlib import Path
 
-from baselines import CONTROLLERS, ORACLE, inverts_effects
+from baselines import CONTROLLERS, ORACLE, find_factory, inverts_effects
+from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
 from benchmarks.tracking.learned import is_learned, shipped_policies, trained_at_s
 from benchmarks.tracking.stages import Stage, make_stage
-from benchmarks.tracking.suite import FEWEST_SAMPLES, MOST_SAMPLES, REFERENCES, SEEDS
+from benchmarks.tracking.suite import REFERENCES, SEEDS
+from benchmarks.tracking.trial import try_controller
 from rdpi_gym.plant import PLANTS, PlantModel, check_ts, find_plant
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.plugins import load_attribute
@@ -35,6 +38,8 @@ class Selection:
         Seeds; 0 is the nominal plant.
     notes
         What was left out, one sentence each.
+    trained_s
+        The sampling time (s) of each trained policy among the controllers: it runs at no other.
     """
 
     controllers: tuple[str, ...]
@@ -42,6 +47,18 @@ class Selection:
     references: tuple[str, ...]
     seeds: tuple[int, ...]
     notes: tuple[str, ...] = ()
+    trained_s: Mapping[str, float] = field(default_factory=dict)
+
+    def runs_at(self, controller: str, stage: Stage, ts_s: float) -> bool:
+        """Whether a controller runs on a plant at one of its sampling times (s)."""
+        own = self.trained_s.get(controller, ts_s)
+        return ts_s in stage.every_ts_s and math.isclose(own, ts_s)
+
+    def is_ranked(self, controller: str) -> bool:
+        """Whether a controller runs in all cases of the ranking."""
+        return all(
+            self.runs_at(controller, stage, ts) for stage in self.stages for ts in stage.ts_s
+        )
 
 
 def select(
@@ -61,7 +78,8 @@ def select(
     controllers, plants, references
         Names; a plant may also be itself.
     ts_s
-        Sampling times (s); by default those that suit each plant, and those of learned controllers.
+        Sampling times (s); by default those of the suite, the same whatever policies there are, and
+        for the ranking of policies alone those of their training.
     seeds
         Seeds; 0 is the nominal plant.
     own_controllers, own_plants
@@ -71,8 +89,8 @@ def select(
     Raises
     ------
     InputError
-        An unknown name, a policy that cannot be read, a sampling time that is not above zero, or no
-        case that suits them.
+        An unknown name, a policy that cannot be read or runs nowhere, an own controller that does
+        not control, a sampling time that is not above zero, or no case that suits them.
 
     Examples
     --------
@@ -86,15 +104,17 @@ def select(
         if asked_for not in asked[:i]
     ]
     notes: tuple[str, ...] = ()
+    controllers_asked = controllers
     if controllers is None:
         shipped, notes = shipped_policies()
         with_effects = any(model.effects for model in models)
         controllers = [name for name in CONTROLLERS if with_effects or not inverts_effects(name)]
         controllers += [ORACLE, *shipped]
     names = tuple(dict.fromkeys((*controllers, *own_controllers)))
-    for name in names:
-        if ":" not in name:
-            _known(name, "controller", (*CONTROLLERS, ORACLE), "module:attribute")
+    own = [name for name in names if name not in CONTROLLERS and name != ORACLE]
+    for name in own:
+        if not is_learned(name):
+            find_factory(name)
     wanted = tuple(dict.fromkeys(references if references is not None else REFERENCES))
     for name in wanted:
         _known(name, "reference", REFERENCES)
@@ -104,34 +124,64 @@ def select(
         raise InputError(
             f"two different plants are named {doubled.pop()!r}; give one of them another name"
         )
-    own_s = trained_at_s(names)
-    stages = tuple(_with_times(make_stage(m, times), own_s if ts_s is None else []) for m in models)
-    selection = Selection(names, stages, wanted, tuple(seeds), notes)
     if not (names and wanted and models and seeds):
         raise InputError(
             "nothing to score; give at least one controller, plant, reference and seed"
         )
+    trained = {name: trained_at_s(name) for name in own if is_learned(name)}
+    stages = tuple(make_stage(model, times) for model in models)
+    if times is None:
+        alone = set(names) <= {*trained, ORACLE}
+        stages = _with_trained(stages, sorted(set(trained.values())), alone)
+    selection = Selection(names, stages, wanted, tuple(seeds), notes, trained)
+    selection = _without_idle(selection, asked={*own_controllers, *(controllers_asked or ())})
     if not any(s.cases(wanted, ts) for s in selection.stages for ts in s.ts_s):
         raise InputError(
             f"no reference among {', '.join(wanted)} suits these sampling times: a period must have "
             f"{FEWEST_SAMPLES} to {MOST_SAMPLES} samples; give another --ts, for example 2e-4"
         )
-    for name in names:
-        if ":" in name and not is_learned(name):
-            found = load_attribute(name, "controller")
-            if not (callable(found) or callable(getattr(found, "predict", None))):
-                raise InputError(
-                    f"{name!r} is {type(found).__name__}; give a callable (belief, layout) that returns "
-                    "a controller"
-                )
+    for name in own:
+        if not is_learned(name):
+            try_controller(name, selection.stages[0])
     return selection
 
 
-def _with_times(stage: Stage, ts_s: Sequence[float]) -> Stage:
-    """Add the sampling times of policies between those that suit a plant: they run at no other."""
-    low, high = min(stage.ts_s), max(stage.ts_s)
-    added = {ts for ts in ts_s if low <= ts <= high}
-    return replace(stage, ts_s=tuple(sorted({*stage.ts_s, *added}))) if added else stage
+def _with_trained(stages: Sequence[Stage], ts_s: Sequence[float], alone: bool) -> tuple[Stage, ...]:
+    """Add the sampling times (s) of policies, beside the ranking's or, for policies alone, as its."""
+    suiting = [(stage, tuple(ts for ts in ts_s if stage.suits(ts))) for stage in stages]
+    if alone and any(times for _, times in suiting):
+        return tuple(replace(stage, ts_s=times) for stage, times in suiting if times)
+    return tuple(replace(stage, trained_ts_s=times) for stage, times in suiting)
+
+
+def _without_idle(selection: Selection, asked: set[str]) -> Selection:
+    """Leave out policies that run nowhere; one that was asked for is an error."""
+    idle = [
+        name
+        for name in selection.trained_s
+        if not any(
+            selection.runs_at(name, stage, ts)
+            for stage in selection.stages
+            for ts in stage.every_ts_s
+        )
+    ]
+    if not idle:
+        return selection
+    for name in idle:
+        if name in asked:
+            raise InputError(
+                f"{name} was trained at Ts = {selection.trained_s[name]:g} s, at which none of these plants is scored; "
+                f"give --ts {selection.trained_s[name]:g}, or another plant"
+            )
+    return replace(
+        selection,
+        controllers=tuple(name for name in selection.controllers if name not in idle),
+        notes=(
+            *selection.notes,
+            f"Left out, since they were trained at another sampling time: {', '.join(idle)}.",
+        ),
+        trained_s={n: ts for n, ts in selection.trained_s.items() if n not in idle},
+    )
 
 
 def _known(name: str, what: str, known: Iterable[str], otherwise: str = "") -> None:

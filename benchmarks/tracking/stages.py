@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from baselines import inverts_effects
-from benchmarks.tracking.suite import Case, cases
+from benchmarks.tracking.case import Case
+from benchmarks.tracking.suite import SLOW_TS_S, TS_S, cases
+from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import Plant, PlantModel
 
@@ -32,14 +34,26 @@ class Stage:
     plant
         The nominal truth: the plant with its rate band-limited and a noisy sensor.
     ts_s
-        Sampling times (s).
+        Sampling times (s) that the ranking is taken over.
     base_hz
         What the frequencies of all references but the sines are multiples of (Hz).
+    trained_ts_s
+        Further sampling times (s), at which trained policies run: they have a ranking of their own.
     """
 
     plant: PlantModel
     ts_s: tuple[float, ...]
     base_hz: float
+    trained_ts_s: tuple[float, ...] = ()
+
+    @property
+    def every_ts_s(self) -> tuple[float, ...]:
+        """All sampling times (s), shortest first."""
+        return tuple(sorted({*self.ts_s, *self.trained_ts_s}))
+
+    def suits(self, ts_s: float) -> bool:
+        """Whether a sampling time (s) lies between the shortest and the longest of the plant."""
+        return min(self.ts_s) * (1 - 1e-9) <= ts_s <= max(self.ts_s) * (1 + 1e-9)
 
     def belief(self, controller: str) -> PlantModel:
         """Return what a controller is told: the same hysteresis without the plant's other effects.
@@ -49,6 +63,11 @@ class Stage:
         if not self.plant.effects or inverts_effects(controller):
             return self.plant
         return replace(self.plant, effects=(), name=f"{self.plant.name} without effects")
+
+    def layout(self, ts_s: float, controller: object) -> ObservationLayout:
+        """Show as much of the reference ahead as a controller says that it makes use of."""
+        usual = ObservationLayout.for_plant(self.plant, ts_s)
+        return replace(usual, preview=max(usual.preview, getattr(controller, "needed_preview", 1)))
 
     @property
     def shown_ts_s(self) -> float:
@@ -90,8 +109,9 @@ def make_stage(plant: PlantModel, ts_s: Sequence[float] | None = None) -> Stage:
     plant
         Any plant; a band limit below :data:`RATE_BANDWIDTH_HZ` and a sensor's noise are kept.
     ts_s
-        Sampling times (s); by default 50 µs, 200 µs and 1 ms with references about 10 Hz, or 1 and
-        5 ms with references about 1 Hz for a plant that was identified only at lower rates.
+        Sampling times (s); by default :data:`~benchmarks.tracking.suite.TS_S` with references
+        about 10 Hz, or :data:`~benchmarks.tracking.suite.SLOW_TS_S` with references about 1 Hz for
+        a plant that was identified only at lower rates.
 
     Examples
     --------
@@ -102,7 +122,7 @@ def make_stage(plant: PlantModel, ts_s: Sequence[float] | None = None) -> Stage:
     sensor = plant.sensor if plant.sensor.noise_um else replace(plant.sensor, noise_um=NOISE_UM)
     scored = replace(limit_band(plant, RATE_BANDWIDTH_HZ), sensor=sensor)
     slow = _triangle_rate_V_s(plant, 10.0) > (largest_rate_V_s(plant) or math.inf)
-    usual = (1e-3, 5e-3) if slow else (5e-5, 2e-4, 1e-3)
+    usual = SLOW_TS_S if slow else TS_S
     return Stage(scored, usual if ts_s is None else tuple(ts_s), 1.0 if slow else 10.0)
 
 

@@ -1,77 +1,29 @@
-"""What is scored: the reference signals, and which part of them."""
+"""What is scored: the references of every file in ``references``, the seeds, the sampling times."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from types import MappingProxyType
 
-import numpy as np
-
-from rdpi_gym.signals import Signal, make_signal
-from rdpi_gym.support.arrays import Array
+from benchmarks.tracking import references as folder
+from benchmarks.tracking.case import Case, References
+from rdpi_gym.support.members import modules_of
 
 SUITE_VERSION = 2
-REFERENCES = ("sine", "triangle", "raster", "steps", "multisine", "nested-loops", "noise")
-SINE_HZ = (1.0, 10.0, 25.0, 50.0, 80.0, 100.0, 200.0)
 SEEDS = 5
-FEWEST_SAMPLES, MOST_SAMPLES = 20, 20_000
-"""Samples that a period of the highest frequency has at least, and a whole period at most."""
+TS_S = (5e-5, 1e-4, 2e-4, 1e-3)
+"""Sampling times (s) of a plant that was identified at rates like those of references about 10 Hz."""
+SLOW_TS_S = (1e-3, 5e-3)
+"""Those (s) of a plant that was identified only at lower rates; references are about 1 Hz there."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """A reference signal and the part of it that is scored.
+def _found() -> References:
+    stated = [module.REFERENCES for module in modules_of(folder.__name__)]
+    return MappingProxyType({name: make for each in stated for name, make in each.items()})
 
-    Parameters
-    ----------
-    reference
-        Its name in :data:`REFERENCES`.
-    frequency_hz
-        Sine, triangle: frequency; raster: line rate; steps: levels per second; nested loops: that
-        of the major loop; multisine, noise: the highest line (Hz).
-    signal
-        The signal about 0 µm; it starts smoothly within `start_s`.
-    start_s
-        Time (s) of the smooth start, which is not scored.
-    period_s
-        Time (s) after which the signal repeats.
-    periods
-        Whole periods that are scored.
 
-    Examples
-    --------
-    >>> case = cases(("sine",), amplitude_um=10.0, base_hz=10.0)[3]
-    >>> case.frequency_hz, case.window(1e-3)
-    (50.0, (20, 180))
-    """
-
-    reference: str
-    frequency_hz: float
-    signal: Signal
-    start_s: float
-    period_s: float
-    periods: int
-
-    @property
-    def name(self) -> str:
-        """Reference and frequency: what tables call it."""
-        return f"{self.reference} {self.frequency_hz:g} Hz"
-
-    def fits(self, ts_s: float) -> bool:
-        """Whether Ts (s) resolves the reference and a period is not needlessly long."""
-        resolved = 1.0 / (self.frequency_hz * ts_s) >= FEWEST_SAMPLES * (1 - 1e-9)
-        return resolved and self.period_s / ts_s <= MOST_SAMPLES * (1 + 1e-9)
-
-    def window(self, ts_s: float) -> tuple[int, int]:
-        """First scored sample and number of samples in all, at sampling time `ts_s` (s)."""
-        first = math.ceil(self.start_s / ts_s - 1e-9)
-        return first, first + round(self.periods * self.period_s / ts_s)
-
-    def samples(self, ts_s: float, centre_um: float, rest_um: float, seed: int) -> Array:
-        """Return the reference (µm), (K,), from the plant's displacement at rest (µm)."""
-        signal = replace(self.signal, offset_um=centre_um - rest_um).with_seed(seed)
-        return rest_um + signal(ts_s * np.arange(self.window(ts_s)[1]))
+REFERENCES = _found()
+"""What makes the cases of a reference, by its name."""
 
 
 def cases(references: Sequence[str], amplitude_um: float, base_hz: float) -> tuple[Case, ...]:
@@ -85,36 +37,10 @@ def cases(references: Sequence[str], amplitude_um: float, base_hz: float) -> tup
         Peak (µm).
     base_hz
         What the frequencies of all but the sines are multiples of (Hz).
+
+    Examples
+    --------
+    >>> [case.name for case in cases(("steps", "noise"), amplitude_um=10.0, base_hz=10.0)]
+    ['steps 40 Hz', 'noise 50 Hz']
     """
-    holds = 4.0 * base_hz
-    fields: dict[str, tuple[float, int, dict[str, float]]] = {
-        "triangle": (base_hz, 2, {"frequency_hz": base_hz}),
-        "raster": (base_hz, 2, {"frequency_hz": base_hz}),
-        "steps": (holds, 1, {"hold_s": 1.0 / holds}),
-        "multisine": (5.0 * base_hz, 1, {"frequency_hz": 0.5 * base_hz, "lines": 10}),
-        "nested-loops": (base_hz, 1, {"frequency_hz": base_hz}),
-        "noise": (5.0 * base_hz, 1, {"high_hz": 5.0 * base_hz, "repeat_s": 3.0 / base_hz}),
-    }
-    built = []
-    for name in references:
-        if name == "sine":
-            for hz in SINE_HZ:
-                periods = min(8, max(1, round(0.2 * hz)))
-                built.append(_case(name, hz, 1.0 / hz, periods, amplitude_um, {"frequency_hz": hz}))
-        else:
-            hz, periods, options = fields[name]
-            built.append(_case(name, hz, 1.0 / base_hz, periods, amplitude_um, options))
-    return tuple(built)
-
-
-def _case(
-    name: str,
-    hz: float,
-    start_s: float,
-    periods: int,
-    amplitude_um: float,
-    options: dict[str, float],
-) -> Case:
-    signal = make_signal(name, amplitude_um=amplitude_um, smooth_start_s=start_s, **options)
-    assert signal.period_s is not None
-    return Case(name, hz, signal, start_s, signal.period_s, periods)
+    return tuple(case for name in references for case in REFERENCES[name](amplitude_um, base_hz))

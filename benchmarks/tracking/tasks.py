@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from baselines import ORACLE, Controller, PreviewOracle, make_controller
+from benchmarks.tracking.case import Case
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.rows import Key, key
-from benchmarks.tracking.scoring import one_line, score, status
+from benchmarks.tracking.scoring import ERROR, one_line, score, status
 from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
-from benchmarks.tracking.suite import Case
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.plant import PlantModel
@@ -114,13 +114,14 @@ def run_task(task: Task) -> list[Row]:
         return _run(task)
     except Exception as error:  # a user's controller may raise anything; the others go on
         reason = one_line(f"{type(error).__name__}: {error}")
-        return [_row(task, lane) | {"status": f"failed: {reason}"} for lane in task.lanes]
+        return [_row(task, lane) | {"status": f"{ERROR}: {reason}"} for lane in task.lanes]
 
 
 def _run(task: Task) -> list[Row]:
     plant, lanes = task.stage.plant, task.lanes
     truths = [truth(plant, lane.seed) for lane in lanes]
-    layout = _layout(task, truths)
+    usual = ObservationLayout.for_plant(plant, task.ts_s)
+    layout = task.stage.layout(task.ts_s, _controller(task, usual, truths))
     references = _references(task)
     timed = microseconds_per_sample(
         _controller(task, layout, truths[:1]), truths[0], layout, references[:, 0]
@@ -149,13 +150,6 @@ def _belief(task: Task) -> PlantModel:
     return task.stage.belief(task.controller)
 
 
-def _layout(task: Task, truths: Sequence[PlantModel]) -> ObservationLayout:
-    """Show as much of the reference ahead as the controller says that it makes use of."""
-    usual = ObservationLayout.for_plant(task.stage.plant, task.ts_s)
-    needed = getattr(_controller(task, usual, truths), "needed_preview", 1)
-    return replace(usual, preview=max(usual.preview, needed))
-
-
 def _references(task: Task) -> Array:
     centre = task.stage.plant.reference_um[0]
     rest = task.stage.rest_um
@@ -179,7 +173,7 @@ def _scores(
     bad = ~np.isfinite(action)
     if bad.any():
         return {
-            "status": f"failed: the controller's action at sample {int(np.argmax(bad))} is not finite"
+            "status": f"{ERROR}: the controller's action at sample {int(np.argmax(bad))} is not finite"
         }
     scored = score(r, y, u, action, first=first, ts_s=task.ts_s)
     limit = largest_rate_V_s(task.stage.plant)

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from rdpi_gym.report.page import Section
 
 _TOP = 8
+_SHOWN = ("rank", "controller", "RMSE (%)", "RMSE (µm)", "status")
+_LEGEND = (
+    "RMSE: geometric mean over all cases, in percent of the reference's peak to peak, with its 95 % "
+    "interval over the drawn truths. = marks a tie: the 95 % interval of the paired difference "
+    "includes zero. Status: rows with each warning."
+)
 
 
 def bench(
@@ -44,7 +50,9 @@ def bench(
     ] = None,
     controllers: Annotated[
         str | None,
-        typer.Option("--controllers", metavar="NAME,...", help="Baselines; all by default."),
+        typer.Option(
+            "--controllers", metavar="NAME,...", help="Controllers that ship; all by default."
+        ),
     ] = None,
     plants: Annotated[
         str | None,
@@ -62,9 +70,9 @@ def bench(
         list[str] | None,
         typer.Option(
             "--controller",
-            metavar="MODULE:ATTRIBUTE|learned:FOLDER",
-            help="A controller of your own, made by a callable (belief, layout), or a trained policy; "
-            "may be repeated.",
+            metavar="MODULE:ATTRIBUTE|NAME|learned:FOLDER",
+            help="A controller of your own, made by a callable (belief, layout), one that an installed "
+            "package names, or a trained policy; may be repeated.",
         ),
     ] = None,
     plant: Annotated[
@@ -76,7 +84,7 @@ def bench(
         ),
     ] = None,
 ) -> None:
-    """Score every baseline on every reference signal; an interrupted run continues.
+    """Rank controllers by their tracking error; an interrupted run continues.
 
     A run of all controllers, plants, references and sampling times also scores plants with hidden
     effects, by what is believed of them.
@@ -85,9 +93,9 @@ def bench(
     from benchmarks.tracking.markdown import (
         METHOD,
         WHERE_TRAINED,
+        answer,
         measured_text,
         plain,
-        ranking_view,
     )
     from benchmarks.tracking.results import write_tables
     from benchmarks.tracking.run import benchmark
@@ -120,17 +128,31 @@ def bench(
         WHERE_TRAINED,
         None if payoff is None else _payoff_section(payoff),
     )
+    own = controller or []
+    print(answer(results))
+    for at_s, ranked in ((None, results.ranking), *results.where_trained.items()):
+        if not ranked.empty:
+            _print_top(ranked, own, "" if at_s is None else f" at Ts = {at_s:g} s")
+    print(_LEGEND)
     print(f"{len(outcome.rows)} rows, {outcome.computed} of them computed now")
     for note in (*outcome.notes, *results.notes):
         print(note)
     if results.measured.table.empty:
         print(results.measured.note)
-    own = controller or []
-    _print_top(ranking_view(results.ranking), own)
-    for at_s, ranked in results.where_trained.items():
-        _print_top(ranking_view(ranked), own, f" at Ts = {at_s:g} s")
     print(f"leaderboard: {leaderboard}")
     print(f"page: {page}")
+    _refuse_errors(results.table, own)
+
+
+def _refuse_errors(table: pd.DataFrame, own: Sequence[str]) -> None:
+    """End with an error where a controller that the user gave did, now that all else is written."""
+    for name in own:
+        rows = table.loc[table["controller"] == name, "status"]
+        failed = rows[rows.str.startswith("error")]
+        if not failed.empty:
+            raise InputError(
+                f"{name} has no score in {len(failed)} of {len(rows)} rows; the first says {failed.iloc[0]!r}"
+            )
 
 
 def _payoff(out: Path, jobs: int, ray: str | None, show: Progress) -> pd.DataFrame:
@@ -159,23 +181,24 @@ def _seconds(word: str) -> float:
         raise InputError(f"--ts {word!r} is no number; give seconds, for example 2e-4") from None
 
 
-def _print_top(ranking: pd.DataFrame, own: Sequence[str], where: str = "") -> None:
-    """Print the first of a ranking, and the user's own wherever they stand."""
+def _print_top(ranked: pd.DataFrame, own: Sequence[str], where: str = "") -> None:
+    """Print the first of a ranking, its bound, and the user's own wherever they stand."""
     from rich.box import SIMPLE
     from rich.table import Table
+    from rich.text import Text
 
-    from benchmarks.tracking.markdown import number
+    from benchmarks.tracking.markdown import number, ranking_view
 
-    shown = ["controller", "RMSE (%)", "RMSE, seed 0 (%)", "mean rank", "command variation"]
-    printed = (ranking.index < _TOP) | ranking["controller"].isin(own)
-    title = "Ranking"
-    if len(ranking) > _TOP:
-        yours = ", and yours" if printed.sum() > _TOP else ""
-        title = f"The first {_TOP} of {len(ranking)} controllers{yours}"
-    title += where
-    table = Table(title=title, title_justify="left", box=SIMPLE)
-    for name in shown:
-        table.add_column(name, no_wrap=True)
-    for row in ranking.loc[printed, shown].itertuples(index=False):
-        table.add_row(*(number(cell) if isinstance(cell, float) else str(cell) for cell in row))
+    bound = ranked["rank"] == "bound"
+    first = (~bound).cumsum() <= _TOP
+    printed = (first & ~bound) | bound | ranked["controller"].isin(own)
+    title, rivals = "Ranking", int((~bound).sum())
+    if rivals > _TOP:
+        yours = ", and yours" if (printed & ~bound).sum() > _TOP else ""
+        title = f"The first {_TOP} of {rivals} controllers{yours}"
+    table = Table(title=title + where, title_justify="left", box=SIMPLE)
+    for name in _SHOWN:
+        table.add_column(name, no_wrap=name != "status", overflow="fold")
+    for row in ranking_view(ranked).loc[printed, list(_SHOWN)].itertuples(index=False):
+        table.add_row(*(Text(number(x) if isinstance(x, float) else str(x)) for x in row))
     console().print(table)

@@ -12,11 +12,12 @@ import numpy as np
 import pandas as pd
 
 from baselines import FEEDFORWARDS, LEARNED, make_controller
+from benchmarks.tracking.case import Case
 from benchmarks.tracking.episode import record
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from benchmarks.tracking.scoring import Score, one_line, score, status, words
+from benchmarks.tracking.scoring import ERROR, Score, one_line, score, status, words
 from benchmarks.tracking.stages import largest_rate_V_s
-from benchmarks.tracking.suite import Case, cases
+from benchmarks.tracking.suite import cases
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.support.arrays import Array
@@ -197,7 +198,7 @@ def score_run(run: Run) -> list[Row]:
         found = _run(run)
     except Exception as error:  # a controller may fail on some plant; the others go on
         reason = one_line(f"{type(error).__name__}: {error}")
-        return [row | {"status": f"failed: {reason}"} for row in rows]
+        return [row | {"status": f"{ERROR}: {reason}"} for row in rows]
     return [row | scores for row, scores in zip(rows, found, strict=True)]
 
 

@@ -3,7 +3,7 @@ import re
 import pandas as pd
 import pytest
 
-from benchmarks.tracking.leaderboard import COLUMNS
+from benchmarks.tracking.leaderboard import COLUMNS, ranking, score_table
 from rdpi_gym.cli import main
 from rdpi_gym.cli.bench import _print_top
 
@@ -44,7 +44,9 @@ def test_the_page_is_self_contained_and_lets_the_reader_choose_a_pair(out):
 def test_a_second_run_computes_nothing_and_ends_with_what_it_wrote(out, capsys):
     assert main([*SMALL, "--out", str(out)]) == 0
     lines = capsys.readouterr().out.strip().splitlines()
-    assert lines[0] == "24 rows, 0 of them computed now"
+    assert lines[0].startswith("Smallest error: classical-static, RMSE 0.")
+    assert "µm), 95 %" not in lines[0]  # one drawn seed has no interval
+    assert "24 rows, 0 of them computed now" in lines
     assert lines[-2:] == [f"leaderboard: {out / 'leaderboard.md'}", f"page: {out / 'report.html'}"]
 
 
@@ -67,23 +69,122 @@ def test_bad_input_is_one_line_and_status_2(arguments, said, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-def test_where_every_controller_fails_the_results_are_written_and_say_so(tmp_path, monkeypatch):
-    (tmp_path / "mine_that_fails.py").write_text(
-        "def make(belief, layout):\n    raise OSError('no')\n"
-    )
+BROKEN = """
+import numpy as np
+
+class Broken:
+    def __init__(self, belief, layout):
+        self.ts_s = layout.ts_s
+
+class Raises(Broken):
+    def predict(self, *arguments, **keywords):
+        raise OSError("no\\nway")
+
+class Alone(Broken):
+    def predict(self, observation, *arguments, **keywords):
+        return np.zeros((len(observation), 1))
+
+class Shape(Broken):
+    def predict(self, observation, *arguments, **keywords):
+        return np.zeros(3), None
+
+class NaN(Broken):
+    def predict(self, observation, *arguments, **keywords):
+        return np.full((len(observation), 1), np.nan), None
+
+class Words(Broken):
+    def predict(self, observation, *arguments, **keywords):
+        return ["up", "down"], None
+
+class Later(Broken):
+    def predict(self, observation, state=None, *arguments, **keywords):
+        k = 0 if state is None else state
+        if self.ts_s < 5e-4 and k > 50:
+            raise OSError("no")
+        return np.zeros((len(observation), 1)), k + 1
+
+def make(belief, layout):
+    raise ZeroDivisionError("none made")
+
+number = 3
+"""
+
+
+@pytest.fixture
+def broken(tmp_path, monkeypatch, request):
+    name = f"broken_{abs(hash(request.node.name)) % 10**6}"
+    (tmp_path / f"{name}.py").write_text(BROKEN)
     monkeypatch.syspath_prepend(tmp_path)
+    return name
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Broken", "makes a Broken without predict"),
+        ("Raises", r"raises OSError: no way \(broken\w*.py, line 10\)"),
+        ("Alone", r"its predict returns a ndarray; give \(action, state\)"),
+        ("Shape", r"2 observations with an action of shape \(3,\); give \(2, 1\)"),
+        ("NaN", "its action is not finite"),
+        ("Words", "its action is a list; give an array of numbers"),
+        ("make", "raises ZeroDivisionError: none made"),
+        ("number", "makes a int without predict"),
+        ("missing", "has no 'missing'"),
+    ],
+)
+def test_what_does_not_control_is_one_line_before_anything_is_computed(
+    name, said, broken, tmp_path, capsys
+):
+    out = tmp_path / "out"
+    assert main([*SMALL, "--controller", f"{broken}:{name}", "--out", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert re.search(said, error)
+    assert error.count("\n") == 1
+    assert len(error) < 400
+    assert not out.exists()
+
+
+def test_one_that_fails_later_has_rows_that_say_so_and_the_others_are_ranked(
+    broken, tmp_path, capsys
+):
+    out, name = tmp_path / "out", f"{broken}:Later"
+    arguments = [
+        "bench", "--controllers", "none", "--controller", name, "--plants", "P5", "--references",
+        "steps", "--ts", "1e-3,2e-4", "--seeds", "1", "--jobs", "1", "--out", str(out),
+    ]  # fmt: skip
+    assert main(arguments) == 2
+    said = capsys.readouterr()
+    assert f"{name} has no score in 1 of 2 rows; the first says 'error: OSError: no'" in said.err
+    assert said.err.count("\n") == 1
+    assert "error 1/2" in said.out
+    assert said.out.startswith("Smallest error: none")
+    table = pd.read_csv(out / "leaderboard.csv").set_index(["controller", "ts_s"])["status"]
+    assert table[name].to_dict() == {1e-3: table[name, 1e-3], 2e-4: "error: OSError: no"}
+    assert "error" not in table[name, 1e-3]
+    ranked = pd.read_csv(out / "ranking.csv").set_index("controller")
+    assert ranked.loc[name, "rank"] == "–"
+    assert ranked.loc[name, "status"].startswith("error 1/2")
+
+
+def test_status_is_a_column_everywhere(tmp_path, capsys):
     out = tmp_path / "out"
     arguments = [
-        "bench", "--controllers", "", "--controller", "mine_that_fails:make", "--plants", "P5",
-        "--references", "steps", "--ts", "1e-3", "--seeds", "1", "--jobs", "1", "--out", str(out),
+        "bench", "--controllers", "inversion-free-literal,none,preview-oracle", "--plants", "P5",
+        "--references", "sine", "--ts", "2e-4", "--seeds", "2", "--jobs", "1", "--out", str(out),
     ]  # fmt: skip
     assert main(arguments) == 0
-    table = pd.read_csv(out / "leaderboard.csv")
-    assert table["status"].tolist() == ["failed: OSError: no"]
-    assert "Failed rows" in (out / "report.html").read_text()
+    said = "unstable 14/14"
+    assert said in capsys.readouterr().out
+    assert said in (out / "leaderboard.md").read_text()
+    ranked = pd.read_csv(out / "ranking.csv").set_index("controller")
+    assert ranked.loc["inversion-free-literal", "status"].startswith(said)
+    assert ranked.loc["preview-oracle", ["rank", "status"]].tolist() == ["bound", "bound"]
+    page = (out / "report.html").read_text()
+    assert said in page
+    assert "unstable 2/2" in page  # of every case
 
 
-def test_the_oracle_alone_is_scored_as_any_other(tmp_path):
+def test_the_bound_alone_is_scored(tmp_path):
     out = tmp_path / "out"
     arguments = [
         "bench", "--controllers", "preview-oracle", "--plants", "P5", "--references", "sine",
@@ -97,9 +198,17 @@ def test_the_oracle_alone_is_scored_as_any_other(tmp_path):
 
 def test_the_users_own_controller_is_printed_wherever_it_stands(capsys):
     names = [f"c{i}" for i in range(12)]
-    columns = ["RMSE (%)", "RMSE, seed 0 (%)", "mean rank", "command variation"]
-    ranked = pd.DataFrame({"controller": names} | dict.fromkeys(columns, "1"))
-    _print_top(ranked, ["c10"])
+    rows = [
+        {
+            "controller": name, "plant": "P5", "belief": "P5", "reference": "sine", "ts_s": 1e-3,
+            "frequency_hz": 1.0, "seed": seed, "rmse_um": 1.0 + i, "rmse_percent": 1.0 + i,
+            "microseconds_per_sample": 1.0, "command_variation_V_s": 1.0, "status": "ok",
+        }
+        for i, name in enumerate(["preview-oracle", *names])
+        for seed in (1, 2)
+    ]  # fmt: skip
+    _print_top(ranking(score_table(rows)), ["c10"])
     said = capsys.readouterr().out
     assert "The first 8 of 12 controllers, and yours" in said
     assert [name for name in names if f" {name} " in said] == [*names[:8], "c10"]
+    assert "bound" in said

@@ -2,6 +2,8 @@
 
 import csv
 
+import numpy as np
+import pandas as pd
 import pytest
 
 pytest.importorskip("torch")
@@ -10,8 +12,11 @@ import torch
 
 from baselines.learned.network import Network
 from baselines.learned.policy import SHIPPED, Policy
-from benchmarks.tracking import learned, selection
+from benchmarks.tracking import learned
+from benchmarks.tracking.evaluation import evaluate
 from benchmarks.tracking.fingerprint import task_fingerprint
+from benchmarks.tracking.run import benchmark
+from benchmarks.tracking.selection import select
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
@@ -47,16 +52,35 @@ def test_one_that_corrects_nothing_scores_as_the_baseline_that_it_corrects(tmp_p
     assert own["status"] == base["status"] == "ok"
     # Its observations are float32.
     assert float(own["rmse_um"]) == pytest.approx(float(base["rmse_um"]), rel=1e-3)
-    # It runs at no other sampling time, and says so.
-    others = [row for (who, ts), row in rows.items() if who == name and ts != TS_S]
-    assert len(others) == 3
-    assert all("trained at Ts = 0.0004 s" in row["status"] for row in others)
+    # It runs at no other sampling time: there it has no rows, and the ranking is without it.
+    assert [ts for who, ts in rows if who == name] == [TS_S]
+    ranked = pd.read_csv(out / "ranking.csv")
+    assert name not in set(ranked.loc[ranked["ts_s"].isna(), "controller"])
     # Where it runs it is ranked beside the others.
+    there = ranked[np.isclose(ranked["ts_s"], TS_S)].set_index("controller")
+    assert there.loc[name, "rmse_percent"] == pytest.approx(float(own["rmse_percent"]))
+    assert there.loc[BASELINE, "rows"] == 1
     text = (out / "leaderboard.md").read_text(encoding="utf-8")
-    part = text.partition("## Ranking at Ts = 0.0004 s")[2].partition("## What")[0]
-    (line,) = [line for line in part.splitlines() if line.startswith(f"| {name} ")]
-    assert float(line.split("|")[3]) == pytest.approx(float(own["rmse_percent"]), rel=1e-2)
+    assert "## Ranking at Ts = 0.0004 s" in text
+    assert (
+        f"Ranked at Ts = 0.0004 s only, where they were trained and can run: {name}; on P5." in text
+    )
     assert "Ranking at Ts = 0.0004 s" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_ranking_is_the_same_with_policies_and_without(tmp_path):
+    name = save(tmp_path / "idle")
+    found = []
+    for names in (["none", "pi"], ["none", "pi", name]):
+        selection = select(names, ["P5"], ["triangle"], None, [0, 1])
+        outcome = benchmark(selection, tmp_path / str(len(names)), jobs=1)
+        found.append(evaluate(selection, outcome).ranking.drop(columns="microseconds_per_sample"))
+    pd.testing.assert_frame_equal(*found)
+
+
+def test_policies_alone_are_ranked_where_they_were_trained(tmp_path):
+    selection = select([save(tmp_path / "idle")], ["P5", "picma"], ["triangle"])
+    assert [(stage.plant.name, stage.ts_s) for stage in selection.stages] == [("P5", (TS_S,))]
 
 
 def test_its_rows_belong_to_its_weights(tmp_path):
@@ -68,16 +92,14 @@ def test_its_rows_belong_to_its_weights(tmp_path):
     assert task_fingerprint(name, P5) != before
 
 
-def test_the_given_sampling_times_are_kept(tmp_path):
+def test_the_given_sampling_times_are_kept_and_a_policy_of_another_is_refused(tmp_path):
     name = save(tmp_path / "mine")
-    (stage,) = selection.select([name], ["P5"], ["sine"], [1e-3, 2e-4], [0]).stages
-    assert stage.ts_s == (1e-3, 2e-4)
-
-
-def test_a_slow_plant_is_not_sampled_faster_for_its_sake(tmp_path):
-    name = save(tmp_path / "mine")
-    (stage,) = selection.select([name], ["picma"], ["sine"], None, [0]).stages
-    assert TS_S not in stage.ts_s
+    (stage,) = select([name], ["P5"], ["sine"], [1e-3, TS_S], [0]).stages
+    assert stage.every_ts_s == (TS_S, 1e-3)
+    for plant, times in (("P5", [1e-3, 2e-4]), ("picma", None)):
+        with pytest.raises(InputError, match=r"trained at Ts = 0\.0004 s, at which none") as error:
+            select([name, "none"], [plant], ["sine"], times, [0])
+        assert "give --ts 0.0004" in str(error.value)
 
 
 def test_a_folder_without_a_policy_is_refused_in_one_line(tmp_path, capsys):
@@ -94,7 +116,7 @@ def test_a_policy_that_was_cut_off_is_refused_in_one_line(tmp_path):
     weights = tmp_path / "cut" / "weights.pt"
     weights.write_bytes(weights.read_bytes()[:100])
     with pytest.raises(InputError, match="cut off"):
-        selection.select([name], ["P5"])
+        select([name], ["P5"])
 
 
 def test_shipped_policies_are_scored_by_default_and_left_out_without_torch(tmp_path, monkeypatch):
@@ -102,11 +124,11 @@ def test_shipped_policies_are_scored_by_default_and_left_out_without_torch(tmp_p
     save(tmp_path / "mine")
     monkeypatch.setattr(learned, "POLICIES", tmp_path)
     monkeypatch.setattr("baselines.learned.policy.SHIPPED", tmp_path)
-    assert "learned:mine" in selection.select(None, ["P5"]).controllers
+    assert "learned:mine" in select(None, ["P5"]).controllers
     before = task_fingerprint("learned:mine", P5)
     save(tmp_path / "mine", weight=0.5)
     assert task_fingerprint("learned:mine", P5) != before
     monkeypatch.setattr(learned, "find_spec", lambda name: None)
-    without = selection.select(None, ["P5"])
+    without = select(None, ["P5"])
     assert "learned:mine" not in without.controllers
     assert without.notes == ("Left out, since torch is not installed (rdpi-gym[rl]): mine.",)

@@ -73,7 +73,7 @@ def test_a_failing_controller_leaves_a_row_that_says_so(monkeypatch):
 
     monkeypatch.setattr(measured, "make_controller", lambda *_: Raises())
     table = score_records(Dataset("d", (record(),)), ["mine"], STACK).table
-    assert table["status"].tolist() == ["failed: RuntimeError: no"]
+    assert table["status"].tolist() == ["error: RuntimeError: no"]
     assert table["rms_V"].isna().all()
 
 

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -6,13 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import studies
+from benchmarks.tracking.case import FEWEST_SAMPLES, Case
 from benchmarks.tracking.leaderboard import COLUMNS, interval, ranking, score_table
+from benchmarks.tracking.references.standard import SINE_HZ
 from benchmarks.tracking.scoring import one_line, score, status, words
 from benchmarks.tracking.stages import SPREAD, make_stage, truth
-from benchmarks.tracking.suite import FEWEST_SAMPLES, REFERENCES, SINE_HZ, Case, cases
+from benchmarks.tracking.suite import REFERENCES, cases
 from rdpi_gym.plant import P5, P10, RDPI, PlantModel, Sensor
 from rdpi_gym.plant.effects.creep import Creep
 
+TRACKING = Path(studies.__file__).parent / "results" / "tracking"
 ALL = cases(REFERENCES, amplitude_um=10.0, base_hz=10.0)
 
 
@@ -147,7 +152,7 @@ def row(controller, rmse, seed=0, reference="sine", variation=10.0):
     return {
         "controller": controller, "plant": "P5", "belief": "P5", "reference": reference,
         "frequency_hz": 1.0, "ts_s": 1e-3, "seed": seed, **numbers,
-        "status": "ok" if numbers else "failed: ValueError: no",
+        "status": "ok" if numbers else "error: ValueError: no",
     }  # fmt: skip
 
 
@@ -205,12 +210,58 @@ def test_references_faster_than_the_identification_are_not_covered_by_it():
     assert all(make_stage(P5).covers(case, 1e-3) for case in make_stage(P5).cases(REFERENCES, 1e-3))
 
 
-def test_a_failed_row_takes_the_mean_away_and_ranks_last():
+def test_a_row_with_an_error_takes_the_mean_away_and_ranks_last():
     rows = [row("preview-oracle", 1.0), row("preview-oracle", 1.0, reference="steps")]
     rows += [row("good", 5.0), row("good", 5.0, reference="steps")]
     rows += [row("bad", 0.1), row("bad", None, reference="steps")]
     ranked = ranking(score_table(rows)).set_index("controller")
     assert ranked.index.tolist() == ["preview-oracle", "good", "bad"]
     assert pd.isna(ranked.loc["bad", "rmse_percent"])
-    assert ranked.loc["bad", "failed"] == 1
+    assert ranked.loc["bad", "errors"] == 1
+    assert ranked.loc["bad", ["rank", "status"]].tolist() == ["–", "error 1/2"]
     assert ranked.loc["bad", "mean_rank"] == pytest.approx(1.5)
+
+
+def seeded(means):
+    """Return rows of one case and four drawn seeds, from RMSEs (µm) of each controller."""
+    return [row(name, rmse, seed) for name, each in means.items() for seed, rmse in enumerate(each, start=1)]  # fmt: skip
+
+
+def test_controllers_whose_paired_difference_includes_zero_share_a_rank():
+    table = score_table(
+        seeded(
+            {
+                "preview-oracle": [0.1, 0.1, 0.1, 0.1],
+                # every seed has its own level: only the paired difference tells them apart
+                "best": [1.0, 2.0, 4.0, 8.0],
+                "as-good": [1.1, 1.9, 4.2, 7.9],
+                "worse": [1.5, 3.0, 6.1, 12.0],
+                "worst": [50.0, 60.0, 55.0, 51.0],
+                "broken": [1.0, 1.0, 1.0, None],
+            }
+        )
+    )
+    ranked = ranking(table).set_index("controller")
+    assert ranked["rank"].to_dict() == {
+        "preview-oracle": "bound", "best": "1=", "as-good": "1=", "worse": "3", "worst": "4",
+        "broken": "–",
+    }  # fmt: skip
+    assert ranked["places"].to_dict() == {
+        "preview-oracle": "–", "best": "1 to 2", "as-good": "1 to 2", "worse": "3", "worst": "4",
+        "broken": "–",
+    }  # fmt: skip
+
+
+def test_a_chain_of_ties_is_one_rank_and_places_say_what_is_open():
+    table = score_table(
+        seeded(
+            {
+                "a": [1.00, 1.00, 1.00, 1.00],
+                "b": [0.90, 1.30, 1.00, 1.20],
+                "c": [1.20, 1.21, 1.19, 1.20],
+            }
+        )
+    )
+    ranked = ranking(table).set_index("controller")
+    assert set(ranked["rank"]) == {"1="}
+    assert ranked["places"].to_dict() == {"a": "1 to 2", "b": "1 to 3", "c": "2 to 3"}

@@ -10,7 +10,7 @@ CASES = [*SIGNALS, "read a text file"]
 
 def test_the_committed_table_holds_every_case_well_under_a_second():
     table = pd.read_csv(sample_speed.RESULTS / "sample_speed.csv").set_index("case")
-    assert table.index.tolist() == CASES
+    assert sorted(table.index) == sorted(CASES)
     assert (table["milliseconds"].drop("read a text file") < 300.0).all(), table.to_string()
     assert table.loc["read a text file", "milliseconds"] < 1000.0
 
