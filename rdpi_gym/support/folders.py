@@ -48,7 +48,8 @@ def replaced_folder(target: Path) -> Iterator[Path]:
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         settled_folder(target)
-        with temporary(target, folder=True) as place:
+        # where the second rename fails and the first cannot be undone, the next access finishes it
+        with temporary(target, True, lambda place: _is_between(place, target)) as place:
             fresh = place / _NEW
             fresh.mkdir()
             yield fresh
@@ -77,13 +78,17 @@ def settled_folder(target: Path) -> Path:
         return target
     for place in remains(target.parent, target.name):
         fresh = place / _NEW
-        # the old folder is moved only when the new one is whole
-        if (place / _OLD).exists() and fresh.exists():
+        if _is_between(place, target):
             try:
                 fresh.rename(target)
             except OSError:
                 return target if target.exists() else fresh
     return target
+
+
+def _is_between(place: Path, target: Path) -> bool:
+    """Whether one of two renames is done; the new folder is whole before the old one is moved."""
+    return (place / _OLD).exists() and (place / _NEW).exists() and not target.exists()
 
 
 def _rename_both(fresh: Path, target: Path, old: Path) -> None:

@@ -13,7 +13,7 @@ import re
 import secrets
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -87,7 +87,9 @@ def is_open_at(handle: int, path: Path) -> bool:
 
 
 @contextmanager
-def temporary(target: Path, folder: bool = False) -> Iterator[Path]:
+def temporary(
+    target: Path, folder: bool = False, is_needed: Callable[[Path], bool] | None = None
+) -> Iterator[Path]:
     """Make a hidden file or folder beside a target, clear earlier remains, remove it at the end.
 
     Parameters
@@ -96,6 +98,8 @@ def temporary(target: Path, folder: bool = False) -> Iterator[Path]:
         Its parent exists.
     folder
         Make a folder.
+    is_needed
+        Whether to leave it where it is at the end.
 
     Yields
     ------
@@ -113,7 +117,8 @@ def temporary(target: Path, folder: bool = False) -> Iterator[Path]:
         yield path
     finally:
         with suppress(OSError):
-            remove(path)
+            if is_needed is None or not is_needed(path):
+                remove(path)
         if handle is not None:
             os.close(handle)
 

@@ -99,8 +99,12 @@ def console(*, stderr: bool = False, width: int = 140) -> Console:
     """
     from rich.console import Console, ConsoleOptions
     from rich.segment import Segment
+    from rich.text import Text
 
     class _Console(Console):
+        def render_str(self, text: str, **options: Any) -> Text:
+            return super().render_str(plain(text), **options)  # before its width is measured
+
         def render(
             self, renderable: Any, options: ConsoleOptions | None = None
         ) -> Iterable[Segment]:

@@ -1,0 +1,222 @@
+"""Every writer of the project on a small job, disturbed: `python -m tests.faults.jobs FOLDER`."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rdpi_gym.support import folders
+from rdpi_gym.support.files import read_json, write_atomic, write_json
+from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support.store import named_rows
+from tests.faults.injection import Job, disturb, without_waiting
+
+ROWS = [{"key": f"case {k}", "value": k / 3, "words": "a µm" * k} for k in range(6)]
+
+
+def whole_file() -> Job:
+    """A file that replaces an older one."""
+
+    def read(folder: Path) -> Any:
+        return read_json(folder / "a.json", "mine", 1)["value"]
+
+    def write(folder: Path, value: str) -> None:
+        write_json(folder / "a.json", {"format": "mine", "version": 1, "value": value})
+
+    return Job("file", lambda f: write(f, "old"), lambda f: write(f, "new" * 5000), read)
+
+
+def new_file() -> Job:
+    """A file in a folder that is not there yet."""
+    path = Path("deep", "down", "a.txt")
+
+    def read(folder: Path) -> Any:
+        return (folder / path).read_text() if (folder / path).exists() else None
+
+    return Job("new file", lambda f: None, lambda f: _ignore(write_atomic(f / path, "new")), read)
+
+
+def whole_folder(exchange: bool) -> Job:
+    """A folder that replaces an older one: in one step, and by the two renames of other systems."""
+
+    def write(folder: Path, value: str) -> None:
+        with replaced_folder(folder / "set") as fresh:
+            write_atomic(fresh / "a.txt", value)
+            write_atomic(fresh / "b.txt", value)
+
+    def read(folder: Path) -> Any:
+        place = settled_folder(folder / "set")
+        return {path.name: path.read_text() for path in place.iterdir()}
+
+    known = folders._exchange
+
+    def work(folder: Path) -> None:
+        if not exchange:
+            folders._exchange = lambda one, other: False
+        try:
+            write(folder, "new")
+        finally:
+            folders._exchange = known
+
+    return Job(
+        f"folder, {'one step' if exchange else 'two renames'}",
+        lambda f: write(f, "old"),
+        work,
+        read,
+    )
+
+
+def policy() -> Job:
+    """A trained policy saved over an older one."""
+    from torch import nn
+
+    from baselines.learned.policy import Policy
+    from rdpi_gym.envs.layout import ObservationLayout
+    from rdpi_gym.plant import named_plant
+
+    layout = ObservationLayout.for_plant(named_plant("P10"), ts_s=1e-4, action="increment")
+    actor = nn.Sequential(nn.Linear(layout.size + 6, 4), nn.Tanh(), nn.Linear(4, 1), nn.Hardtanh())
+    old, new = (Policy(layout, 2, hz, 0.02, actor) for hz in (100.0, 200.0))
+
+    def read(folder: Path) -> Any:
+        found = Policy.load(folder / "policy")
+        return found.frequency_hz, found.network
+
+    return Job(
+        "policy",
+        lambda f: _ignore(old.save(f / "policy")),
+        lambda f: _ignore(new.save(f / "policy")),
+        read,
+    )
+
+
+def rows(damage: Callable[[Path], None] | None = None, stale: bool = False) -> Job:
+    """Rows appended one by one: to a whole file, to one with a damaged line, to one with old rows."""
+
+    def prepare(folder: Path) -> None:
+        named_rows(folder / "rows.jsonl").append([*ROWS[:2], {"key": "old", "value": 0}])
+        if damage is not None:
+            damage(folder / "rows.jsonl")
+
+    def work(folder: Path) -> None:
+        store = named_rows(folder / "rows.jsonl")
+        if stale:
+            store.set_aside(lambda row: row["key"] == "old")
+        for row in ROWS:
+            if row["key"] not in store.rows:
+                store.append([row])
+
+    def read(folder: Path) -> Any:
+        found = dict(named_rows(folder / "rows.jsonl").rows)
+        kept = [dict(named_rows(path).rows) for path in folder.glob("rows-stale-*.jsonl")]
+        assert "old" in found or not stale or any("old" in each for each in kept), "a row is lost"
+        return {key: row for key, row in found.items() if key != "old" or not stale}
+
+    name = "rows" + (", a damaged line" if damage else "") + (", stale rows" if stale else "")
+    return Job(name, prepare, work, read, _are_rows)
+
+
+def candidates() -> Job:
+    """Finished candidates of a search, refitted where they are missing."""
+    import numpy as np
+
+    from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
+    from rdpi_gym.identification.jacobian import Variant
+    from rdpi_gym.identification.joint import JointFit
+    from rdpi_gym.measurement import Record
+    from rdpi_gym.plant import P5
+    from rdpi_gym.plant.effects import CATALOGUE
+
+    t = 1e-3 * np.arange(40)
+    record = Record("run", t, np.sin(t), 8.0 * np.sin(t), ts_s=1e-3)
+    kinds = [CATALOGUE[name] for name in ("creep", "sensor_lag", "delay")]
+    start = P5.hysteresis
+
+    def fit(kind: Any) -> JointFit:
+        return JointFit(Variant(start, (kind(),)), len(kind.name) / 7, (), {"δ2": math.pi}, 3, True)
+
+    def prepare(folder: Path) -> None:
+        Checkpoint(folder / "candidates.jsonl", [record]).put(start, (), kinds[0], fit(kinds[0]))
+
+    def work(folder: Path) -> None:
+        checkpoint = Checkpoint(folder / "candidates.jsonl", [record])
+        for kind in kinds:
+            if checkpoint.get(start, (), kind) is None:
+                checkpoint.put(start, (), kind, fit(kind))
+
+    def read(folder: Path) -> Any:
+        checkpoint = Checkpoint(folder / "candidates.jsonl", [record])
+        found = {kind.name: checkpoint.get(start, (), kind) for kind in kinds}
+        return {name: each for name, each in found.items() if each is not None}
+
+    return Job("candidates of a search", prepare, work, read, _are_rows)
+
+
+def benchmark() -> Job:
+    """`rdpi bench` of two controllers on one reference, row by row and its table."""
+    from benchmarks.tracking.rows import open_rows
+    from benchmarks.tracking.run import benchmark as run
+    from benchmarks.tracking.selection import select
+
+    selection = select(["none", "classical-static"], ["P5"], ["sine"], [1e-2], [0])
+    columns = ("controller", "reference", "frequency_hz", "rmse_um", "status")
+
+    def work(folder: Path) -> None:
+        found = run(selection, folder / "out", jobs=1)
+        lines = [[row[name] for name in columns] for row in found.rows]
+        write_atomic(folder / "out" / "table.json", json.dumps(lines))
+
+    def read(folder: Path) -> Any:
+        scores = open_rows(folder / "out").rows
+        found = {key: [row[name] for name in columns] for key, row in scores.items()}
+        table = folder / "out" / "table.json"
+        return found | ({"table": json.loads(table.read_text())} if table.exists() else {})
+
+    return Job("benchmark", lambda f: None, work, read, _are_rows)
+
+
+def _are_rows(found: Any, old: Any, new: Any) -> bool:
+    """Whether no row is lost that was there, and none is another than it should be."""
+    return old.items() <= found.items() <= new.items()
+
+
+def _tear(path: Path) -> None:
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b'"value": 0.3', b'"value": 0.4') + b'{"key": "ca')
+
+
+def _ignore(_: object) -> None:
+    return
+
+
+def main(folder: Path) -> None:
+    """Disturb every job and print how often."""
+    without_waiting()
+    # what imports most comes last: a fork takes the longer, the more there is to it
+    makers = (
+        whole_file, new_file, partial(whole_folder, True), partial(whole_folder, False), rows,
+        partial(rows, _tear), partial(rows, stale=True), candidates, benchmark, policy,
+    )  # fmt: skip
+    counts = {}
+    for make in makers:
+        began = time.perf_counter()
+        try:
+            job = make()
+        except ModuleNotFoundError as error:
+            print(f"{make}: not disturbed, {error.name} is not installed")
+            continue
+        done = disturb(job, folder / "disturbed")
+        counts[job.name] = done
+        modes = ", ".join(f"{count} {mode}" for mode, count in done.items())
+        print(f"{job.name}: {done.total()} faults ({modes}), {time.perf_counter() - began:.1f} s")
+    print(f"in all: {sum(done.total() for done in counts.values())} faults")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

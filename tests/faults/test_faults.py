@@ -1,0 +1,39 @@
+"""After a kill or a full disk at any call that changes the disk: the old state or the new one, whole.
+
+A rerun ends as an undisturbed run does, and leaves nothing beside it. `python tests/faults/jobs.py
+FOLDER` prints the counts.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).parents[2]
+LEAST = {
+    "file": 20, "new file": 20, "folder, one step": 70, "folder, two renames": 70, "rows": 50,
+    "rows, a damaged line": 80, "rows, stale rows": 100, "candidates of a search": 25,
+    "benchmark": 60,
+}  # fmt: skip
+"""Faults that each job meets."""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="children are forked")
+def test_every_writer_leaves_the_old_or_the_new_and_a_rerun_completes(tmp_path):
+    run = subprocess.run(
+        [sys.executable, "-m", "tests.faults.jobs", tmp_path],
+        cwd=TOP,
+        env={**os.environ, "PYTHONPATH": str(TOP)},
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    print(run.stdout)
+    assert run.returncode == 0, run.stderr[-2000:]
+    counts = dict(
+        line.split(" faults (")[0].rsplit(": ", 1) for line in run.stdout.splitlines()[:-1]
+    )
+    for name, least in LEAST.items():
+        assert int(counts[name]) >= least
