@@ -17,10 +17,11 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from baselines.learned.weights import read_tensors
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_atomic, write_json
+from rdpi_gym.support.files import open_regular, read_json, write_atomic, write_json
 from rdpi_gym.support.folders import replaced_folder
 from rdpi_gym.support.npz import open_npz
 from rdpi_gym.support.temporaries import clear_abandoned
+from rdpi_gym.support.words import quoted
 
 FORMAT, VERSION = "rdpi-checkpoint", 1
 _DESCRIPTION, _MODEL, _REPLAY = "checkpoint.json", "model.pt", "replay.npz"
@@ -121,8 +122,11 @@ def _check(folder: Path, document: dict[str, Any]) -> None:
     if document["sha256"] != _seal(document):
         raise ValueError(f"{_DESCRIPTION} is not what was written")
     for name, sha256 in document["files"].items():
-        if name not in (_MODEL, _REPLAY) or _sha256((folder / name).read_bytes()) != sha256:
-            raise ValueError(f"{name} is not what was written")
+        if name not in (_MODEL, _REPLAY):
+            raise ValueError(f"{quoted(name)} is no file of a checkpoint")
+        with open_regular(folder / name) as stream:
+            if hashlib.file_digest(stream, "sha256").hexdigest() != sha256:
+                raise ValueError(f"{name} is not what was written")
 
 
 def _seal(document: dict[str, Any]) -> str:

@@ -90,8 +90,8 @@ class Run:
             made: Algorithm = algorithm(
                 env=env, seed=self.options.seed, device="cpu", tensorboard_log=logs, **arguments
             )
-        except (AssertionError, TypeError, ValueError) as error:
-            reason = " ".join(str(error).split())
+        except (AssertionError, TypeError, ValueError, MemoryError, RuntimeError) as error:
+            reason = " ".join(str(error).split())[:200]
             raise InputError(
                 f"{algorithm.__name__} refuses its hyper-parameters: {reason}"
             ) from error

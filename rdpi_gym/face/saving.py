@@ -9,8 +9,6 @@ from __future__ import annotations
 import io
 import json
 import math
-import tokenize
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
@@ -31,23 +29,6 @@ FORMAT, VERSION = "rdpi-result", 1
 ENDING = ".npz"
 _DOCUMENT = "document"
 R = TypeVar("R")
-# What a damaged archive raises, and a field of another type than its annotation's.
-_UNFIT = (
-    cattrs.BaseValidationError,
-    cattrs.ForbiddenExtraKeysError,
-    cattrs.StructureHandlerNotFoundError,
-    ValueError,
-    TypeError,
-    LookupError,
-    AttributeError,
-    RecursionError,
-    EOFError,
-    OSError,
-    SyntaxError,
-    tokenize.TokenError,
-    NotImplementedError,
-    zipfile.BadZipFile,
-)
 
 
 def write_result(path: Path | str, kind: str, result: Any) -> Path:
@@ -111,7 +92,7 @@ def read_result(path: Path | str, kinds: Mapping[str, type[R]]) -> R:
     except InputError as error:
         said = str(error)
         raise (error if said.startswith(str(source)) else InputError(f"{source}: {said}")) from None
-    except _UNFIT as error:
+    except Exception as error:  # what a damaged archive raises, or a field of another type
         reason = " ".join(str(error).split())[:120]
         raise InputError(
             f"{source} is damaged, or was written by another release "

@@ -99,7 +99,7 @@ def _read(path: Path, reader: Callable[[], Variables], kind: str) -> Variables:
     except InputError:
         raise
     except Exception as error:  # the libraries raise many kinds on a truncated or foreign file
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(
             f"{path} cannot be read as {kind} file ({reason}); "
             "save it again, perhaps it was cut off or its ending is wrong"

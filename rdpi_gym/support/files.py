@@ -7,8 +7,9 @@ import math
 import os
 import stat
 from contextlib import suppress
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn
+from typing import Any, NoReturn
 
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.temporaries import temporary, writing
@@ -106,7 +107,7 @@ def write_json(path: Path | str, document: dict[str, Any]) -> Path:
     )
 
 
-def open_regular(path: Path | str) -> BinaryIO:
+def open_regular(path: Path | str) -> BufferedReader:
     """Open a regular file to read its bytes; nothing else is data.
 
     Parameters

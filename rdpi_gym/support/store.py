@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import BINARY, sync_folder, write_all, write_atomic
+from rdpi_gym.support.files import BINARY, read_bytes, sync_folder, write_all, write_atomic
 from rdpi_gym.support.temporaries import is_open_at, lock, writing
 
 NAMED_FORMAT, VERSION = "rdpi-hidden-rows", 2
 Row: TypeAlias = dict[str, Any]
 K = TypeVar("K", bound=Hashable)
 
+_LARGEST = 2**31  # bytes
 _SUM = re.compile(rb', "sum": "([0-9a-f]{16})"\}')
 
 
@@ -170,12 +171,9 @@ class RowStore(Generic[K]):
         )
 
     def _read(self) -> None:
-        try:
-            content = self.path.read_bytes()
-        except (FileNotFoundError, NotADirectoryError):
+        if not self.path.exists():
             return
-        except OSError as error:
-            raise InputError(f"{self.path} cannot be read ({error.strerror})") from error
+        content = read_bytes(self.path, _LARGEST)
         head, newline, rest = content.partition(b"\n")
         found = [self._parsed(line) for line in rest.split(b"\n") if line]
         rows = dict(pair for pair in found if pair is not None)
@@ -201,7 +199,7 @@ class RowStore(Generic[K]):
         try:
             row = json.loads(text)
             return self._key(row), row
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, RecursionError):
             return None
 
     def _line(self, row: Row) -> bytes:

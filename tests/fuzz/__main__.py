@@ -1,0 +1,42 @@
+"""Fuzz the readers of files: ``python -m tests.fuzz [READER ...] [--cases N] [--seed S] [--case K]``.
+
+Case K of a reader and a seed is always the same file. A reader gives a value, or one line of
+InputError under 400 characters, within 10 s and 1 GiB beyond what the process had; anything else
+ends with status 1 and the command that repeats the case.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from tests.fuzz.running import run, watched
+from tests.fuzz.subjects import SHARES
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+    parser.add_argument("reader", nargs="*", help=f"of {', '.join(SHARES)}; all by default")
+    parser.add_argument("--cases", type=int, help="in all, or of one reader")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--case", type=int, help="this one alone")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--inside", action="store_true", help="in this process")
+    asked = parser.parse_args()
+    names = asked.reader or list(SHARES)
+    if unknown := [name for name in names if name not in SHARES]:
+        parser.error(f"{unknown[0]} is no reader; they are {', '.join(SHARES)}")
+    status = 0
+    for name in names:
+        count = asked.cases if asked.cases and asked.reader else SHARES[name]
+        if asked.cases and not asked.reader:
+            count = max(1, round(asked.cases * SHARES[name] / sum(SHARES.values())))
+        cases = range(asked.first, asked.first + count)
+        if asked.case is not None:
+            cases = range(asked.case, asked.case + 1)
+        status |= (run if asked.inside else watched)(name, asked.seed, cases)
+    return 1 if status else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,118 @@
+"""Cases one by one: a value, one line of InputError, or a finding with the command that repeats it."""
+
+from __future__ import annotations
+
+import faulthandler
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from random import Random
+
+from rdpi_gym.support.errors import InputError, printable
+from tests.fuzz.subjects import Subject, subject
+
+LIMIT_S, LIMIT_BYTES, LONGEST = 10.0, 2**30, 400
+
+
+def run_case(made: Subject, name: str, seed: int, case: int, folder: Path) -> str:
+    """Read one damaged file; "value", "refused", or what is wrong."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    made.write(Random(f"{name}/{seed}/{case}"), folder)
+    began = time.perf_counter()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            made.read(folder)
+        said = "value"
+    except InputError as error:
+        line = str(error)
+        whole = line and printable(line) == line and len(line) < LONGEST
+        said = "refused" if whole else f"a line of {len(line)} characters: {line[:1000]!r}"
+    except Exception:
+        said = "".join(traceback.format_exc(limit=-6))
+    if time.perf_counter() - began > LIMIT_S:
+        said = f"it took {time.perf_counter() - began:.1f} s"
+    return said
+
+
+def run(name: str, seed: int, cases: range) -> int:
+    """Run cases in this process; print what is wrong, and how to repeat it."""
+    counted: Counter[str] = Counter()
+    parent = Path(tempfile.mkdtemp(prefix="fuzz"))
+    began = time.perf_counter()
+    try:
+        with subject(name) as made:
+            limit_memory()
+            for case in cases:
+                # ends this process should a library never come back
+                faulthandler.dump_traceback_later(LIMIT_S + 2.0, exit=True)
+                print(f"case {case}", flush=True)
+                said = run_case(made, name, seed, case, parent / "f")
+                if said not in ("value", "refused"):
+                    print(f"WRONG {again(name, seed, case)}\n{said}", flush=True)
+                    said = "wrong"
+                counted[said] += 1
+            faulthandler.cancel_dump_traceback_later()
+    finally:
+        shutil.rmtree(parent, ignore_errors=True)
+    print(
+        f"DONE {name}, seed {seed}: {len(cases)} cases, {counted['value']} values, "
+        f"{counted['refused']} refused, {counted['wrong']} wrong, {time.perf_counter() - began:.0f} s"
+    )
+    return 1 if counted["wrong"] else 0
+
+
+def limit_memory() -> None:
+    """Let this process take no more than 1 GiB beyond what it has, where that can be said."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+    except OSError:
+        return
+    limit = pages * resource.getpagesize() + LIMIT_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+def again(name: str, seed: int, case: int) -> str:
+    return f"python -m tests.fuzz {name} --seed {seed} --case {case}"
+
+
+def watched(name: str, seed: int, cases: range, command: Sequence[str] = ()) -> int:
+    """Run cases in another process, so that a crash of it is a finding and not the end.
+
+    Returns
+    -------
+    int
+        How many of the processes that it took found something; 0 is as it should be.
+    """
+    own = [sys.executable, "-m", "tests.fuzz", name, "--seed", str(seed), "--inside"]
+    command = [*(command or own)]
+    wrong, left = 0, cases
+    while left:
+        span = ["--first", str(left.start), "--cases", str(len(left))]
+        done = subprocess.run(
+            [*command, *span], capture_output=True, text=True, errors="replace", check=False
+        )
+        lines = done.stdout.splitlines()
+        shown = [line for line in lines if not line.startswith("case ")]
+        if shown:
+            print("\n".join(shown), flush=True)
+        wrong += done.returncode != 0
+        started = [int(line.split()[1]) for line in lines if line.startswith("case ")]
+        if any(line.startswith("DONE") for line in shown) or not started:
+            if not started:
+                print(done.stderr)
+            break
+        print(
+            f"WRONG {again(name, seed, started[-1])}\nended with {done.returncode}: {done.stderr[-3000:]}"
+        )
+        left = range(started[-1] + 1, left.stop)
+    return wrong
