@@ -92,8 +92,8 @@ class Work:
             title = f"{heading}: {dataset.title}"
             page = self.out / "report.html"
             written.append(write_discovery_page(page, title, result, self.catalogue))
-        print(dataset.describe())
         print_result(result)
+        print("", dataset.describe(), sep="\n")
         print("", *written, sep="\n")
 
 

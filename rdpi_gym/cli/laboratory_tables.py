@@ -1,4 +1,4 @@
-"""What `rdpi diagnose`, `rdpi add` and `rdpi discover` print: rankings, errors, the verdict."""
+"""What `rdpi diagnose`, `rdpi add` and `rdpi discover` print: the answer, then its tables."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
 
 
 def print_result(result: SearchResult) -> None:
-    """Print a diagnosis with its ranking, or else the steps, and the verdict."""
+    """Print the answer, how sure it is and what is left, then the table that it stands on."""
+    from rdpi_gym.report.discovery.sentences import lines
+
+    print(*lines(result), sep="\n")
     if result.kind == "diagnosis":
         _print_ranking(result.candidates, result.base)
-        _print_verdict(result)
-        return
-    _print_staircase(result)
-    _print_verdict(result)
-    for note in result.notes:
-        print(note)
+    else:
+        _print_staircase(result)
+    print(*result.notes, sep="\n")
 
 
 def _print_ranking(candidates: Sequence[Candidate], before: Errors) -> None:
@@ -41,7 +41,7 @@ def _print_ranking(candidates: Sequence[Candidate], before: Errors) -> None:
     ]
     _print_table(
         f"Candidates, refitted; without one {micrometres(before.validation_rmse_um)}",
-        ("candidate", "validation", "share", "confidence", "not to be told from", "remarks"),
+        ("candidate", "validation", "share", "confidence", "indistinguishable from", "remarks"),
         rows,
     )
 
@@ -66,24 +66,6 @@ def _print_staircase(result: SearchResult) -> None:
         ("model", "training", "validation", "of the stroke", "times the noise floor"),
         rows,
     )
-
-
-def _print_verdict(result: SearchResult) -> None:
-    """Print the verdict, what speaks for each effect, what is left and what to measure next."""
-    from rdpi_gym.report.discovery.sentences import (
-        candidate_sentence,
-        closed,
-        confounded_sentence,
-        verdict_sentence,
-    )
-
-    print(verdict_sentence(result))
-    for candidate in result.added:
-        print(f"- {candidate_sentence(candidate)}")
-    for sentence in filter(None, [result.remainder, confounded_sentence(result)]):
-        print(closed(sentence))
-    if result.next_experiment:
-        print(f"Next experiment: {result.next_experiment}")
 
 
 def _percent(share: float) -> str:

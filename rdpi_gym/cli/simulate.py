@@ -64,7 +64,7 @@ def simulate(
         f"{sum(len(record.u_V) for record in dataset.validation)} to validate on"
     )
     print(f"data: {folder}")
-    print(f"what is hidden stands in {answer}" if hide else f"nothing is hidden: {answer}")
+    print(f"{'hidden effects' if hide else 'nothing is hidden'}: {answer}")
 
 
 def _names(hide: str | None, known: tuple[str, ...]) -> list[str]:

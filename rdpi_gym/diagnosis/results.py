@@ -9,6 +9,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
+from rdpi_gym.diagnosis.words import headline, sized
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -16,13 +17,15 @@ from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.files import read_json, write_json
 from rdpi_gym.support.words import quoted
 
-Kind = Literal["diagnosis", "addition", "discovery"]
-"""What was asked: one round of candidates, one effect on request, or rounds until nothing helps."""
+Kind = Literal["diagnosis", "addition", "discovery", "removal"]
+"""What was asked: one round of candidates, one effect on request, rounds until nothing helps, or an
+effect taken out on request."""
 Verdict = Literal["explained", "no missing effect", "unexplained"]
 FORMATS: Mapping[str, Kind] = {
     "rdpi-diagnosis": "diagnosis",
     "rdpi-add": "addition",
     "rdpi-discovery": "discovery",
+    "rdpi-remove": "removal",
 }
 """Kinds by the format that their files state."""
 VERSION = 1
@@ -186,12 +189,12 @@ class View:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What `diagnose`, `add_effect` and `discover` return.
+    """What `diagnose`, `add_effect`, `discover` and `remove_effect` return.
 
     Parameters
     ----------
     kind
-        Which of the three.
+        Which of these.
     title
         Of the data.
     plant
@@ -201,19 +204,25 @@ class SearchResult:
     rounds
         Every candidate of each round, best first: the ranking that each step stood on.
     removed
-        Effects that backward elimination took out again.
+        Effects that backward elimination, or a request, took out.
     noise_floor_um, noise_origin
         Noise (µm rms) and the sentence that says where the figure comes from.
     base
         Errors of the base model, refitted on a fine comb of thresholds.
+    final
+        Errors of `plant`.
     given
         Errors of the model as it was given.
     verdict
-        As in the files.
+        As in the files: it is judged on `plant`.
+    sampling
+        A sentence where the records are sampled too slowly for the model; else None.
+    undecided
+        A sentence where the data are too poor to decide on any effect; else None.
     unexplained_rmse_um
         What the model with all steps leaves over the noise floor (µm rms).
     remainder
-        A sentence on whether what is left follows from the input.
+        A sentence on whether what is left follows from the command.
     next_experiment
         The experiment that would tell the effects added from their rivals; None where none is
         needed.
@@ -238,8 +247,11 @@ class SearchResult:
     noise_floor_um: float
     noise_origin: str
     base: Errors
+    final: Errors
     given: Errors | None
     verdict: Verdict
+    sampling: str | None
+    undecided: str | None
     unexplained_rmse_um: float
     remainder: str
     next_experiment: str | None
@@ -259,8 +271,25 @@ class SearchResult:
         """The candidates of the first round, best first."""
         return self.rounds[0] if self.rounds else ()
 
+    @property
+    def headline(self) -> str:
+        """The answer in one line: which effect, how large, error before and after, noise."""
+        known = {effect.name: effect for effect in self.plant.effects}
+        removal = self.kind == "removal"
+        names = self.removed if removal else [c.effect for c in self.added]
+        before = self.given if removal and self.given is not None else self.base
+        return headline(
+            self.kind,
+            [sized(known[name]) if name in known else name for name in names],
+            (before.validation_rmse_um, self.final.validation_rmse_um),
+            self.noise_floor_um,
+            self.verdict,
+            self.undecided,
+            self.sampling,
+        )
+
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of ``diagnosis.json``, ``add.json`` or ``discovery.json``."""
+        """Return the content of ``diagnosis.json``, ``add.json``, ``discovery.json``."""
         names = {kind: name for name, kind in FORMATS.items()}
         document: dict[str, Any] = {
             "format": names[self.kind],
@@ -271,7 +300,11 @@ class SearchResult:
             "noise_origin": self.noise_origin,
             "given": None if self.given is None else self.given.to_dict(),
             "base": self.base.to_dict(),
+            "final": self.final.to_dict(),
+            "headline": self.headline,
             "verdict": self.verdict,
+            "sampling": self.sampling,
+            "undecided": self.undecided,
             "unexplained_rmse": self.unexplained_rmse_um,
             "remainder": self.remainder,
             "next_experiment": self.next_experiment,
@@ -362,8 +395,11 @@ class SearchResult:
             noise_floor_um=fields.number("noise_floor"),
             noise_origin=fields.text("noise_origin"),
             base=Errors.from_fields(fields.inner("before" if one else "base")),
+            final=Errors.from_fields(fields.inner("final")),
             given=None if given is None else Errors.from_fields(fields.inner("given")),
             verdict=cast("Verdict", verdict),
+            sampling=fields.optional_text("sampling"),
+            undecided=fields.optional_text("undecided"),
             unexplained_rmse_um=fields.number("unexplained_rmse"),
             remainder=fields.text("remainder"),
             next_experiment=fields.optional_text("next_experiment"),

@@ -19,18 +19,12 @@ from rdpi_gym.face.search_options import SearchOptions
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
-from rdpi_gym.report.discovery.sentences import (
-    candidate_sentence,
-    closed,
-    confounded_sentence,
-    joined,
-    staircase,
-    verdict_sentence,
-)
+from rdpi_gym.report.discovery.sentences import lines, staircase
 from rdpi_gym.support.checked import check_type, checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
 from rdpi_gym.support.progress import Progress
+from rdpi_gym.support.words import closed, joined
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,15 +122,7 @@ class SearchResult(Shown, results.SearchResult):
         return SearchResult.of(found, self.data, self.own)
 
     def _lines(self) -> Sequence[str]:
-        sentences = [self.remainder, confounded_sentence(self)]
-        if self.next_experiment:
-            sentences.append(f"Next experiment: {self.next_experiment}")
-        return [
-            verdict_sentence(self),
-            *(f"- {candidate_sentence(candidate)}" for candidate in self.added),
-            *(closed(sentence) for sentence in sentences if sentence),
-            *map(closed, self.notes),
-        ]
+        return [*lines(self), *map(closed, self.notes)]
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the models in order, each with its errors; of a diagnosis, the candidates.

@@ -8,7 +8,7 @@ common: a change behind the plays does not run the plays again.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -87,6 +87,13 @@ def simulate_effects(variants: Sequence[Variant], record: Record) -> Array:
         Displacement (µm) without offset.
     """
     u, v, parameters, state = _front(variants, record)
+    return _behind(variants, record, u, v, parameters, state)
+
+
+def _behind(
+    variants: Sequence[Variant], record: Record, u: Array, v: Array, parameters: Array, state: Array
+) -> Array:
+    """Displacement ``[T, B]`` from commands and rates: the plays, and all that comes after them."""
     y = np.empty_like(u)
     given_rate_block(u, v, parameters, state, y)
     for column in zip(*(variant.effects for variant in variants), strict=True):
@@ -95,6 +102,43 @@ def simulate_effects(variants: Sequence[Variant], record: Record) -> Array:
             stage.start(record.t_s[0])
             y = stage.run(y, u)
     return y
+
+
+def simulate_between(variant: Variant, record: Record, parts: int) -> Array:
+    """Simulate a plant with steps between the samples of a record.
+
+    The command and the thresholds are linear from sample to sample, and the rate of Eq. 5 stays
+    that over a sampling time: without an effect behind the plays nothing changes, and what changes
+    with one is what it does to the motion between the samples.
+
+    Parameters
+    ----------
+    variant
+        The plant.
+    record
+        Its command and sampling time.
+    parts
+        Steps in a sampling time.
+
+    Returns
+    -------
+    float64[T]
+        Displacement (µm) without offset, at the samples of the record.
+    """
+    samples = np.arange(len(record.u_V))
+    places = np.arange((len(samples) - 1) * parts + 1) / parts
+    fine = Record(
+        record.name,
+        record.t_s[0] + places * record.ts_s,
+        np.interp(places, samples, record.u_V),
+        np.zeros_like(places),
+        ts_s=record.ts_s / parts,
+    )
+    u, _, parameters, state = _front([variant], fine)
+    rated = replace(variant, effects=tuple(e for e in variant.effects if e.slot != "input"))
+    _, v, _, _ = _front([rated], replace(record, u_V=u[::parts, 0]))
+    speed = np.interp(places, samples, np.abs(v[:, 0]))
+    return _behind([variant], fine, u, speed[:, None], parameters, state)[::parts, 0]
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from reprlib import Repr
 
 _WIDTH = 60
@@ -37,6 +37,28 @@ def micrometres(value: float) -> str:
     ('0.0123 µm', '-3 µm', '12300 µm')
     """
     return f"{digits(value, 3)} µm"
+
+
+def joined(names: Sequence[str]) -> str:
+    """Write a list of names in words.
+
+    Examples
+    --------
+    >>> joined(["creep"]), joined(["creep", "delay", "resonance"])
+    ('creep', 'creep, delay and resonance')
+    """
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def closed(sentence: str) -> str:
+    """End a sentence with a full stop where it has none.
+
+    Examples
+    --------
+    >>> closed("creep"), closed("Is it?")
+    ('creep.', 'Is it?')
+    """
+    return sentence if sentence.rstrip().endswith((".", "!", "?")) else f"{sentence}."
 
 
 def pm(value: float, error: float) -> str:

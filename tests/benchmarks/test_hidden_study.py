@@ -36,8 +36,8 @@ def discovery(steps, verdict="explained", excess_um=0.0, ranking=None, floor_um=
     base = Errors(0.4, 0.4, 1.0, {})
     ranking = steps if ranking is None else ranking
     return SearchResult(
-        "discovery", "", P10, steps_of(steps), (tuple(ranking),) if ranking else (), (), floor_um, "", base, None,
-        verdict, excess_um, "", None, (), (), (), 1.0,
+        "discovery", "", P10, steps_of(steps), (tuple(ranking),) if ranking else (), (), floor_um, "", base, base, None,
+        verdict, None, None, excess_um, "", None, (), (), (), 1.0,
     )  # fmt: skip
 
 

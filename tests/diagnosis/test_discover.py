@@ -99,7 +99,7 @@ def test_a_force_that_nobody_recorded_is_not_renamed():
     found = discover(laboratory_data([], disturbance_um=0.2), catalogue=FEW)
     assert found.verdict == "unexplained"
     assert found.unexplained_rmse_um > 2 * NOISE_UM
-    assert "does not follow from the recorded input" in found.remainder
+    assert "does not follow from the command" in found.remainder
 
 
 def test_the_sign_of_y_and_the_order_of_records_do_not_matter(lagging):
@@ -173,6 +173,15 @@ def test_a_diagnosis_ranks_every_candidate(lagging):
     assert next(c.effect for c in found.candidates) == "sensor_lag"
     assert {c.effect for c in found.candidates} == set(FEW)
     assert found.to_dict()["format"] == "rdpi-diagnosis"
+
+
+def test_diagnose_and_add_judge_the_model_that_is_saved(lagging):
+    diagnosis = diagnose(lagging, P10, catalogue={"sensor_lag": SensorLag})
+    addition = add_effect(lagging, P10, SensorLag)
+    assert diagnosis.verdict == addition.verdict == "explained"
+    assert diagnosis.final == addition.final == addition.steps[-1].errors
+    assert diagnosis.plant == addition.plant
+    assert diagnosis.headline == addition.headline.replace("Added", "Missing")
 
 
 def test_an_interrupted_run_goes_on_from_its_candidates(lagging, tmp_path):

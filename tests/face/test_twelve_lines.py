@@ -18,5 +18,5 @@ def test_it_runs(tmp_path, monkeypatch, capsys):
     left = runpy.run_path(str(EXAMPLE))
     assert [effect.name for effect in left["found"].plant.effects] == ["creep"]
     assert left["scores"].order == ["extended-inverse", "none"]
-    assert "adding creep" in capsys.readouterr().out
+    assert "Missing: creep (gain per decade" in capsys.readouterr().out
     assert (tmp_path / "results" / "twelve_lines.html").is_file()

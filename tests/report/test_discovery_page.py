@@ -8,10 +8,12 @@ import pytest
 
 from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
 from rdpi_gym.diagnosis.results import Step, View, steps_of
+from rdpi_gym.plant import P5
+from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.report.discovery import candidates, view_figures
 from rdpi_gym.report.discovery import figures as discovery_figures
 from rdpi_gym.report.discovery.page import write_discovery_page
-from rdpi_gym.report.discovery.sentences import staircase, verdict_sentence
+from rdpi_gym.report.discovery.sentences import lines, staircase
 from rdpi_gym.report.discovery.view_sections import MOST_VIEWS, view_sections
 
 
@@ -73,23 +75,46 @@ CASES = {
 def test_page_is_written(case, made_discovery, tmp_path):
     result = case(made_discovery)
     text = page_of(result, tmp_path)
-    assert f"<p>{verdict_sentence(result)}</p>" in text
+    assert f"<p>{result.headline}</p>" in text
     assert "a &lt;b&gt;stage" in text
     assert "<b>x</b>" not in text
     for check in result.checks:
         assert text.count(f"<li>{check}</li>") == 1
 
 
-def test_verdict_states_errors_and_names(made_discovery):
-    assert verdict_sentence(made_discovery()) == (
-        "Explained: adding creep and resonance bring the validation error from 0.8 µm to 0.021 µm; "
-        "the noise floor is 0.02 µm."
+def test_the_answer_comes_first(made_discovery):
+    said = lines(made_discovery())
+    assert said[0] == ("Missing: creep and resonance. Error 0.8 to 0.021 µm, noise 0.02 µm.")
+    assert said[1].startswith("- creep: confidence 99 %. creep makes the loops")
+    assert said[2].startswith("- resonance: confidence 99 %, indistinguishable from delay on these")
+    assert said[-1] == "Next experiment: A multisine below the first threshold."
+
+
+def test_the_answer_names_sizes(made_discovery):
+    creeping = replace(P5, effects=(CATALOGUE["creep"](0.0123), CATALOGUE["delay"](2.5e-5)))
+    assert made_discovery(plant=creeping).headline.startswith(
+        "Missing: creep (gain per decade 0.0123) and resonance."
     )
-    nothing = made_discovery(**NOTHING)
-    assert verdict_sentence(nothing).startswith("No missing effect: the model without further")
-    assert "no candidate was tried" in verdict_sentence(replace(nothing, verdict="unexplained"))
-    tried = replace(nothing, verdict="unexplained", rounds=made_discovery().rounds)
-    assert "no candidate earns its place" in verdict_sentence(tried)
+
+
+def test_an_answer_for_every_verdict(made_discovery):
+    assert (
+        made_discovery(**NOTHING).headline == "Nothing is missing. Error 0.021 µm, noise 0.02 µm."
+    )
+    left = made_discovery(**NOTHING | {"verdict": "unexplained"})
+    assert left.headline.startswith(
+        "Unexplained: no effect of the catalogue improves held-out error"
+    )
+    poor = replace(left, undecided="The data are too short to decide.")
+    assert poor.headline.startswith("Undecided. The data are too short to decide. Error 0.021")
+    assert sum("too short" in line for line in lines(poor)) == 1
+    part = made_discovery(verdict="unexplained")
+    assert "and something that no effect of the catalogue explains. Error 0.8" in part.headline
+    asked = replace(part, kind="addition")
+    assert asked.headline.startswith("Added: creep and resonance, which leaves part of the error")
+    slow = made_discovery(sampling="Sample faster than 20000 Hz: the records miss motion.")
+    assert slow.headline.endswith("noise 0.02 µm. Sample faster than 20000 Hz.")
+    assert "Sample faster than 20000 Hz: the records miss motion." in lines(slow)
 
 
 def test_what_cannot_be_told_apart_is_said(made_discovery, tmp_path):
@@ -101,8 +126,9 @@ def test_what_cannot_be_told_apart_is_said(made_discovery, tmp_path):
 def test_diagnosis_speaks_of_what_would_be(made_diagnosis, tmp_path):
     result = made_diagnosis()
     assert [c.effect for c in result.added] == ["creep"]
-    assert "adding creep would bring the validation error from 0.8 µm to 0.1 µm, yet" in (
-        verdict_sentence(result)
+    assert result.headline == (
+        "Missing: creep, and something that no effect of the catalogue explains. "
+        "Error 0.8 to 0.1 µm, noise 0.02 µm."
     )
     text = page_of(result, tmp_path)
     assert "Nothing has been added to the model yet" in text
@@ -170,7 +196,7 @@ def test_ranking_keeps_runaways_and_failures_on_the_axis(made_discovery):
     assert (group, text) == ("others", "did not converge")
     assert 0.0 < length < 0.01 * reach
     second = list(candidates.candidate_sections(result)[0].figure.values())[1]
-    assert bars(second)["delay"][0] == "not to be told from it"
+    assert bars(second)["delay"][0] == "indistinguishable from it"
 
 
 def test_staircase_holds_every_error_and_the_floor(made_discovery):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from rdpi_gym.diagnosis.results import Candidate, Kind, SearchResult, steps_of
-from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
+from rdpi_gym.diagnosis.results import Candidate, SearchResult
+from rdpi_gym.diagnosis.search.conclusion import Search, conclude
+from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import PlantModel
@@ -64,17 +65,13 @@ def diagnose(
     ranked = laboratory.ranked(base)
     chosen = laboratory.choose(base, ranked) if laboratory.decidable else []
     end = laboratory.after(base, chosen) if chosen else base
-    return _result(
-        laboratory,
-        began,
-        "diagnosis",
-        given,
-        base,
-        end,
-        added=[replace(r.candidate, errors=end.outcome.errors) for r in chosen],
-        rounds=[ranked],
-        last=chosen,
+    end, notes = laboratory.on_law(end, given)
+    recommended = [replace(r.candidate, errors=end.outcome.errors) for r in chosen]
+    added = [laboratory.final(end, candidate) for candidate in recommended]
+    search = Search(
+        began, "diagnosis", given, base, end, added=added, rounds=[ranked], last=chosen, notes=notes
     )
+    return conclude(laboratory, search)
 
 
 def discover(
@@ -125,8 +122,7 @@ def discover(
     if added:  # the last step ends at the model that is saved
         end = added[-1].errors
         added = [replace(c, errors=state.outcome.errors) if c.errors is end else c for c in added]
-    return _result(
-        laboratory,
+    search = Search(
         began,
         "discovery",
         given,
@@ -138,6 +134,7 @@ def discover(
         removed=removed,
         notes=notes,
     )
+    return conclude(laboratory, search)
 
 
 def add_effect(
@@ -181,8 +178,7 @@ def add_effect(
     if not ranked[0].earned:
         notes = (f"{kind.name} was added on request; these records do not earn it", *notes)
     candidate = replace(ranked[0].candidate, errors=state.outcome.errors)
-    return _result(
-        laboratory,
+    search = Search(
         began,
         "addition",
         given,
@@ -193,6 +189,7 @@ def add_effect(
         last=ranked[:1],
         notes=notes,
     )
+    return conclude(laboratory, search)
 
 
 def remove_effect(dataset: Dataset, given: PlantModel, name: str) -> SearchResult:
@@ -225,57 +222,13 @@ def remove_effect(dataset: Dataset, given: PlantModel, name: str) -> SearchResul
     laboratory = Laboratory(dataset, CATALOGUE, 1, 0, None, None)
     base = laboratory.base(kept)
     state, notes = laboratory.on_law(base, kept)
-    return _result(
-        laboratory,
+    search = Search(
         began,
-        "discovery",
+        "removal",
         given,
         base,
         state,
-        added=[],
-        rounds=[],
-        last=[],
         removed=(name,),
-        notes=(f"{name} was taken out on request", *notes),
+        notes=notes,
     )
-
-
-def _result(
-    laboratory: Laboratory,
-    began: float,
-    kind: Kind,
-    given: PlantModel | None,
-    base: State,
-    end: State,
-    *,
-    added: Sequence[Candidate],
-    rounds: Sequence[Sequence[Ranked]],
-    last: Sequence[Ranked],
-    removed: tuple[str, ...] = (),
-    notes: tuple[str, ...] = (),
-) -> SearchResult:
-    """Put together what a search ends with; `last` is what the next experiment has to settle."""
-    verdict = laboratory.verdict(end, bool(added))
-    groups = laboratory.groups(end)
-    with_effects = f"with {added[0].effect}" if len(added) == 1 else "with effects"
-    return SearchResult(
-        kind=kind,
-        title=laboratory.dataset.title,
-        plant=laboratory.model(end, given),
-        steps=steps_of(added),
-        rounds=tuple(tuple(r.candidate for r in ranked) for ranked in rounds),
-        removed=removed,
-        noise_floor_um=laboratory.noise_um,
-        noise_origin=laboratory.noise_origin,
-        base=base.outcome.errors,
-        given=laboratory.given_errors(given),
-        verdict=verdict,
-        unexplained_rmse_um=laboratory.unexplained_um(end),
-        remainder=laboratory.remainder(end),
-        next_experiment=laboratory.next_experiment(end, last, verdict, groups),
-        indistinguishable=groups,
-        checks=laboratory.checks(),
-        views=laboratory.views({"base model": base} | ({with_effects: end} if added else {})),
-        seconds=time.perf_counter() - began,
-        notes=(*laboratory.remarks, *notes),
-    )
+    return conclude(laboratory, search)

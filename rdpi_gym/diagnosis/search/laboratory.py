@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
-import numpy as np
-
 from rdpi_gym.diagnosis.features.noise import noise_floor
-from rdpi_gym.diagnosis.results import Candidate, Errors, Verdict, View
+from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import (
     Outcome,
     Setting,
@@ -21,7 +19,7 @@ from rdpi_gym.diagnosis.search.candidates import (
     refit_all,
 )
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
-from rdpi_gym.diagnosis.search.law import plant_of, to_threshold_law
+from rdpi_gym.diagnosis.search.law import to_threshold_law
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
@@ -30,16 +28,15 @@ from rdpi_gym.diagnosis.search.ranking import (
     of_effect,
     rank,
 )
-from rdpi_gym.diagnosis.search.remainder import remainder
 from rdpi_gym.diagnosis.search.scale import comb, data_scale, on_comb, pruned
 from rdpi_gym.diagnosis.search.separability import (
     RATE,
-    next_experiment,
     separability,
     typical_effects,
 )
 from rdpi_gym.diagnosis.search.suitability import TURNED, falls, poverty, turned
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.diagnosis.search.verdict import EXPLAINED
+from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.identification.rates import rate_spread
 from rdpi_gym.identification.stack import stack_records
@@ -49,8 +46,6 @@ from rdpi_gym.plant.effects.base import Effect, in_chain_order
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 
-# At most this many times the noise floor is explained.
-EXPLAINED = 1.15
 _NOMINEES = 4
 # Rivals that are tried once more in the end: by the gain of the effect chosen, or by the noise.
 _CLOSE_GAIN, _CLOSE_NOISE = 0.03, 1.0
@@ -58,7 +53,7 @@ _CLOSE_GAIN, _CLOSE_NOISE = 0.03, 1.0
 _LEADERS = 4
 # The best candidates of a round show the noise floor; what others leave is no smaller.
 _FLOOR_FROM = 3
-# Where all rates are alike, an effect at this cosine to that of δ2 is not to be told from it.
+# Where all rates are alike, an effect at this cosine to that of δ2 is indistinguishable from it.
 _LIKE_RATE = 0.9
 
 
@@ -117,14 +112,14 @@ class Laboratory:
         self._checkpoint = Checkpoint(checkpoint, (*train, *validation))
         remark = self._checkpoint.remark
         self.remarks: tuple[str, ...] = () if remark is None else (remark,)
-        self._trouble = poverty((*train, *validation), train)
+        self.undecided = poverty((*train, *validation), train)
         self._like_rate: tuple[str, ...] = ()
         self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
 
     @property
     def decidable(self) -> bool:
         """Whether the data are rich enough for any decision."""
-        return self._trouble is None
+        return self.undecided is None
 
     def base(self, given: PlantModel | None) -> State:
         """Refit the base model, with the effects that a given model has, on the comb."""
@@ -290,102 +285,11 @@ class Laboratory:
         excess = state.outcome.mean_square - self.noise_um**2
         return excess < AT_FLOOR * self.noise_um**2
 
-    def verdict(self, state: State, added: bool) -> Verdict:
-        """Say in the file's words where the model stands."""
-        if not self.decidable:
-            return "unexplained"
-        if state.outcome.errors.validation_rmse_um <= EXPLAINED * self.noise_um:
-            return "explained" if added else "no missing effect"
-        return "unexplained"
-
-    def unexplained_um(self, state: State) -> float:
-        """Error over the noise floor (µm rms)."""
-        return math.sqrt(max(state.outcome.mean_square - self.noise_um**2, 0.0))
-
-    def remainder(self, state: State) -> str:
-        """Say whether what is left follows from the input."""
-        if self._trouble is not None:
-            return self._trouble
-        found = remainder(
-            state.fit.variant, self.setting.train, self.setting.validation, self.setting.scale,
-            self.noise_um,
-        )  # fmt: skip
-        return found.sentence
-
-    def next_experiment(
-        self,
-        state: State,
-        chosen: Sequence[Ranked],
-        verdict: Verdict,
-        groups: Sequence[Sequence[str]],
-    ) -> str | None:
-        """Name the experiment that would decide what these data cannot, `groups` among it."""
-        if self._trouble is not None:
-            return (
-                "Record the standard protocol: a slow decaying triangle, sines at several rates and "
-                "amplitudes, a multisine, steps with long holds."
-            )
-        effects = {e.name: e for e in state.effects}
-        typical = typical_effects(self.catalogue, self.setting.scale)
-        pairs = [
-            (effects[r.candidate.effect], typical[rival])
-            for r in chosen
-            for rival in r.candidate.indistinguishable
-            if r.candidate.effect in effects and rival in typical
-        ]
-        if not pairs and verdict == "unexplained":
-            alike = [[typical[n] for n in g if n in typical] for g in groups]
-            pairs = [(group[0], group[1]) for group in alike if len(group) > 1]
-        if not pairs:
-            return None
-        return next_experiment(*pairs[0], state.hysteresis, self.setting.scale)
-
-    def groups(self, state: State) -> tuple[tuple[str, ...], ...]:
-        """Return the classes of effects that the records to fit cannot tell apart."""
-        if self._trouble is not None:
-            return ()
-        present = {e.name for e in state.effects}
-        kinds = {n: k for n, k in self.catalogue.items() if n not in present}
-        effects = typical_effects(kinds, self.setting.scale)
-        found = separability(self.setting.train, state.hysteresis, state.effects, effects)
-        return found.groups(self.noise_um)
-
-    def checks(self) -> tuple[str, ...]:
-        """Return what the tests without a model say."""
-        from rdpi_gym.diagnosis.checks import run_checks
-
-        return tuple(check.sentence for check in run_checks(self.dataset))
-
-    def given_errors(self, given: PlantModel | None) -> Errors | None:
-        """Return the errors of the model as it was given."""
-        if given is None:
-            return None
-        variant = Variant(given.hysteresis, given.effects)
-        fit = JointFit(variant, math.nan, (), {}, 0, True)
-        return assess(self.setting, "", fit).errors
-
-    def views(self, states: Mapping[str, State]) -> tuple[View, ...]:
-        """Return the records with what each model makes of them."""
-        found = []
-        for record in dict.fromkeys((*self.setting.train, *self.setting.validation)):
-            models = {}
-            for label, state in states.items():
-                y = simulate_effects([state.fit.variant], record)[:, 0]
-                counted = record.error_mask
-                models[label] = y + float(np.mean((record.y_um - y)[counted]))
-            shown = (record.t_s, record.u_V, record.y_um, models, counted.astype(np.float64))
-            found.append(View(record.name, record.role, *shown))
-        return tuple(found)
-
     def on_law(self, state: State, given: PlantModel | None) -> tuple[State, tuple[str, ...]]:
         """Return the model with the threshold law of Eq. 8 where it costs little, and remarks."""
         plays = None if given is None else given.hysteresis.n
         outcome, note = to_threshold_law(self.setting, state.outcome, plays, self.noise_um)
         return State(outcome), (*self.orientation, note)
-
-    def model(self, state: State, given: PlantModel | None) -> PlantModel:
-        """Return the plant to save."""
-        return plant_of(self.setting, state.outcome, given)
 
     def _update_noise(self, state: State) -> None:
         records = (*self.setting.train, *self.setting.validation)
@@ -403,6 +307,6 @@ def _bounds_hit(ranked: Ranked) -> int:
 
 def _like_rate(ranked: Ranked) -> Ranked:
     """Return a candidate that records of one rate cannot tell from δ2: not to be added."""
-    remark = "not to be told from δ2: all rates are alike"
+    remark = "indistinguishable from δ2: all rates are alike"
     candidate = replace(ranked.candidate, remarks=(*ranked.candidate.remarks, remark))
     return replace(ranked, candidate=candidate, earned=False, barred=True)

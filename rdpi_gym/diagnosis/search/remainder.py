@@ -1,4 +1,4 @@
-"""Whether what is left follows from the input, or something else moved the stage."""
+"""Whether what is left follows from the command."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FOLLOWS, IN_PART = 0.3, 0.15
 
 @dataclass(frozen=True)
 class Remainder:
-    """Whether the remainder follows from the input.
+    """Whether the remainder follows from the command.
 
     Parameters
     ----------
@@ -146,15 +146,12 @@ def _sentence(share: float, excess: float, noise_um: float) -> str:
     )
     if share >= FOLLOWS:
         return (
-            f"{left} follows from the input: {learned}. An effect outside the catalogue, hysteresis "
-            "of another kind, or an imperfect form of an effect in the catalogue is missing."
+            f"{left} follows from the command: {learned}. So the model lacks an effect that the "
+            "catalogue does not hold, or has one or the hysteresis in another form."
         )
     if share >= IN_PART:
-        return (
-            f"{left} follows from the input only in part: {learned}. Besides a missing effect a "
-            "disturbance moves the stage, or the records show too little of that effect."
-        )
+        return f"{left} follows from the command in part: {learned}. The cause of the rest is not known."
     return (
-        f"{left} does not follow from the recorded input, as far as can be told: {learned}. Most "
-        "likely a disturbance that nobody recorded or another input moves the stage."
+        f"{left} does not follow from the command, as far as could be tested: {learned}. Its cause "
+        "is not known; record what else acts on the stage, such as temperature or load."
     )

@@ -10,8 +10,9 @@ import pandas as pd
 from rdpi_gym.diagnosis.results import Candidate, SearchResult, Step
 from rdpi_gym.plant.effects import Effect, Parameter
 from rdpi_gym.report.discovery import figures as discovery_figures
-from rdpi_gym.report.discovery.sentences import closed, joined, micrometres
+from rdpi_gym.report.discovery.sentences import micrometres
 from rdpi_gym.report.page import Section
+from rdpi_gym.support.words import closed, joined
 
 
 def candidate_sections(result: SearchResult) -> list[Section]:
@@ -92,7 +93,7 @@ def _candidate_table(candidates: Sequence[Candidate], number: int) -> pd.DataFra
                 "train_rmse_um": _known(c.errors.train_rmse_um),
                 "Share of the excess gone (%)": _known(100.0 * c.share),
                 "Confidence (%)": 100.0 * c.confidence,
-                "Not to be told from": ", ".join(c.indistinguishable),
+                "Indistinguishable from": ", ".join(c.indistinguishable),
                 "remarks": "; ".join(c.remarks),
             }
             for c in candidates

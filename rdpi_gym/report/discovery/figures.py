@@ -156,11 +156,11 @@ def _error_bars(
     rivals = {name for c in candidates if c.effect in taken for name in c.indistinguishable}
     groups: dict[str, tuple[str, list[Candidate]]] = {
         "the choice": (AFTER, []),
-        "not to be told from it": (_CLASS, []),
+        "indistinguishable from it": (_CLASS, []),
         "others": (_OTHER, []),
     }
     for candidate in candidates:
-        rival = "not to be told from it" if candidate.effect in rivals else "others"
+        rival = "indistinguishable from it" if candidate.effect in rivals else "others"
         groups["the choice" if candidate.effect in taken else rival][1].append(candidate)
     for group, (colour, members) in groups.items():
         if members:
@@ -222,7 +222,9 @@ def _hover(candidate: Candidate) -> str:
         f"training {candidate.errors.train_rmse_um:.4g} µm",
     ]
     if candidate.indistinguishable:
-        lines.append(f"not to be told from {figure_text(', '.join(candidate.indistinguishable))}")
+        lines.append(
+            f"indistinguishable from {figure_text(', '.join(candidate.indistinguishable))}"
+        )
     lines += [figure_text(remark) for remark in candidate.remarks]
     return "<br>".join(lines)
 

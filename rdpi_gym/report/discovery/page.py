@@ -13,15 +13,13 @@ from rdpi_gym.report.discovery import figures as discovery_figures
 from rdpi_gym.report.discovery.candidates import candidate_sections, parameter_sections
 from rdpi_gym.report.discovery.sentences import (
     candidate_sentence,
-    closed,
     confounded_sentence,
-    joined,
     micrometres,
     staircase,
-    verdict_sentence,
 )
 from rdpi_gym.report.discovery.view_sections import view_sections
 from rdpi_gym.report.page import Section, write_page
+from rdpi_gym.support.words import closed, joined
 
 _HOW = (
     "- Every model and every candidate is refitted as a whole, hysteresis included, on the training "
@@ -78,7 +76,7 @@ def write_discovery_page(
 
 
 def _summary(result: SearchResult) -> str:
-    paragraphs = [verdict_sentence(result)]
+    paragraphs = [result.headline]
     if result.added:
         paragraphs.append("\n".join(f"- {candidate_sentence(c)}" for c in result.added))
     paragraphs += filter(None, [result.remainder, confounded_sentence(result)])

@@ -1,0 +1,192 @@
+"""What a search ends with: the verdict on its last model, what is left, what to measure next."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rdpi_gym.diagnosis.checks import run_checks
+from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, SearchResult, View, steps_of
+from rdpi_gym.diagnosis.search.candidates import assess
+from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
+from rdpi_gym.diagnosis.search.law import plant_of
+from rdpi_gym.diagnosis.search.ranking import Ranked
+from rdpi_gym.diagnosis.search.remainder import remainder
+from rdpi_gym.diagnosis.search.separability import (
+    next_experiment,
+    separability,
+    typical_effects,
+)
+from rdpi_gym.diagnosis.search.verdict import Judgement, judge
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.plant import PlantModel
+
+Groups = tuple[tuple[str, ...], ...]
+
+_STANDARD_PROTOCOL = (
+    "Record the standard protocol: a slow decaying triangle, sines at several rates and "
+    "amplitudes, a multisine, steps with long holds."
+)
+
+
+@dataclass(frozen=True)
+class Search:
+    """How a search went.
+
+    Parameters
+    ----------
+    began
+        Reading of the clock at its start (s).
+    kind
+        What was asked.
+    given
+        The model that it started from.
+    base, end
+        The base model refitted, and the model that is saved.
+    added
+        What was added, in order.
+    rounds
+        The candidates of each round.
+    last
+        Of these, what the next experiment has to settle.
+    removed, notes
+        As in the result.
+    """
+
+    began: float
+    kind: Kind
+    given: PlantModel | None
+    base: State
+    end: State
+    added: Sequence[Candidate] = ()
+    rounds: Sequence[Sequence[Ranked]] = ()
+    last: Sequence[Ranked] = ()
+    removed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
+    """Judge the model that a search ends with, and say what is left and what would decide.
+
+    Parameters
+    ----------
+    laboratory
+        The data, and the noise floor that the refits have shown.
+    search
+        How the search went.
+    """
+    end, added = search.end, search.added
+    judgement = _judgement(laboratory, end, bool(added))
+    groups = _groups(laboratory, end)
+    label = f"with {added[0].effect}" if len(added) == 1 else "with effects"
+    return SearchResult(
+        kind=search.kind,
+        title=laboratory.dataset.title,
+        plant=plant_of(laboratory.setting, end.outcome, search.given),
+        steps=steps_of(added),
+        rounds=tuple(tuple(r.candidate for r in ranked) for ranked in search.rounds),
+        removed=search.removed,
+        noise_floor_um=laboratory.noise_um,
+        noise_origin=laboratory.noise_origin,
+        base=search.base.outcome.errors,
+        final=end.outcome.errors,
+        given=_given_errors(laboratory, search.given),
+        verdict=judgement.verdict,
+        sampling=judgement.sampling,
+        undecided=laboratory.undecided,
+        unexplained_rmse_um=math.sqrt(max(end.outcome.mean_square - laboratory.noise_um**2, 0.0)),
+        remainder=_remainder(laboratory, end, judgement),
+        next_experiment=_next_experiment(laboratory, end, search.last, judgement, groups),
+        indistinguishable=groups,
+        checks=tuple(check.sentence for check in run_checks(laboratory.dataset)),
+        views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
+        seconds=time.perf_counter() - search.began,
+        notes=(*laboratory.remarks, *search.notes),
+    )
+
+
+def _judgement(laboratory: Laboratory, state: State, added: bool) -> Judgement:
+    if laboratory.undecided is not None:
+        return Judgement("unexplained")
+    rmse_um = state.outcome.errors.validation_rmse_um
+    return judge(laboratory.setting, state.fit.variant, rmse_um, laboratory.noise_um, added)
+
+
+def _remainder(laboratory: Laboratory, state: State, judgement: Judgement) -> str:
+    """Say whether what is left follows from the command."""
+    if laboratory.undecided is not None:
+        return laboratory.undecided
+    if judgement.verdict != "unexplained":
+        rest = "the noise" if judgement.sampling is None else "motion between the samples"
+        return f"What is left is {rest}."
+    setting = laboratory.setting
+    return remainder(
+        state.fit.variant, setting.train, setting.validation, setting.scale, laboratory.noise_um
+    ).sentence
+
+
+def _next_experiment(
+    laboratory: Laboratory,
+    state: State,
+    chosen: Sequence[Ranked],
+    judgement: Judgement,
+    groups: Groups,
+) -> str | None:
+    """Name the experiment that would decide what these data cannot, `groups` among it."""
+    if laboratory.undecided is not None:
+        return _STANDARD_PROTOCOL
+    scale = laboratory.setting.scale
+    effects = {e.name: e for e in state.effects}
+    typical = typical_effects(laboratory.catalogue, scale)
+    pairs = [
+        (effects[r.candidate.effect], typical[rival])
+        for r in chosen
+        for rival in r.candidate.indistinguishable
+        if r.candidate.effect in effects and rival in typical
+    ]
+    if not pairs and judgement.verdict == "unexplained":
+        alike = [[typical[n] for n in g if n in typical] for g in groups]
+        pairs = [(group[0], group[1]) for group in alike if len(group) > 1]
+    if not pairs:
+        return None
+    return next_experiment(*pairs[0], state.hysteresis, scale)
+
+
+def _groups(laboratory: Laboratory, state: State) -> Groups:
+    """Return the classes of effects that the records to fit cannot tell apart."""
+    if laboratory.undecided is not None:
+        return ()
+    present = {e.name for e in state.effects}
+    kinds = {n: k for n, k in laboratory.catalogue.items() if n not in present}
+    effects = typical_effects(kinds, laboratory.setting.scale)
+    train = laboratory.setting.train
+    found = separability(train, state.hysteresis, state.effects, effects)
+    return found.groups(laboratory.noise_um)
+
+
+def _given_errors(laboratory: Laboratory, given: PlantModel | None) -> Errors | None:
+    """Return the errors of the model as it was given."""
+    if given is None:
+        return None
+    variant = Variant(given.hysteresis, given.effects)
+    return assess(laboratory.setting, "", JointFit(variant, math.nan, (), {}, 0, True)).errors
+
+
+def _views(laboratory: Laboratory, states: Mapping[str, State]) -> tuple[View, ...]:
+    """Return the records with what each model makes of them."""
+    found = []
+    setting = laboratory.setting
+    for record in dict.fromkeys((*setting.train, *setting.validation)):
+        models = {}
+        for label, state in states.items():
+            y = simulate_effects([state.fit.variant], record)[:, 0]
+            counted = record.error_mask
+            models[label] = y + float(np.mean((record.y_um - y)[counted]))
+        shown = (record.t_s, record.u_V, record.y_um, models, counted.astype(np.float64))
+        found.append(View(record.name, record.role, *shown))
+    return tuple(found)

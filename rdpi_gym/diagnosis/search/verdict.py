@@ -1,0 +1,146 @@
+"""The verdict on a model, one for every search: explained, nothing missing, or something left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rdpi_gym.diagnosis.results import Verdict
+from rdpi_gym.diagnosis.search.candidates import Setting
+from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
+from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.measurement import Record
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import digits, micrometres
+
+# At most this many times the noise floor is explained.
+EXPLAINED = 1.15
+# Steps between two samples with which it is tried whether the sampling is what is left.
+_PARTS = (2, 4, 8)
+# Rounds in which the motion between samples and the parameters are found in turn; and of what is
+# left, the share that this motion has to have for a try.
+_CORRECTIONS, _LEAST_SHARE = 3, 0.1
+# Of the sampling rate, the highest frequency, and in samples, the shortest time constant, of which
+# records show more than that it is there.
+_HIGHEST_SHARE, _FEWEST_SAMPLES = 0.1, 2.0
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A verdict with the reservation that it stands under.
+
+    Parameters
+    ----------
+    verdict
+        As in the files.
+    sampling
+        A sentence where records are sampled too slowly for the model, with the rate that would do.
+    """
+
+    verdict: Verdict
+    sampling: str | None = None
+
+
+def judge(
+    setting: Setting, variant: Variant, rmse_um: float, noise_um: float, added: bool
+) -> Judgement:
+    """Judge a model as it is saved.
+
+    Parameters
+    ----------
+    setting
+        The data.
+    variant
+        The model.
+    rmse_um
+        Its error on the validation records (µm rms).
+    noise_um
+        Noise floor (µm rms).
+    added
+        Whether it has effects that the search added.
+
+    Notes
+    -----
+    A model that is right leaves more than the noise where records are sampled so slowly that the
+    motion between the samples matters. That is tried: with steps between the samples, the command
+    linear from one to the next, the same model has to reach the noise floor, as it is or with its
+    parameters fitted once more to what such steps change.
+    """
+    good: Verdict = "explained" if added else "no missing effect"
+    if rmse_um <= EXPLAINED * noise_um:
+        return Judgement(good)
+    validation = setting.validation
+    sampling = _between_samples(variant, noise_um, validation)
+    if sampling is None and _misses(variant, validation) > _LEAST_SHARE * (
+        rmse_um**2 - noise_um**2
+    ):
+        sampling = _between_samples(_corrected(setting, variant), noise_um, validation)
+    if sampling is not None:
+        return Judgement(good, sampling)
+    return Judgement("unexplained", _beyond_sampling(variant, validation) if added else None)
+
+
+def _misses(variant: Variant, records: Sequence[Record]) -> float:
+    """Return what steps between the samples change in the displacement (µm², mean square)."""
+    changes = [_change(variant, record)[record.error_mask] for record in records]
+    return float(np.average([np.var(c) for c in changes], weights=[len(c) for c in changes]))
+
+
+def _change(variant: Variant, record: Record) -> Array:
+    still = simulate_effects([variant], record)[:, 0]
+    return simulate_between(variant, record, _PARTS[-1]) - still
+
+
+def _corrected(setting: Setting, variant: Variant) -> Variant:
+    """Return the model fitted to records from which the motion between samples is taken off."""
+    for _ in range(_CORRECTIONS):
+        train = [replace(r, y_um=r.y_um - _change(variant, r)) for r in setting.train]
+        variant = fit_joint(train, variant.hysteresis, variant.effects).variant
+    return variant
+
+
+def _between_samples(variant: Variant, noise_um: float, validation: Sequence[Record]) -> str | None:
+    """Say how fast to sample where steps between the samples bring the error to the noise floor."""
+    samples = [int(np.count_nonzero(r.error_mask)) for r in validation]
+    before = [_mean_square(variant, r, 1) for r in validation]
+    for parts in _PARTS:
+        after = [_mean_square(variant, r, parts) for r in validation]
+        left_um = math.sqrt(np.average(after, weights=samples))
+        if left_um <= EXPLAINED * noise_um:
+            gained = [n * (b - a) for n, b, a in zip(samples, before, after, strict=True)]
+            record = validation[int(np.argmax(gained))]
+            return (
+                f"Sample faster than {digits(parts / record.ts_s, 3)} Hz: the records miss motion "
+                f"between their samples ({record.name} has {digits(1.0 / record.ts_s, 3)} Hz); with "
+                f"{parts} steps from sample to sample the model leaves {micrometres(left_um)}."
+            )
+    return None
+
+
+def _mean_square(variant: Variant, record: Record, parts: int) -> float:
+    error = (record.y_um - simulate_between(variant, record, parts))[record.error_mask]
+    return float(np.var(error))
+
+
+def _beyond_sampling(variant: Variant, validation: Sequence[Record]) -> str | None:
+    """Say how fast to sample for an effect that is faster than the records can show."""
+    fastest_hz = max(1.0 / record.ts_s for record in validation)
+    needed: dict[str, float] = {}
+    for effect in variant.effects:
+        for parameter in effect.parameters:
+            value = effect.values[parameter.name]
+            where = f"{effect.name} ({digits(value, 3)} {parameter.unit})"
+            if parameter.unit == "Hz" and value > _HIGHEST_SHARE * fastest_hz:
+                needed[where] = value / _HIGHEST_SHARE
+            if parameter.unit == "s" and 0.0 < value < _FEWEST_SAMPLES / fastest_hz:
+                needed[where] = _FEWEST_SAMPLES / value
+    if not needed:
+        return None
+    where = max(needed, key=lambda name: needed[name])
+    return (
+        f"Sample faster than {digits(needed[where], 3)} Hz before anything more is concluded: "
+        f"{where} is too fast for records of {digits(fastest_hz, 3)} Hz."
+    )

@@ -1,0 +1,92 @@
+"""One verdict for every search, on the model that is saved; no cause is named that was not tried."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rdpi_gym.diagnosis.search.candidates import Setting
+from rdpi_gym.diagnosis.search.discover import discover
+from rdpi_gym.diagnosis.search.scale import data_scale
+from rdpi_gym.diagnosis.search.verdict import judge
+from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant import P10
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.virtual_lab import Truth, simulate_dataset
+
+NOISE_UM = 0.012
+DYNAMIC = ("sine-50hz", "multisine", "validation-chirp", "validation-noise")
+
+
+def measured(effects, seed, ts_factor, names):
+    """Some records of the standard protocol on P10 with hidden effects."""
+    data = simulate_dataset(Truth(P10, tuple(effects), NOISE_UM, seed, ts_factor))
+    return replace(data, records=tuple(r for r in data.records if r.name in (*names, "quiet")))
+
+
+SLEW = CATALOGUE["slew_limit"](7470.588199522548)
+CREEP, LAG = CATALOGUE["creep"](0.012023907418648538), CATALOGUE["sensor_lag"](0.000243006835)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "seed", "names"),
+    [
+        ([SLEW], 7, ("triangle-slow", *DYNAMIC)),
+        ([CREEP, LAG], 11, ("stairs", "validation-stairs", *DYNAMIC)),
+    ],
+)
+def test_a_right_model_of_records_sampled_too_slowly_is_no_riddle(hidden, seed, names):
+    catalogue = {effect.name: CATALOGUE[effect.name] for effect in hidden}
+    found = discover(measured(hidden, seed, 4.0, names), catalogue=catalogue)
+    assert {c.effect for c in found.added} == set(catalogue)
+    assert found.final.validation_rmse_um > 1.15 * found.noise_floor_um
+    assert found.verdict == "explained"
+    assert "Sample faster than" in found.headline
+    assert "Hz: the records miss motion between their samples (validation-chirp has 5000 Hz)" in (
+        found.sampling or ""
+    )
+    assert "disturbance" not in found.headline + found.remainder
+
+
+def sampled(variant, ts_s, fine_s=1e-5):
+    """A record of a plant that moves between its samples, with noise."""
+    parts = round(ts_s / fine_s)
+    t = np.arange(4000) * ts_s
+    u = 30.0 * np.sin(2 * np.pi * 120.0 * t) * np.sin(2 * np.pi * 3.0 * t)
+    record = Record("fast", t, u, np.zeros_like(t), ts_s=ts_s)
+    noise = NOISE_UM * np.random.default_rng(1).standard_normal(len(t))
+    return replace(record, y_um=simulate_between(variant, record, parts) + noise)
+
+
+def test_steps_between_samples_change_nothing_without_an_effect():
+    bare = Variant(P10.hysteresis, ())
+    record = sampled(bare, 2e-4)
+    coarse = simulate_effects([bare], record)[:, 0]
+    np.testing.assert_allclose(simulate_between(bare, record, 5), coarse, atol=1e-9)
+
+
+@pytest.mark.parametrize(("added", "good"), [(True, "explained"), (False, "no missing effect")])
+def test_the_same_judgement_with_and_without_steps(added, good):
+    lagging = Variant(P10.hysteresis, (LAG,))
+    record = sampled(lagging, 4e-4)
+    error = record.y_um - simulate_effects([lagging], record)[:, 0]
+    rmse_um = float(np.std(error))
+    setting = Setting((record,), (record,), data_scale([record]))
+    assert rmse_um > 2 * NOISE_UM
+    found = judge(setting, lagging, rmse_um, NOISE_UM, added)
+    assert (found.verdict, found.sampling is None) == (good, False)
+    assert judge(setting, lagging, 1.1 * NOISE_UM, NOISE_UM, added).sampling is None
+
+
+def test_an_effect_too_fast_for_the_records_is_named_with_the_rate_that_would_do():
+    mode = Variant(P10.hysteresis, (CATALOGUE["resonance"](1000.0, 0.02),))
+    record = sampled(mode, 2e-4)
+    moved = replace(record, y_um=record.y_um + 0.3 * np.sin(2 * np.pi * 7.0 * record.t_s))
+    setting = Setting((moved,), (moved,), data_scale([moved]))
+    found = judge(setting, mode, 0.2, NOISE_UM, added=True)
+    assert found.verdict == "unexplained"
+    assert found.sampling == (
+        "Sample faster than 10000 Hz before anything more is concluded: resonance (1000 Hz) is too "
+        "fast for records of 5000 Hz."
+    )
