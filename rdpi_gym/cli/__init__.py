@@ -1,4 +1,4 @@
-"""The command `rdpi`: parses and calls; every result is computed elsewhere."""
+"""The command `rdpi`: parses, calls what ``import rdpi_gym as rg`` gives, prints and writes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from importlib import import_module
 
 import typer
 
+from rdpi_gym.cli.options import expanded
 from rdpi_gym.support.command import run_command
 
 COMMANDS = (
@@ -39,7 +40,7 @@ def rdpi() -> None:
 
 
 for _name in COMMANDS:
-    app.command(name=_name)(getattr(import_module(f"rdpi_gym.cli.{_name}"), _name))
+    app.command(name=_name)(expanded(getattr(import_module(f"rdpi_gym.cli.{_name}"), _name)))
 
 
 def main(arguments: list[str] | None = None) -> int:

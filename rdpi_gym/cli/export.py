@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+import rdpi_gym as rg
 from rdpi_gym.cli.options import check_folder
-from rdpi_gym.support.errors import InputError
 
 
 def export(
@@ -21,9 +21,4 @@ def export(
 ) -> None:
     """Write a trained policy as an ONNX file: stacked observation in, action out."""
     check_folder(out.parent)
-    try:
-        from baselines.learned.onnx_export import export_onnx
-        from baselines.learned.policy import find_policy
-    except ImportError as error:
-        raise InputError(f"an export needs {error.name}; run pip install rdpi-gym[rl]") from error
-    print(f"policy: {export_onnx(find_policy(policy), out)}")
+    print(f"policy: {rg.export(policy, out)}")

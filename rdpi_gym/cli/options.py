@@ -1,14 +1,19 @@
-"""Options that several subcommands share; those of a measurement are in `data_options`."""
+"""Options that several subcommands share, and how a command takes a whole group of them."""
 
 from __future__ import annotations
 
+import functools
+import inspect
+from collections.abc import Callable
+from dataclasses import MISSING, is_dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, TypeAlias, get_type_hints
 
 import typer
 
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.options import Option, option_fields
 
 
 def check_folder(out: Path) -> Path:
@@ -70,22 +75,33 @@ def words(text: str | None) -> list[str] | None:
     return [word.strip() for word in text.split(",") if word.strip()]
 
 
-def model_option(meaning: str) -> Any:
-    """Return the option ``--model M`` of a command.
+def data_path(text: str) -> Path:
+    """Return the path that the word DATA is; an empty one is not the current folder.
 
-    Parameters
-    ----------
-    meaning
-        Its help: what the command takes for a model, and does with it.
+    Raises
+    ------
+    InputError
+        The word is empty, as a variable of the shell is that was never set.
 
     Examples
     --------
-    >>> model_option("A plant's name.").metavar
-    'M'
+    >>> data_path("run.csv").suffix
+    '.csv'
     """
-    return typer.Option("--model", metavar="M", help=meaning, show_default=False)
+    if not text:
+        raise InputError("DATA is empty; give a data file or a folder of data files")
+    return Path(text)
 
 
+DataArgument: TypeAlias = Annotated[
+    Path,
+    typer.Argument(
+        metavar="DATA",
+        parser=data_path,
+        help="A data file (.csv, .txt, .dat, .tsv, .mat, .npz), or a folder of them.",
+        show_default=False,
+    ),
+]
 OutOption: TypeAlias = Annotated[
     Path,
     typer.Option(
@@ -98,19 +114,77 @@ OutOption: TypeAlias = Annotated[
 SeedOption: TypeAlias = Annotated[
     int, typer.Option("--seed", min=0, help="Seed of every random draw.")
 ]
-JobsOption: TypeAlias = Annotated[
-    int,
-    typer.Option(
-        "--jobs",
-        help="Processes that refit candidates; -1: one for each core.",
-        callback=check_jobs,
-    ),
-]
-EffectOption: TypeAlias = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--effect",
-        metavar="MODULE:CLASS",
-        help="An effect of your own, tried beside the catalogue; may be repeated.",
-    ),
-]
+
+
+def _made(kind: type, read: dict[str, Any], names: dict[str, tuple[str, Option]]) -> Any:
+    """Make options; an error names them as they are typed."""
+    try:
+        return kind(**read)
+    except InputError as error:
+        said = str(error)
+        for field, option in names.values():
+            if said.startswith(f"{field} is "):
+                raise InputError(option.flag + said.removeprefix(field)) from None
+        raise
+
+
+def expanded(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command one option for each field of the options that it takes whole.
+
+    Parameters
+    ----------
+    command
+        Parameters whose type is a dataclass of options, such as ``reading: DataOptions``, become the
+        options that its fields state; see :mod:`rdpi_gym.support.options`.
+
+    Returns
+    -------
+    callable
+        What Typer is given: its signature has the single options.
+
+    Raises
+    ------
+    InputError
+        When it is called: a value that the dataclass refuses.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    own: list[inspect.Parameter] = []
+    further: list[inspect.Parameter] = []
+    groups: dict[str, tuple[type, dict[str, tuple[str, Option]]]] = {}
+    for parameter in inspect.signature(command).parameters.values():
+        hint = hints[parameter.name]
+        if not (isinstance(hint, type) and is_dataclass(hint)):
+            own.append(parameter.replace(annotation=hint, kind=parameter.KEYWORD_ONLY))
+            continue
+        names = {}
+        for field, option, told in option_fields(hint):
+            name = f"{parameter.name}_{field.name}"  # a command may have an argument of its name
+            names[name] = (field.name, option)
+            default = None if field.default in (MISSING, ()) else field.default
+            kind = option.type if default is not None else option.type | None
+            stated = typer.Option(option.flag, metavar=option.metavar, help=told)
+            further.append(
+                inspect.Parameter(
+                    name,
+                    inspect.Parameter.KEYWORD_ONLY,
+                    default=default,
+                    annotation=Annotated[kind, stated],
+                )
+            )
+        groups[parameter.name] = (hint, names)
+
+    @functools.wraps(command)
+    def call(**given: Any) -> None:
+        for group, (kind, names) in groups.items():
+            read = {
+                field: value if option.read is None else option.read(value)
+                for name, (field, option) in names.items()
+                if (value := given.pop(name)) is not None
+            }
+            given[group] = _made(kind, read, names)
+        command(**given)
+
+    signature = inspect.Signature([*own, *further])
+    call.__signature__ = signature  # type: ignore[attr-defined]
+    call.__annotations__ = {p.name: p.annotation for p in signature.parameters.values()}
+    return call

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+import rdpi_gym as rg
 from rdpi_gym.cli.options import OutOption, SeedOption
 from rdpi_gym.support.progress import progress_bar
 
@@ -25,28 +26,10 @@ def reproduce(
 
     Writes paper.md with its figures, paper.csv, sweep.csv and implementation.csv.
     """
-    from benchmarks.paper import (
-        implementation_rows,
-        paper_markdown,
-        paper_rows,
-        reproduce_paper,
-        sweep_rows,
-        to_csv,
-    )
-    from benchmarks.paper.cases import SWEEP_LABEL, TABLE_TS_S
-    from rdpi_gym.report.paper.figures import write_paper_figures
-    from rdpi_gym.support.files import write_atomic
-
     with progress_bar() as show:
-        results = reproduce_paper(seed, realisations, progress=show)
+        results = rg.reproduce(seed=seed, realisations=realisations, progress=show)
         show("figures", 0, 0)
-        write_paper_figures(out, results)
-    rows = paper_rows(results)
-    write_atomic(out / "paper.csv", to_csv(rows))
-    write_atomic(out / "sweep.csv", to_csv(sweep_rows(results)))
-    write_atomic(out / "implementation.csv", to_csv(implementation_rows(results)))
-    page = write_atomic(out / "paper.md", paper_markdown(results))
-    for row in rows:
-        if row.case == SWEEP_LABEL and row.ts_s == min(TABLE_TS_S) and row.reading != "none":
-            print(f"{row.reading}: {row.verdict}")
-    print(f"{page}: the paper's figures and numbers beside ours; {len(rows)} rows in paper.csv")
+        page = results.write(out)
+    print(results)
+    rows = len(results.to_dataframe())
+    print(f"{page}: the paper's figures and numbers beside ours; {rows} rows in paper.csv")

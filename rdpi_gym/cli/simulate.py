@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from rdpi_gym.cli.options import OutOption, SeedOption
-from rdpi_gym.support.errors import InputError
+import rdpi_gym as rg
+from rdpi_gym.cli.options import OutOption, SeedOption, words
 from rdpi_gym.support.progress import progress_bar
 
 
@@ -37,49 +37,18 @@ def simulate(
 
     Writes one CSV file for each record into DIR/data, and what is hidden into DIR/truth.json.
     """
-    import numpy as np
-
-    from rdpi_gym.plant import find_plant
-    from rdpi_gym.virtual_lab import HIDEABLE, Truth, hide_one, simulate_dataset, write_dataset
-    from rdpi_gym.virtual_lab import hide as hide_named
-
-    names = _names(hide, HIDEABLE)
-    truth = Truth(find_plant(model), (), noise_um, seed, ts_factor)
-    known = [effect.name for effect in truth.plant.effects]
-    if taken := [name for name in names if name in known]:
-        raise InputError(f"--hide: {model} has {taken[0]} already; hide another effect")
-    rng = np.random.default_rng([seed, 1])
-    free = [name for name in HIDEABLE if name not in known]
     with progress_bar() as show:
-        show("drawing", 0, 0)
-        truth = hide_one(free, truth, rng) if hide == "random" else hide_named(names, truth, rng)
-        dataset = simulate_dataset(truth, progress=show)
+        data = rg.simulate(
+            model,
+            "random" if hide == "random" else words(hide),
+            seed=seed,
+            noise_um=noise_um,
+            ts_factor=ts_factor,
+            progress=show,
+        )
         show("writing", 0, 0)
-        folder = out / "data"
-        write_dataset(dataset, folder, "Simulated by `rdpi simulate`.")
-        answer = truth.save(out / "truth.json")
-    samples = sum(len(record.u_V) for record in dataset.train)
-    print(
-        f"{len(dataset.records)} records of {truth.plant.name}: {samples} samples to fit, "
-        f"{sum(len(record.u_V) for record in dataset.validation)} to validate on"
-    )
+        folder = data.write(out / "data")
+        answer = data.truth.save(out / "truth.json")
+    print(data.summary)
     print(f"data: {folder}")
     print(f"{'hidden effects' if hide else 'nothing is hidden'}: {answer}")
-
-
-def _names(hide: str | None, known: tuple[str, ...]) -> list[str]:
-    from rdpi_gym.measurement.options import unknown_name
-
-    if hide is None or hide == "random":
-        return []
-    names = [word.strip() for word in hide.split(",") if word.strip()]
-    if not names:
-        raise InputError("--hide names no effect; give one, as in --hide creep, or leave it out")
-    for name in names:
-        if name == "random":
-            raise InputError("--hide: random stands alone; give it without other effects")
-        if name not in known:
-            raise unknown_name("--hide", name, [*known, "random"])
-        if names.count(name) > 1:
-            raise InputError(f"--hide: {name} is there twice; a plant has each effect once")
-    return names

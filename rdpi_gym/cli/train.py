@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 from enum import StrEnum
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+import rdpi_gym as rg
 from rdpi_gym.cli.options import OutOption, SeedOption, words
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import progress_bar
-
-if TYPE_CHECKING:
-    from types import ModuleType
 
 
 class Algorithm(StrEnum):
@@ -99,19 +95,12 @@ def train(
         "command_cost": command_cost,
     }
     options = {name: value for name, value in given.items() if value is not None}
-    script = _script(algorithm.value)
-    asked = script.Options(out=out, seed=seed, tensorboard=tensorboard, **options)
     with progress_bar() as show:
-        policy = script.train(asked, show)
-    print(_summary(out / "training.csv", asked.baseline))
-    print(f"policy: {policy}")
-
-
-def _script(algorithm: str) -> ModuleType:
-    try:
-        return import_module(f"baselines.learned.train_{algorithm}")
-    except ImportError as error:
-        raise InputError(f"training needs {error.name}; install rdpi-gym[rl]") from error
+        training = rg.train(
+            algorithm.value, out, seed=seed, tensorboard=tensorboard, progress=show, **options
+        )
+    print(training)
+    print(f"policy: {training.policy}")
 
 
 def _frequencies(text: str) -> tuple[float, float]:
@@ -122,15 +111,3 @@ def _frequencies(text: str) -> tuple[float, float]:
             f"--frequency {text!r} is not two numbers; give the lowest and the highest (Hz), for example 20,100"
         ) from None
     return low, high
-
-
-def _summary(curve: Path, compensator: str) -> str:
-    """Say in one line how the best policy tracks the held-out references."""
-    with curve.open(encoding="utf-8", newline="") as file:
-        best = max(csv.DictReader(file), key=lambda row: float(row["reward"]))
-    rmse, variation = float(best["rmse_um"]), float(best["command_variation_V_s"])
-    return (
-        f"after {best['timesteps']} steps, on held-out plants: RMSE {rmse:.3g} um, "
-        f"{compensator} {float(best['compensator_rmse_um']):.3g} um; command variation "
-        f"{variation / float(best['compensator_command_variation_V_s']):.3g} of its"
-    )

@@ -117,7 +117,8 @@ class Evaluation(Shown, evaluation.Evaluation):
         """Return the scores, one row a controller, plant, reference, sampling time and seed."""
         return self.table.copy()
 
-    def _shown_table(self) -> pd.DataFrame:
+    def overview(self) -> pd.DataFrame:
+        """Return the ranking, best first."""
         return ranking_view(self.ranking)
 
     def _draw(self, figure: Figure) -> Any:

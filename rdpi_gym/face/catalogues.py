@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.plant import PLANTS, PlantModel, find_plant, named_plant
-from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.plant.effects import CATALOGUE, Effect, description, load_effect
+from rdpi_gym.support.files import write_atomic, write_json
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from baselines import ControllerFactory
 
 T = TypeVar("T")
@@ -92,6 +96,106 @@ class Catalogue(Mapping[str, T], Generic[T]):
         return "\n".join(f"{name:{width}}  {self._line(name)}".rstrip() for name in self)
 
 
+class Effects(Catalogue[type[Effect]]):
+    """The classes of physical effects by name, with what each declares."""
+
+    def __init__(self) -> None:
+        super().__init__("effect", lambda: CATALOGUE, CATALOGUE.__getitem__, _effect_line)
+
+    def table(self) -> pd.DataFrame:
+        """Return one row an effect: equation and trace in a residual, parameters."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {
+                    "effect": kind.name,
+                    "equation, and what it leaves in a residual": f"{kind.equation}\n{kind.signature}",
+                    "parameters, typical values": "\n".join(
+                        f"{p.name}: {description.typical(p)}" for p in kind.parameters
+                    ),
+                }
+                for kind in CATALOGUE.values()
+            ]
+        )
+
+    def parameters(self, name: str) -> pd.DataFrame:
+        """Return one row a parameter of an effect: meaning, default, typical range, bounds.
+
+        Raises
+        ------
+        InputError
+            No effect has that name; ``module:Class`` is one of your own.
+        """
+        import pandas as pd
+
+        kind = load_effect(name)
+        return pd.DataFrame(
+            [
+                {
+                    "parameter": p.name,
+                    "meaning": p.meaning,
+                    "default": f"{kind().values[p.name]:.6g}",
+                    "typical": description.typical(p),
+                    "bounds": "chosen, not fitted" if p.fixed else f"{p.low:.6g} to {p.high:.6g}",
+                }
+                for p in kind.parameters
+            ]
+        )
+
+    def describe(self, name: str) -> list[str]:
+        """Say in paragraphs what an effect is, what causes it, and what to do about it.
+
+        Raises
+        ------
+        InputError
+            No effect has that name; ``module:Class`` is one of your own.
+
+        Examples
+        --------
+        >>> import rdpi_gym as rg
+        >>> rg.effects.describe("backlash")[0].splitlines()[0]
+        'backlash: Play operator on the displacement, in the middle of its gap at the first sample.'
+        """
+        kind = load_effect(name)
+        first = f"{kind.name}: {description.summary(kind)}"
+        return [
+            f"{first}\nIt acts {description.PLACES[kind.slot]}.\n\n    {kind.equation}",
+            *(f"{heading}: {text}" for heading, text in description.paragraphs(kind).items()),
+        ]
+
+    def write(self, folder: PathLike[str] | str, *names: str) -> list[Path]:
+        """Write what effects declare as ``effects.json`` and ``effects.md``.
+
+        Parameters
+        ----------
+        folder
+            Where to.
+        *names
+            Of the effects; by default all.
+
+        Returns
+        -------
+        list of Path
+            The two files.
+
+        Raises
+        ------
+        InputError
+            No effect has one of the names, or the folder cannot be written.
+        """
+        kinds = [load_effect(name) for name in names] or list(CATALOGUE.values())
+        document = {
+            "format": "rdpi-effects",
+            "version": 1,
+            "effects": [description.describe(kind) for kind in kinds],
+        }
+        return [
+            write_json(Path(folder) / "effects.json", document),
+            write_atomic(Path(folder) / "effects.md", description.pages(kinds)),
+        ]
+
+
 def _plant_line(name: str) -> str:
     plant = named_plant(name)
     low, high = plant.command_range_V
@@ -100,9 +204,7 @@ def _plant_line(name: str) -> str:
 
 
 def _effect_line(name: str) -> str:
-    from rdpi_gym.plant.effects.description import summary
-
-    return summary(CATALOGUE[name])
+    return description.summary(CATALOGUE[name])
 
 
 def _factory(name: str) -> ControllerFactory:
@@ -119,9 +221,7 @@ def _factories() -> Mapping[str, Any]:
 
 plants: Catalogue[PlantModel] = Catalogue("plant", lambda: PLANTS, named_plant, _plant_line)
 """The plants that ship, by name: ``rg.plants["P10"]``."""
-effects: Catalogue[type[Effect]] = Catalogue(
-    "effect", lambda: CATALOGUE, CATALOGUE.__getitem__, _effect_line
-)
+effects = Effects()
 """The classes of physical effects, by name: ``rg.effects["creep"]``."""
 controllers: Catalogue[ControllerFactory] = Catalogue(
     "controller", _factories, _factory, lambda name: ""

@@ -19,7 +19,14 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-_COLUMNS = ["name", "role", "rmse_um", "nrmse_percent", "systematic_percent", "max_um"]
+_COLUMNS = {
+    "name": "record",
+    "role": "role",
+    "rmse_um": "RMSE (µm)",
+    "nrmse_percent": "of the stroke (%)",
+    "systematic_percent": "systematic (%)",
+    "max_um": "largest (µm)",
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,8 +60,9 @@ class Comparison(Shown, diagnosis.Comparison):
         """Return the errors record by record; see :attr:`records`."""
         return self.records.copy()
 
-    def _shown_table(self) -> pd.DataFrame:
-        return self.records[_COLUMNS]
+    def overview(self) -> pd.DataFrame:
+        """Return the errors record by record, with the columns that matter most."""
+        return self.records[list(_COLUMNS)].rename(columns=_COLUMNS)
 
     def _draw(self, figure: Figure) -> Any:
         from rdpi_gym.report.comparison.picture import draw_comparison

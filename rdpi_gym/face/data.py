@@ -47,7 +47,9 @@ class Dataset(Shown, measurement.Dataset):
         """Return the same records as a data set that shows itself."""
         return cls(**{f.name: getattr(data, f.name) for f in fields(measurement.Dataset)})
 
-    def _lines(self) -> Sequence[str]:
+    @property
+    def summary(self) -> str:
+        """How many records there are, of how many samples, and what they are used for."""
         samples = sum(record.t_s.size for record in self.records)
         fitted, judged = len(self.train), len(self.validation)
         split = (
@@ -59,8 +61,11 @@ class Dataset(Shown, measurement.Dataset):
         parts += [f"{len(self.test)} to test on"] if self.test else []
         parts += [f"{len(self.quiet)} at rest"] if self.quiet else []
         count = "1 record" if len(self.records) == 1 else f"{len(self.records)} records"
+        return f"{self.title}: {count}, {samples:,} samples; {', '.join(parts)}"
+
+    def _lines(self) -> Sequence[str]:
         return [
-            f"{self.title}: {count}, {samples:,} samples; {', '.join(parts)}",
+            self.summary,
             *(line for line in self.describe().splitlines()[1:] if not line.startswith(_NOTE)),
         ]
 
@@ -92,7 +97,8 @@ class Dataset(Shown, measurement.Dataset):
             ignore_index=True,
         )
 
-    def _shown_table(self) -> pd.DataFrame:
+    def overview(self) -> pd.DataFrame:
+        """Return the records, one a row: samples, sampling time, duration, ranges."""
         import pandas as pd
 
         return pd.DataFrame(

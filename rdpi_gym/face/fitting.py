@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from rdpi_gym import identification, measurement
 from rdpi_gym.face.data import as_dataset
 from rdpi_gym.face.shown import Shown
+from rdpi_gym.identification import interval_95
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import micrometres, pm
@@ -89,8 +90,41 @@ class FitResult(Shown, identification.FitResult):
             ]
         )
 
-    def _shown_table(self) -> pd.DataFrame:
-        return self.to_dataframe()
+    def overview(self) -> pd.DataFrame:
+        """Return parameters, offsets and extrema with their standard errors and intervals."""
+        import pandas as pd
+
+        intervals = self.intervals_95
+        rows = [
+            (
+                *_SYMBOLS.get(name, (name, "µm/V")),
+                value,
+                self.standard_errors[name],
+                intervals[name],
+            )
+            for name, value in self.parameters.items()
+        ]
+        further = (
+            ("offset", "µm", self.offsets_um, self.offset_errors_um),
+            ("extremum", "V", self.extrema_V, self.extremum_errors_V),
+        )
+        rows += [
+            (f"{what} of {name}", unit, values[name], error, interval_95(values[name], error))
+            for what, unit, values, errors in further
+            for name, error in errors.items()
+        ]
+        return pd.DataFrame(
+            [
+                {
+                    "parameter": name,
+                    "value": f"{value:.5g}",
+                    "standard error": f"{error:.2g}" if math.isfinite(error) else "not determined",
+                    "95 % interval": f"{low:.5g} to {high:.5g}" if math.isfinite(error) else "",
+                    "unit": unit,
+                }
+                for name, unit, value, error, (low, high) in rows
+            ]
+        )
 
     def _draw(self, figure: Figure) -> Any:
         from rdpi_gym.report.fit.picture import draw_fit

@@ -60,7 +60,8 @@ class PaperResults(Shown, paper.PaperResults):
         """Return the rows of ``paper.csv``: every panel and number of the paper, and a verdict."""
         return pd.DataFrame([asdict(row) for row in paper.paper_rows(self)])
 
-    def _shown_table(self) -> pd.DataFrame:
+    def overview(self) -> pd.DataFrame:
+        """Return the rows of the error against the sampling time."""
         table = self.to_dataframe()
         return table[table["case"] == SWEEP_LABEL].dropna(axis="columns", how="all")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from os import PathLike
@@ -15,11 +16,11 @@ from rdpi_gym.diagnosis import results
 from rdpi_gym.diagnosis.search import discover as searches
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import Dataset, as_dataset
-from rdpi_gym.face.search_options import SearchOptions
+from rdpi_gym.face.options import CandidateOptions, SearchOptions
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
-from rdpi_gym.report.discovery.sentences import lines, staircase
+from rdpi_gym.report.discovery.sentences import lines, micrometres, staircase
 from rdpi_gym.support.checked import check_type, checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
@@ -94,10 +95,8 @@ class SearchResult(Shown, results.SearchResult):
         InputError
             No such effect, or the model has it already.
         """
-        options = SearchOptions(
-            self.plant, jobs=jobs, seed=seed, effects=self.own, progress=progress
-        )
-        return _add(effect, self.data, options)
+        options = SearchOptions(self.plant, jobs=jobs, seed=seed, progress=progress)
+        return _add(effect, self.data, options, self.own)
 
     @checked
     def remove(self, effect: str) -> SearchResult:
@@ -162,8 +161,44 @@ class SearchResult(Shown, results.SearchResult):
             ]
         )
 
-    def _shown_table(self) -> pd.DataFrame:
-        return self.to_dataframe()
+    @property
+    def overview_title(self) -> str:
+        """What :meth:`overview` shows."""
+        if self.kind == "diagnosis":
+            without = micrometres(self.base.validation_rmse_um)
+            return f"Candidates, refitted; without one {without}"
+        return "Error, step by step"
+
+    def overview(self) -> pd.DataFrame:
+        """Return what :meth:`to_dataframe` does, in words and with units."""
+        if self.kind == "diagnosis":
+            rows = [
+                {
+                    "candidate": c.effect,
+                    "validation": micrometres(c.errors.validation_rmse_um),
+                    "share": _percent(c.share),
+                    "confidence": _percent(c.confidence),
+                    "indistinguishable from": ", ".join(c.indistinguishable),
+                    "remarks": "; ".join(c.remarks),
+                }
+                for c in self.candidates
+            ]
+            return pd.DataFrame(rows)
+        floor = self.noise_floor_um
+        return pd.DataFrame(
+            [
+                {
+                    "model": name,
+                    "training": micrometres(errors.train_rmse_um),
+                    "validation": micrometres(errors.validation_rmse_um),
+                    "of the stroke": f"{errors.validation_nrmse_percent:.3g} %",
+                    "times the noise floor": f"{errors.validation_rmse_um / floor:.2f}"
+                    if floor > 0
+                    else "",
+                }
+                for name, errors in staircase(self)
+            ]
+        )
 
     def _draw(self, figure: Figure) -> Any:
         from rdpi_gym.report.discovery.picture import draw_search
@@ -181,7 +216,8 @@ class SearchResult(Shown, results.SearchResult):
         from rdpi_gym.report.discovery.page import write_discovery_page
 
         names = joined([candidate.effect for candidate in self.added])
-        heading = _HEADINGS.get(self.kind, f"{names} added")
+        headings = _HEADINGS | {"removal": f"{joined(self.removed)} removed"}
+        heading = headings.get(self.kind, f"{names} added")
         title = f"{heading}: {self.title}"
         return write_discovery_page(path, title, self, candidates_of(self.own))
 
@@ -194,6 +230,10 @@ class SearchResult(Shown, results.SearchResult):
             The file cannot be written.
         """
         return results.SearchResult.save(self, path)
+
+
+def _percent(share: float) -> str:
+    return f"{round(100 * share)} %" if math.isfinite(share) else ""
 
 
 def candidates_of(effects: Sequence[str | type[Effect]]) -> Mapping[str, type[Effect]]:
@@ -242,7 +282,7 @@ def _given(options: SearchOptions) -> PlantModel | None:
 def _search(
     function: Callable[..., results.SearchResult],
     data: measurement.Dataset | PathLike[str] | str,
-    options: SearchOptions,
+    options: CandidateOptions,
 ) -> SearchResult:
     check_type(data, measurement.Dataset | PathLike | str, "data")
     own = tuple(_effect(effect) for effect in options.effects)
@@ -261,9 +301,9 @@ def _search(
     return SearchResult.of(found, dataset, own)
 
 
-@with_options(SearchOptions)
+@with_options(CandidateOptions)
 def diagnose(
-    data: measurement.Dataset | PathLike[str] | str, options: SearchOptions
+    data: measurement.Dataset | PathLike[str] | str, options: CandidateOptions
 ) -> SearchResult:
     """Rank the effects that a model may miss, each refitted with it.
 
@@ -307,9 +347,9 @@ def diagnose(
     return _search(searches.diagnose, data, options)
 
 
-@with_options(SearchOptions)
+@with_options(CandidateOptions)
 def discover(
-    data: measurement.Dataset | PathLike[str] | str, options: SearchOptions
+    data: measurement.Dataset | PathLike[str] | str, options: CandidateOptions
 ) -> SearchResult:
     """Fit, then find and add missing effects until nothing more improves the held-out error.
 
@@ -353,7 +393,7 @@ def add(
     model
         The model that it is added to: a plant, a result that has one, the path of a plant file, or a
         plant's name.
-    seed, jobs, effects, resume, progress
+    seed, jobs, resume, progress
         As in :func:`diagnose`.
 
     Returns
@@ -383,6 +423,7 @@ def _add(
     effect: str | type[Effect],
     data: measurement.Dataset | PathLike[str] | str,
     options: SearchOptions,
+    own: Own = (),
 ) -> SearchResult:
     check_type(data, measurement.Dataset | PathLike | str, "data")
     kind = _effect(effect)
@@ -399,7 +440,6 @@ def _add(
         progress=options.progress,
         checkpoint=None if options.resume is None else Path(options.resume),
     )
-    own = tuple(_effect(each) for each in options.effects)
     if kind.name not in CATALOGUE and kind not in own:
         own = (*own, kind)
     return SearchResult.of(found, dataset, own)

@@ -33,9 +33,9 @@ class Shown:
         """Say the result in lines, the answer first."""
         raise NotImplementedError
 
-    def _shown_table(self) -> pd.DataFrame | None:
-        """Return the table that a notebook shows, its headings as a reader expects them."""
-        return None
+    def overview(self) -> pd.DataFrame:
+        """Return the table that a notebook and the terminal show: units in headings or cells."""
+        raise NotImplementedError
 
     def _draw(self, figure: Figure) -> Any:
         """Draw into an empty figure and return its axes."""
@@ -49,9 +49,7 @@ class Shown:
         parts = [f"<p><strong>{escape(first)}</strong></p>"]
         if rest:
             parts.append(f"<pre>{escape(chr(10).join(rest))}</pre>")
-        table = self._shown_table()
-        if table is not None:
-            parts.append(table.to_html(index=False, escape=True, max_rows=_ROWS, border=0))
+        parts.append(self.overview().to_html(index=False, escape=True, max_rows=_ROWS, border=0))
         picture = base64.b64encode(self._png()).decode()
         parts.append(f'<img alt="{escape(first)}" src="data:image/png;base64,{picture}">')
         return f"<div>{''.join(parts)}</div>"

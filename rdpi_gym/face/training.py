@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from os import PathLike
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -90,7 +90,7 @@ def train(
     out: PathLike[str] | str = "results/train",
     *,
     seed: int = 0,
-    progress: Callable[..., None] | None = None,
+    progress: Progress | None = None,
     **options: Any,
 ) -> Training:
     """Train a policy with Stable-Baselines3; the same call goes on with an interrupted one.
@@ -104,7 +104,7 @@ def train(
     seed
         Of every random draw.
     progress
-        Called with the number of steps done, and in all.
+        Called as ``progress(stage, done, total)``.
     **options
         Those of :class:`baselines.learned.options.TrainingOptions`, such as ``timesteps``,
         ``plants``, ``reference``, ``action``.

@@ -132,7 +132,7 @@ def _described(hint: Any) -> str:
         return f"a mapping of {_described(parts[0])} to {_described(parts[1])}"
     if issubclass(kind, Sequence) and kind is not str:
         return f"a sequence of {_described(parts[0])}" if parts else "a sequence"
-    if kind is Callable or "Callable" in kind.__name__:
+    if "Callable" in kind.__name__ or "__call__" in vars(kind):
         return "a function"
     if issubclass(kind, os.PathLike):
         return "a path"

@@ -63,7 +63,7 @@ def meanings(kind: type) -> dict[str, str]:
     >>> meanings(Option)["flag"]
     'For example --sampling-time.'
     """
-    text = inspect.getdoc(kind) or ""
+    text = inspect.cleandoc(kind.__doc__ or "")
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text, re.DOTALL | re.MULTILINE)
     found: dict[str, str] = {}
     if section is None:
@@ -134,6 +134,8 @@ def with_options(kind: Any, leading: Any = ...) -> Any:
 
 def option_fields(kind: type) -> list[tuple[Field[Any], Option, str]]:
     """Return the fields of a dataclass that a command has: field, option, help."""
-    told = meanings(kind)
+    told: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        told |= meanings(base)
     found = [(field, option_of(field)) for field in fields(kind)]
     return [(field, option, told[field.name]) for field, option in found if option is not None]

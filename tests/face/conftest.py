@@ -4,6 +4,10 @@ import matplotlib as mpl
 import pytest
 
 import rdpi_gym as rg
+from benchmarks.paper import paper_cases
+from benchmarks.paper.cases import SWEEP_LABEL
+from benchmarks.paper.tracking import track
+from benchmarks.paper.verdicts import judge
 
 mpl.use("Agg")
 
@@ -35,7 +39,19 @@ def scores():
 
 
 @pytest.fixture(scope="session")
-def results(data, model, comparison, found, scores):
+def paper():
+    """The error of each reading against the sampling time, without what takes longer."""
+    cases = tuple(case for case in paper_cases() if case.label == SWEEP_LABEL)
+    runs = tuple(track(case.reading, case.sine, lanes=2, seed=0) for case in cases)
+    verdicts = tuple(
+        judge(case.claim, [other for other in runs if other.reading == run.reading], run)
+        for case, run in zip(cases, runs, strict=True)
+    )
+    return rg.PaperResults(0, 2, cases, verdicts, runs, runs, (), {}, (), ())
+
+
+@pytest.fixture(scope="session")
+def results(data, model, comparison, found, scores, paper):
     """Every kind of result by its name."""
     return {
         "data": data,
@@ -43,4 +59,5 @@ def results(data, model, comparison, found, scores):
         "comparison": comparison,
         "found": found,
         "scores": scores,
+        "paper": paper,
     }

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 import rdpi_gym as rg
 
-NAMES = ("data", "model", "comparison", "found", "scores")
+NAMES = ("data", "model", "comparison", "found", "scores", "paper")
 
 
 @pytest.fixture(params=NAMES)
@@ -52,7 +52,14 @@ def test_first_line_is_short_and_has_a_number(result):
 
 @pytest.mark.parametrize(
     ("name", "unit"),
-    [("model", "µm"), ("comparison", "µm"), ("found", "µm"), ("scores", "%"), ("data", "samples")],
+    [
+        ("model", "µm"),
+        ("comparison", "µm"),
+        ("found", "µm"),
+        ("scores", "%"),
+        ("paper", "µm"),
+        ("data", "samples"),
+    ],
 )
 def test_the_number_has_its_unit(results, name, unit):
     assert unit in repr(results[name]).splitlines()[0]

@@ -43,7 +43,7 @@ def test_a_folder_gives_a_plant_and_a_table(folder, tmp_path, capsys):
         "a_5",
         "offset of slow",
         "95 % interval",
-        "validation error",
+        "rms on validation records",
         "20 Hz",
     ):
         assert (words in shown) == (words != "20 Hz")

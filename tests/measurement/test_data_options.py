@@ -9,15 +9,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from rdpi_gym.cli.data_options import (
-    ColumnsOption,
-    DataArgument,
-    SamplingTimeOption,
-    SkipOption,
-    UnitsOption,
-    ValidateOption,
-    data_options,
-)
+from rdpi_gym.cli.options import DataArgument, expanded
 from rdpi_gym.measurement import DataOptions, load, parse_columns, parse_units
 from rdpi_gym.support.errors import InputError
 
@@ -111,15 +103,8 @@ def test_a_subcommand_with_all_options(write, sine_lines) -> None:
     app = typer.Typer()
 
     @app.command()
-    def describe(
-        data: DataArgument,
-        columns: ColumnsOption = None,
-        units: UnitsOption = None,
-        sampling_time: SamplingTimeOption = None,
-        validate: ValidateOption = None,
-        skip: SkipOption = None,
-    ) -> None:
-        options = data_options(columns, units, sampling_time, validate, skip)
+    @expanded
+    def describe(data: DataArgument, options: DataOptions) -> None:
         seen.append(options)
         print(load(data, options).describe())
 
@@ -128,15 +113,18 @@ def test_a_subcommand_with_all_options(write, sine_lines) -> None:
     words = f"{path} --columns u=0,y=1 --units y=nm --sampling-time 0.01 --validate r* --skip 0.1"
     result = CliRunner().invoke(app, words.split())
     assert result.exit_code == 0, result.output
-    assert seen == [DataOptions({"u": 0, "y": 1}, {"y": "nm"}, 0.01, "r*", 0.1)]
+    asked = DataOptions(
+        columns={"u": 0, "y": 1}, units={"y": "nm"}, sampling_time_s=0.01, validate="r*", skip_s=0.1
+    )
+    assert seen == [asked]
     assert "run (validation): 30 samples, 0.01 s apart, t = 0.1 to 0.39 s" in result.output
-    assert data_options() == DataOptions()
+    CliRunner().invoke(app, [str(path)])
+    assert seen[1] == DataOptions()
 
 
 def test_reading_loads_no_heavy_library() -> None:
     code = (
-        "import sys, rdpi_gym.cli.data_options; assert 'rdpi_gym.measurement' not in sys.modules;"
-        "import rdpi_gym.measurement;"
+        "import sys, rdpi_gym.measurement;"
         "print([m for m in ('pandas', 'scipy', 'h5py', 'torch') if m in sys.modules])"
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""What a search for missing effects is asked for: the options of diagnose, add and discover."""
+"""What a user says about data, and asks of a search: options of functions and commands alike."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, dataclass, field
 from os import PathLike
 from typing import TYPE_CHECKING
 
+from rdpi_gym.measurement.options import DataOptions
 from rdpi_gym.support.checked import check_type
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option
@@ -17,10 +18,12 @@ if TYPE_CHECKING:
     from rdpi_gym.plant import PlantModel
     from rdpi_gym.plant.effects import Effect
 
+__all__ = ["CandidateOptions", "DataOptions", "SearchOptions"]
+
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """Options of :func:`rdpi_gym.diagnose`, :func:`rdpi_gym.add` and :func:`rdpi_gym.discover`.
+    """Options of every search: :func:`rdpi_gym.add` has these.
 
     Parameters
     ----------
@@ -31,8 +34,6 @@ class SearchOptions:
         Seed of every random draw.
     jobs
         Processes that refit candidates; -1: one for each core.
-    effects
-        An effect of your own, tried beside the catalogue; may be repeated.
     resume
         File that keeps finished candidates, so that an interrupted search goes on.
     progress
@@ -55,16 +56,12 @@ class SearchOptions:
     _: KW_ONLY
     seed: int = field(default=0, metadata=Option("--seed", type=int).metadata)
     jobs: int = field(default=-1, metadata=Option("--jobs", type=int).metadata)
-    effects: Sequence[str | type[Effect]] = field(
-        default=(), metadata=Option("--effect", "MODULE:CLASS", list[str]).metadata
-    )
     resume: PathLike[str] | str | None = None
     progress: Progress | None = None
 
     def __post_init__(self) -> None:
         check_type(self.seed, int, "seed")
         check_type(self.jobs, int, "jobs")
-        check_type(self.effects, Sequence[str | type], "effects")
         check_type(self.resume, PathLike | str | None, "resume")
         check_type(self.progress, Callable[..., None] | None, "progress")
         if self.seed < 0:
@@ -73,3 +70,33 @@ class SearchOptions:
             raise InputError(
                 f"jobs is {self.jobs}; give the number of processes, or -1 for all cores"
             )
+
+
+@dataclass(frozen=True)
+class CandidateOptions(SearchOptions):
+    """Options of a search through all candidates: :func:`rdpi_gym.diagnose`, :func:`rdpi_gym.discover`.
+
+    Parameters
+    ----------
+    effects
+        An effect of your own, tried beside the catalogue; may be repeated.
+
+    Raises
+    ------
+    InputError
+        As :class:`SearchOptions`.
+
+    Examples
+    --------
+    >>> CandidateOptions("P10", effects=["my_effects:Wobble"]).jobs
+    -1
+    """
+
+    _: KW_ONLY
+    effects: Sequence[str | type[Effect]] = field(
+        default=(), metadata=Option("--effect", "MODULE:CLASS", list[str]).metadata
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_type(self.effects, Sequence[str | type], "effects")

@@ -1,0 +1,52 @@
+"""Tables as the terminal shows them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rdpi_gym.support.terminal import console
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_SHORT = 24  # letters of a column that is never broken
+
+
+def print_table(
+    table: pd.DataFrame, title: str = "", *, lines: bool = False, width: int = 140
+) -> None:
+    """Print a table of texts and numbers; the headings hold the units.
+
+    Parameters
+    ----------
+    table
+        As a result's method ``overview`` returns it. Numbers are right-aligned, with four digits.
+    title
+        Above it.
+    lines
+        Whether lines part the rows.
+    width
+        Where there is no terminal (characters).
+    """
+    from rich.box import HEAVY_HEAD, SIMPLE
+    from rich.table import Table
+
+    shown = Table(
+        title=title or None,
+        title_justify="left",
+        box=HEAVY_HEAD if lines else SIMPLE,
+        show_lines=lines,
+    )
+    cells = [
+        [f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in table[name]]
+        for name in table.columns
+    ]
+    for name, kind, column in zip(table.columns, table.dtypes, cells, strict=True):
+        shown.add_column(
+            str(name),
+            justify="right" if kind.kind in "iuf" else "left",
+            no_wrap=max(map(len, column), default=0) <= _SHORT,
+        )
+    for row in zip(*cells, strict=True):
+        shown.add_row(*row)
+    console(width=width).print(shown)
