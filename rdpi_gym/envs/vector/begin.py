@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.envs.truth import EFFECT_LEVELS
-from rdpi_gym.envs.vector.kernels import add_offsets, encode, read_sensors, report
+from rdpi_gym.envs.vector.kernels import add_offsets, encode, encode_reading, read_sensors, report
 from rdpi_gym.envs.vector.lanes import (
     AMPLITUDE,
     BEGUN,
@@ -233,8 +233,8 @@ def show_first(
     middle, per_half = 0.5 * (law.low_V + law.high_V), 2.0 / (law.high_V - law.low_V)
     for b in range(lanes):
         last = (b + 1) * size - 1
-        observation[last - 1] = encode(work[measured, b], law.centre_um, law.per_scale, law.limit)
-        observation[last] = encode(numbers[0, COMMAND, b], middle, per_half, 1.0)
+        observation[last - 1] = encode_reading(work[measured, b], law)
+        observation[last] = encode(numbers[0, COMMAND, b], middle, per_half)
     for j in range(rows):
         ring = (step + j) % rows
         sample_references(
@@ -242,6 +242,6 @@ def show_first(
             window_um[0, ring],
         )  # fmt: skip
         for b in range(lanes):
-            shown = encode(window_um[0, ring, b], law.centre_um, law.per_scale, law.limit)
+            shown = encode(window_um[0, ring, b], law.centre_um, law.per_scale)
             observation[b * size + j] = shown
     report(0, row, step % rows, work, numbers, window_um, info)

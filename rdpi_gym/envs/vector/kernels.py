@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
-from rdpi_gym.envs.vector.chain import Table, run_chain
+from rdpi_gym.envs.vector.chain import run_chain
 from rdpi_gym.envs.vector.commands import command_block
 from rdpi_gym.envs.vector.lanes import (
     BEGUN,
@@ -26,19 +26,33 @@ from rdpi_gym.envs.vector.lanes import (
     SLIDE,
     Flags,
     Floats32,
-    Integers,
+    Lanes,
     Law,
+    Record,
+    Shown,
+    Sources,
 )
 from rdpi_gym.envs.vector.sines import sample_references
 from rdpi_gym.support.arrays import Array
 
+# Where the fields of each part of a record begin, one after the other.
+_SOURCES = len(Lanes._fields)
+_SHOWN = _SOURCES + len(Sources._fields)
+_LAW = _SHOWN + len(Shown._fields)
+
 
 @njit(cache=True)
-def encode(value: float, zero: float, per_unit: float, limit: float) -> np.float32:
-    """Return a value in units of the observation, within its bounds."""
-    place = (value - zero) * per_unit
-    place = place if place < limit else limit
-    return np.float32(place if place > -limit else -limit)
+def encode(value: float, zero: float, per_unit: float) -> np.float32:
+    """Return a value in units of the observation."""
+    return np.float32((value - zero) * per_unit)
+
+
+@njit(cache=True)
+def encode_reading(measured_um: float, law: Law) -> np.float32:
+    """Return a reading (µm) in units of the observation, within the sensor's range."""
+    place = (measured_um - law.centre_um) * law.per_scale
+    place = place if place < law.limit else law.limit
+    return np.float32(place if place > -law.limit else -law.limit)
 
 
 @njit(cache=True)
@@ -86,10 +100,9 @@ def _observe(
     size = window_um.shape[1] + 2
     for b in range(work.shape[1]):
         last = at + (b + 1) * size - 1
-        reference = window_um[n, ring, b]
-        observed[n, last - 2] = encode(reference, law.centre_um, law.per_scale, law.limit)
-        observed[n, last - 1] = encode(work[row, b], law.centre_um, law.per_scale, law.limit)
-        observed[n, last] = encode(numbers[n, COMMAND, b], middle, per_half, 1.0)
+        observed[n, last - 2] = encode(window_um[n, ring, b], law.centre_um, law.per_scale)
+        observed[n, last - 1] = encode_reading(work[row, b], law)
+        observed[n, last] = encode(numbers[n, COMMAND, b], middle, per_half)
 
 
 @njit(cache=True)
@@ -158,27 +171,8 @@ def _end(n: int, step: int, max_steps: int, numbers: Array, truncated: Flags) ->
         truncated[first + b] = step - int(numbers[n, BEGUN, b]) >= max_steps
 
 
-@njit(cache=True)
-def show_block(
-    n: int,
-    step: int,
-    row: int,
-    law: Law,
-    work: Array,
-    numbers: Array,
-    window_um: Array,
-    observed: Floats32,
-    rising: Integers,
-    ending: Integers,
-    stages: Table,
-    rises: Array,
-    references_um: Array,
-    noise: Array,
-    observation: Floats32,
-    reward: Array,
-    truncated: Flags,
-    info: Array,
-) -> None:
+@njit(cache=True, inline="always")
+def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None:
     """Write what a step shows of a block whose displacements (µm) stand in a row of `work`.
 
     Parameters
@@ -187,83 +181,64 @@ def show_block(
         As :func:`rdpi_gym.envs.vector.commands.command_block`.
     row
         Of `work`.
-    law
-        Numbers of the task.
     work : float64[WORK, W]
         Written over.
-    numbers, window_um, observed, rising, ending
-        Of :class:`rdpi_gym.envs.vector.lanes.Lanes`; references and observations move on.
-    stages, rises, references_um, noise
-        The fields of :class:`rdpi_gym.envs.vector.lanes.Sources`.
-    observation, reward, truncated, info
-        The fields of :class:`rdpi_gym.envs.vector.lanes.Shown`, filled for the lanes of the block;
+    record
+        References and observations of the block move on; what is shown of its lanes is filled, and
         `truncated` only where an episode ends.
     """
+    lanes, sources, shown, law = record
+    numbers, window_um, observed = lanes.numbers, lanes.window_um, lanes.observed
     rows = window_um.shape[1]
-    if len(stages):
+    if len(sources.stages):
         add_offsets(n, row, numbers, work)
     # In the ring r(k + preview) takes the place of r(k-1).
     now, newest, ahead = step % rows, (step - 1) % rows, step + rows - 1
-    value = window_um[n, newest]
-    sample_references(n, ahead, ahead < rising[n], law.ts_s, numbers, rises, references_um, value)
+    rising = ahead < lanes.rising[n]
+    sample_references(
+        n, ahead, rising, law.ts_s, numbers, sources.rises, sources.references_um,
+        window_um[n, newest],
+    )  # fmt: skip
     measured = row
     if law.sensed:
-        read_sensors(n, step, row, numbers, noise, work)
+        read_sensors(n, step, row, numbers, sources.noise, work)
         measured = MEASURED
     at, size = step % SLIDE, work.shape[1] * (rows + 2)
     if at == 0:
         _slide(n, size, observed)
     _observe(n, at, newest, measured, law, work, numbers, window_um, observed)
-    _show(n, at, size, observed, observation)
-    report(n, row, now, work, numbers, window_um, info)
-    _reward(n, law, work, info, reward)
-    if step >= ending[n]:
-        _end(n, step, law.max_steps, numbers, truncated)
+    _show(n, at, size, observed, shown.observation)
+    report(n, row, now, work, numbers, window_um, shown.info)
+    _reward(n, law, work, shown.info, shown.reward)
+    if step >= lanes.ending[n]:
+        _end(n, step, law.max_steps, numbers, shown.truncated)
 
 
 @njit(cache=True)
 def _advance_blocks(
-    begin: int,
-    end: int,
-    step: int,
-    actions: Array,
-    base_V: Array,
-    work: Array,
-    p: Array,
-    state: Array,
-    stage_p: Array,
-    stage_state: Array,
-    numbers: Array,
-    window_um: Array,
-    observed: Floats32,
-    rising: Integers,
-    ending: Integers,
-    stages: Table,
-    rises: Array,
-    references_um: Array,
-    noise: Array,
-    observation: Floats32,
-    reward: Array,
-    truncated: Flags,
-    info: Array,
-    *numbers_of_law: Any,
+    begin: int, end: int, step: int, actions: Array, base_V: Array, work: Array, record: Record
 ) -> None:
-    law = Law(*numbers_of_law)
+    lanes, sources, _, law = record
     for n in range(begin, end):
-        command_block(n, step, actions, base_V, law, work, numbers)
+        command_block(n, step, actions, base_V, law, work, lanes.numbers)
         row = run_chain(
-            p[min(n, len(p) - 1)], state[n], stages,
-            stage_p[min(n, len(stage_p) - 1)], stage_state[n], law.ts_s, work,
+            lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n], sources.stages,
+            lanes.stage_p[min(n, len(lanes.stage_p) - 1)], lanes.stage_state[n], law.ts_s, work,
         )  # fmt: skip
-        show_block(
-            n, step, row, law, work, numbers, window_um, observed, rising, ending, stages, rises,
-            references_um, noise, observation, reward, truncated, info,
-        )  # fmt: skip
+        show_block(n, step, row, work, record)
+
+
+@njit(inline="always")
+def _unpacked(fields: Any) -> Record:
+    return Record(
+        Lanes(*fields[:_SOURCES]), Sources(*fields[_SOURCES:_SHOWN]), Shown(*fields[_SHOWN:_LAW]),
+        Law(*fields[_LAW:]),
+    )  # fmt: skip
 
 
 @njit(cache=True)
 def advance(
-    blocks: int, step: int, actions: Array, base_V: Array, work: Array, *parts: Any
+    blocks: int, step: int, actions: Array, base_V: Array, work: Array, fields: tuple[Any, ...]
 ) -> None:
     """Take one step of all lanes.
 
@@ -275,19 +250,19 @@ def advance(
         As :func:`rdpi_gym.envs.vector.commands.command_block`.
     work : float64[threads, WORK, W]
         Written over.
-    parts
-        The fields of `Lanes`, `Sources`, `Shown` and `Law`, one after the other: passed as named
-        tuples, they would cost three times as much to read.
+    fields
+        Those of the parts of a :class:`rdpi_gym.envs.vector.lanes.Record`, one after the other.
     """
-    _advance_blocks(0, blocks, step, actions, base_V, work[0], *parts)
+    _advance_blocks(0, blocks, step, actions, base_V, work[0], _unpacked(fields))
 
 
 @njit(cache=True, parallel=True)
 def advance_parallel(
-    blocks: int, step: int, actions: Array, base_V: Array, work: Array, *parts: Any
+    blocks: int, step: int, actions: Array, base_V: Array, work: Array, fields: tuple[Any, ...]
 ) -> None:
     """Take the step of :func:`advance`, each thread of `work` with its share of the blocks."""
     threads = len(work)
+    record = _unpacked(fields)
     for thread in prange(threads):
         begin, end = thread * blocks // threads, (thread + 1) * blocks // threads
-        _advance_blocks(begin, end, step, actions, base_V, work[thread], *parts)
+        _advance_blocks(begin, end, step, actions, base_V, work[thread], record)

@@ -100,6 +100,15 @@ class Shown(NamedTuple):
     info: Array  # float64[5, B]: displacement, reference, error (µm), command (V), saturated
 
 
+class Record(NamedTuple):
+    """All that a step reads and writes."""
+
+    lanes: Lanes
+    sources: Sources
+    shown: Shown
+    law: Law
+
+
 def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> NDArray[Any]:
     """Return zeros that begin at a cache line: vector loads that straddle two cost twice.
 

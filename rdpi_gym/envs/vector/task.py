@@ -31,6 +31,7 @@ from rdpi_gym.envs.vector.lanes import (
     Floats32,
     Integers,
     Law,
+    Record,
     Shown,
     Sources,
     aligned,
@@ -229,28 +230,25 @@ class VectorTask:
             self._references.extend(self.step, self._lanes)
         if self.step >= self._noise.due:
             self._noise.extend(self.step)
-        lanes, law = self._lane_count, self._law
+        lanes = self._lane_count
         out = Shown(
             np.empty(lanes * self._layout.size, np.float32),
             np.empty(lanes),
             np.zeros(lanes, dtype=bool),
             np.empty((5, lanes)),
         )
+        blocks = len(self._lanes.state)
         if self._effects.compiled:
             run = advance_parallel if self.threads > 1 else advance
-            run(
-                len(self._lanes.state), self.step, actions, base_V, self._work,
-                *self._lanes, *self._sources, *out, *law,
-            )  # fmt: skip
+            # Flat: a call that hands named tuples over takes twice as long to find its kernel.
+            fields = (*self._lanes, *self._sources, *out, *self._law)
+            run(blocks, self.step, actions, base_V, self._work, fields)
             return out
-        work, its = self._work[0], self._lanes
-        for n in range(len(its.state)):
-            command_block(n, self.step, actions, base_V, law, work, its.numbers)
-            row = self._effects.run(its, n, work)
-            show_block(
-                n, self.step, row, law, work, its.numbers, its.window_um, its.observed, its.rising,
-                its.ending, *self._sources, *out,
-            )  # fmt: skip
+        record = Record(self._lanes, self._sources, out, self._law)
+        work = self._work[0]
+        for n in range(blocks):
+            command_block(n, self.step, actions, base_V, self._law, work, self._lanes.numbers)
+            show_block(n, self.step, self._effects.run(self._lanes, n, work), work, record)
         return out
 
     def _run_chain(self, lanes: Any, n: int, work: Array) -> int:
