@@ -14,6 +14,7 @@ from rdpi_gym.measurement.table import Table
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
+_LARGEST, _LAST_PERIOD = 1e100, 2.0**53
 MIN_SAMPLES = 16
 """Fewest samples of a record, and fewest that count in its error."""
 
@@ -179,18 +180,21 @@ def _check_finite(table: Table, columns: Mapping[str, Array], first: int) -> Non
     bad = [
         (first + int(np.argmin(finite)), name)
         for name, values in columns.items()
-        if not (finite := np.isfinite(values[first:])).all()
+        # a value whose square is no float is none that an instrument gave; NaN is at most nothing
+        if not (finite := np.abs(values[first:]) <= _LARGEST).all()
     ]
     if bad:
         row, name = min(bad)
+        value = columns[name][row]
+        wrong = "too large for a measurement" if np.isfinite(value) else "no finite number"
         raise InputError(
-            f"{table.where(name, row)}: {columns[name][row]:g} is no finite number; "
-            "mend or remove this sample"
+            f"{table.where(name, row)}: {value:g} is {wrong}; mend or remove this sample"
         )
 
 
 def _check_whole(table: Table, period: Array, first: int) -> None:
-    bad = np.flatnonzero(period[first:] != np.round(period[first:]))
+    kept = period[first:]
+    bad = np.flatnonzero((kept != np.round(kept)) | (np.abs(kept) > _LAST_PERIOD))
     if bad.size:
         row = first + int(bad[0])
         raise InputError(

@@ -212,12 +212,25 @@ def test_a_name_that_a_terminal_would_obey(tmp_path, refusal) -> None:
         (TEXT.replace("0.20,", "0." + "2" * 200_000 + ","), "line 12: 200018 characters"),
         (TEXT.replace("0.20,", "9" * 5000 + ","), "is no finite number"),
         (TEXT.replace("0.20,", str(10**400) + ","), "is no finite number"),
+        (
+            TEXT.replace("0.20,", "0.20,1e200,").replace(",0.19867", ""),
+            "too large for a measurement",
+        ),
         (TEXT.replace("0.20,", "0.2\0,"), "a NUL character"),
         (TEXT.replace("t,", "x" * 50_000 + ","), "missing (time in s)"),
         (TEXT.replace("0.20,", "\x1b[2J,"), r"'\x1b[2J' is not a number"),
         (TEXT.replace("0.20,", "x" * 5_000 + ","), "is not a number"),
     ],
-    ids=["a long cell", "digits", "10**400", "NUL", "a long name", "escape", "a long word"],
+    ids=[
+        "a long cell",
+        "digits",
+        "10**400",
+        "1e200",
+        "NUL",
+        "a long name",
+        "escape",
+        "a long word",
+    ],
 )
 def test_text(write, refusal, text, said) -> None:
     line = refusal(write("run.csv", text))
@@ -257,3 +270,10 @@ def test_a_last_value_that_was_cut_off_is_said(write, kept) -> None:
         f"the file ends without a line break, so its last line ({TEXT.splitlines()[-1][:-kept]}) "
         "may be cut off",
     )
+
+
+def test_the_index_of_a_repetition_that_no_index_holds(write, refusal) -> None:
+    lines = [f"{line},{k}" for k, line in enumerate(TEXT.splitlines()[1:])]
+    lines[7] = lines[7].removesuffix(",7") + ",1e30"
+    line = refusal(write("run.csv", "\n".join(["t,u,y,period", *lines, ""])))
+    assert "run.csv, line 9, column period: 1e+30 is no index of a repetition" in line
