@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import sys
 from pathlib import Path
 from random import Random
@@ -14,7 +13,7 @@ from rdpi_gym.support.errors import InputError
 from tests.fuzz.running import run_case, watched
 from tests.fuzz.subjects import SHARES, Subject, subject
 
-SEED = 0 if os.environ.get("CI") else random.SystemRandom().randrange(10**6)
+SEED = int(os.environ.get("RDPI_FUZZ_SEED", "0"))
 
 
 def test_shares() -> None:
