@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rdpi_gym.cli.options import OutOption, check_jobs, words
+from rdpi_gym.cli.options import OutOption, words
+from rdpi_gym.support.command_line import check_jobs
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, progress_bar
 from rdpi_gym.support.terminal import console
