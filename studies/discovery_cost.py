@@ -25,6 +25,7 @@ import pandas as pd
 
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 
 RESULTS = Path(__file__).parent / "results" / "discovery_cost"
 HIDDEN = ("creep", "delay")
@@ -165,11 +166,6 @@ def exponent(rows: pd.DataFrame, over: str) -> float:
     return float(np.polyfit(np.log(rows[over]), np.log(rows["cpu_s"]), 1)[0])
 
 
-def _markdown(table: pd.DataFrame) -> str:
-    lines = [list(table.columns), ["---"] * table.shape[1], *table.astype(str).to_numpy().tolist()]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and write the table."""
     options = Options("discovery_cost", __doc__, out=RESULTS)
@@ -195,7 +191,7 @@ def _measure_all(chosen: Namespace) -> None:
         "# Time and memory of `rdpi discover`\n\n"
         f"Made by `python -m studies.discovery_cost` (Python {platform.python_version()}, "
         f"{os.cpu_count()} cores, {_JOBS} processes), hidden: {' and '.join(HIDDEN)}, seed 0.\n\n"
-        + _markdown(table)
+        + frame_table(table, digits=None, rule="plain")
         + f"\n\nComputing time grows with samples to the power {over_samples:.2f} and with "
         f"candidates to the power {over_candidates:.2f}.\n"
     )

@@ -28,6 +28,7 @@ from gymnasium.utils.performance import benchmark_step
 import rdpi_gym  # noqa: F401  # registers the environment
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 
 # Declared for whole seconds; any number of them works.
 _benchmark_step: Callable[[Any, float, int], float] = cast(Any, benchmark_step)
@@ -145,8 +146,6 @@ def measure(
 
 def as_markdown(table: pd.DataFrame, rounds: int, duration_s: float) -> str:
     """Return the table with what was measured and how."""
-    header = "| " + " | ".join(table.columns) + " |\n" + "|---" * len(table.columns) + "|\n"
-    body = "".join("| " + " | ".join(map(str, row)) + " |\n" for row in table.to_numpy())
     return (
         f"# {PIEZO} beside {YARDSTICK}\n\n"
         f"Written by `python -m studies.environment_speed`: {rounds} rounds of {duration_s:g} s, the two "
@@ -156,7 +155,7 @@ def as_markdown(table: pd.DataFrame, rounds: int, duration_s: float) -> str:
         "but faster: the rows with actions drawn beforehand leave drawing out on both sides, the rows "
         "with a plain Box draw through Gymnasium's own `Box.sample`.\n\n"
         f"Gymnasium {version('gymnasium')}, NumPy {version('numpy')}, numba {version('numba')}, "
-        f"Python {platform.python_version()}, {platform.machine()}.\n\n{header}{body}"
+        f"Python {platform.python_version()}, {platform.machine()}.\n\n{frame_table(table, digits=None, rule='tight')}\n"
     )
 
 

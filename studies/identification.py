@@ -26,7 +26,6 @@ import numpy as np
 import pandas as pd
 
 import rdpi_gym.plant
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.identification import fit, validation_rmse
 from rdpi_gym.identification.yardstick import yardstick
 from rdpi_gym.measurement import DATA_HINT, Record, load, measured_data
@@ -34,6 +33,7 @@ from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 
 RESULTS = Path(__file__).parent / "results" / "identification"
 LIBRARY = Path(rdpi_gym.plant.__file__).parent / "library"
@@ -252,7 +252,7 @@ def as_markdown(tables: dict[str, pd.DataFrame], draws: int, rounds: int, note: 
     }
     parts = ["# Identification", "Written by `python -m studies.identification`."]
     for name, table in tables.items():
-        parts += [f"## {name.capitalize()}", words[name], markdown_table(table)]
+        parts += [f"## {name.capitalize()}", words[name], frame_table(table)]
     parts.append(
         f"NumPy {version('numpy')}, SciPy {version('scipy')}, numba {version('numba')}, "
         f"Python {platform.python_version()}, {platform.machine()}."

@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 
 RESULTS = Path(__file__).parent / "results" / "measured_effects"
 FSM_RATE_HZ = 6400.0
@@ -79,7 +79,7 @@ def summary(name: str, found: SearchResult) -> tuple[pd.DataFrame, str]:
         f"## {name}",
         f"Verdict: **{found.verdict}**; {found.noise_origin}; left over the noise "
         f"{found.unexplained_rmse_um:.3g} µm. {found.remainder}",
-        markdown_table(table.drop(columns="data")),
+        frame_table(table.drop(columns="data")),
         *[f"- {c.effect}: {', '.join(c.remarks) or 'no remark'}" for c in found.added],
         *[f"- cannot be told apart: {', '.join(group)}" for group in found.indistinguishable],
         *[f"- {note}" for note in found.notes],

@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.measurement import Record, load, write_csv
 from rdpi_gym.signals import SIGNALS, Signal, Sine, Triangle
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 
 RESULTS = Path(__file__).parent / "results"
 SAMPLES = 100_000
@@ -117,7 +117,7 @@ def as_markdown(table: pd.DataFrame, rounds: int) -> str:
         "many lines of time, voltage and displacement, and `np.loadtxt` reads the same file without "
         "checking it.\n\n"
         f"NumPy {version('numpy')}, Python {platform.python_version()}, {platform.machine()}.\n\n"
-        f"{markdown_table(table)}\n"
+        f"{frame_table(table)}\n"
     )
 
 

@@ -32,6 +32,7 @@ from rdpi_gym.plant.cores.play import rdpi_block
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.torch_plant import TorchPlant, TorchTracking
 from rdpi_gym.torch_plant.plant import checked_device
 from rdpi_gym.torch_plant.stages import has_twin
@@ -272,18 +273,13 @@ def as_markdown(
         "sample of one lane. `bytes_per_step` is what must be read and written at the least, "
         "`copy_GB_per_s` the rate at which the device copies as many bytes, `share_of_limit` the time "
         f"of that copy over the time of the step. Medians of {rounds} rounds of {duration_s:g} s, all "
-        f"in turn.\n\n{_table(speed)}\n"
+        f"in turn.\n\n{frame_table(speed, digits=None, rule='tight')}\n\n"
         "## Agreement with the kernels\n\n"
         "Largest difference of the displacement from the float64 kernels over 64 lanes, relative to "
-        f"the stroke (peak to peak).\n\n{_table(agreed)}\n"
+        f"the stroke (peak to peak).\n\n{frame_table(agreed, digits=None, rule='tight')}\n\n"
         f"torch {version('torch')}, NumPy {version('numpy')}, numba {version('numba')}, "
         f"Python {platform.python_version()}.\n"
     )
-
-
-def _table(frame: pd.DataFrame) -> str:
-    header = "| " + " | ".join(frame.columns) + " |\n" + "|---" * len(frame.columns) + "|\n"
-    return header + "".join("| " + " | ".join(map(str, row)) + " |\n" for row in frame.to_numpy())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

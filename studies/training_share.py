@@ -18,9 +18,9 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 from studies.agents.study import BASELINE
 
 RESULTS = Path(__file__).parent / "results"
@@ -113,7 +113,7 @@ def as_markdown(table: pd.DataFrame) -> str:
         "Written by `python -m studies.training_share`: PPO as `rdpi train ppo` runs it, one thread, "
         "on the four plants of a training side by side; `environment_s` is the time in `step` of the "
         "`VecEnv`, adapter, history and scaling included.\n\n"
-        f"{markdown_table(table)}\n"
+        f"{frame_table(table)}\n"
     )
 
 

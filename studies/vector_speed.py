@@ -30,11 +30,11 @@ from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 
 import rdpi_gym  # noqa: F401  # registers the environment
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.plant import named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 from studies.vector_roofline import bare_kernel, roofline
 
 # Declared for whole seconds; any number of them works.
@@ -230,12 +230,12 @@ def as_markdown(
         f"(threading layer {numba.threading_layer()}), Python {platform.python_version()}, "
         f"{platform.machine()}, {os.cpu_count()} cores; each thread bound to a core "
         "(`OMP_PROC_BIND=true`).\n\n"
-        f"{markdown_table(speed)}\n\n"
+        f"{frame_table(speed)}\n\n"
         "## What bounds a step\n\n"
         "Default task with plants of their own (`randomise=0.1`), medians of short measurements. Bytes "
         "and operations are counted from what the kernels read, write and compute; a copy of as many "
         "bytes and a loop of products and sums in registers are the measured ceilings.\n\n"
-        f"{markdown_table(bounds)}\n"
+        f"{frame_table(bounds)}\n"
     )
 
 
