@@ -1,10 +1,10 @@
-# Two commands: `make bench` scores every controller, `make test` checks everything.
+# Two commands: `make bench` scores every controller, `make test` checks everything. `make docs` builds the site.
 PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 OUT ?= results/bench
 
-.PHONY: bench test clean
+.PHONY: bench test docs clean
 
 bench: .venv/.core
 	$(BIN)/rdpi bench --out $(OUT)
@@ -14,6 +14,10 @@ test: .venv/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2
+
+docs: .venv/.docs
+	$(BIN)/python -m sphinx -c docs -b html -W --keep-going -q -d build/doctrees . build/site
+	@echo "site: build/site/index.html"
 
 .venv/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
@@ -27,5 +31,9 @@ test: .venv/.dev
 	$(PIP) --editable '.[dev]'
 	@touch .venv/.core $@
 
+.venv/.docs: .venv/bin/python pyproject.toml constraints.txt
+	$(PIP) --editable '.[docs,rl]'
+	@touch .venv/.core $@
+
 clean:
-	rm -rf .venv results
+	rm -rf .venv results build docs/api/generated docs/gallery

@@ -20,9 +20,9 @@ ActionMode = Literal["command", "increment", "correction"]
 
 @dataclass(frozen=True)
 class ObservationLayout:
-    """The observation ``[r(k), r(k+1) ... r(k+preview), measured(k), command(k)]`` and the action.
+    """What an observation shows, and how an action is read.
 
-    Displacements stand as ``(x - centre_um) / scale_um``, the command as its place in
+    The observation is ``[r(k), r(k+1) ... r(k+preview), measured(k), command(k)]``. Displacements stand as ``(x - centre_um) / scale_um``, the command as its place in
     `command_range_V`, -1 to 1. The action at step k sets the command u(k+1): its place in the range
     (``command``), its change in units of `action_scale_V` (``increment``), or what is added to a
     baseline's command, in the same unit (``correction``).

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rdpi_gym.support.words import number
-
 SEARCH_FROM_ROWS = 15
 """Tables of at least so many rows get a search field."""
 
@@ -53,7 +51,9 @@ def format_number(value: float) -> str:
     >>> format_number(0.012345), format_number(1234567.0), format_number(2.0)
     ('0.01235', '1.235e+06', '2')
     """
-    return number(value, 4, "usual").replace("-", "\N{MINUS SIGN}")
+    if math.isnan(value):
+        return "–"
+    return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
 
 
 def table_html(frame: pd.DataFrame) -> str:
