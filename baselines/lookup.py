@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-
 from baselines.preview import ORACLE
 from baselines.registry import CONTROLLERS
 from rdpi_gym.envs.controller import GROUP, Controller
@@ -11,6 +9,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.plugins import installed, installed_names, load_attribute
+from rdpi_gym.support.words import guess
 
 LEARNED = "learned:"
 """What the name of a trained policy begins with; its folder, or its name if it is shipped, follows."""
@@ -86,8 +85,8 @@ def find_factory(name: str) -> object:
         )
     if found is None:
         known = [*CONTROLLERS, *installed_names(GROUP)]
-        close = difflib.get_close_matches(name, known, 1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
+        meant = guess(name, known)
+        hint = f"{meant} " if meant else ""
         raise InputError(
             f"no controller is named {name!r}; {hint}Known are {', '.join(known)}, learned:FOLDER, and module:attribute"
         )

@@ -9,13 +9,13 @@ main process plus that of the largest worker for each worker: no less than what 
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import platform
 import subprocess
 import sys
 import tempfile
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 
 RESULTS = Path(__file__).parent / "results" / "discovery_cost"
 HIDDEN = ("creep", "delay")
@@ -164,17 +166,14 @@ def exponent(rows: pd.DataFrame, over: str) -> float:
     return float(np.polyfit(np.log(rows[over]), np.log(rows["cpu_s"]), 1)[0])
 
 
-def _markdown(table: pd.DataFrame) -> str:
-    lines = [list(table.columns), ["---"] * table.shape[1], *table.astype(str).to_numpy().tolist()]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and write the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--repeats", type=int, default=2)
-    arguments = parser.parse_args()
+    options = Options("discovery_cost", __doc__, out=RESULTS)
+    options.add_number("--repeats", 2, "of each measurement")
+    return options.run(arguments, _measure_all)
+
+
+def _measure_all(chosen: Namespace) -> None:
     every = len(HIDDEN) + len(OTHERS)
     cells = [(2.0, every), (1.0, every), (0.5, every), (1.0, 3), (1.0, 8)]
     with tempfile.TemporaryDirectory() as temporary:
@@ -183,7 +182,7 @@ def main() -> None:
         cost(folder / "warm" / "data", HIDDEN, _JOBS)
         rows = []
         for ts_factor, candidates in cells:
-            rows.append(measure(folder, ts_factor, candidates, arguments.repeats))
+            rows.append(measure(folder, ts_factor, candidates, chosen.repeats))
             print(rows[-1], flush=True)
     table = pd.DataFrame(rows)
     over_samples = exponent(table[table["candidates"] == every], "training_samples")
@@ -192,14 +191,14 @@ def main() -> None:
         "# Time and memory of `rdpi discover`\n\n"
         f"Made by `python -m studies.discovery_cost` (Python {platform.python_version()}, "
         f"{os.cpu_count()} cores, {_JOBS} processes), hidden: {' and '.join(HIDDEN)}, seed 0.\n\n"
-        + _markdown(table)
+        + frame_table(table, digits=None, rule="plain")
         + f"\n\nComputing time grows with samples to the power {over_samples:.2f} and with "
         f"candidates to the power {over_candidates:.2f}.\n"
     )
-    write_atomic(arguments.out / "discovery_cost.csv", table.to_csv(index=False))
-    write_atomic(arguments.out / "discovery_cost.md", text)
+    write_atomic(chosen.out / "discovery_cost.csv", table.to_csv(index=False))
+    write_atomic(chosen.out / "discovery_cost.md", text)
     print(text)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -9,9 +9,10 @@ random action for each step. The second measure steps through actions drawn befo
 
 from __future__ import annotations
 
-import argparse
 import platform
+import sys
 import time
+from argparse import Namespace
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from itertools import cycle, product
@@ -25,7 +26,9 @@ from gymnasium.spaces import Box
 from gymnasium.utils.performance import benchmark_step
 
 import rdpi_gym  # noqa: F401  # registers the environment
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 
 # Declared for whole seconds; any number of them works.
 _benchmark_step: Callable[[Any, float, int], float] = cast(Any, benchmark_step)
@@ -143,8 +146,6 @@ def measure(
 
 def as_markdown(table: pd.DataFrame, rounds: int, duration_s: float) -> str:
     """Return the table with what was measured and how."""
-    header = "| " + " | ".join(table.columns) + " |\n" + "|---" * len(table.columns) + "|\n"
-    body = "".join("| " + " | ".join(map(str, row)) + " |\n" for row in table.to_numpy())
     return (
         f"# {PIEZO} beside {YARDSTICK}\n\n"
         f"Written by `python -m studies.environment_speed`: {rounds} rounds of {duration_s:g} s, the two "
@@ -154,24 +155,24 @@ def as_markdown(table: pd.DataFrame, rounds: int, duration_s: float) -> str:
         "but faster: the rows with actions drawn beforehand leave drawing out on both sides, the rows "
         "with a plain Box draw through Gymnasium's own `Box.sample`.\n\n"
         f"Gymnasium {version('gymnasium')}, NumPy {version('numpy')}, numba {version('numba')}, "
-        f"Python {platform.python_version()}, {platform.machine()}.\n\n{header}{body}"
+        f"Python {platform.python_version()}, {platform.machine()}.\n\n{frame_table(table, digits=None, rule='tight')}\n"
     )
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the table, and write it as CSV and Markdown."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=9)
-    parser.add_argument("--seconds", type=float, default=1.0, help="of each measurement")
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    arguments = parser.parse_args()
-    table = measure(arguments.rounds, arguments.seconds)
-    text = as_markdown(table, arguments.rounds, arguments.seconds)
-    write_atomic(arguments.out / "environment_speed.csv", table.to_csv(index=False))
-    print(
-        text, f"written to {write_atomic(arguments.out / 'environment_speed.md', text)}", sep="\n"
-    )
+    options = Options("environment_speed", __doc__, out=RESULTS)
+    options.add_number("--rounds", 9, "of timing")
+    options.add_argument("--seconds", type=float, default=1.0, help="of each measurement")
+    return options.run(arguments, _measure_all)
+
+
+def _measure_all(chosen: Namespace) -> None:
+    table = measure(chosen.rounds, chosen.seconds)
+    text = as_markdown(table, chosen.rounds, chosen.seconds)
+    write_atomic(chosen.out / "environment_speed.csv", table.to_csv(index=False))
+    print(text, f"written to {write_atomic(chosen.out / 'environment_speed.md', text)}", sep="\n")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

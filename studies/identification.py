@@ -9,9 +9,10 @@ Tables go to ``studies/results/identification``: ``summary`` (what is wanted, wh
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
+import sys
+from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -25,12 +26,14 @@ import numpy as np
 import pandas as pd
 
 import rdpi_gym.plant
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.identification import fit, validation_rmse
 from rdpi_gym.identification.yardstick import yardstick
 from rdpi_gym.measurement import DATA_HINT, Record, load, measured_data
 from rdpi_gym.plant import P10, Plant, PlantModel
+from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 
 RESULTS = Path(__file__).parent / "results" / "identification"
 LIBRARY = Path(rdpi_gym.plant.__file__).parent / "library"
@@ -249,7 +252,7 @@ def as_markdown(tables: dict[str, pd.DataFrame], draws: int, rounds: int, note: 
     }
     parts = ["# Identification", "Written by `python -m studies.identification`."]
     for name, table in tables.items():
-        parts += [f"## {name.capitalize()}", words[name], markdown_table(table)]
+        parts += [f"## {name.capitalize()}", words[name], frame_table(table)]
     parts.append(
         f"NumPy {version('numpy')}, SciPy {version('scipy')}, numba {version('numba')}, "
         f"Python {platform.python_version()}, {platform.machine()}."
@@ -257,19 +260,19 @@ def as_markdown(tables: dict[str, pd.DataFrame], draws: int, rounds: int, note: 
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the tables, and write them as CSV and Markdown."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--draws", type=int, default=50, help="noise realisations")
-    parser.add_argument("--seed", type=int, default=0, help="of the first of them")
-    parser.add_argument("--rounds", type=int, default=9, help="of timing")
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--plant", action="store_true", help="write the plant that ships")
-    chosen = parser.parse_args(arguments)
+    options = Options("identification", __doc__, out=RESULTS, seed=0)
+    options.add_number("--draws", 50, "noise realisations")
+    options.add_number("--rounds", 9, "of timing")
+    options.add_argument("--plant", action="store_true", help="write the plant that ships")
+    return options.run(arguments, _measure_all)
 
+
+def _measure_all(chosen: Namespace) -> None:
     data = measured_data("picma")
     if chosen.plant and data is None:
-        parser.error(DATA_HINT)
+        raise InputError(DATA_HINT)
     recovered, covered = recovery(), coverage(chosen.draws, chosen.seed)
     cases: list[tuple[str, Sequence[Record], Sequence[Record]]] = []
     if data is not None:
@@ -294,4 +297,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -7,17 +7,20 @@ disturbance that nobody recorded.
 
 from __future__ import annotations
 
-import argparse
+import sys
+from argparse import Namespace
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 
 RESULTS = Path(__file__).parent / "results" / "measured_effects"
 FSM_RATE_HZ = 6400.0
@@ -76,7 +79,7 @@ def summary(name: str, found: SearchResult) -> tuple[pd.DataFrame, str]:
         f"## {name}",
         f"Verdict: **{found.verdict}**; {found.noise_origin}; left over the noise "
         f"{found.unexplained_rmse_um:.3g} µm. {found.remainder}",
-        markdown_table(table.drop(columns="data")),
+        frame_table(table.drop(columns="data")),
         *[f"- {c.effect}: {', '.join(c.remarks) or 'no remark'}" for c in found.added],
         *[f"- cannot be told apart: {', '.join(group)}" for group in found.indistinguishable],
         *[f"- {note}" for note in found.notes],
@@ -86,12 +89,12 @@ def summary(name: str, found: SearchResult) -> tuple[pd.DataFrame, str]:
     return table, "\n\n".join(words)
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run both studies where their data are, print and write the tables."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--jobs", type=int, default=2)
-    chosen = parser.parse_args(arguments)
+    return Options("measured_effects", __doc__, out=RESULTS, jobs=2).run(arguments, _study)
+
+
+def _study(chosen: Namespace) -> None:
     tables, texts = [], ["# The laboratory on measured records", __doc__.split("\n\n")[1].strip()]
     for name, read in (("picma", load), ("fsm", mirror_axis)):
         folder = measured_data(name)
@@ -108,4 +111,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -9,11 +9,12 @@ ratios counts, so that other work on the machine disturbs little.
 
 from __future__ import annotations
 
-import argparse
 import platform
+import sys
 import tempfile
 import time
-from collections.abc import Callable
+from argparse import Namespace
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -22,10 +23,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.measurement import Record, load, write_csv
 from rdpi_gym.signals import SIGNALS, Signal, Sine, Triangle
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 
 RESULTS = Path(__file__).parent / "results"
 SAMPLES = 100_000
@@ -115,16 +117,18 @@ def as_markdown(table: pd.DataFrame, rounds: int) -> str:
         "many lines of time, voltage and displacement, and `np.loadtxt` reads the same file without "
         "checking it.\n\n"
         f"NumPy {version('numpy')}, Python {platform.python_version()}, {platform.machine()}.\n\n"
-        f"{markdown_table(table)}\n"
+        f"{frame_table(table)}\n"
     )
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the table, and write it as CSV and Markdown."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=15)
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    chosen = parser.parse_args(arguments)
+    options = Options("sample_speed", __doc__, out=RESULTS)
+    options.add_number("--rounds", 15, "of timing")
+    return options.run(arguments, _measure_all)
+
+
+def _measure_all(chosen: Namespace) -> None:
     table = measure(chosen.rounds, SAMPLES)
     text = as_markdown(table, chosen.rounds)
     csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
@@ -133,4 +137,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -11,9 +11,10 @@ other programs disturb little.
 
 from __future__ import annotations
 
-import argparse
 import platform
+import sys
 import time
+from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -29,7 +30,9 @@ from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import Plant, PlantModel, empty_state, named_plant, pack
 from rdpi_gym.plant.cores.play import rdpi_block
 from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.torch_plant import TorchPlant, TorchTracking
 from rdpi_gym.torch_plant.plant import checked_device
 from rdpi_gym.torch_plant.stages import has_twin
@@ -270,42 +273,39 @@ def as_markdown(
         "sample of one lane. `bytes_per_step` is what must be read and written at the least, "
         "`copy_GB_per_s` the rate at which the device copies as many bytes, `share_of_limit` the time "
         f"of that copy over the time of the step. Medians of {rounds} rounds of {duration_s:g} s, all "
-        f"in turn.\n\n{_table(speed)}\n"
+        f"in turn.\n\n{frame_table(speed, digits=None, rule='tight')}\n\n"
         "## Agreement with the kernels\n\n"
         "Largest difference of the displacement from the float64 kernels over 64 lanes, relative to "
-        f"the stroke (peak to peak).\n\n{_table(agreed)}\n"
+        f"the stroke (peak to peak).\n\n{frame_table(agreed, digits=None, rule='tight')}\n\n"
         f"torch {version('torch')}, NumPy {version('numpy')}, numba {version('numba')}, "
         f"Python {platform.python_version()}.\n"
     )
 
 
-def _table(frame: pd.DataFrame) -> str:
-    header = "| " + " | ".join(frame.columns) + " |\n" + "|---" * len(frame.columns) + "|\n"
-    return header + "".join("| " + " | ".join(map(str, row)) + " |\n" for row in frame.to_numpy())
-
-
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the tables, and write them as CSV and Markdown."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
-    parser.add_argument("--lanes", type=int, nargs="+", default=LANES)
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--seconds", type=float, default=0.1, help="of each measurement")
-    parser.add_argument("--threads", type=int, default=1, help="of torch on a CPU")
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    arguments = parser.parse_args()
-    torch.set_num_threads(arguments.threads)
-    device = checked_device(arguments.device)
+    options = Options("torch_speed", __doc__, out=RESULTS)
+    options.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
+    options.add_argument("--lanes", type=int, nargs="+", default=LANES)
+    options.add_number("--rounds", 5, "of timing")
+    options.add_argument("--seconds", type=float, default=0.1, help="of each measurement")
+    options.add_number("--threads", 1, "of torch on a CPU")
+    return options.run(arguments, _measure_all)
+
+
+def _measure_all(chosen: Namespace) -> None:
+    torch.set_num_threads(chosen.threads)
+    device = checked_device(chosen.device)
     rows = []
-    for row in measure(arguments.lanes, device, arguments.rounds, arguments.seconds):
+    for row in measure(chosen.lanes, device, chosen.rounds, chosen.seconds):
         print(*row.values(), sep=", ", flush=True)
         rows.append(row)
     speed, agreed = pd.DataFrame(rows), agreement(device)
-    text = as_markdown(speed, agreed, device, arguments.rounds, arguments.seconds)
-    write_atomic(arguments.out / f"{device.type}.csv", speed.to_csv(index=False))
-    write_atomic(arguments.out / f"{device.type}-agreement.csv", agreed.to_csv(index=False))
-    print(text, f"written to {write_atomic(arguments.out / f'{device.type}.md', text)}", sep="\n")
+    text = as_markdown(speed, agreed, device, chosen.rounds, chosen.seconds)
+    write_atomic(chosen.out / f"{device.type}.csv", speed.to_csv(index=False))
+    write_atomic(chosen.out / f"{device.type}-agreement.csv", agreed.to_csv(index=False))
+    print(text, f"written to {write_atomic(chosen.out / f'{device.type}.md', text)}", sep="\n")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -9,16 +9,18 @@ and that of everything, evaluations and checkpoints left out.
 
 from __future__ import annotations
 
-import argparse
+import sys
 import time
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from benchmarks.tracking.markdown import markdown_table
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 from studies.agents.study import BASELINE
 
 RESULTS = Path(__file__).parent / "results"
@@ -111,17 +113,19 @@ def as_markdown(table: pd.DataFrame) -> str:
         "Written by `python -m studies.training_share`: PPO as `rdpi train ppo` runs it, one thread, "
         "on the four plants of a training side by side; `environment_s` is the time in `step` of the "
         "`VecEnv`, adapter, history and scaling included.\n\n"
-        f"{markdown_table(table)}\n"
+        f"{frame_table(table)}\n"
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the table, and write it as CSV and Markdown."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--lanes", type=int, default=LANES)
-    parser.add_argument("--updates", type=int, default=10, help="that are timed")
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    chosen = parser.parse_args(arguments)
+    options = Options("training_share", __doc__, out=RESULTS)
+    options.add_number("--lanes", LANES, "plants side by side")
+    options.add_number("--updates", 10, "that are timed")
+    return options.run(arguments, _measure_all)
+
+
+def _measure_all(chosen: Namespace) -> None:
     table = pd.DataFrame([measure(case, chosen.lanes, chosen.updates) for case in CASES])
     csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
     write_atomic(chosen.out / "training_share.csv", csv)
@@ -130,4 +134,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -10,10 +10,11 @@ it draws random actions for each step. What bounds a step follows (:mod:`studies
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
+import sys
 import time
+from argparse import Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
@@ -29,10 +30,11 @@ from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 
 import rdpi_gym  # noqa: F401  # registers the environment
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.plant import named_plant
 from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 from studies.vector_roofline import bare_kernel, roofline
 
 # Declared for whole seconds; any number of them works.
@@ -228,23 +230,25 @@ def as_markdown(
         f"(threading layer {numba.threading_layer()}), Python {platform.python_version()}, "
         f"{platform.machine()}, {os.cpu_count()} cores; each thread bound to a core "
         "(`OMP_PROC_BIND=true`).\n\n"
-        f"{markdown_table(speed)}\n\n"
+        f"{frame_table(speed)}\n\n"
         "## What bounds a step\n\n"
         "Default task with plants of their own (`randomise=0.1`), medians of short measurements. Bytes "
         "and operations are counted from what the kernels read, write and compute; a copy of as many "
         "bytes and a loop of products and sums in registers are the measured ceilings.\n\n"
-        f"{markdown_table(bounds)}\n"
+        f"{frame_table(bounds)}\n"
     )
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the tables, and write them as CSV and Markdown."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=9)
-    parser.add_argument("--duration", type=float, default=0.25, help="of each measurement (s)")
-    parser.add_argument("--lanes", type=int, default=LANES)
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    chosen = parser.parse_args(arguments)
+    options = Options("vector_speed", __doc__, out=RESULTS)
+    options.add_number("--rounds", 9, "of timing")
+    options.add_argument("--duration", type=float, default=0.25, help="of each measurement (s)")
+    options.add_number("--lanes", LANES, "plants side by side")
+    return options.run(arguments, _measure_all)
+
+
+def _measure_all(chosen: Namespace) -> None:
     # Read when the first parallel kernel loads: each thread keeps to a core. Otherwise the system puts
     # both on one now and then, for a whole measurement.
     os.environ.setdefault("OMP_PROC_BIND", "true")
@@ -258,4 +262,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

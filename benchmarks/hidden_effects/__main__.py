@@ -8,9 +8,10 @@ With ``--ray ADDRESS`` the nodes of a Ray cluster diagnose the cases; the rows a
 
 from __future__ import annotations
 
-import argparse
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from benchmarks.hidden_effects.case_row import Engine, discover_engine
@@ -19,7 +20,7 @@ from benchmarks.hidden_effects.run import run_study
 from benchmarks.hidden_effects.scoring import judgements
 from benchmarks.hidden_effects.summary import as_markdown, by_subject, targets
 from rdpi_gym.measurement.options import unknown_name
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row
@@ -41,18 +42,18 @@ def main(arguments: Sequence[str] | None = None, engine: Engine = discover_engin
     Returns
     -------
     int
-        0, 2 on bad input (one line on standard error), 130 when interrupted.
+        0, else as :func:`~rdpi_gym.support.command.run_command` says.
     """
-    options = _parse(arguments)
-    try:
-        rows = _run(options, engine)
-        folder = _write(options.out, rows)
-    except InputError as error:
-        print(f"hidden_effects: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; the same command continues from the rows it has", file=sys.stderr)
-        return 130
+    options = Options("hidden_effects", __doc__, out=OUT, seed=0, jobs=2, ray=True)
+    options.add_argument("--study", default=",".join(NUMBERS), help="of single, pairs, none, ...")
+    options.add_number("--plants", None, f"plants for each subject; by default {NUMBERS}")
+    options.add_argument("--effects", default=",".join(HIDEABLE), help="effects to hide")
+    return options.run(arguments, partial(_study, engine=engine))
+
+
+def _study(options: Namespace, engine: Engine) -> None:
+    rows = _rows(options, engine)
+    folder = _write(options.out, rows)
     for target in targets(rows):
         word = "met" if target.is_met else "not met"
         print(
@@ -60,22 +61,9 @@ def main(arguments: Sequence[str] | None = None, engine: Engine = discover_engin
             f"asked {target.least_percent:g} %: {word}"
         )
     print(f"tables: {folder / 'hidden_effects.md'}")
-    return 0
 
 
-def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="hidden_effects", description=__doc__)
-    parser.add_argument("--study", default=",".join(NUMBERS), help="of single, pairs, none, ...")
-    parser.add_argument("--plants", type=int, help=f"plants for each subject; by default {NUMBERS}")
-    parser.add_argument("--effects", default=",".join(HIDEABLE), help="effects to hide")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=2, help="processes; -1: one a core")
-    parser.add_argument("--ray", metavar="ADDRESS", help="a Ray cluster, in place of --jobs")
-    parser.add_argument("--out", type=Path, default=OUT)
-    return parser.parse_args(arguments)
-
-
-def _run(options: argparse.Namespace, engine: Engine) -> list[Row]:
+def _rows(options: Namespace, engine: Engine) -> list[Row]:
     studies, effects = options.study.split(","), options.effects.split(",")
     for where, names, known in (
         ("--study", studies, tuple(NUMBERS)),
@@ -84,14 +72,6 @@ def _run(options: argparse.Namespace, engine: Engine) -> list[Row]:
         for name in names:
             if name not in known:
                 raise unknown_name(where, name, known)
-    if options.plants is not None and options.plants < 1:
-        raise InputError(f"--plants is {options.plants}; give 1 or more plants for each subject")
-    if options.jobs == 0 or options.jobs < -1:
-        raise InputError(f"--jobs is {options.jobs}; give the number of processes, or -1")
-    if options.seed < 0:
-        raise InputError(f"--seed is {options.seed}; give 0 or more")
-    if options.out.exists() and not options.out.is_dir():
-        raise InputError(f"{options.out} is a file; give a folder for --out")
     cases = make_cases(studies, options.plants, options.seed, effects)
     with progress_bar() as show:
         return run_study(

@@ -10,6 +10,7 @@ import pandas as pd
 from benchmarks.hidden_effects.plants import NOISE_UM
 from benchmarks.hidden_effects.scoring import LARGEST_RATIO, judgements
 from benchmarks.hidden_effects.transform import PLAIN
+from rdpi_gym.support.markdown import frame_table, table
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.draws import HIDEABLE, VISIBLE
 
@@ -212,7 +213,7 @@ def as_markdown(rows: Sequence[Row]) -> str:
         f"drawn until the effect leaves {VISIBLE:g} noise floors rms on one record at least after all "
         "that a refit of the base model can take up. Ratios are validation errors of the final model "
         "over the true noise; seconds are those of one process on one thread.",
-        _table(
+        table(
             ["study", "target", "asked", "reached", "met"],
             [
                 [
@@ -229,7 +230,7 @@ def as_markdown(rows: Sequence[Row]) -> str:
             title = str(study) if variant == PLAIN else f"{study}: {variant}"
             empty = _ABOUT_EFFECTS if study in ("none", "outside") else ()
             shown = part.drop(columns=["study", "variant", *empty])
-            parts += [f"## {title}", _table(list(shown.columns), shown.to_numpy().tolist())]
+            parts += [f"## {title}", frame_table(shown)]
     masked = sorted({" + ".join(row["subject"]) for row in rows if row["status"] == "masked"})
     if masked:
         parts.append(f"No draw shows, beside noise or each other: {', '.join(masked)}.")
@@ -237,15 +238,6 @@ def as_markdown(rows: Sequence[Row]) -> str:
     if not same.empty:
         parts += [
             "## Against the plain data set",
-            _table(list(same.columns), same.to_numpy().tolist()),
+            frame_table(same),
         ]
     return "\n\n".join(parts) + "\n"
-
-
-def _table(header: Sequence[str], lines: Sequence[Sequence[object]]) -> str:
-    cells = [header, ["---"] * len(header), *([_cell(x) for x in line] for line in lines)]
-    return "\n".join(f"| {' | '.join(row)} |" for row in cells)
-
-
-def _cell(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,8 +1,10 @@
-"""Pieces of a Markdown page: tables and numbers."""
+"""Numbers, sampling times and tables as the paper's page writes them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+
+from rdpi_gym.support import markdown, words
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: bool = True) -> str:
@@ -12,12 +14,10 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: bool = True
     --------
     >>> print(table(["reading", "max"], [["none", "1.6"]]))
     | reading | max |
-    |---|---:|
+    | :-- | --: |
     | none | 1.6 |
     """
-    rule = "|---" + ("|---:" if right else "|---") * (len(head) - 1) + "|"
-    lines = ["| " + " | ".join(cells) + " |" for cells in (head, *rows)]
-    return "\n".join([lines[0], rule, *lines[1:]])
+    return markdown.table(head, rows, range(1, len(head)) if right else ())
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -28,9 +28,7 @@ def number(value: float, digits: int = 3) -> str:
     >>> number(0.70518), number(1e-6), number(470512.0)
     ('0.705', '1e-6', '4.71e5')
     """
-    text = f"{value:.{digits}g}"
-    mantissa, e, exponent = text.partition("e")
-    return f"{mantissa}e{int(exponent)}" if e else text
+    return words.number(value, digits, "short")
 
 
 def seconds(value: float) -> str:
@@ -43,14 +41,3 @@ def seconds(value: float) -> str:
     """
     mantissa, _, exponent = f"{value:.3e}".partition("e")
     return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)} s"
-
-
-def names(words: Sequence[str]) -> str:
-    """Join names to an English list.
-
-    Examples
-    --------
-    >>> names(["a", "b", "c"])
-    'a, b and c'
-    """
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from benchmarks.paper.cases import BOUND_UM, INVERSION_FREE, SECTION_V, SWEEP_LABEL, section_iii
-from benchmarks.paper.markdown import names, number, seconds, table
+from benchmarks.paper.markdown import number, seconds, table
 from benchmarks.paper.readings import READINGS
 from benchmarks.paper.run import PLANTS, SECTIONS, PaperResults
 from benchmarks.paper.text_figures import (
@@ -25,6 +25,7 @@ from benchmarks.paper.text_theory import (
     right_half_plane_zero,
     why,
 )
+from rdpi_gym.support.words import joined
 
 
 def paper_markdown(results: PaperResults) -> str:
@@ -69,7 +70,7 @@ def _verdict(results: PaperResults) -> str:
     ]
     left = max(results.find(SWEEP_LABEL, name, sine).percent for name in holds)
     limit_s = {plant: results.limit(plant, "literal").found_s for plant in PLANTS}
-    limits = names([f"{1e3 * limit_s[plant]:.3f} ms ({SECTIONS[plant]})" for plant in PLANTS])
+    limits = joined([f"{1e3 * limit_s[plant]:.3f} ms ({SECTIONS[plant]})" for plant in PLANTS])
     literal, given = (results.find("Fig. 8a", reading) for reading in ("literal", "given"))
     at_reference, over_gain = (
         results.find("Fig. 8b", f"closed-form {rate}")
@@ -85,11 +86,11 @@ Aljanaideh, Al Janaideh, Rakotondrabe, "Inversion-free feedforward dynamic compe
 2. **"No condition".** There is one: the loop of Eq. 6 is stable only while Ts is above {limits}, found by simulation on both sides. The paper's {1e6 * SECTION_V.ts_s:g} µs is {limit_s["P10"] / SECTION_V.ts_s:.1f} times below the latter.
 3. **Where the claim holds.** With {_readings(holds)}, that is with thresholds that are the same function of time in plant and compensator: the error falls like Ts, to {number(left, 2)} % of the amplitude.
 4. **Section V, the model as plant.** Largest error without compensation {number(uncompensated.max_error)} µm; Eq. 6 as printed {span(literal.max_error_um)} µm, with command jumps of {number(literal.jump_V, 2)} V from sample to sample; with given thresholds {number(given.max_error, 2)} µm; classical inverse {number(at_reference.max_error, 2)} µm at the rate of y_r and {number(over_gain.max_error, 2)} µm at that rate over A. The paper measured {BOUND_UM:g} µm for both of its methods.
-5. **Why, and what to use.** On its own rate Eq. 6 is a loop whose gain g δ2 / Ts grows as Ts falls, and the model has a right-half-plane zero ({names([f"{z:.0f} rad/s" for z in results.zeros_rad_s.values()])}). A compensator that takes the rate from the reference is no such loop: {_readings(list(best))} had the smallest errors on the plants tried."""
+5. **Why, and what to use.** On its own rate Eq. 6 is a loop whose gain g δ2 / Ts grows as Ts falls, and the model has a right-half-plane zero ({joined([f"{z:.0f} rad/s" for z in results.zeros_rad_s.values()])}). A compensator that takes the rate from the reference is no such loop: {_readings(list(best))} had the smallest errors on the plants tried."""
 
 
 def _readings(found: list[str]) -> str:
-    return names([f"*{name}*" for name in found])
+    return joined([f"*{name}*" for name in found])
 
 
 def _how_to_read(results: PaperResults) -> str:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from baselines.stability import limiting_cutoff_hz
 from benchmarks.paper.cases import SECTION_V, SWEEP_LABEL
 from benchmarks.paper.implementation import Implementation
-from benchmarks.paper.markdown import names, number, seconds, table
+from benchmarks.paper.markdown import number, seconds, table
 from benchmarks.paper.run import DIVERGENCE_TS_S, PLANTS, PaperResults
 from benchmarks.paper.stability import MARGIN, SLIDE_V_S
+from rdpi_gym.support.words import joined
 
 
 def why(results: PaperResults) -> str:
@@ -73,7 +74,7 @@ def no_condition(results: PaperResults) -> str:
         rows.append(
             [
                 plant,
-                names([f"{gap:g} V" for gap in sorted(gaps)]),
+                joined([f"{gap:g} V" for gap in sorted(gaps)]),
                 number(run.max_error / run.sine.amplitude_um, 1),
                 f"{1e3 * results.limit(plant, 'literal').found_s:.3f} ms",
             ]
@@ -138,7 +139,7 @@ def implementation(results: PaperResults) -> str:
         for reading in dict.fromkeys(name for _, name in found)
     ]
     winners = "; ".join(f"{plant}: *{x.run.reading.name}*" for plant, x in best.items())
-    cut_offs = names([f"{limiting_cutoff_hz(m):.0f} Hz for {p}" for p, m in PLANTS.items()])
+    cut_offs = joined([f"{limiting_cutoff_hz(m):.0f} Hz for {p}" for p, m in PLANTS.items()])
     sine = SECTION_V
     return f"""## What an implementation meets, and what to use instead
 

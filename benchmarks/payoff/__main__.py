@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
+from argparse import Namespace
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from benchmarks.payoff.scores import ROWS_FILE, payoff_table
 from benchmarks.payoff.tables import payoff_summary, payoff_text
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.report.payoff.picture import payoff_picture
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import progress_bar
@@ -35,40 +35,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, 2 on bad input (one line on standard error), 130 when interrupted.
+        0, else as :func:`~rdpi_gym.support.command.run_command` says.
     """
-    parser = argparse.ArgumentParser(
-        prog="payoff", description=benchmarks.payoff.__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    options = Options("payoff", benchmarks.payoff.__doc__, out=OUT, seed=0, jobs=-1)
+    options.add_folder(
+        "--beliefs", FOLDER,
+        "folder of what was discovered; what other code discovered is discovered anew",
     )  # fmt: skip
-    parser.add_argument("--out", type=Path, default=OUT, help="folder for tables and picture")
-    parser.add_argument(
-        "--beliefs", type=Path, default=FOLDER,
-        help="folder of what was discovered; what other code discovered is discovered anew",
-    )  # fmt: skip
-    parser.add_argument("--stored", action="store_true", help="discover nothing anew")
-    parser.add_argument("--seed", type=int, default=0, help="of records, noise and references")
-    parser.add_argument("--jobs", type=int, default=-1, help="processes; -1: one a core")
-    options = parser.parse_args(arguments)
-    try:
-        if options.seed < 0:
-            raise InputError(f"--seed is {options.seed}; give 0 or more")
-        if options.jobs == 0 or options.jobs < -1:
-            raise InputError(f"--jobs is {options.jobs}; give the number of processes, or -1")
-        for name in ("out", "beliefs"):
-            folder = getattr(options, name)
-            if folder.exists() and not folder.is_dir():
-                raise InputError(f"{folder} is a file; give a folder for --{name}")
-        make = stored_beliefs if options.stored else make_beliefs
-        look = partial(_beliefs, make=make, folder=options.beliefs, seed=options.seed)
-        _compute(look, options.out, options.seed, options.jobs)
-    except InputError as error:
-        print(f"payoff: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on from the beliefs it has", file=sys.stderr)
-        return 130
-    return 0
+    options.add_argument("--stored", action="store_true", help="discover nothing anew")
+    return options.run(arguments, _run)
+
+
+def _run(options: Namespace) -> None:
+    make = stored_beliefs if options.stored else make_beliefs
+    look = partial(_beliefs, make=make, folder=options.beliefs, seed=options.seed)
+    _compute(look, options.out, options.seed, options.jobs)
 
 
 Beliefs = dict[str, PlantModel]

@@ -8,10 +8,11 @@ import pandas as pd
 from benchmarks.payoff.beliefs import BELIEFS
 from benchmarks.payoff.plants import HIDDEN_PLANTS, NOISE_UM, HiddenPlant
 from benchmarks.payoff.scores import PREVIEW, TS_S
-from benchmarks.tracking.markdown import markdown_table, number
 from benchmarks.tracking.scoring import DIVERGED, ERROR, words
 from benchmarks.tracking.stages import NOISE_UM as SENSOR_NOISE_UM
 from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ
+from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.words import number
 
 METHOD = f"""\
 - **Plants.** P10 with one effect or two, each at a common size; their rate is low-passed at {RATE_BANDWIDTH_HZ:g} Hz for tracking and {1e3 * SENSOR_NOISE_UM:g} nm of white noise is measured. Ts is {1e6 * TS_S:g} µs, and observations show {PREVIEW} samples of the reference ahead.
@@ -82,7 +83,7 @@ def payoff_part(table: pd.DataFrame) -> str:
         "## What it pays to know the effect",
         "Geometric mean of the RMSE (%) over the references, on plants with effects that a bare "
         "belief does not know, and by how much it falls when they have been discovered.",
-        markdown_table(summary_view(payoff_summary(table))),
+        frame_table(summary_view(payoff_summary(table))),
         METHOD,
     ]
     return "\n\n".join(part.strip() for part in parts) + "\n"
@@ -99,13 +100,13 @@ def payoff_text(table: pd.DataFrame) -> str:
         "## RMSE (%) by belief",
         "Geometric mean over the references, and by how much it falls when the effect has been "
         "discovered.",
-        markdown_table(summary_view(summary)),
+        frame_table(summary_view(summary)),
         "## What the numbers mean",
         METHOD,
         "## Every reference: RMSE (µm)",
-        markdown_table(_by_case(table)),
+        frame_table(_by_case(table)),
         "## What was hidden",
-        markdown_table(_hidden_view(HIDDEN_PLANTS)),
+        frame_table(_hidden_view(HIDDEN_PLANTS)),
     ]
     return "\n\n".join(part.strip() for part in parts) + "\n"
 

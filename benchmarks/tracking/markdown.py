@@ -14,6 +14,8 @@ from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
 from benchmarks.tracking.scoring import MEANING, words
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, Stage
 from benchmarks.tracking.suite import SUITE_VERSION
+from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.words import number
 
 METHOD = f"""\
 - **Score.** Root mean square and largest tracking error of the noise-free displacement, in µm and in percent of the reference's peak to peak. A reference starts smoothly within its first period, which is not counted; the whole periods after it are.
@@ -48,7 +50,7 @@ def leaderboard_text(evaluation: Evaluation) -> str:
         "## Ranking",
         "Geometric mean of the RMSE over the cases, best first, with its confidence interval; `=` "
         "marks a tie. `RMSE, seed 0`: where the belief is true.",
-        markdown_table(ranking_view(evaluation.ranking)),
+        frame_table(ranking_view(evaluation.ranking)),
         *_where_trained(evaluation.where_trained),
         "## What the numbers mean",
         METHOD,
@@ -58,22 +60,22 @@ def leaderboard_text(evaluation: Evaluation) -> str:
         part = cases[(cases["plant"] == stage.plant.name) & np.isclose(cases["ts_s"], ts)]
         if not part.empty:
             parts += [f"## {stage.plant.name} at Ts = {ts:g} s: RMSE (% of peak to peak)"]
-            parts += [_stage_words(stage, part), markdown_table(_case_view(part, order))]
+            parts += [_stage_words(stage, part), frame_table(_case_view(part, order))]
     parts += [
         "## Error against sampling time",
         "Geometric mean of the RMSE (%) over the references that every sampling time of a plant has.",
-        markdown_table(_ts_view(cases[~cases["extrapolated"]], order)),
+        frame_table(_ts_view(cases[~cases["extrapolated"]], order)),
     ]
     if words(table["status"].tolist()):
         parts += [
             "## Status",
             "Rows with each word in their status, of all rows, those beyond the identification "
             "among them.",
-            markdown_table(_status_view(table, order)),
+            frame_table(_status_view(table, order)),
         ]
     parts += ["## On real input", measured_text(measured)]
     if not measured.table.empty:
-        parts.append(markdown_table(measured.table, digits=4))
+        parts.append(frame_table(measured.table, digits=4))
     return "\n\n".join(part.strip() for part in parts if part.strip()) + "\n"
 
 
@@ -81,43 +83,7 @@ def _where_trained(rankings: Mapping[float, pd.DataFrame]) -> Iterator[str]:
     for ts, ranked in rankings.items():
         yield f"## Ranking at Ts = {ts:g} s, where learned controllers run"
         yield WHERE_TRAINED
-        yield markdown_table(ranking_view(ranked))
-
-
-def markdown_table(frame: pd.DataFrame, digits: int = 3) -> str:
-    r"""Write a data frame of strings and numbers as a Markdown table.
-
-    Examples
-    --------
-    >>> print(markdown_table(pd.DataFrame({"a": ["x|y"], "b": [1.23456]})))
-    | a | b |
-    | :-- | --: |
-    | x\|y | 1.23 |
-    """
-    left = [not pd.api.types.is_numeric_dtype(kind) for kind in frame.dtypes]
-    lines = [list(map(str, frame.columns)), [":--" if is_left else "--:" for is_left in left]]
-    lines += [[_cell(value, digits) for value in row] for row in frame.itertuples(index=False)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _cell(value: object, digits: int = 3) -> str:
-    if isinstance(value, float):
-        return number(value, digits)
-    return str(value).replace("|", "\\|")
-
-
-def number(value: float, digits: int = 3) -> str:
-    """Write a number with some significant digits.
-
-    Examples
-    --------
-    >>> number(1234.5), number(0.012345), number(0.0123, digits=2), number(float("nan"))
-    ('1230', '0.0123', '0.012', '–')
-    """
-    if np.isnan(value):
-        return "–"
-    text = f"{value:.{digits}g}"
-    return f"{float(text):g}" if "e" in text and 1e-4 < abs(value) < 1e6 else text
+        yield frame_table(ranking_view(ranked))
 
 
 def answer(evaluation: Evaluation) -> str:
@@ -172,7 +138,7 @@ def _ranged(frame: pd.DataFrame, column: str, digits: int = 3) -> list[str]:
     return [
         f"{number(mean)} ({number(low, digits)} to {number(high, digits)})"
         if np.isfinite(low)
-        else _cell(mean)
+        else number(mean)
         for mean, low, high in zip(*parts, strict=True)
     ]
 
@@ -246,14 +212,3 @@ def measured_text(measured: MeasuredScores) -> str:
         f"applied voltage. The first {MEMORY_S:g} s are not counted, in which the memory builds up. "
         "Feedback has nothing to feed back here and is left out. All rows are in `measured.csv`."
     )
-
-
-def plain(markdown: str) -> str:
-    """Return Markdown without its marks of emphasis and code.
-
-    Examples
-    --------
-    >>> plain("**Score** of `none`")
-    'Score of none'
-    """
-    return markdown.replace("**", "").replace("`", "")

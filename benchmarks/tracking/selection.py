@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from inspect import isfunction, signature
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from benchmarks.tracking.trial import try_controller
 from rdpi_gym.plant import PLANTS, PlantModel, check_ts, find_plant
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.plugins import load_attribute
+from rdpi_gym.support.words import guess
 
 DEFAULT_PLANTS = ("P5", "P10", "picma")
 
@@ -187,10 +187,10 @@ def _without_idle(selection: Selection, asked: set[str]) -> Selection:
 def _known(name: str, what: str, known: Iterable[str], otherwise: str = "") -> None:
     if name in known:
         return
-    close = get_close_matches(name, list(known), 1)
-    guess = f"did you mean {close[0]!r}? " if close else ""
+    meant = guess(name, known)
+    hint = f"{meant} " if meant else ""
     more = f", or {otherwise}" if otherwise else ""
-    raise InputError(f"no {what} is named {name!r}; {guess}known are {', '.join(known)}{more}")
+    raise InputError(f"no {what} is named {name!r}; {hint}known are {', '.join(known)}{more}")
 
 
 def _plant(name: str) -> PlantModel:

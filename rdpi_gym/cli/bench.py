@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rdpi_gym.cli.options import OutOption, check_jobs, words
+from rdpi_gym.cli.options import OutOption, words
+from rdpi_gym.support.command_line import check_jobs
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, progress_bar
 from rdpi_gym.support.terminal import console
@@ -95,7 +96,6 @@ def bench(
         WHERE_TRAINED,
         answer,
         measured_text,
-        plain,
     )
     from benchmarks.tracking.results import write_tables
     from benchmarks.tracking.run import benchmark
@@ -103,6 +103,7 @@ def bench(
     from rdpi_gym.report.benchmark.page import write_benchmark_page
     from rdpi_gym.report.benchmark.picture import leaderboard_picture
     from rdpi_gym.support.files import write_atomic
+    from rdpi_gym.support.markdown import plain
 
     selection = select(
         words(controllers),
@@ -167,8 +168,8 @@ def _payoff(out: Path, jobs: int, ray: str | None, show: Progress) -> pd.DataFra
 
 def _payoff_section(payoff: pd.DataFrame) -> Section:
     from benchmarks.payoff.tables import METHOD, payoff_summary, summary_view
-    from benchmarks.tracking.markdown import plain
     from rdpi_gym.report.payoff.figures import payoff_section
+    from rdpi_gym.support.markdown import plain
 
     summary = payoff_summary(payoff)
     return payoff_section(summary, summary_view(summary), plain(METHOD))
@@ -187,7 +188,8 @@ def _print_top(ranked: pd.DataFrame, own: Sequence[str], where: str = "") -> Non
     from rich.table import Table
     from rich.text import Text
 
-    from benchmarks.tracking.markdown import number, ranking_view
+    from benchmarks.tracking.markdown import ranking_view
+    from rdpi_gym.support.words import number
 
     bound = ranked["rank"] == "bound"
     first = (~bound).cumsum() <= _TOP

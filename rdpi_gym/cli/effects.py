@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 import rdpi_gym as rg
-from rdpi_gym.cli.options import check_folder
 from rdpi_gym.cli.tables import print_table
+from rdpi_gym.support.command_line import check_folder
 
 
 def effects(

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import rdpi_gym as rg
-from rdpi_gym.cli.options import check_folder
+from rdpi_gym.support.command_line import check_folder
 
 
 def export(

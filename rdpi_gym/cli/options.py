@@ -7,59 +7,13 @@ import inspect
 from collections.abc import Callable
 from dataclasses import MISSING, is_dataclass
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Annotated, Any, TypeAlias, get_type_hints
 
 import typer
 
+from rdpi_gym.support.command_line import check_folder
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option, option_fields
-
-
-def check_folder(out: Path) -> Path:
-    """Return a folder that results can be written to, or refuse it before anything is computed.
-
-    Nothing is made: where it does not exist yet, the folder that it would be made in counts.
-
-    Raises
-    ------
-    InputError
-        It is a file, or cannot be written to.
-
-    Examples
-    --------
-    >>> check_folder(Path("results/new")).name
-    'new'
-    """
-    try:
-        there = next(folder for folder in (out, *out.parents) if folder.exists())
-        if not there.is_dir():
-            raise InputError(f"--out {out} cannot be written: {there} is a file; give a folder")
-        with TemporaryFile(dir=there):
-            pass
-    except OSError as error:
-        raise InputError(
-            f"--out {out} cannot be written ({error.strerror}); name a new or an existing folder"
-        ) from error
-    return out
-
-
-def check_jobs(jobs: int) -> int:
-    """Return the number of processes, or refuse it.
-
-    Raises
-    ------
-    InputError
-        0, or below -1.
-
-    Examples
-    --------
-    >>> check_jobs(2)
-    2
-    """
-    if jobs == 0 or jobs < -1:
-        raise InputError(f"--jobs is {jobs}; give the number of processes, or -1 for all cores")
-    return jobs
 
 
 def words(text: str | None) -> list[str] | None:
@@ -93,6 +47,10 @@ def data_path(text: str) -> Path:
     return Path(text)
 
 
+def _folder(out: Path) -> Path:
+    return check_folder(out)
+
+
 DataArgument: TypeAlias = Annotated[
     Path,
     typer.Argument(
@@ -108,7 +66,7 @@ OutOption: TypeAlias = Annotated[
         "--out",
         metavar="DIR",
         help="Folder that the results are written to.",
-        callback=check_folder,
+        callback=_folder,
     ),
 ]
 SeedOption: TypeAlias = Annotated[

@@ -14,7 +14,7 @@ import pandas as pd
 from baselines import Controller
 from baselines import make_controller as make_by_name
 from benchmarks.tracking import evaluation
-from benchmarks.tracking.markdown import METHOD, WHERE_TRAINED, measured_text, plain, ranking_view
+from benchmarks.tracking.markdown import METHOD, WHERE_TRAINED, measured_text, ranking_view
 from benchmarks.tracking.run import benchmark as run_benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.envs.layout import ObservationLayout
@@ -24,6 +24,7 @@ from rdpi_gym.face.shown import Shown
 from rdpi_gym.plant import PLANTS, PlantModel
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.markdown import plain
 from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:

@@ -20,12 +20,12 @@ from rdpi_gym.face.options import CandidateOptions, SearchOptions
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
-from rdpi_gym.report.discovery.sentences import lines, micrometres, staircase
+from rdpi_gym.report.discovery.sentences import lines, staircase
 from rdpi_gym.support.checked import check_type, checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
 from rdpi_gym.support.progress import Progress
-from rdpi_gym.support.words import closed, joined
+from rdpi_gym.support.words import closed, joined, micrometres
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -11,7 +10,7 @@ from typing import get_type_hints
 from rdpi_gym.support.checked import check_type
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option
-from rdpi_gym.support.words import quoted, short, some
+from rdpi_gym.support.words import guess, quoted, short, some
 
 COLUMNS = ("t", "u", "y", "reference", "temperature", "period")
 """Names of the columns: t (s), u (V), y (µm), reference (µm), temperature (°C), period (index)."""
@@ -39,9 +38,9 @@ def unknown_name(where: str, name: str, known: Iterable[str]) -> InputError:
     "dataset.toml: 'titel' is unknown (did you mean 'title'?); known are title, units"
     """
     names = list(known)
-    close = difflib.get_close_matches(name, names, n=1)
-    guess = f" (did you mean {close[0]!r}?)" if close else ""
-    return InputError(f"{where}: {quoted(name)} is unknown{guess}; known are {some(names, 24)}")
+    meant = guess(name, names)
+    hint = f" ({meant})" if meant else ""
+    return InputError(f"{where}: {quoted(name)} is unknown{hint}; known are {some(names, 24)}")
 
 
 def unit_factor(column: str, unit: str, where: str = "--units") -> float:

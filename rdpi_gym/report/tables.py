@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rdpi_gym.support.words import number
+
 SEARCH_FROM_ROWS = 15
 """Tables of at least so many rows get a search field."""
 
@@ -51,9 +53,7 @@ def format_number(value: float) -> str:
     >>> format_number(0.012345), format_number(1234567.0), format_number(2.0)
     ('0.01235', '1.235e+06', '2')
     """
-    if math.isnan(value):
-        return "–"
-    return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
+    return number(value, 4, "usual").replace("-", "\N{MINUS SIGN}")
 
 
 def table_html(frame: pd.DataFrame) -> str:

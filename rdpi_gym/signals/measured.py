@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import reprlib
 from dataclasses import dataclass, field
@@ -18,7 +17,7 @@ from rdpi_gym.signals.checks import set_numbers
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_utf8
-from rdpi_gym.support.words import some
+from rdpi_gym.support.words import guess, some
 
 _LARGEST = 2**28  # bytes
 
@@ -156,8 +155,8 @@ def _read_columns(path: Path, time: str, column: str) -> tuple[Array, Array]:
     header = [name.strip() for name in lines[0][1]] if lines else []
     for name in (time, column):
         if name not in header:
-            close = difflib.get_close_matches(name, header, 1)
-            hint = f"; did you mean {close[0]!r}?" if close else ""
+            meant = guess(name, header)
+            hint = f"; {meant}" if meant else ""
             raise InputError(
                 f"{path} has no column {name!r}{hint}; its header has {some(header) or '-'}"
             )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -12,6 +11,7 @@ from rdpi_gym.signals.combine import Combination
 from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.members import Members
+from rdpi_gym.support.words import guess
 
 SIGNALS: Mapping[str, type[Signal]] = Members("rdpi_gym.signals", Signal)  # type: ignore[type-abstract]
 """Every signal by its name: a file of this folder that defines one is found."""
@@ -105,5 +105,5 @@ def _make(name: str, fields: Mapping[str, Any], depth: int) -> Signal:
 
 
 def _closest(name: str, known: Iterable[str]) -> str:
-    close = difflib.get_close_matches(name, list(known), 1)
-    return f"; did you mean {close[0]!r}?" if close else "."
+    meant = guess(name, known)
+    return f"; {meant}" if meant else "."

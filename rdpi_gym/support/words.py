@@ -1,10 +1,12 @@
-"""Numbers, values and names as sentences write them."""
+"""Numbers, values, names and lists, as tables and sentences write them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from reprlib import Repr
+from typing import Literal
 
 _WIDTH = 60
 _QUOTE = Repr()
@@ -13,19 +15,53 @@ _QUOTE.maxlist = _QUOTE.maxtuple = _QUOTE.maxdict = 4
 _QUOTE.maxlevel = 2
 
 
+Exponent = Literal["never", "rare", "short", "usual"]
+
+
+def number(value: float, count: int = 3, exponent: Exponent = "rare") -> str:
+    """Write a number with some significant digits; a dash where there is none.
+
+    Parameters
+    ----------
+    value
+        The number.
+    count
+        Significant digits; zeros at the end are left out.
+    exponent
+        ``never``; ``rare``, only below 1e-4 and from 1e6 on; ``usual``, also for large numbers of
+        more digits than `count`; ``short``, as that but without the zeros of the power.
+
+    Examples
+    --------
+    >>> number(1234.5), number(0.012345), number(0.0123, 2), number(float("nan"))
+    ('1230', '0.0123', '0.012', '–')
+    >>> [number(1234.5, exponent=e) for e in ("never", "rare", "usual", "short")]
+    ['1230', '1230', '1.23e+03', '1.23e3']
+    >>> [number(1e-6, exponent=e) for e in ("never", "rare", "usual", "short")]
+    ['0.000001', '1e-06', '1e-06', '1e-6']
+    """
+    if math.isnan(value):
+        return "–"
+    text = f"{value:.{count}g}"
+    mantissa, e, power = text.partition("e")
+    if not e or exponent == "usual":
+        return text
+    if exponent == "short":
+        return f"{mantissa}e{int(power)}"
+    if exponent == "rare":
+        return f"{float(text):g}" if 1e-4 < abs(value) < 1e6 else text
+    return f"{float(text):.{max(0, len(mantissa.lstrip('-').replace('.', '')) - 1 - int(power))}f}"
+
+
 def digits(value: float, count: int = 2) -> str:
-    """Write a number with some significant digits and without an exponent.
+    """Write a number in a sentence: few significant digits, no exponent.
 
     Examples
     --------
     >>> digits(110.3), digits(-0.01234), digits(2.0, 3)
     ('110', '-0.012', '2')
     """
-    if value == 0 or not math.isfinite(value):
-        return f"{value:g}"
-    places = count - 1 - math.floor(math.log10(abs(value)))
-    text = f"{round(value, places):.{max(0, places)}f}"
-    return text.rstrip("0").rstrip(".") if "." in text else text
+    return number(value, count, "never")
 
 
 def micrometres(value: float) -> str:
@@ -35,8 +71,10 @@ def micrometres(value: float) -> str:
     --------
     >>> micrometres(0.012345), micrometres(-3.0), micrometres(12345.6)
     ('0.0123 µm', '-3 µm', '12300 µm')
+    >>> micrometres(float("inf"))
+    'no finite error'
     """
-    return f"{digits(value, 3)} µm"
+    return f"{digits(value, 3)} µm" if math.isfinite(value) else "no finite error"
 
 
 def joined(names: Sequence[str]) -> str:
@@ -70,6 +108,18 @@ def pm(value: float, error: float) -> str:
     '0.26 ± 0.6'
     """
     return f"{digits(value)} ± {digits(error, 1)}" if math.isfinite(error) else "unknown"
+
+
+def guess(name: str, known: Iterable[str]) -> str:
+    """Ask whether a known name was meant, where one is close; else nothing.
+
+    Examples
+    --------
+    >>> guess("crep", ["creep", "delay"]), guess("x", ["creep", "delay"])
+    ("did you mean 'creep'?", '')
+    """
+    close = get_close_matches(name, list(known), 1)
+    return f"did you mean {close[0]!r}?" if close else ""
 
 
 def quoted(value: object) -> str:

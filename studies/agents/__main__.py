@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
+from argparse import Namespace
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pandas as pd
 
 import studies.agents
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json
 from rdpi_gym.support.progress import progress_bar
@@ -43,51 +44,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, 2 on bad input (one line on standard error), 130 when interrupted.
+        0, else as :func:`~rdpi_gym.support.command.run_command` says.
     """
-    parser = argparse.ArgumentParser(
-        prog="agents", description=studies.agents.__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    options = Options("agents", studies.agents.__doc__, jobs=-1, ray=True)
+    options.add_folder("--out", None, "folder for tables")
+    options.add_argument("--stage", choices=(*STAGES, "all", *BY_NAME), default="all")
+    options.add_folder(
+        "--runs", None,
+        "folder of the trainings and finished rows; with --ray, one that every node sees",
     )  # fmt: skip
-    parser.add_argument("--stage", choices=(*STAGES, "all", *BY_NAME), default="all")
-    parser.add_argument("--out", type=Path, help="folder for tables")
-    parser.add_argument(
-        "--runs", type=Path,
-        help="folder of the trainings and finished rows; with --ray, one that every node sees",
-    )  # fmt: skip
-    parser.add_argument("--jobs", type=int, default=-1, help="processes; -1: one a core")
-    parser.add_argument("--ray", metavar="ADDRESS", help="work on a Ray cluster, host:port")
-    parser.add_argument("--quick", action="store_true", help="every step, tiny; learns nothing")
-    options = parser.parse_args(arguments)
+    options.add_argument("--quick", action="store_true", help="every step, tiny; learns nothing")
+    return options.run(arguments, _run)
+
+
+def _run(options: Namespace) -> None:
     study = QUICK if options.quick else FULL
     # a quick run must not take the place of published tables, policies and pages
     options.out = options.out or (QUICK_RUNS / "tables" if options.quick else OUT)
     options.runs = options.runs or (QUICK_RUNS if options.quick else RUNS)
-    try:
-        if options.jobs == 0 or options.jobs < -1:
-            raise InputError(f"--jobs is {options.jobs}; give the number of processes, or -1")
-        for name in ("out", "runs"):
-            folder = getattr(options, name)
-            if folder.exists() and not folder.is_dir():
-                raise InputError(f"{folder} is a file; give a folder for --{name}")
-        for stage in STAGES if options.stage == "all" else (options.stage,):
-            _STAGES[stage](study, options)
-    except InputError as error:
-        print(f"agents: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on where it stopped", file=sys.stderr)
-        return 130
-    return 0
+    for stage in STAGES if options.stage == "all" else (options.stage,):
+        _STAGES[stage](study, options)
 
 
-def _train(study: Study, options: argparse.Namespace) -> None:
+def _train(study: Study, options: Namespace) -> None:
     with progress_bar() as show:
         fresh = train_all(study, options.runs, options.jobs, show, options.ray)
     print(f"{fresh} trained now, {len(all_trainings(study, options.runs))} in all: {options.runs}")
 
 
-def _score(study: Study, options: argparse.Namespace) -> None:
+def _score(study: Study, options: Namespace) -> None:
     trained, table = _scores(study, GROUPS, options)
     summary = summarise(table, study.resamples)
     _write(options.out / "scores.csv", table)
@@ -96,7 +81,7 @@ def _score(study: Study, options: argparse.Namespace) -> None:
     print(f"table: {write_atomic(options.out / 'agents.md', agents_text(study, summary, trained))}")
 
 
-def _gap(study: Study, options: argparse.Namespace) -> None:
+def _gap(study: Study, options: Namespace) -> None:
     worlds = [world for name in study.domains for world in with_literal(GAP[name])]
     trained, table = _scores(study, worlds, options)
     summary = gap_summary(table, study.resamples)
@@ -105,7 +90,7 @@ def _gap(study: Study, options: argparse.Namespace) -> None:
     print(f"table: {write_atomic(options.out / 'gap.md', gap_text(study, summary, trained))}")
 
 
-def _curves(study: Study, options: argparse.Namespace) -> None:
+def _curves(study: Study, options: Namespace) -> None:
     from rdpi_gym.report.learning_picture import learning_picture  # matplotlib, only where needed
 
     curves = learning_curves(_finished(study, options.runs))
@@ -116,7 +101,7 @@ def _curves(study: Study, options: argparse.Namespace) -> None:
     print(f"curves: {write_atomic(options.out / 'curves.md', curves_text(curves))}")
 
 
-def _ship(study: Study, options: argparse.Namespace) -> None:
+def _ship(study: Study, options: Namespace) -> None:
     try:
         from studies.agents.shipping import ship
     except ImportError as error:
@@ -133,18 +118,18 @@ def _ship(study: Study, options: argparse.Namespace) -> None:
         )
 
 
-def _walk(study: Study, options: argparse.Namespace) -> None:
+def _walk(study: Study, options: Namespace) -> None:
     walk = take_walk(walk_template(study))
     print(f"{walk['seconds']:.0f} s: {write_json(options.out / FILE, walk)}")
 
 
-def _page(study: Study, options: argparse.Namespace) -> None:
+def _page(study: Study, options: Namespace) -> None:
     folder = options.out / "docs" if study is QUICK else DOCS
     for name, text in page_texts(study, options.out).items():
         print(f"page: {write_atomic(folder / f'{name}.md', text)}")
 
 
-_STAGES: dict[str, Callable[[Study, argparse.Namespace], None]] = {
+_STAGES: dict[str, Callable[[Study, Namespace], None]] = {
     "train": _train,
     "score": _score,
     "gap": _gap,
@@ -156,7 +141,7 @@ _STAGES: dict[str, Callable[[Study, argparse.Namespace], None]] = {
 
 
 def _scores(
-    study: Study, worlds: Sequence[World], options: argparse.Namespace
+    study: Study, worlds: Sequence[World], options: Namespace
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Score the compensators and the trainings that are finished."""
     finished = _finished(study, options.runs)

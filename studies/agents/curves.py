@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.markdown import frame_table
 from studies.agents.study import BASELINE
 from studies.agents.training import Training
 
@@ -150,6 +150,6 @@ def curves_text(curves: pd.DataFrame) -> str:
         f"![RMSE and command variation over the steps of the trainings]({PICTURE})",
         METHOD,
         "## What a training costs",
-        markdown_table(cost_view(training_costs(curves))),
+        frame_table(cost_view(training_costs(curves))),
     ]
     return "\n\n".join(part.strip() for part in parts) + "\n"

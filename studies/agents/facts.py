@@ -8,10 +8,10 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from benchmarks.tracking.markdown import markdown_table
 from rdpi_gym.plant import P10
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json
+from rdpi_gym.support.markdown import frame_table
 from studies.agents import findings
 from studies.agents.curves import cost_view, training_costs
 from studies.agents.summary import ALL_GROUPS
@@ -71,12 +71,12 @@ def page_facts(results: Path) -> dict[str, Any]:
             str(world): findings.unstable(part) for world, part in groups.groupby("world")
         },
         "tables": {
-            "curve": markdown_table(_curve_view(pd.DataFrame(walk["curve"]))),
-            "groups": markdown_table(findings.groups_view(groups)),
-            "goal": markdown_table(findings.goal_view(with_effects)),
-            "gap": markdown_table(findings.gap_view(gap)),
-            "costs": markdown_table(cost_view(costs)),
-            "shipped": markdown_table(findings.shipped_view(shipped)),
+            "curve": frame_table(_curve_view(pd.DataFrame(walk["curve"]))),
+            "groups": frame_table(findings.groups_view(groups)),
+            "goal": frame_table(findings.goal_view(with_effects)),
+            "gap": frame_table(findings.gap_view(gap)),
+            "costs": frame_table(cost_view(costs)),
+            "shipped": frame_table(findings.shipped_view(shipped)),
         },
         "findings": {
             "standing": findings.standing(groups),

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pandas as pd
 
-from benchmarks.tracking.markdown import number
+from rdpi_gym.support.words import number
 
 RMSE_GOAL, VARIATION_GOAL, MINUTES_GOAL = 0.5, 1.5, 20.0
 """What was aimed at: error and command variation over those of the best causal compensator, and the

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from benchmarks.tracking.markdown import markdown_table, number
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ
+from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.words import number
 from studies.agents.scores import PREVIEW_INVERSION
 from studies.agents.study import BASELINE, Study
 from studies.agents.summary import ALL_GROUPS, CONFIDENCE
@@ -46,9 +47,9 @@ def agents_text(study: Study, summary: pd.DataFrame, trainings: pd.DataFrame) ->
         parts += [
             f"## Plants: {world}",
             f"Best causal compensator: `{best}`; best feedforward: `{feedforward}`.",
-            markdown_table(_score_view(part)),
+            frame_table(_score_view(part)),
         ]
-    parts += ["## Trainings", markdown_table(trainings)]
+    parts += ["## Trainings", frame_table(trainings)]
     return _joined(parts)
 
 
@@ -56,7 +57,7 @@ def gap_text(study: Study, summary: pd.DataFrame, trainings: pd.DataFrame) -> st
     """Write the domain gap as Markdown."""
     parts = ["# The same agents elsewhere", _trained(study, trainings), GAP_METHOD]
     for domain, part in summary.groupby("domain", sort=False):
-        parts += [f"## {domain}", markdown_table(_gap_view(part))]
+        parts += [f"## {domain}", frame_table(_gap_view(part))]
     return _joined(parts)
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 
 import studies.effect_pages
 from rdpi_gym.report.effect_figure import effect_picture
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import progress_bar
 from studies.effect_pages.shown import SHOWN
@@ -32,37 +32,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 2 on bad input (one line on standard error).
+        0, else as :func:`~rdpi_gym.support.command.run_command` says.
     """
-    parser = argparse.ArgumentParser(
-        prog="effect_pages", description=studies.effect_pages.__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
-    parser.add_argument("--out", type=Path, default=OUT, help="folder for pages and pictures")
-    parser.add_argument(
+    options = Options("effect_pages", studies.effect_pages.__doc__, out=OUT)
+    options.add_argument(
         "--text-only",
         action="store_true",
         help="pages alone, from the committed table of tracking errors",
     )
-    options = parser.parse_args(arguments)
-    try:
-        if not options.text_only:
-            write_atomic(TABLE, tracking_table().to_csv(index=False, float_format="%.6g"))
-        for name, text in page_texts().items():
-            write_atomic(options.out / name, text)
-        if options.text_only:
-            return 0
-        without = bare_records()
-        with progress_bar() as show:
-            for number, (name, shown) in enumerate(SHOWN.items()):
-                show("drawing", number, len(SHOWN))
-                panels = shown.panels(study_effect(name, shown.values, without))
-                write_atomic(options.out / f"{name}.png", small_png(effect_picture(panels)))
-    except InputError as error:
-        print(f"effect_pages: {error}", file=sys.stderr)
-        return 2
+    return options.run(arguments, _run)
+
+
+def _run(options: Namespace) -> None:
+    if not options.text_only:
+        write_atomic(TABLE, tracking_table().to_csv(index=False, float_format="%.6g"))
+    for name, text in page_texts().items():
+        write_atomic(options.out / name, text)
+    if options.text_only:
+        return
+    without = bare_records()
+    with progress_bar() as show:
+        for number, (name, shown) in enumerate(SHOWN.items()):
+            show("drawing", number, len(SHOWN))
+            panels = shown.panels(study_effect(name, shown.values, without))
+            write_atomic(options.out / f"{name}.png", small_png(effect_picture(panels)))
     print(f"{len(SHOWN)} effects: {options.out}")
-    return 0
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.plant.effects.description import PLACES, page
+from rdpi_gym.support.markdown import table
 from studies.effect_pages.shown import SHOWN
 from studies.effect_pages.study import PLANT
 from studies.effect_pages.tracking import CONTROLLER, tracking_text
@@ -77,12 +78,11 @@ def index_text(kinds: Mapping[str, type[Effect]]) -> str:
             "",
             f"## Acts {place}",
             "",
-            "| effect | trace in a residual | best experiment |",
-            "|---|---|---|",
-        ]
-        lines += [
-            f"| [`{k.name}`]({k.name}.md) | {_cell(k.signature)} | {_cell(k.experiment)} |"
-            for k in members
+            table(
+                ["effect", "trace in a residual", "best experiment"],
+                [[f"[`{k.name}`]({k.name}.md)", k.signature, k.experiment] for k in members],
+                rule="tight",
+            ),
         ]
     lines += [
         "",
@@ -108,7 +108,3 @@ def index_text(kinds: Mapping[str, type[Effect]]) -> str:
     ]
     lines += ["", f"Made from the effects' files by `{_MAKER}`.", ""]
     return "\n".join(lines)
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")

@@ -16,6 +16,7 @@ from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.markdown import table
 from studies.effect_pages.shown import SHOWN
 
 CONTROLLER = "extended-inverse"
@@ -160,14 +161,23 @@ def tracking_text(effect: str) -> str:
     lines = [
         "**What it does to tracking:**",
         "",
-        f"| reference (30 µm) | without {effect} | {effect} unknown to the inverse | {effect} known |",
-        "|---|--:|--:|--:|",
-    ]
-    lines += [
-        f"| {row.reference} | {row.without_um:.3g} µm | {row.unknown_um:.3g} µm | {row.known_um:.3g} µm |"
-        for row in rows
-    ]
-    lines += [
+        table(
+            [
+                "reference (30 µm)",
+                f"without {effect}",
+                f"{effect} unknown to the inverse",
+                f"{effect} known",
+            ],
+            [
+                [
+                    row.reference,
+                    *(f"{um:.3g} µm" for um in (row.without_um, row.unknown_um, row.known_um)),
+                ]
+                for row in rows
+            ],
+            right=range(1, 4),
+            rule="tight",
+        ),
         "",
         f"RMS error of `{CONTROLLER}`, open loop, on P10 with the parameters of the picture "
         "([more about the table](README.md#what-the-table-of-tracking-errors-shows)).",

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 
 import studies.tutorial
 from rdpi_gym.measurement import DATA_HINT, measured_data
+from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from studies.tutorial.pictures import browser
@@ -32,24 +33,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 2 on bad input (one line on standard error).
+        0, else as :func:`~rdpi_gym.support.command.run_command` says.
     """
-    parser = argparse.ArgumentParser(
-        prog="tutorial", description=studies.tutorial.__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
-    parser.add_argument("pages", nargs="*", help="names of pages; all by default")
-    parser.add_argument("--out", type=Path, default=OUT, help="folder for pages and pictures")
-    options = parser.parse_args(arguments)
-    try:
-        for name in options.pages or TEMPLATES:
-            if name not in TEMPLATES:
-                raise InputError(f"no page is named {name!r}; known are {', '.join(TEMPLATES)}")
-            print(make_page(name, options.out))
-    except InputError as error:
-        print(f"tutorial: {error}", file=sys.stderr)
-        return 2
-    return 0
+    options = Options("tutorial", studies.tutorial.__doc__, out=OUT)
+    options.add_argument("pages", nargs="*", help="names of pages; all by default")
+    return options.run(arguments, _run)
+
+
+def _run(options: Namespace) -> None:
+    for name in options.pages or TEMPLATES:
+        if name not in TEMPLATES:
+            raise InputError(f"no page is named {name!r}; known are {', '.join(TEMPLATES)}")
+        print(make_page(name, options.out))
 
 
 def make_page(name: str, out: Path) -> Path:

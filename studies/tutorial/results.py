@@ -10,6 +10,7 @@ from typing import Any
 
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json
+from rdpi_gym.support.words import joined
 
 _QUOTE = re.compile(r"\{\{(?P<file>[^:{}]+):(?P<key>[^:{}]+)(?::(?P<form>[^:{}]*))?\}\}")
 _CLAIM = re.compile(r"<!-- claim: (?P<file>[^:]+):(?P<key>\S+) (?P<sign>[=<>~!]) (?P<value>.+) -->")
@@ -74,7 +75,7 @@ def quoted(line: str, work: Path) -> str:
     def fill(match: re.Match[str]) -> str:
         value = look_up(work, match["file"], match["key"])
         if isinstance(value, list):
-            return " and ".join(filter(None, [", ".join(value[:-1]), *value[-1:]]))
+            return joined(value)
         return format(value, match["form"] or "")
 
     return _QUOTE.sub(fill, line)

@@ -262,7 +262,7 @@ def advance_parallel(
 ) -> None:
     """Take the step of :func:`advance`, each thread of `work` with its share of the blocks."""
     threads = len(work)
-    record = _unpacked(fields)
     for thread in prange(threads):
         begin, end = thread * blocks // threads, (thread + 1) * blocks // threads
-        _advance_blocks(begin, end, step, actions, base_V, work[thread], record)
+        # Unpacked by each thread: numba hands it tuples, and no named ones.
+        _advance_blocks(begin, end, step, actions, base_V, work[thread], _unpacked(fields))

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from rdpi_gym.plant.effects.base import Effect, Parameter, Slot
+from rdpi_gym.support.markdown import table
 
 PLACES: dict[Slot, str] = {
     "input": "on the command, in front of the plays",
@@ -132,11 +133,14 @@ def page(kind: type[Effect], level: int = 2) -> str:
     >>> page(Backlash).splitlines()[0]
     '## backlash'
     """
+    head = ["parameter", "meaning", "unit", "default", "typical", "bounds", "remark"]
     rows = [
-        f"| `{p.name}` | {p.meaning} | {p.unit} | {kind().values[p.name]:.4g} "
-        f"| {typical(p)} | {p.low:.6g} to {p.high:.6g} | {_role(p)} |"
+        [
+            f"`{p.name}`", p.meaning, p.unit, f"{kind().values[p.name]:.4g}", typical(p),
+            f"{p.low:.6g} to {p.high:.6g}", _role(p),
+        ]
         for p in kind.parameters
-    ]
+    ]  # fmt: skip
     said = paragraphs(kind, quote="`")
     return "\n".join(
         [
@@ -146,9 +150,7 @@ def page(kind: type[Effect], level: int = 2) -> str:
             "",
             f"    {kind.equation}",
             "",
-            "| parameter | meaning | unit | default | typical | bounds | |",
-            "|---|---|---|---|---|---|---|",
-            *rows,
+            table(head, rows, rule="tight"),
             "",
             *(f"**{heading}:** {text}\n" for heading, text in said.items()),
         ]

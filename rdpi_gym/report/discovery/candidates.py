@@ -10,9 +10,8 @@ import pandas as pd
 from rdpi_gym.diagnosis.results import Candidate, SearchResult, Step
 from rdpi_gym.plant.effects import Effect, Parameter
 from rdpi_gym.report.discovery import figures as discovery_figures
-from rdpi_gym.report.discovery.sentences import micrometres
 from rdpi_gym.report.page import Section
-from rdpi_gym.support.words import closed, joined
+from rdpi_gym.support.words import closed, joined, micrometres
 
 
 def candidate_sections(result: SearchResult) -> list[Section]:

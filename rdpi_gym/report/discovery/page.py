@@ -14,12 +14,11 @@ from rdpi_gym.report.discovery.candidates import candidate_sections, parameter_s
 from rdpi_gym.report.discovery.sentences import (
     candidate_sentence,
     confounded_sentence,
-    micrometres,
     staircase,
 )
 from rdpi_gym.report.discovery.view_sections import view_sections
 from rdpi_gym.report.page import Section, write_page
-from rdpi_gym.support.words import closed, joined
+from rdpi_gym.support.words import closed, joined, micrometres
 
 _HOW = (
     "- Every model and every candidate is refitted as a whole, hysteresis included, on the training "

@@ -2,24 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult
 from rdpi_gym.support.words import closed, joined
 
 AS_GIVEN = "model as given"
 """Name of the model that a search started from, in the list of models."""
-
-
-def micrometres(value: float) -> str:
-    """Write an error with three digits and its unit.
-
-    Examples
-    --------
-    >>> micrometres(0.012345), micrometres(float("inf"))
-    ('0.0123 µm', 'no finite error')
-    """
-    return f"{value:.3g} µm" if math.isfinite(value) else "no finite error"
 
 
 def staircase(result: SearchResult) -> list[tuple[str, Errors]]:

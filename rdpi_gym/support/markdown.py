@@ -1,0 +1,100 @@
+"""Markdown: the one writer of tables, and the marks taken out again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Literal
+
+from rdpi_gym.support.words import number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Rule = Literal["aligned", "plain", "tight"]
+_RULES: dict[Rule, tuple[str, str, str, str]] = {
+    "aligned": (":--", "--:", "| ", " | "),
+    "plain": ("---", "---", "| ", " | "),
+    "tight": ("---", "--:", "|", "|"),
+}
+
+
+def table(
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    right: Iterable[int] = (),
+    rule: Rule = "aligned",
+) -> str:
+    r"""Write a table.
+
+    Parameters
+    ----------
+    head, rows
+        Cells; a bar in one is escaped.
+    right
+        Columns that are aligned right, from 0; the others are aligned left.
+    rule
+        How the line below the head is written; readers of the rendered page see no difference.
+
+    Examples
+    --------
+    >>> print(table(["reading", "max"], [["a|b", "1.6"]], right=[1]))
+    | reading | max |
+    | :-- | --: |
+    | a\|b | 1.6 |
+    >>> print(table(["reading", "max"], [], right=[1], rule="tight"))
+    | reading | max |
+    |---|--:|
+    """
+    at_left, at_right, edge, bar = _RULES[rule]
+    rights = set(right)
+    sides = bar.join(at_right if i in rights else at_left for i in range(len(head)))
+    lines = [_line(head), f"{edge}{sides}{edge[::-1]}", *map(_line, rows)]
+    return "\n".join(lines)
+
+
+def frame_table(frame: pd.DataFrame, digits: int | None = 3, rule: Rule = "aligned") -> str:
+    """Write a data frame of strings and numbers.
+
+    Parameters
+    ----------
+    frame
+        Its columns; those of numbers are aligned right.
+    digits
+        Significant digits; None writes every number in full, and aligns all to the left.
+    rule
+        As in :func:`table`.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> print(frame_table(pd.DataFrame({"a": ["x"], "b": [1.23456]})))
+    | a | b |
+    | :-- | --: |
+    | x | 1.23 |
+    """
+    from pandas.api.types import is_numeric_dtype
+
+    head = list(map(str, frame.columns))
+    if digits is None:
+        return table(head, [[str(x) for x in row] for row in frame.to_numpy()], rule=rule)
+    right = [i for i, kind in enumerate(frame.dtypes) if is_numeric_dtype(kind)]
+    rows = [
+        [number(x, digits) if isinstance(x, float) else str(x) for x in row]
+        for row in frame.itertuples(index=False)
+    ]
+    return table(head, rows, right, rule)
+
+
+def _line(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+def plain(markdown: str) -> str:
+    """Return Markdown without its marks of emphasis and code.
+
+    Examples
+    --------
+    >>> plain("**Score** of `none`")
+    'Score of none'
+    """
+    return markdown.replace("**", "").replace("`", "")

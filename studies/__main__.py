@@ -1,0 +1,74 @@
+"""What we measured about ourselves: each study by its name.
+
+    python -m studies                            # what there is
+    python -m studies vector_speed --rounds 3    # one of them; --help lists its options
+
+Whatever a study writes lies in `studies/results` by default, and takes the place of what is there.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+
+from rdpi_gym.support.command import run_command
+from rdpi_gym.support.errors import InputError
+
+_HERE = Path(__file__).parent
+
+
+def studies() -> dict[str, str]:
+    """Return the first line of each study's docstring by the study's name.
+
+    Examples
+    --------
+    >>> studies()["sample_speed"].startswith("Speed")
+    True
+    """
+    found = {}
+    for path in (*_HERE.glob("[a-z]*.py"), *_HERE.glob("*/__main__.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        if any(isinstance(item, ast.FunctionDef) and item.name == "main" for item in tree.body):
+            inside = path.name == "__main__.py"
+            said = path.with_name("__init__.py").read_text(encoding="utf-8") if inside else None
+            name = path.parent.name if inside else path.stem
+            doc = ast.get_docstring(tree if said is None else ast.parse(said)) or ""
+            found[name] = doc.split("\n\n")[0].replace("\n", " ")
+    return dict(sorted(found.items()))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the study that is named, or list them all.
+
+    Parameters
+    ----------
+    arguments
+        Its name and its options; those of the process by default.
+
+    Returns
+    -------
+    int
+        The study's status.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    return run_command("studies", lambda: _run(words))
+
+
+def _run(words: list[str]) -> int:
+    known = studies()
+    if not words or words[0] in ("-h", "--help"):
+        print(*(f"{name}: {line}" for name, line in known.items()), sep="\n")
+        return 0
+    name = words[0].replace("-", "_")
+    if name not in known:
+        raise InputError(f"no study is named {words[0]!r}; known are {', '.join(known)}")
+    place = f"studies.{name}.__main__" if (_HERE / name).is_dir() else f"studies.{name}"
+    status: int = import_module(place).main(words[1:])
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,52 @@
+"""`python -m studies NAME`: every study by its name, options read and refused as everywhere."""
+
+from pathlib import Path
+
+import pytest
+
+from studies.__main__ import main, studies
+
+HERE = Path(__file__).parents[2] / "studies"
+
+
+def test_every_study_is_listed_with_a_line(capsys):
+    assert main([]) == 0
+    listed = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
+    assert listed == studies()
+    assert set(listed) >= {path.parent.name for path in HERE.glob("*/__main__.py")}
+    assert all(line for line in listed.values())
+
+
+@pytest.mark.parametrize("name", studies())
+def test_bad_options_are_one_line_before_anything_is_measured(name, tmp_path, capsys):
+    (tmp_path / "taken").write_text("kept")
+    for words, said in (
+        (["--out", str(tmp_path / "taken")], "is a file; give a folder"),
+        (["--nonsense"], "--nonsense"),
+    ):
+        if name == "torch_speed":
+            pytest.importorskip("torch")
+        assert main([name, *words]) == 2
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert printed.err.startswith(f"{name}: ")
+        assert said in printed.err
+        assert printed.err.count("\n") == 1
+    assert (tmp_path / "taken").read_text() == "kept"
+
+
+def test_an_unknown_study_is_named(capsys):
+    assert main(["speed"]) == 2
+    assert "no study is named 'speed'; known are agents" in capsys.readouterr().err
+
+
+def test_numbers_below_their_least_are_refused(capsys):
+    assert main(["vector-speed", "--rounds", "0"]) == 2
+    assert capsys.readouterr().err == "vector_speed: --rounds is 0; give 1 or more\n"
+
+
+def test_help_is_text_and_status_0(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["sample_speed", "--help"])
+    assert ended.value.code == 0
+    assert "--rounds" in capsys.readouterr().out
