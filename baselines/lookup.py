@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from baselines.preview import ORACLE
 from baselines.registry import CONTROLLERS
-from rdpi_gym.envs.controller import GROUP, Controller
+from rdpi_gym.envs.controller import GROUP, Controller, ControllerFactory
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
@@ -15,8 +15,10 @@ LEARNED = "learned:"
 """What the name of a trained policy begins with; its folder, or its name if it is shipped, follows."""
 
 
-def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
-    """Make a controller by a name that a user typed.
+def make_controller(
+    name: str | ControllerFactory, belief: PlantModel, layout: ObservationLayout
+) -> Controller:
+    """Make a controller by a name that a user typed, or by what makes it.
 
     Names that stand in a file go through :func:`baselines.known_controller` instead.
 
@@ -26,7 +28,8 @@ def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) ->
         A name of :data:`~baselines.CONTROLLERS`; one that an installed package states in the
         entry-point group ``rdpi_gym.controllers``; ``learned:`` and the folder of a trained policy
         or the name of a shipped one; or ``module:attribute``. The last two kinds of code are
-        callables that take a belief and a layout and return a controller.
+        callables that take a belief and a layout and return a controller, and such a callable may be
+        given itself.
     belief
         What the controller knows of the plant.
     layout
@@ -50,12 +53,17 @@ def make_controller(name: str, belief: PlantModel, layout: ObservationLayout) ->
     ...
     rdpi_gym.support.errors.InputError: no controller is named 'clasical-static'; did you mean 'classical-static'? Known are ...
     """
+    if not isinstance(name, str):
+        return _checked(name(belief, layout), getattr(name, "__name__", type(name).__name__))
     if name in CONTROLLERS:
         return CONTROLLERS[name](belief, layout)
     if name.startswith(LEARNED):
         return _learned(name.removeprefix(LEARNED), belief, layout)
     factory = find_factory(name)
-    made = factory(belief, layout) if callable(factory) else factory
+    return _checked(factory(belief, layout) if callable(factory) else factory, name)
+
+
+def _checked(made: object, name: str) -> Controller:
     if not isinstance(made, Controller):
         raise InputError(
             f"{name!r} makes a {type(made).__name__} without predict; it should be a callable (belief, layout) that returns a controller"

@@ -91,7 +91,9 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
     summary["extrapolated"] = _marks(summary, beyond)
     plants = {stage.plant.name: stage.plant for stage in selection.stages}
     if MEASURED_PLANT in plants:
-        measured = score_measured(selection.controllers, plants[MEASURED_PLANT])
+        measured = score_measured(
+            selection.controllers, plants[MEASURED_PLANT], selection.factories
+        )
     else:
         measured = no_scores(
             f"No scores on measured records: the plant {MEASURED_PLANT} is not among those scored."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines import make_controller
+from baselines import ControllerFactory, make_controller
 from benchmarks.tracking.learned import is_learned
+from benchmarks.tracking.own import Made
 from benchmarks.tracking.scoring import ERROR, one_line
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
@@ -52,7 +53,11 @@ class MeasuredScores:
     note: str
 
 
-def score_measured(controllers: Sequence[str], belief: PlantModel) -> MeasuredScores:
+def score_measured(
+    controllers: Sequence[str],
+    belief: PlantModel,
+    factories: Mapping[str, ControllerFactory] | None = None,
+) -> MeasuredScores:
     """Score every feedforward among `controllers` on the measured PICMA records.
 
     The measured displacement is the reference, and no plant is scored. One constant of each record
@@ -66,7 +71,7 @@ def score_measured(controllers: Sequence[str], belief: PlantModel) -> MeasuredSc
         data = load(folder)
     except InputError as error:
         return no_scores(f"No scores on measured records: {error}")
-    return score_records(data, controllers, belief)
+    return score_records(data, controllers, belief, factories)
 
 
 def no_scores(note: str) -> MeasuredScores:
@@ -74,8 +79,14 @@ def no_scores(note: str) -> MeasuredScores:
     return MeasuredScores(pd.DataFrame(columns=list(COLUMNS)), {}, note)
 
 
-def score_records(data: Dataset, controllers: Sequence[str], belief: PlantModel) -> MeasuredScores:
+def score_records(
+    data: Dataset,
+    controllers: Sequence[str],
+    belief: PlantModel,
+    factories: Mapping[str, ControllerFactory] | None = None,
+) -> MeasuredScores:
     """Score feedforwards on the records of a data set, as :func:`score_measured` does."""
+    made_by: Mapping[str, ControllerFactory] = factories or {}
     rows: list[dict[str, object]] = []
     traces: dict[str, dict[str, Array]] = {}
     for record in data.records:
@@ -89,14 +100,14 @@ def score_records(data: Dataset, controllers: Sequence[str], belief: PlantModel)
         kept = slice(max(0, record.t_s.size - round(SHOWN_S / record.ts_s)), None)
         shown = {"t_s": record.t_s[kept], "applied": record.u_V[kept]}
         for name in controllers:
-            if is_learned(name):
+            if is_learned(name) or isinstance(made_by.get(name), Made):
                 continue  # it answers observations, of which a record has none
             row: dict[str, object] = {
                 "controller": name, "belief": belief.name, "record": record.name, "ts_s": record.ts_s,
             }  # fmt: skip
             try:
                 command_block = getattr(
-                    make_controller(name, belief, layout), "command_block", None
+                    make_controller(made_by.get(name, name), belief, layout), "command_block", None
                 )
                 if command_block is None:
                     continue

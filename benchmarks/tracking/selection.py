@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 from inspect import isfunction, signature
 from pathlib import Path
 
-from baselines import CONTROLLERS, ORACLE, find_factory, inverts_effects
+from baselines import CONTROLLERS, ORACLE, ControllerFactory, find_factory, inverts_effects
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
 from benchmarks.tracking.learned import is_learned, shipped_policies, trained_at_s
+from benchmarks.tracking.own import Made
 from benchmarks.tracking.stages import Stage, make_stage
 from benchmarks.tracking.suite import REFERENCES, SEEDS
 from benchmarks.tracking.trial import try_controller
@@ -39,7 +40,10 @@ class Selection:
     notes
         What was left out, one sentence each.
     trained_s
-        The sampling time (s) of each trained policy among the controllers: it runs at no other.
+        The sampling time (s) of each trained policy among the controllers, and of each that was made
+        already: it runs at no other.
+    factories
+        What makes a controller whose name does not say.
     """
 
     controllers: tuple[str, ...]
@@ -48,6 +52,7 @@ class Selection:
     seeds: tuple[int, ...]
     notes: tuple[str, ...] = ()
     trained_s: Mapping[str, float] = field(default_factory=dict)
+    factories: Mapping[str, ControllerFactory] = field(default_factory=dict)
 
     def runs_at(self, controller: str, stage: Stage, ts_s: float) -> bool:
         """Whether a controller runs on a plant at one of its sampling times (s)."""
@@ -69,7 +74,8 @@ def select(
     seeds: Sequence[int] = tuple(range(SEEDS)),
     *,
     own_controllers: Sequence[str] = (),
-    own_plants: Sequence[str] = (),
+    own_plants: Sequence[str | PlantModel] = (),
+    factories: Mapping[str, ControllerFactory] | None = None,
 ) -> Selection:
     """Check what is asked for; None is all of it.
 
@@ -85,6 +91,9 @@ def select(
     own_controllers, own_plants
         Further ones, ``module:attribute``; a controller also as ``learned:`` and the folder or name
         of a policy, a plant also by the path of its JSON file.
+    factories
+        What makes further controllers, by the names that tables give them; see
+        :func:`benchmarks.tracking.own.named`.
 
     Raises
     ------
@@ -99,9 +108,9 @@ def select(
     """
     asked = [*(DEFAULT_PLANTS if plants is None else plants), *own_plants]
     models = [
-        asked_for if isinstance(asked_for, PlantModel) else _plant(asked_for)
-        for i, asked_for in enumerate(asked)
-        if asked_for not in asked[:i]
+        each if isinstance(each, PlantModel) else _plant(each)
+        for i, each in enumerate(asked)
+        if each not in asked[:i]
     ]
     notes: tuple[str, ...] = ()
     controllers_asked = controllers
@@ -110,10 +119,11 @@ def select(
         with_effects = any(model.effects for model in models)
         controllers = [name for name in CONTROLLERS if with_effects or not inverts_effects(name)]
         controllers += [ORACLE, *shipped]
-    names = tuple(dict.fromkeys((*controllers, *own_controllers)))
+    factories = dict(factories or {})
+    names = tuple(dict.fromkeys((*controllers, *own_controllers, *factories)))
     own = [name for name in names if name not in CONTROLLERS and name != ORACLE]
     for name in own:
-        if not is_learned(name):
+        if not is_learned(name) and name not in factories:
             find_factory(name)
     wanted = tuple(dict.fromkeys(references if references is not None else REFERENCES))
     for name in wanted:
@@ -129,12 +139,14 @@ def select(
             "nothing to score; give at least one controller, plant, reference and seed"
         )
     trained = {name: trained_at_s(name) for name in own if is_learned(name)}
+    trained |= {name: f.layout.ts_s for name, f in factories.items() if isinstance(f, Made)}
     stages = tuple(make_stage(model, times) for model in models)
     if times is None:
         alone = set(names) <= {*trained, ORACLE}
         stages = _with_trained(stages, sorted(set(trained.values())), alone)
-    selection = Selection(names, stages, wanted, tuple(seeds), notes, trained)
-    selection = _without_idle(selection, asked={*own_controllers, *(controllers_asked or ())})
+    selection = Selection(names, stages, wanted, tuple(seeds), notes, trained, factories)
+    asked_for = {*own_controllers, *factories, *(controllers_asked or ())}
+    selection = _without_idle(selection, asked=asked_for)
     if not any(s.cases(wanted, ts) for s in selection.stages for ts in s.ts_s):
         raise InputError(
             f"no reference among {', '.join(wanted)} suits these sampling times: a period must have "
@@ -142,7 +154,7 @@ def select(
         )
     for name in own:
         if not is_learned(name):
-            try_controller(name, selection.stages[0])
+            try_controller(name, selection.stages[0], factories.get(name))
     return selection
 
 

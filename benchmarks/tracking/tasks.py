@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from baselines import ORACLE, Controller, PreviewOracle, make_controller
+from baselines import ORACLE, Controller, ControllerFactory, PreviewOracle, make_controller
 from benchmarks.tracking.case import Case
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
+from benchmarks.tracking.own import Made
 from benchmarks.tracking.rows import Key, key
 from benchmarks.tracking.scoring import ERROR, one_line, score, status
 from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
@@ -63,6 +64,8 @@ class Task:
         The rows to be computed.
     stamps
         Fingerprints that go into every row.
+    factory
+        What makes the controller, where its name does not say.
     """
 
     controller: str
@@ -70,6 +73,7 @@ class Task:
     ts_s: float
     lanes: tuple[Lane, ...]
     stamps: tuple[tuple[str, str], ...] = ()
+    factory: ControllerFactory | None = None
 
     @property
     def samples(self) -> int:
@@ -78,7 +82,12 @@ class Task:
 
 
 def make_tasks(
-    controller: str, stage: Stage, ts_s: float, lanes: Sequence[Lane], stamps: Mapping[str, str]
+    controller: str,
+    stage: Stage,
+    ts_s: float,
+    lanes: Sequence[Lane],
+    stamps: Mapping[str, str],
+    factory: ControllerFactory | None = None,
 ) -> list[Task]:
     """Cut the rows of one controller, plant and sampling time into tasks.
 
@@ -94,7 +103,10 @@ def make_tasks(
             groups[-1].append(lane)
         else:
             groups.append([lane])
-    return [Task(controller, stage, ts_s, tuple(group), tuple(stamps.items())) for group in groups]
+    return [
+        Task(controller, stage, ts_s, tuple(group), tuple(stamps.items()), factory)
+        for group in groups
+    ]
 
 
 def row_keys(task: Task) -> list[Key]:
@@ -122,6 +134,7 @@ def _run(task: Task) -> list[Row]:
     truths = [truth(plant, lane.seed) for lane in lanes]
     usual = ObservationLayout.for_plant(plant, task.ts_s)
     layout = task.stage.layout(task.ts_s, _controller(task, usual, truths))
+    layout = task.factory.layout if isinstance(task.factory, Made) else layout
     references = _references(task)
     timed = microseconds_per_sample(
         _controller(task, layout, truths[:1]), truths[0], layout, references[:, 0]
@@ -143,7 +156,7 @@ def _controller(task: Task, layout: ObservationLayout, truths: Sequence[PlantMod
     """Make what is scored: the oracle alone is given the true plants, all others their belief."""
     if task.controller == ORACLE:
         return PreviewOracle(truths, layout)
-    return make_controller(task.controller, _belief(task), layout)
+    return make_controller(task.factory or task.controller, _belief(task), layout)
 
 
 def _belief(task: Task) -> PlantModel:

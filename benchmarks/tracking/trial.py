@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines import make_controller
+from baselines import ControllerFactory, make_controller
+from benchmarks.tracking.own import Made
 from benchmarks.tracking.scoring import one_line
 from benchmarks.tracking.stages import Stage
 from rdpi_gym.envs import ObservationLayout, TrackingTask
@@ -16,7 +17,7 @@ from rdpi_gym.support.errors import InputError
 _SAMPLES, _LANES = 5, 2
 
 
-def try_controller(name: str, stage: Stage) -> None:
+def try_controller(name: str, stage: Stage, factory: ControllerFactory | None = None) -> None:
     """Run a controller for a few samples of two episodes, and see that it controls.
 
     Parameters
@@ -25,6 +26,8 @@ def try_controller(name: str, stage: Stage) -> None:
         As :func:`baselines.make_controller` takes it.
     stage
         A plant that it is to be scored on.
+    factory
+        What makes it, where the name does not say.
 
     Raises
     ------
@@ -35,8 +38,9 @@ def try_controller(name: str, stage: Stage) -> None:
     ts_s, belief = min(stage.every_ts_s), stage.belief(name)
     try:
         usual = ObservationLayout.for_plant(stage.plant, ts_s)
-        layout = stage.layout(ts_s, make_controller(name, belief, usual))
-        controller = make_controller(name, belief, layout)
+        layout = stage.layout(ts_s, make_controller(factory or name, belief, usual))
+        layout = factory.layout if isinstance(factory, Made) else layout
+        controller = make_controller(factory or name, belief, layout)
         reference = np.full((_SAMPLES, _LANES), stage.rest_um)
         if hasattr(controller, "plan"):
             controller.plan(reference)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
@@ -14,7 +14,14 @@ import pandas as pd
 from baselines import Controller
 from baselines import make_controller as make_by_name
 from benchmarks.tracking import evaluation
-from benchmarks.tracking.markdown import METHOD, WHERE_TRAINED, measured_text, ranking_view
+from benchmarks.tracking.markdown import (
+    METHOD,
+    WHERE_TRAINED,
+    answer,
+    measured_text,
+    ranking_view,
+)
+from benchmarks.tracking.own import named
 from benchmarks.tracking.run import benchmark as run_benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.envs.layout import ObservationLayout
@@ -26,6 +33,7 @@ from rdpi_gym.support.checked import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import plain
 from rdpi_gym.support.progress import Progress
+from rdpi_gym.support.words import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +41,9 @@ if TYPE_CHECKING:
     from rdpi_gym.report.page import Section
 
 SEEDS = 5
+TOP = 8
+"""Controllers of a ranking that are printed."""
+_SHOWN = ("rank", "controller", "RMSE (%)", "RMSE (µm)", "status")
 
 
 @checked
@@ -87,32 +98,56 @@ class Evaluation(Shown, evaluation.Evaluation):
     saved_as: ClassVar[str] = "benchmark"
     figure_inches: ClassVar[tuple[float, float]] = (10.5, 4.9)
 
+    finished: int = field(kw_only=True, default=0)
+    """Rows of the run, those of the bound that all are measured against among them."""
     computed: int = field(kw_only=True, default=0)
-    """Rows that were computed in this run; the others were found in its folder."""
+    """Rows that were computed now; the others were found in the run's folder."""
+    run_notes: tuple[str, ...] = field(kw_only=True, default=())
+    """What the run itself remarked, one sentence each."""
     payoff: pd.DataFrame | None = field(kw_only=True, default=None)
     """Scores on plants with hidden effects, where all controllers and plants were asked for."""
 
     @classmethod
-    def of(
-        cls, found: evaluation.Evaluation, computed: int, payoff: pd.DataFrame | None = None
-    ) -> Self:
+    def of(cls, found: evaluation.Evaluation, **further: Any) -> Self:
         """Return the same scores as a result that shows itself."""
         values = {f.name: getattr(found, f.name) for f in fields(evaluation.Evaluation)}
-        return cls(**values, computed=computed, payoff=payoff)
+        return cls(**values, **further)
 
     def _lines(self) -> Sequence[str]:
-        best = self.ranking.dropna(subset=["rmse_percent"])
-        count = f"{len(self.order)} controller{'s'[: len(self.order) != 1]}"
-        rows = f"{count}, {len(self.rows)} scores"
-        if best.empty:
-            return [f"No controller has a finite error; {rows}.", *self.notes]
-        first = best.iloc[0]
-        return [
-            f"Smallest error: {first['controller']}, {first['rmse_percent']:.3g} % of the reference's "
-            f"peak to peak (geometric mean of the RMSE over cases and drawn truths); {rows}.",
-            *ranking_view(self.ranking).to_string(index=False, float_format="%.3g").splitlines(),
-            *self.notes,
+        tables = [
+            line
+            for title, table in self.leaders().items()
+            for line in (title, *table.to_string(index=False).splitlines())
         ]
+        return [answer(self), *tables, *self.notes]
+
+    @property
+    def answer(self) -> str:
+        """Which controller is first, by how much, and what is tied with it."""
+        return answer(self)
+
+    def leaders(self, own: Sequence[str] = (), most: int = TOP) -> dict[str, pd.DataFrame]:
+        """Return the first of each ranking: rank, controller, error, status.
+
+        Parameters
+        ----------
+        own
+            Controllers that are shown wherever they stand; bounds always are.
+        most
+            Number of the others.
+
+        Returns
+        -------
+        dict of str to DataFrame
+            By title: over all cases and, where policies were scored, over the cases of each sampling
+            time that they were trained at.
+        """
+        found = {}
+        for at_s, ranked in ((None, self.ranking), *self.where_trained.items()):
+            if not ranked.empty:
+                title, table = first_of(ranked, own, most)
+                found[title + ("" if at_s is None else f" at Ts = {at_s:g} s")] = table
+        return found
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the scores, one row a controller, plant, reference, sampling time and seed."""
@@ -167,14 +202,28 @@ class Evaluation(Shown, evaluation.Evaluation):
         return write_tables(Path(folder), self, self.payoff)
 
 
+def first_of(ranked: pd.DataFrame, own: Sequence[str], most: int = TOP) -> tuple[str, pd.DataFrame]:
+    """Return the first of a ranking, its bound, and a user's own, with a title; cells are text."""
+    bound = ranked["rank"] == "bound"
+    shown = ((~bound).cumsum() <= most) | bound | ranked["controller"].isin(own)
+    title, rivals = "Ranking", int((~bound).sum())
+    if rivals > most:
+        yours = ", and yours" if (shown & ~bound).sum() > most else ""
+        title = f"The first {most} of {rivals} controllers{yours}"
+    table = ranking_view(ranked).loc[shown, list(_SHOWN)]
+    return title, table.map(lambda cell: number(cell) if isinstance(cell, float) else str(cell))
+
+
 @checked
 def benchmark(
-    controllers: Sequence[str] | None = None,
+    controllers: Sequence[str | Controller | Callable[..., Any]] | None = None,
     plants: Sequence[PlantModel | HasPlant | PathLike[str] | str] | None = None,
     references: Sequence[str] | None = None,
     ts_s: Sequence[float] | None = None,
     seeds: int | Sequence[int] = SEEDS,
     *,
+    own_controllers: Sequence[str | Controller | Callable[..., Any]] = (),
+    own_plants: Sequence[PlantModel | HasPlant | PathLike[str] | str] = (),
     out: PathLike[str] | str | None = None,
     jobs: int = -1,
     ray: str | None = None,
@@ -185,8 +234,9 @@ def benchmark(
     Parameters
     ----------
     controllers
-        Names, as :func:`make_controller` takes them; by default all of
-        :data:`rdpi_gym.controllers`, and the trained policies that ship.
+        Names, as :func:`make_controller` takes them; callables ``(belief, layout)`` that make a
+        controller; or controllers, which are scored as they are, at the sampling time of their
+        layout. By default all of :data:`rdpi_gym.controllers`, and the trained policies that ship.
     plants
         Plants, results that have one, paths of plant files, names of :data:`rdpi_gym.plants`; by
         default ``P5``, ``P10`` and ``picma``.
@@ -196,6 +246,8 @@ def benchmark(
         Sampling times (s); by default those that suit each plant.
     seeds
         Number of seeds, or the seeds; seed 0 is the nominal plant, any other draws one around it.
+    own_controllers, own_plants
+        Further ones, beside those above or all.
     out
         Folder that keeps finished rows, so that an interrupted run goes on; by default none.
     jobs
@@ -225,19 +277,33 @@ def benchmark(
     """
     if isinstance(seeds, int) and seeds < 1:
         raise InputError(f"seeds is {seeds}; give the number of seeds, 1 or more, or the seeds")
+    asked = None if controllers is None else [c for c in controllers if isinstance(c, str)]
+    further = [*(controllers or ()), *own_controllers]
     selection = select(
-        None if controllers is None else list(controllers),
+        asked,
         None if plants is None else [_named(plant) for plant in plants],
         None if references is None else list(references),
         None if ts_s is None else list(ts_s),
         range(seeds) if isinstance(seeds, int) else tuple(seeds),
+        own_controllers=[c for c in own_controllers if isinstance(c, str)],
+        own_plants=[_named(plant) for plant in own_plants],
+        factories=named([c for c in further if not isinstance(c, str)]),
     )
-    everything = all(asked is None for asked in (controllers, plants, references, ts_s))
+    everything = all(each is None for each in (controllers, plants, references, ts_s))
+    notes: list[str] = []
+    payoff = None
     with TemporaryDirectory() as scratch:
         folder = Path(scratch if out is None else out)
         outcome = run_benchmark(selection, folder, jobs, progress, ray)
-        payoff = _payoff(folder, jobs, ray, progress) if everything else None
-    return Evaluation.of(evaluation.evaluate(selection, outcome), outcome.computed, payoff)
+        if everything:
+            payoff = _payoff(folder, jobs, ray, progress, notes)
+    return Evaluation.of(
+        evaluation.evaluate(selection, outcome),
+        finished=len(outcome.rows),
+        computed=outcome.computed,
+        run_notes=(*outcome.notes, *notes),
+        payoff=payoff,
+    )
 
 
 def _named(plant: PlantModel | HasPlant | PathLike[str] | str) -> PlantModel | str:
@@ -247,7 +313,9 @@ def _named(plant: PlantModel | HasPlant | PathLike[str] | str) -> PlantModel | s
     return as_plant(plant)
 
 
-def _payoff(out: Path, jobs: int, ray: str | None, progress: Progress | None) -> pd.DataFrame:
+def _payoff(
+    out: Path, jobs: int, ray: str | None, progress: Progress | None, notes: list[str]
+) -> pd.DataFrame:
     """Score the plants with hidden effects, with the beliefs of this release."""
     from benchmarks.payoff.beliefs import stored_beliefs
     from benchmarks.payoff.plants import HIDDEN_PLANTS
@@ -260,6 +328,7 @@ def _payoff(out: Path, jobs: int, ray: str | None, progress: Progress | None) ->
         jobs=jobs,
         progress=progress,
         ray_address=ray,
+        note=notes.append,
     )
 
 

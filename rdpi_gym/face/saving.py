@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
@@ -151,8 +151,9 @@ def _writer(arrays: dict[str, NDArray[Any]]) -> cattrs.Converter:
     converter.register_unstructure_hook(pd.DataFrame, keep_table)
     converter.register_unstructure_hook(PlantModel, lambda plant: plant.to_dict())
     converter.register_unstructure_hook(Effect, lambda effect: effect.to_dict())
-    # classes of a user's own are not saved
+    # a user's own code is not saved
     converter.register_unstructure_hook_func(_is_classes, lambda classes: None)
+    converter.register_unstructure_hook_func(_is_functions, lambda functions: None)
     return converter
 
 
@@ -179,6 +180,7 @@ def _reader(archive: Npz) -> cattrs.Converter:
         Effect, lambda document, _: effect_from_dict(CATALOGUE, document, "effect")
     )
     converter.register_structure_hook_func(_is_classes, lambda nothing, _: ())
+    converter.register_structure_hook_func(_is_functions, lambda nothing, _: {})
     for kind in (str, int, float, bool):
         converter.register_structure_hook(kind, _exactly)
     return converter
@@ -190,6 +192,10 @@ def _is_array(hint: Any) -> bool:
 
 def _is_classes(hint: Any) -> bool:
     return get_origin(hint) is tuple and get_origin(get_args(hint)[0]) is type
+
+
+def _is_functions(hint: Any) -> bool:
+    return get_origin(hint) is Mapping and get_origin(get_args(hint)[1]) is Callable
 
 
 def _exactly(value: Any, kind: type) -> Any:

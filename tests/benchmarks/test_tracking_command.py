@@ -5,7 +5,8 @@ import pytest
 
 from benchmarks.tracking.leaderboard import COLUMNS, ranking, score_table
 from rdpi_gym.cli import main
-from rdpi_gym.cli.bench import _print_top
+from rdpi_gym.cli.tables import print_table
+from rdpi_gym.face.benchmarking import first_of
 
 SMALL = [
     "bench", "--controllers", "none,classical-static", "--references", "sine",
@@ -207,7 +208,8 @@ def test_the_users_own_controller_is_printed_wherever_it_stands(capsys):
         for i, name in enumerate(["preview-oracle", *names])
         for seed in (1, 2)
     ]  # fmt: skip
-    _print_top(ranking(score_table(rows)), ["c10"])
+    title, table = first_of(ranking(score_table(rows)), ["c10"])
+    print_table(table, title)
     said = capsys.readouterr().out
     assert "The first 8 of 12 controllers, and yours" in said
     assert [name for name in names if f" {name} " in said] == [*names[:8], "c10"]
