@@ -15,12 +15,22 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rdpi_gym.measurement import Record
-from rdpi_gym.plant.cores.play import given_rate_block, rate_block
+from rdpi_gym.plant.chain import (
+    ACTS_ON,
+    BEHIND,
+    DISPLACEMENT,
+    FRONT,
+    Link,
+    Place,
+    in_order,
+    walk,
+)
+from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.packing import empty_state, pack
 from rdpi_gym.plant.plant import settled_memory
-from rdpi_gym.plant.stages import Stage
+from rdpi_gym.plant.stages import Stage, core_links
 from rdpi_gym.support.arrays import Array
 
 # Samples that run through the stages at a time: their lanes stay in the cache.
@@ -44,7 +54,25 @@ class Variant:
 
 
 def _in_front(effect: Effect) -> bool:
-    return effect.slot in ("input", "rate", "memory")
+    return effect.slot in FRONT
+
+
+def _links(
+    variants: Sequence[Variant], record: Record, places: Sequence[Place]
+) -> dict[Place, Sequence[Link]]:
+    """Return the stages of variants in some places, which begin with the record."""
+    columns = [
+        column
+        for column in zip(*(variant.effects for variant in variants), strict=True)
+        if column[0].slot in places and column[0].slot in ACTS_ON
+    ]
+    links: dict[Place, list[Link]] = {}
+    for column in columns:
+        stage = Stage(column, [variant.hysteresis for variant in variants], record.ts_s)
+        if stage.slot in BEHIND:
+            stage.start(record.t_s[0])
+        links.setdefault(stage.slot, []).append(stage)
+    return dict(links)
 
 
 def _front(variants: Sequence[Variant], record: Record) -> tuple[Array, Array, Array, Array]:
@@ -55,19 +83,13 @@ def _front(variants: Sequence[Variant], record: Record) -> tuple[Array, Array, A
     parameters = pack(hysteresis, record.ts_s, [0.0] * lanes)
     state = empty_state(hysteresis[0].n, lanes)
     state[0] = np.nan
-    effects = list(zip(*(variant.effects for variant in variants), strict=True))
-    for column in effects:
-        if column[0].slot == "input":
-            u = Stage(column, hysteresis, record.ts_s).run(u, u)
-    v = np.empty_like(u)
-    rate_block(u, parameters, state, record.ts_s, v)
-    for column in effects:
-        if column[0].slot == "rate":
-            v = Stage(column, hysteresis, record.ts_s).run(v, u)
-        elif column[0].slot == "memory":
-            for lane, effect in enumerate(column):
+    for lane, variant in enumerate(variants):
+        for effect in variant.effects:
+            if effect.slot == "memory":
                 extremum = effect.values["extremum_V"]
-                state[2:, lane] = settled_memory(hysteresis[lane].thresholds_V, [extremum])
+                state[2:, lane] = settled_memory(variant.hysteresis.thresholds_V, [extremum])
+    links = _links(variants, record, FRONT) | core_links(parameters, state, record.ts_s)
+    u, v, _ = walk(in_order(links, FRONT), [u, None, None])
     return u, v, parameters, state
 
 
@@ -94,13 +116,8 @@ def _behind(
     variants: Sequence[Variant], record: Record, u: Array, v: Array, parameters: Array, state: Array
 ) -> Array:
     """Displacement ``[T, B]`` from commands and rates: the plays, and all that comes after them."""
-    y = np.empty_like(u)
-    given_rate_block(u, v, parameters, state, y)
-    for column in zip(*(variant.effects for variant in variants), strict=True):
-        if not _in_front(column[0]):
-            stage = Stage(column, [v.hysteresis for v in variants], record.ts_s)
-            stage.start(record.t_s[0])
-            y = stage.run(y, u)
+    links = _links(variants, record, BEHIND) | core_links(parameters, state, record.ts_s)
+    y: Array = walk(in_order(links, ("core", *BEHIND)), [u, v, None])[DISPLACEMENT]
     return y
 
 
@@ -225,13 +242,7 @@ def jacobian_rows(
         ahead_state, ahead_y,
     )  # fmt: skip
     lanes = [base, *_a0_changed(base, weight_step), *[base] * n, *ahead, *behind]
-    stages = [
-        Stage(column, [lane.hysteresis for lane in lanes], record.ts_s)
-        for column in zip(*(lane.effects for lane in lanes), strict=True)
-        if not _in_front(column[0])
-    ]
-    for stage in stages:
-        stage.start(record.t_s[0])
+    behind_core = in_order(_links(lanes, record, BEHIND), BEHIND)
     order = np.array([changed.index(v) for v in (*ahead, *behind)], dtype=np.intp)
     scale = 1.0 / np.concatenate([np.full(n + 1, weight_step), steps[order]])
     target = np.concatenate([np.arange(n + 1), n + 1 + order])
@@ -245,11 +256,10 @@ def jacobian_rows(
         )  # fmt: skip
         x[:, first : first + len(ahead)] = ahead_y[part]
         x[:, first + len(ahead) :] = x[:, :1]
-        if stages:
+        if behind_core:
             commands = np.repeat(front_u[part, None], len(lanes), axis=1)
             commands[:, first : first + len(ahead)] = ahead_u[part]
-        for stage in stages:
-            x = stage.run(x, commands)
+            x = walk(behind_core, [commands, None, x])[DISPLACEMENT]
         end = done + int(np.searchsorted(kept[done:], start + len(x)))
         _difference_rows(
             x, record.y_um[part], kept[done:end] - start, scale, target, rows[done:end]
@@ -285,11 +295,8 @@ def change_rows(
     lanes, same = [base, *ahead, *behind], len(behind)
     x = np.concatenate([y, np.repeat(y[:, :1], same, axis=1)], axis=1)
     commands = np.concatenate([u, np.repeat(u[:, :1], same, axis=1)], axis=1)
-    for column in zip(*(lane.effects for lane in lanes), strict=True):
-        if not _in_front(column[0]):
-            stage = Stage(column, [lane.hysteresis for lane in lanes], record.ts_s)
-            stage.start(record.t_s[0])
-            x = stage.run(x, commands)
+    behind_core = in_order(_links(lanes, record, BEHIND), BEHIND)
+    x = walk(behind_core, [commands, None, x])[DISPLACEMENT]
     order = np.array([changed.index(v) for v in (*ahead, *behind)], dtype=np.intp)
     rows = np.empty((len(kept), len(lanes)))
     _difference_rows(x, record.y_um, kept, 1.0 / steps[order], order, rows)

@@ -1,4 +1,4 @@
-"""The chain with its state: converter, input effects, hysteresis, output effects, offset."""
+"""A plant: its converter, the chain with its state, its offset."""
 
 from __future__ import annotations
 
@@ -7,10 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rdpi_gym.plant.cores.play import given_rate_block, rate_block, rdpi_block
+from rdpi_gym.plant.chain import (
+    ACTS_ON,
+    CHAIN,
+    DISPLACEMENT,
+    RATE,
+    Link,
+    Place,
+    in_order,
+    walk,
+)
+from rdpi_gym.plant.cores.play import rdpi_block
 from rdpi_gym.plant.model import PlantModel
 from rdpi_gym.plant.packing import check_ts, empty_state, pack
-from rdpi_gym.plant.stages import stages_of
+from rdpi_gym.plant.stages import core_links, stages_of
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
@@ -68,6 +78,13 @@ class Plant:
         self._y = np.zeros((1, self.lanes))
         self._state = empty_state(self.n, self.lanes)
         self._count = 0
+        links: dict[Place, Sequence[Link]] = {
+            **self._stages,
+            **core_links(self._parameters, self._state, self.ts_s),
+        }  # fmt: skip
+        self._chain = in_order(links)
+        # Where the rate is given, what makes it and what acts on it is left out.
+        self._rate_given = in_order(links, [p for p in CHAIN if ACTS_ON.get(p) != RATE])
         self.reset()
 
     @property
@@ -174,18 +191,7 @@ class Plant:
         return self._y
 
     def _run(self, u: Array, v: Array | None = None) -> Array:
-        for stage in self._stages.get("input", ()):
-            u = stage.run(u, u)
-        if v is None:
-            v = np.empty_like(u)
-            rate_block(u, self._parameters, self._state, self.ts_s, v)
-            for stage in self._stages.get("rate", ()):
-                v = stage.run(v, u)
-        y = np.empty_like(u)
-        given_rate_block(u, v, self._parameters, self._state, y)
-        for slot in ("hysteresis", "output"):
-            for stage in self._stages.get(slot, ()):
-                y = stage.run(y, u)
+        y: Array = walk(self._chain if v is None else self._rate_given, [u, v, None])[DISPLACEMENT]
         return y + self._offsets if self._stages else y
 
     def _block(self, values: ArrayLike) -> tuple[Array, bool]:

@@ -1,4 +1,4 @@
-"""Effects as the stages of a chain: their packed parameters and the state that each carries."""
+"""The links of a chain: effects as stages with their packed parameters and state, and the core."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rdpi_gym.plant.chain import ACTS_ON, COMMAND, DISPLACEMENT, RATE, Link, Place
+from rdpi_gym.plant.cores.play import given_rate_block, rate_block
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, Slot
 from rdpi_gym.support.arrays import Array
@@ -26,6 +28,8 @@ class Stage:
     """
 
     def __init__(self, effects: Sequence[Effect], hysteresis: Sequence[RDPI], ts_s: float) -> None:
+        self.slot: Slot = effects[0].slot
+        self._signal = ACTS_ON.get(self.slot, DISPLACEMENT)
         self._block = type(effects[0]).block
         self._clocked = effects[0].clocked
         packed: dict[tuple[int, int], list[float]] = {}
@@ -49,6 +53,10 @@ class Stage:
         if self._clocked:
             self._state[0] = clock_s / self._ts_s
 
+    def __call__(self, signals: Sequence[Array]) -> Array:
+        """Run as a link of the chain."""
+        return self.run(signals[self._signal], signals[COMMAND])
+
     def run(self, x: Array, u: Array) -> Array:
         """Return the stage's output for input `x` and command `u` (V), both ``[T, B]``."""
         y = np.empty_like(x)
@@ -58,13 +66,13 @@ class Stage:
 
 def stages_of(
     effects: Sequence[Sequence[Effect]], hysteresis: Sequence[RDPI], ts_s: float
-) -> dict[Slot, list[Stage]]:
-    """Sort the effects of all lanes into the stages of a chain, in its order.
+) -> dict[Place, list[Stage]]:
+    """Return the stages of the effects of all lanes by their slot, in their order there.
 
     Parameters
     ----------
     effects
-        The effects of each lane, in the chain's order.
+        The effects of each lane, in the chain's order; those in slot ``memory`` are no stages.
     hysteresis
         The RDPI parameters, one a lane.
     ts_s
@@ -78,9 +86,32 @@ def stages_of(
     names = {tuple(effect.name for effect in lane) for lane in effects}
     if len(names) != 1:
         raise InputError("lanes with different effects; give all lanes of one plant the same ones")
-    stages: dict[Slot, list[Stage]] = {}
+    stages: dict[Place, list[Stage]] = {}
     for column in zip(*effects, strict=True):
-        slot = column[0].slot
-        if slot != "memory":
-            stages.setdefault(slot, []).append(Stage(column, hysteresis, ts_s))
+        if column[0].slot != "memory":
+            stages.setdefault(column[0].slot, []).append(Stage(column, hysteresis, ts_s))
     return stages
+
+
+def core_links(parameters: Array, state: Array, ts_s: float) -> dict[Place, list[Link]]:
+    """Return the hysteresis core's own links of the chain.
+
+    Parameters
+    ----------
+    parameters, state
+        Packed, as :mod:`rdpi_gym.plant.cores.play` states them; the state is moved on.
+    ts_s
+        Sampling time (s).
+    """
+
+    def derivative(signals: Sequence[Array]) -> Array:
+        v = np.empty_like(signals[COMMAND])
+        rate_block(signals[COMMAND], parameters, state, ts_s, v)
+        return v
+
+    def core(signals: Sequence[Array]) -> Array:
+        y = np.empty_like(signals[COMMAND])
+        given_rate_block(signals[COMMAND], signals[RATE], parameters, state, y)
+        return y
+
+    return {"derivative": [derivative], "core": [core]}

@@ -12,11 +12,15 @@ from rdpi_gym.envs.truth import EFFECT_LEVELS, drawn_parameters, effect_at
 from rdpi_gym.envs.vector.chain import KERNELS, Table
 from rdpi_gym.envs.vector.lanes import Integers, Lanes
 from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant.chain import ACTS_ON, COMMAND, DISPLACEMENT, RATE, Link, Place, in_order, walk
 from rdpi_gym.plant.cores.play import given_rate_block, rate_block
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import SLOTS
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+
+# Rows of a block's work in which command, rate and displacement begin.
+_ROWS = (0, 2, 4)
 
 
 class _Watched:
@@ -141,25 +145,39 @@ class EffectStages:
         """Advance block `n` as :func:`rdpi_gym.envs.vector.chain.run_chain`, any kernel, from Python."""
         p, state = lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n]
         stage_p = lanes.stage_p[min(n, len(lanes.stage_p) - 1)]
-        u, v, y, ts = 0, 2, 4, self._ts_s
+        ts = self._ts_s
 
-        def through(slots: tuple[str, ...], x: int, turn: int) -> int:
-            for i, row in zip(self._stages, self.table.tolist(), strict=True):
-                effect = self._effects[i]
-                if effect.slot in slots:
-                    command = x if effect.slot == "input" else u
-                    type(effect).block(
-                        work[x : x + 1], work[command : command + 1], stage_p[row[2] : row[3]],
-                        lanes.stage_state[n, row[4] : row[5]], ts, work[turn - x : turn - x + 1],
-                    )  # fmt: skip
-                    x = turn - x
-            return x
+        def at(row: int) -> Array:
+            one: Array = work[row : row + 1]
+            return one
 
-        u = through(("input",), u, 1)
-        rate_block(work[u : u + 1], p, state, ts, work[v : v + 1])
-        v = through(("rate",), v, 5)
-        given_rate_block(work[u : u + 1], work[v : v + 1], p, state, work[y : y + 1])
-        return through(("hysteresis", "output"), y, 9)
+        def derivative(rows: Sequence[int]) -> int:
+            rate_block(at(rows[COMMAND]), p, state, ts, at(_ROWS[RATE]))
+            return _ROWS[RATE]
+
+        def core(rows: Sequence[int]) -> int:
+            u, v, y = rows[COMMAND], rows[RATE], _ROWS[DISPLACEMENT]
+            given_rate_block(at(u), at(v), p, state, at(y))
+            return y
+
+        def stage(effect: Effect, row: Sequence[int]) -> Link:
+            def link(rows: Sequence[int]) -> int:
+                x = rows[ACTS_ON[effect.slot]]
+                other = x ^ 1  # each signal has two rows, which take turns
+                type(effect).block(
+                    at(x), at(rows[COMMAND]), stage_p[row[2] : row[3]],
+                    lanes.stage_state[n, row[4] : row[5]], ts, at(other),
+                )  # fmt: skip
+                return other
+
+            return link
+
+        links: dict[Place, list[Link]] = {"derivative": [derivative], "core": [core]}
+        for i, row in zip(self._stages, self.table.tolist(), strict=True):
+            effect = self._effects[i]
+            links.setdefault(effect.slot, []).append(stage(effect, row))
+        last: int = walk(in_order(links), list(_ROWS))[DISPLACEMENT]
+        return last
 
     def _at_levels(self, levels: Sequence[int]) -> tuple[list[Effect], list[list[float]]]:
         effects, columns, begin = [], [], 0

@@ -6,21 +6,23 @@ import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rdpi_gym.plant.chain import CHAIN
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
-Slot = Literal["input", "rate", "memory", "hysteresis", "output"]
+Slot: TypeAlias = Literal["input", "rate", "memory", "hysteresis", "output"]
 """Where a stage stands: before the plays, on the rate that sets their thresholds, in their initial
 state, on the hysteretic displacement (which still sees the command), or on the path behind it."""
 
-SLOTS: tuple[Slot, ...] = ("input", "rate", "memory", "hysteresis", "output")
+SLOTS: tuple[Slot, ...] = tuple(place for place in CHAIN if place in get_args(Slot))  # type: ignore[misc]
+"""The slots in the chain's order."""
 
 Block = Callable[[Array, Array, Array, Array, float, Array], None]
 """Kernel ``block(x, u, p, state, ts, y)``: input and command ``[T, B]``, parameters ``[P, B]``,

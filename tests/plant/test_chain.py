@@ -1,0 +1,68 @@
+"""The order of the chain stands in one list, and every walk along it is the plant's."""
+
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from rdpi_gym.envs.vector.effects import EffectStages
+from rdpi_gym.envs.vector.lanes import WORK, make_lanes
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant import P10, Plant, empty_state, pack
+from rdpi_gym.plant.chain import ACTS_ON, BEHIND, CHAIN, FRONT, in_order, walk
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects.base import SLOTS, Slot
+
+EVERY = replace(P10, effects=tuple(kind() for kind in CATALOGUE.values()))
+TS_S = 1e-4
+T = np.arange(600) * TS_S
+U = 30.0 * np.sin(2 * np.pi * 40.0 * T) * np.cos(9.0 * T)
+
+
+def test_slots_are_the_places_of_effects_in_the_order_of_the_list():
+    assert set(SLOTS) == set(get_args(Slot))
+    assert [*SLOTS] == [place for place in CHAIN if place not in ("derivative", "core")]
+    assert (*FRONT, "core", *BEHIND) == CHAIN
+    assert set(ACTS_ON) == set(CHAIN) - {"memory"}
+
+
+def test_links_run_in_the_order_of_the_list_whatever_order_they_are_given_in():
+    said = []
+    links = {place: [lambda s, p=place: said.append(p)] for place in reversed(list(ACTS_ON))}
+    walk(in_order(links), [None, None, None])
+    assert said == [place for place in CHAIN if place != "memory"]
+
+
+def test_the_jacobian_simulates_what_the_plant_does():
+    record = Record("record", T, U, U, ts_s=TS_S)
+    variant = Variant(EVERY.hysteresis, EVERY.effects)
+    own = simulate_effects([variant], record)[:, 0]
+    np.testing.assert_array_equal(own, Plant(EVERY, TS_S).simulate(U))
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_the_vector_environment_runs_what_the_plant_does(compiled):
+    """Its fused kernel is a twin of the list; what runs from Python walks it."""
+    from rdpi_gym.envs.vector.chain import run_chain
+
+    plant = replace(EVERY, effects=tuple(e for e in EVERY.effects if e.slot != "memory"))
+    stages = EffectStages(plant, TS_S, 0.0)
+    p = pack([plant.hysteresis], TS_S, [0.0])
+    rows = (len(p), len(empty_state(plant.hysteresis.n, 1)), *stages.rows)
+    lanes = make_lanes((1, 32), rows, preview=1)
+    lanes.p[0], lanes.stage_p[0] = p, stages.column(plant)[:, None]
+    lanes.state[:, 0], lanes.stage_state[:] = np.nan, np.nan
+    work, y = np.zeros((WORK, 32)), np.empty_like(U)
+    for k, u in enumerate(U):
+        work[0] = u
+        if compiled:
+            row = run_chain(
+                lanes.p[0], lanes.state[0], stages.table, lanes.stage_p[0], lanes.stage_state[0],
+                TS_S, work,
+            )  # fmt: skip
+        else:
+            row = stages.run(lanes, 0, work)
+        y[k] = work[row, 7]
+    np.testing.assert_allclose(y, Plant(plant, TS_S).simulate(U), rtol=0, atol=1e-11)
