@@ -136,6 +136,11 @@ class MatlabReader:
             timer.cancel()
         if "refused" in said:
             raise InputError(f"{path}, variable {said['refused']}")
+        if "memory" in said:
+            raise InputError(
+                f"{path} takes more than {said['memory'] / 2**20:.0f} MiB to read, too much for a file of "
+                "its size; save time, voltage and displacement alone"
+            )
         if "error" in said:
             raise ValueError(said["error"])
         return Variables(said["names"], values | dict.fromkeys(said["not_numbers"]))

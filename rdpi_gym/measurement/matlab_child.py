@@ -2,8 +2,8 @@
 
 Standard input has one request a line, JSON: ``path``, ``kind`` ("v5" or "hdf5"), ``wanted`` (names,
 that of the voltage first), ``largest`` and ``memory`` (bytes). The answer is a line of JSON, either
-``error`` (damaged), ``refused`` (a sentence that begins with a variable's name), or ``names``,
-``shapes`` and ``not_numbers``; the arrays of ``shapes`` follow as little-endian doubles. It imports
+``error`` (damaged), ``memory`` (it took more), ``refused`` (a sentence that begins with a variable's
+name), or ``names``, ``shapes`` and ``not_numbers``; the arrays of ``shapes`` follow as little-endian doubles. It imports
 nothing of this package, so that it starts quickly and whatever it is damaged by stays here.
 """
 
@@ -144,7 +144,7 @@ def answer(request: dict[str, Any], replies: BinaryIO) -> None:
     except RefusedError as error:
         said: dict[str, Any] = {"refused": str(error)}
     except MemoryError:
-        said = {"error": "it needs more memory than a file of its size may"}
+        said = {"memory": request["memory"]}
     except Exception as error:  # the libraries raise many kinds on a truncated or foreign file
         said = {"error": " ".join(str(error).split())[:150] or type(error).__name__}
     else:

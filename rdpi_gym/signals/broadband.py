@@ -166,10 +166,12 @@ class BandLimitedNoise(LineSpectrum):
         super().__post_init__()
         set_number(self, "low_hz", minimum=0.0)
         set_positive(self, "high_hz", "repeat_s")
-        first, last = self._harmonics.start, self._harmonics.stop - 1
-        if not 1 <= last - first + 1 <= MOST_LINES:
+        # a product that no float holds has no floor
+        is_countable = max(self.low_hz, self.high_hz) * self.repeat_s < 1e15
+        lines = len(self._harmonics) if is_countable else math.inf
+        if not 1 <= lines <= MOST_LINES:
             raise InputError(
-                f"noise: {float(max(last - first + 1, 0)):g} lines 1 / {self.repeat_s:g} s apart lie between "
+                f"noise: {float(lines):g} lines 1 / {self.repeat_s:g} s apart lie between "
                 f"low_hz = {self.low_hz:g} and high_hz = {self.high_hz:g}; "
                 f"choose these three fields for 1 to {MOST_LINES} lines"
             )

@@ -101,7 +101,10 @@ def _make(name: str, fields: Mapping[str, Any], depth: int) -> Signal:
             for part in fields["parts"]
         ]
         fields = dict(fields) | {"parts": parts}
-    return cls(**fields)
+    try:
+        return cls(**fields)
+    except (OverflowError, ZeroDivisionError) as error:
+        raise InputError(f"{name}: its numbers are too large or too small ({error})") from None
 
 
 def _closest(name: str, known: Iterable[str]) -> str:

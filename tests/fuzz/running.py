@@ -23,7 +23,14 @@ LIMIT_S, LIMIT_BYTES, LONGEST = 10.0, 2**30, 400
 
 
 def run_case(made: Subject, name: str, seed: int, case: int, folder: Path) -> str:
-    """Read one damaged file; "value", "refused", or what is wrong."""
+    """Read one damaged file.
+
+    Returns
+    -------
+    str
+        "value", "refused", "ended" (refused, since it ended the process that reads MATLAB files), or
+        what is wrong.
+    """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     made.write(Random(f"{name}/{seed}/{case}"), folder)
@@ -36,7 +43,8 @@ def run_case(made: Subject, name: str, seed: int, case: int, folder: Path) -> st
     except InputError as error:
         line = str(error)
         whole = line and printable(line) == line and len(line) < LONGEST
-        said = "refused" if whole else f"a line of {len(line)} characters: {line[:1000]!r}"
+        kind = "ended" if "it ends the program that reads it" in line else "refused"
+        said = kind if whole else f"a line of {len(line)} characters: {line[:1000]!r}"
     except Exception:
         said = "".join(traceback.format_exc(limit=-6))
     if time.perf_counter() - began > LIMIT_S:
@@ -57,16 +65,18 @@ def run(name: str, seed: int, cases: range) -> int:
                 faulthandler.dump_traceback_later(LIMIT_S + 2.0, exit=True)
                 print(f"case {case}", flush=True)
                 said = run_case(made, name, seed, case, parent / "f")
-                if said not in ("value", "refused"):
+                if said not in ("value", "refused", "ended"):
                     print(f"WRONG {again(name, seed, case)}\n{said}", flush=True)
                     said = "wrong"
                 counted[said] += 1
             faulthandler.cancel_dump_traceback_later()
     finally:
         shutil.rmtree(parent, ignore_errors=True)
+    ended = f" ({counted['ended']} ended their process)" if counted["ended"] else ""
     print(
         f"DONE {name}, seed {seed}: {len(cases)} cases, {counted['value']} values, "
-        f"{counted['refused']} refused, {counted['wrong']} wrong, {time.perf_counter() - began:.0f} s"
+        f"{counted['refused'] + counted['ended']} refused{ended}, {counted['wrong']} wrong, "
+        f"{time.perf_counter() - began:.0f} s"
     )
     return 1 if counted["wrong"] else 0
 

@@ -91,6 +91,13 @@ def test_a_matlab_variable_that_nobody_asks_for_is_not_read(tmp_path) -> None:
     assert load(tmp_path / "run.mat").records[0].u_V.size == 40
 
 
+def test_a_struct_that_takes_more_memory_than_its_file_may(tmp_path, refusal, monkeypatch) -> None:
+    monkeypatch.setattr(matlab, "largest_expansion", lambda size: 2**24)
+    struct = {**COLUMNS, "picture": np.zeros(20_000_000)}
+    savemat(tmp_path / "run.mat", {"measurement": struct}, do_compression=True)
+    assert "run.mat takes more than 64 MiB to read" in refusal(tmp_path / "run.mat")
+
+
 def npy(array) -> bytes:
     stream = io.BytesIO()
     np.save(stream, array)

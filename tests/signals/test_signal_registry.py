@@ -239,3 +239,8 @@ def test_parts_in_parts_without_end_are_refused() -> None:
 def test_a_field_that_is_named_name() -> None:
     with pytest.raises(InputError, match="unknown field 'name'"):
         signal_from_dict({"signal": "sine", "name": "sine"})
+
+
+def test_numbers_whose_product_no_float_holds() -> None:
+    with pytest.raises(InputError, match="noise: inf lines"):
+        make_signal("noise", high_hz=1e308, repeat_s=100.0)
