@@ -44,16 +44,21 @@ def main(arguments: Sequence[str] | None = None, engine: Engine = discover_engin
     int
         0, else as :func:`~rdpi_gym.support.command.run_command` says.
     """
-    options = Options("hidden_effects", __doc__, out=OUT, seed=0, jobs=2, ray=True)
-    options.add_argument("--study", default=",".join(NUMBERS), help="of single, pairs, none, ...")
-    options.add_number("--plants", None, f"plants for each subject; by default {NUMBERS}")
-    options.add_argument("--effects", default=",".join(HIDEABLE), help="effects to hide")
-    return options.run(arguments, partial(_study, engine=engine))
+    return options().run(arguments, partial(_study, engine=engine))
 
 
-def _study(options: Namespace, engine: Engine) -> None:
-    rows = _rows(options, engine)
-    folder = _write(options.out, rows)
+def options() -> Options:
+    """Return what the command can be asked for."""
+    found = Options("hidden_effects", __doc__, out=OUT, seed=0, jobs=2, ray=True)
+    found.add_argument("--study", default=",".join(NUMBERS), help="of single, pairs, none, ...")
+    found.add_number("--plants", None, f"plants for each subject; by default {NUMBERS}")
+    found.add_argument("--effects", default=",".join(HIDEABLE), help="effects to hide")
+    return found
+
+
+def _study(asked: Namespace, engine: Engine) -> None:
+    rows = _rows(asked, engine)
+    folder = _write(asked.out, rows)
     for target in targets(rows):
         word = "met" if target.is_met else "not met"
         print(
@@ -63,8 +68,8 @@ def _study(options: Namespace, engine: Engine) -> None:
     print(f"tables: {folder / 'hidden_effects.md'}")
 
 
-def _rows(options: Namespace, engine: Engine) -> list[Row]:
-    studies, effects = options.study.split(","), options.effects.split(",")
+def _rows(asked: Namespace, engine: Engine) -> list[Row]:
+    studies, effects = asked.study.split(","), asked.effects.split(",")
     for where, names, known in (
         ("--study", studies, tuple(NUMBERS)),
         ("--effects", effects, HIDEABLE),
@@ -72,12 +77,12 @@ def _rows(options: Namespace, engine: Engine) -> list[Row]:
         for name in names:
             if name not in known:
                 raise unknown_name(where, name, known)
-    cases = make_cases(studies, options.plants, options.seed, effects)
+    cases = make_cases(studies, asked.plants, asked.seed, effects)
     with progress_bar() as show:
         return run_study(
-            cases, options.out, options.jobs,
+            cases, asked.out, asked.jobs,
             show, engine,
-            lambda sentence: print(sentence, file=sys.stderr), options.ray,
+            lambda sentence: print(sentence, file=sys.stderr), asked.ray,
         )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import pytest
 import typer
 
 from baselines.learned.options import PLANTS, REFERENCES, TrainingOptions
-from benchmarks.hidden_effects.__main__ import _parse
+from benchmarks.hidden_effects.__main__ import options
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ
 from rdpi_gym.cli import app
 from rdpi_gym.cli import main as rdpi
@@ -202,7 +202,7 @@ def test_commands_on_other_machines_are_understood():
     studies = [line for line in commands(TRAIN, "python") if " -m " in line]
     hidden, trained = (shlex.split(line)[2:] for line in studies)
     assert hidden[0] == "benchmarks.hidden_effects"
-    assert _parse(hidden[1:]).ray == "HOST:6379"
+    assert options().read(hidden[1:]).ray == "HOST:6379"
     assert trained[:3] == ["studies.agents", "--stage", STAGES[0]]
 
 
