@@ -201,7 +201,7 @@ def test_an_interrupted_run_goes_on_from_its_candidates(lagging, tmp_path):
 
 
 def test_a_checkpoint_that_is_a_folder_is_named(lagging, tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is no regular file"):
         diagnose(lagging, catalogue=FEW, checkpoint=tmp_path)
 
 
