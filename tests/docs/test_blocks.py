@@ -265,7 +265,7 @@ def test_commands_that_a_page_shows_or_mentions_exist(page):
 
 def runnable(module):
     """Whether ``python -m MODULE`` finds something to run."""
-    if module.partition(".")[0] not in ("rdpi_gym", "baselines", "benchmarks", "studies"):
+    if module.partition(".")[0] not in ("rdpi_gym", "baselines", "benchmarks", "studies", "tests"):
         return importlib.util.find_spec(module.partition(".")[0]) is not None
     path = ROOT.joinpath(*module.split("."))
     return path.with_suffix(".py").is_file() or (path / "__main__.py").is_file()
