@@ -82,7 +82,7 @@ def make_controller(
     >>> import rdpi_gym as rg
     >>> controller = rg.make_controller("classical-reference-rate", "P10")
     >>> controller.command_block(np.array([[0.0], [1.0]])).round(3).tolist()
-    [[0.0], [1.611]]
+    [[0.0], [1.61]]
     """
     belief = as_plant(plant)
     return make_by_name(name, belief, usual_layout(belief) if layout is None else layout)

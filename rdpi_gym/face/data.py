@@ -37,7 +37,7 @@ class Dataset(Shown, measurement.Dataset):
     >>> import rdpi_gym as rg
     >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
     >>> print(repr(data).splitlines()[0])
-    simulated records of P5: 16 records, 22,742 samples; 10 to fit, 5 to validate on, 1 at rest
+    simulated records of P5: 16 records, 34,500 samples; 10 to fit, 5 to validate on, 1 at rest
     """
 
     saved_as: ClassVar[str] = "dataset"
@@ -194,7 +194,9 @@ def as_dataset(data: measurement.Dataset | PathLike[str] | str) -> Dataset:
 
 
 @with_options(DataOptions)
-def load(path: PathLike[str] | str, options: DataOptions) -> Dataset:
+def load(
+    path: PathLike[str] | str | Sequence[PathLike[str] | str], options: DataOptions
+) -> Dataset:
     r"""Read a measurement: one file, or a folder in which every data file is a record.
 
     Text (``.csv``, ``.txt``, ``.dat``, ``.tsv``), MATLAB (``.mat``) and NumPy (``.npz``) files hold
@@ -204,7 +206,7 @@ def load(path: PathLike[str] | str, options: DataOptions) -> Dataset:
     Parameters
     ----------
     path
-        File or folder.
+        File or folder, or several of them, whose records make one data set.
     columns
         Header name, or position from 0 on, of each column that has another name:
         ``{"u": "voltage", "y": 2}``.
@@ -234,11 +236,14 @@ def load(path: PathLike[str] | str, options: DataOptions) -> Dataset:
     >>> import rdpi_gym as rg
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "run.csv"
-    ...     _ = path.write_text("u,y\n" + "\n".join(f"{k},{8 * k}" for k in range(40)))
+    ...     _ = path.write_text("u,y\n" + "".join(f"{k},{8 * k}\n" for k in range(40)))
     ...     rg.load(path, sampling_time_s=5e-3)
     run.csv: 1 record, 40 samples; 1 to fit, the last quarter of each to validate on
       run (train): 40 samples, 0.005 s apart, t = 0 to 0.195 s
       no validation record: the last quarter of each record is held out for validation
     """
-    check_type(path, PathLike | str, "load: path")
-    return Dataset.of(measurement.load(Path(path), options))
+    check_type(path, PathLike[str] | str | Sequence[PathLike[str] | str], "load: path")
+    paths = [path] if isinstance(path, str) or not isinstance(path, Sequence) else path
+    # an empty text is not the current folder
+    found = [each if isinstance(each, str) else Path(each) for each in paths]
+    return Dataset.of(measurement.load(found, options))

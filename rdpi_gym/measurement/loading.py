@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from os import PathLike
 from pathlib import Path
 
 from rdpi_gym.measurement.binary import read_matlab, read_npz
@@ -28,7 +29,7 @@ _READERS = {
 _ABOUT = ("readme", "license", "licence", "copying", "changelog", "notes")
 
 
-def load(path: Path | str, options: DataOptions | None = None) -> Dataset:
+def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = None) -> Dataset:
     r"""Read a measurement: one file, or a folder in which every data file is a record.
 
     Text (``.csv``, ``.txt``, ``.dat``, ``.tsv``), MATLAB (``.mat``, v5 and v7.3) and NumPy
@@ -41,7 +42,7 @@ def load(path: Path | str, options: DataOptions | None = None) -> Dataset:
     Parameters
     ----------
     path
-        File or folder.
+        File or folder, or several of them, whose records make one data set.
     options
         What the user says; it overrides the ``dataset.toml``.
 
@@ -63,12 +64,47 @@ def load(path: Path | str, options: DataOptions | None = None) -> Dataset:
       no validation record: the last quarter of each record is held out for validation
     """
     options = options or DataOptions()
+    paths = [path] if isinstance(path, str | PathLike) else list(path)
+    if not paths:
+        raise InputError("no path of data is given; give a data file or a folder of data files")
+    remarks: list[str] = []
+    parts = [_part(each, options, remarks) for each in paths]
+    records = [record for part in parts for record in part.records]
+    names = [record.name for record in records]
+    if doubled := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"two of the files are record {doubled[0]!r}; rename one")
+    if all(record.is_quiet for record in records):
+        rest = f" (and in {len(records) - 1} more records)" if len(records) > 1 else ""
+        raise InputError(
+            f"{parts[0].first_u}: u stays at {records[0].u_V[0]:g} V in all samples{rest}, "
+            "so nothing moves the actuator; give a record in which u changes"
+        )
+    moving = [record.name for record in records if not record.is_quiet]
+    said = {name: own for part in parts for name, own in part.settings.records.items()}
+    roles = _roles(moving, said, options.validate, remarks)
+    return Dataset(
+        title=", ".join(dict.fromkeys(part.title for part in parts)),
+        records=tuple(replace(r, role=roles.get(r.name, r.role)) for r in records),
+        remarks=tuple(remarks),
+    )
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What one path holds: its records, what its folder says, its title, where its first u stands."""
+
+    records: list[Record]
+    settings: Settings
+    title: str
+    first_u: str
+
+
+def _part(path: Path | str, options: DataOptions, remarks: list[str]) -> _Part:
     if not str(path):
         raise InputError(
             "the path of the data is empty; give a data file or a folder of data files"
         )
     source = Path(path)
-    remarks: list[str] = []
     if source.is_dir():
         folder, files = source, _data_files(source, remarks)
     elif source.exists():
@@ -83,22 +119,13 @@ def load(path: Path | str, options: DataOptions | None = None) -> Dataset:
         settings = read_settings(toml, [file.stem for file in siblings])
         if files != siblings:
             remarks.append(f"{toml} holds for this file too")
-
     with MatlabReader() as matlab:
         tables = [_read(file, settings, options, matlab) for file in files]
-    records = [_record(table, settings, options, toml) for table in tables]
-    if all(record.is_quiet for record in records):
-        rest = f" (and in {len(records) - 1} more records)" if len(records) > 1 else ""
-        raise InputError(
-            f"{tables[0].where('u', 0)}: u stays at {records[0].u_V[0]:g} V in all samples{rest}, "
-            "so nothing moves the actuator; give a record in which u changes"
-        )
-    moving = [record.name for record in records if not record.is_quiet]
-    roles = _roles(moving, settings.records, options.validate, remarks)
-    return Dataset(
-        title=settings.title or printable(source.resolve().name),
-        records=tuple(replace(r, role=roles.get(r.name, r.role)) for r in records),
-        remarks=tuple(remarks),
+    return _Part(
+        [_record(table, settings, options, toml) for table in tables],
+        settings,
+        settings.title or printable(source.resolve().name),
+        tables[0].where("u", 0),
     )
 
 

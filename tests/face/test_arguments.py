@@ -15,7 +15,7 @@ import rdpi_gym as rg
         (lambda data: rg.fit(data, plays=True), "fit: plays is True; give a whole number"),
         (lambda data: rg.fit(3), "fit: data is 3; give a Dataset, a path or text"),
         (lambda data: rg.fit(data, free_memory=1), "give True or False"),
-        (lambda data: rg.load(3), "load: path is 3; give a path or text"),
+        (lambda data: rg.load(3), "load: path is 3; give a path, text"),
         (lambda data: rg.load("x.csv", columns="u=3"), "columns is 'u=3'; give a mapping"),
         (lambda data: rg.load("x.csv", skip_s="1"), "skip_s is '1'; give a number or None"),
         (lambda data: rg.compare(data, 3), "compare: model is 3"),
@@ -32,7 +32,7 @@ import rdpi_gym as rg
         (lambda data: rg.make_controller("none", "P5", layout="x"), "layout is 'x'"),
         (
             lambda data: rg.benchmark("none"),
-            "controllers is 'none'; give a sequence of text or None",
+            "controllers is 'none'; give a sequence of text",
         ),
         (lambda data: rg.benchmark(["nune"], ["P5"]), "did you mean 'none'?"),
         (lambda data: rg.benchmark(["none"], ["P55"]), "did you mean 'P5'?"),
@@ -74,3 +74,17 @@ def test_catalogues_print_what_there_is():
     assert rg.effects["creep"].name == "creep"
     assert "pi" in rg.controllers
     assert len(rg.controllers) == len(list(rg.controllers))
+
+
+def test_several_files_make_one_data_set(data, tmp_path):
+    folder = data.write(tmp_path / "data")
+    few = rg.load([folder / "stairs.csv", str(folder / "sine-50hz.csv")], validate="sine*")
+    assert [(r.name, r.role) for r in few.records] == [
+        ("stairs", "train"), ("sine-50hz", "validation"),
+    ]  # fmt: skip
+    with pytest.raises(rg.InputError, match="two of the files are record 'stairs'"):
+        rg.load([folder / "stairs.csv", folder])
+    with pytest.raises(rg.InputError, match="no path"):
+        rg.load([])
+    with pytest.raises(rg.InputError, match="path of the data is empty"):
+        rg.load("")
