@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmarks.paper.cases import SWEEP, Case, Claim, paper_cases, section_iii
+from benchmarks.paper.gain import StaticRun, static_runs
 from benchmarks.paper.implementation import Implementation, implementations
 from benchmarks.paper.readings import READINGS, Reading
 from benchmarks.paper.stability import (
@@ -16,7 +17,7 @@ from benchmarks.paper.stability import (
     zero_rad_s,
 )
 from benchmarks.paper.tracking import PERIODS, Sine, Tracking, track
-from benchmarks.paper.verdicts import judge
+from benchmarks.paper.verdicts import judge, judge_series
 from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B, RDPI
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
@@ -53,6 +54,8 @@ class PaperResults:
         Two runs that differ in the last bits, by reading, at 50 Hz and Ts = 1e-4 s.
     implementations
         Readings on plants other than the literal model.
+    static_runs
+        Eq. 6 on plants without a rate, by their g.
     """
 
     seed: int
@@ -65,6 +68,7 @@ class PaperResults:
     zeros_rad_s: dict[str, float]
     divergences: tuple[Divergence, ...]
     implementations: tuple[Implementation, ...]
+    static_runs: tuple[StaticRun, ...] = ()
 
     def find(self, label: str, reading: str, sine: Sine | None = None) -> Tracking:
         """Return the run of the first case with this label, reading and, if given, reference."""
@@ -73,6 +77,15 @@ class PaperResults:
     def verdict(self, label: str, reading: str, sine: Sine | None = None) -> str:
         """Return the verdict on that case."""
         return self.verdicts[self._index(label, reading, sine)]
+
+    def series(self, label: str, reading: str) -> tuple[Tracking, ...]:
+        """Return the runs of a case over the sampling time, Ts falling."""
+        case = self.cases[self._index(label, reading, None)]
+        return tuple(_series(self.cases, self.runs, case, frequencies=False))
+
+    def series_verdict(self, label: str, reading: str) -> str:
+        """Return the verdict on all sampling times of that case together."""
+        return judge_series(self.series(label, reading))
 
     def swept(self, reading: str) -> tuple[Tracking, ...]:
         """Return the runs of one reading over the sampling time, Ts falling."""
@@ -207,4 +220,5 @@ def reproduce_paper(
             for name in ("literal", "low-passed", "given", "closed-form reference-rate/A")
         ),
         tuple(implementations(realisations, seed)),
+        static_runs(realisations, seed),
     )

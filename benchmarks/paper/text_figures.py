@@ -37,8 +37,8 @@ def span(values: Array) -> str:
 
 
 def claim(verdict: str) -> str:
-    """Return what a verdict says of the claim, without its note on the single run."""
-    return verdict.partition(";")[0]
+    """Return what a verdict says of the claim, without its note on the stability limit."""
+    return verdict.partition("; this Ts")[0]
 
 
 def _loop_table(unit: str, loops: list[tuple[str, Tracking]]) -> str:
@@ -63,7 +63,7 @@ def figure_3(results: PaperResults) -> str:
                 errors(results.find(f"Fig. 3{panel}", reading.name, section_iii(hz, ts)))
                 for ts in TS_S
             ),
-            claim(results.verdict(f"Fig. 3{panel}", reading.name)),
+            results.series_verdict(f"Fig. 3{panel}", reading.name),
         ]
         for panel, hz in zip("def", FREQUENCIES_HZ, strict=True)
         for reading in INVERSION_FREE
@@ -93,7 +93,7 @@ def figure_4(results: PaperResults) -> str:
         [
             f"*{reading.name}*",
             *(errors(results.find(f"Fig. 4{panel}", reading.name)) for panel in "ab"),
-            claim(results.verdict("Fig. 4a", reading.name)),
+            claim(results.verdict("Fig. 4b", reading.name)),
         ]
         for reading in INVERSION_FREE
     ]
@@ -141,7 +141,7 @@ def error_against_ts(results: PaperResults) -> str:
         [
             f"*{reading.name}*",
             *(errors(results.find(SWEEP_LABEL, reading.name, sine)) for sine in sines),
-            claim(results.verdict(SWEEP_LABEL, reading.name)),
+            results.series_verdict(SWEEP_LABEL, reading.name),
         ]
         for reading in READINGS.values()
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from baselines.stability import limiting_cutoff_hz
 from benchmarks.paper.cases import SECTION_V, SWEEP_LABEL
+from benchmarks.paper.gain import identified_g
 from benchmarks.paper.implementation import Implementation
 from benchmarks.paper.markdown import number, seconds, table
 from benchmarks.paper.run import DIVERGENCE_TS_S, PLANTS, PaperResults
@@ -51,11 +52,33 @@ Both were tried on a ramp of {SLIDE_V_S:g} V/s on which all plays slide, kicked 
 
 ![Growth of a disturbance against the sampling time](limit.png)
 
+{_static(results)}
+
 Below its limit the disturbance grows until plays stick, and the command chatters: the error's RMS falls with Ts because the chatter is fast, its maximum does not. Such runs cannot be repeated. At 50 Hz and Ts = {seconds(DIVERGENCE_TS_S)}, a reference larger by a relative 1e-15 moves the command by at most
 
 {table(["reading", "over the last period"], parted)}
 
 ![Two runs that differ in the last bits](irreproducible.png)"""
+
+
+def _static(results: PaperResults) -> str:
+    """Show the loop of a plant without a rate."""
+    rows = [
+        [
+            f"g = {x.g:.3g}",
+            f"{x.growth:.3g}",
+            f"{number(x.run.max_error, 4)} / {number(x.run.rms_error, 4)}",
+            f"{x.spikes:.3g}",
+        ]
+        for x in results.static_runs
+    ]
+    head = ["S / a_0", "growth a sample", "max / RMS (µm)", "max rate × the exact inverse's"]
+    sine = SECTION_V
+    return f"""Without a rate, δ2 = 0, the polynomial is z (z + g): Ω, a sample old, is fed back with the gain -g, so Eq. 6 needs **g < 1** at any Ts. The plant of Section IV-B without its rate, its plays scaled to another g, at {sine.frequency_hz:g} Hz, {sine.amplitude_um:g} µm, {1e6 * sine.ts_s:g} µs; the plant identified from the measured PICMA record has g = {identified_g():.2f}:
+
+{table(head, rows)}
+
+Above g = 1 the error still falls with Ts, since a spike is no higher than a few of the command's own steps, but the command has spikes at every Ts."""
 
 
 def no_condition(results: PaperResults) -> str:

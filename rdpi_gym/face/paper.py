@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import pandas as pd
 
 from benchmarks import paper
-from benchmarks.paper.cases import SWEEP_LABEL, TABLE_TS_S
+from benchmarks.paper.cases import COMPENSATORS, SWEEP_LABEL, TABLE_TS_S
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.progress import Progress
@@ -36,16 +36,14 @@ class PaperResults(Shown, paper.PaperResults):
 
     def _lines(self) -> Sequence[str]:
         smallest = min(TABLE_TS_S)
-        rows = [
-            row
-            for row in paper.paper_rows(self)
-            if row.case == SWEEP_LABEL and row.ts_s == smallest and row.reading != "none"
-        ]
         return [
             f"Eq. 6 as printed: largest error {self._at(smallest, 'literal'):.3g} µm at 50 Hz and "
             f"Ts = {smallest:g} s; with given thresholds {self._at(smallest, 'given'):.2g} µm "
             "(amplitude 10 µm).",
-            *(f"{row.reading}: {row.verdict}" for row in rows),
+            *(
+                f"{reading.name}: {self.series_verdict(SWEEP_LABEL, reading.name)}"
+                for reading in COMPENSATORS
+            ),
         ]
 
     def _at(self, ts_s: float, reading: str) -> float:

@@ -17,11 +17,14 @@ from benchmarks.paper.cases import section_iii
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
 
-COLUMNS = "case,reading,frequency_hz,ts_s,max_error,rms_error,max_command_rate,paper_value,verdict"
+COLUMNS = (
+    "case,reading,plant,frequency_hz,ts_s,max_error_um,rms_error_um,max_command_rate_V_s,"
+    "paper_value,unit,verdict,series_verdict"
+)
 FIGURES = ("fig3", "fig4", "fig5", "fig7", "fig8", "stability", "limit", "irreproducible")
 COMMITTED = Path(__file__).parents[2] / "studies" / "results" / "paper"
 CHATTERING = ("literal", "closed-form own-rate")
-NUMBERS = ("max_error", "rms_error", "max_command_rate")
+NUMBERS = ("max_error_um", "rms_error_um", "max_command_rate_V_s")
 
 
 def read(path: Path) -> list[dict[str, str]]:
@@ -50,10 +53,24 @@ def test_page_shows_every_figure_and_verdict(folder):
     page = (folder / "paper.md").read_text(encoding="utf-8")
     assert all(f"({name}.png)" in page for name in FIGURES)
     opening = page.partition("## How to read")[0]
-    assert "Does not hold: chatters" in opening
+    assert "static plant with g = 2 the command is up to 3 times as fast" in opening
+    assert "has 1.23" in opening
     assert "0.252 ms" in opening
     assert "0.382 ms" in opening
     assert "*given* and *low-passed in both*" in opening
+
+
+def test_committed_headlines_agree_with_the_readme():
+    page = (COMMITTED / "paper.md").read_text(encoding="utf-8")
+    assert "The first holds at 25 Hz and 50 Hz" in page
+    assert "At 1 Hz the largest error grows again" in page
+    assert "a largest error of 0.35 µm is left, 3.5 % of the amplitude" in page
+    assert "on a static plant with g = 2 the command is up to 3 times as fast" in page
+    readme = " ".join((COMMITTED.parents[2] / "README.md").read_text(encoding="utf-8").split())
+    assert "to 0.35 µm at 1 µs, 3.5 % of the amplitude, and no further" in readme
+    assert "above 0.252 ms (Section III-B) and 0.382 ms (Section IV-B)" in readme
+    assert "with g = 2 the command has spikes of three times the smooth rate" in readme
+    assert "record has g = 1.23" in readme
 
 
 def test_rows_hold_the_paper_values_and_a_verdict_each(folder):
@@ -69,15 +86,17 @@ def test_rows_hold_the_paper_values_and_a_verdict_each(folder):
     printed = {
         row["case"]: row["paper_value"] for row in rows if row["verdict"] == "used as printed"
     }
-    assert float(printed["Section III-B, a_0 (µm/V)"]) == 0.729
-    assert float(printed["Section IV-B, δ2 (s)"]) == 3.948e-4
+    assert float(printed["Section III-B, a_0"]) == 0.729
+    assert float(printed["Section IV-B, δ2"]) == 3.948e-4
+    assert all(row["unit"] for row in rows if row["paper_value"])
+    assert all(row["plant"] for row in rows if row["max_error_um"])
     derived = {row["case"]: row["verdict"] for row in rows if row["verdict"].startswith("follows")}
-    assert derived["Section III-B, A of P5"] == "follows: 1.2170 µm/V"
+    assert derived["Section III-B, A"] == "follows: 1.2170 µm/V"
 
 
 def test_committed_results_are_not_stale(folder):
     fresh, committed = read(folder / "paper.csv"), read(COMMITTED / "paper.csv")
-    keys = ("case", "reading", "frequency_hz", "ts_s", "paper_value")
+    keys = ("case", "reading", "plant", "frequency_hz", "ts_s", "paper_value", "unit")
     assert [[row[k] for k in keys] for row in fresh if row["reading"] not in CHATTERING] == [
         [row[k] for k in keys] for row in committed if row["reading"] not in CHATTERING
     ]
@@ -87,7 +106,7 @@ def test_committed_results_are_not_stale(folder):
         for name in NUMBERS:
             if new[name]:
                 assert float(new[name]) == pytest.approx(float(old[name]), rel=1e-4, abs=1e-9)
-        if new["max_error"]:
+        if new["max_error_um"]:
             assert new["verdict"].partition(":")[0] == old["verdict"].partition(":")[0]
 
 
