@@ -3,6 +3,7 @@
     python -m benchmarks.hidden_effects --study single,pairs,none,outside,invariance --jobs 2
 
 An interrupted run continues from the rows that it has written. Rows of changed code are set aside.
+With ``--tables`` nothing is run, and the tables are written from the rows that are there.
 With ``--ray ADDRESS`` the nodes of a Ray cluster diagnose the cases; the rows are written here.
 """
 
@@ -15,15 +16,16 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.hidden_effects.case_row import Engine, discover_engine
-from benchmarks.hidden_effects.cases import NUMBERS, make_cases
-from benchmarks.hidden_effects.run import run_study
+from benchmarks.hidden_effects.cases import NUMBERS, Case, make_cases
+from benchmarks.hidden_effects.run import ROWS_FILE, run_study
 from benchmarks.hidden_effects.scoring import judgements
 from benchmarks.hidden_effects.summary import as_markdown, by_subject, targets
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import progress_bar
-from rdpi_gym.support.store import Row
+from rdpi_gym.support.store import Row, named_rows
 from rdpi_gym.virtual_lab.draws import HIDEABLE
 
 OUT = Path("studies/results/hidden")
@@ -52,6 +54,9 @@ def options() -> Options:
     found = Options("hidden_effects", __doc__, out=OUT, seed=0, jobs=2, ray=True)
     found.add_argument("--study", default=",".join(NUMBERS), help="of single, pairs, none, ...")
     found.add_number("--plants", None, f"plants for each subject; by default {NUMBERS}")
+    found.add_argument(
+        "--tables", action="store_true", help="write the tables of the rows in --out; run nothing"
+    )
     found.add_argument("--effects", default=",".join(HIDEABLE), help="effects to hide")
     return found
 
@@ -63,7 +68,7 @@ def _study(asked: Namespace, engine: Engine) -> None:
         word = "met" if target.is_met else "not met"
         print(
             f"{target.study}: {target.asks}: {target.percent:.1f} % ({target.reached} of {target.cases}), "
-            f"asked {target.least_percent:g} %: {word}"
+            f"asked {target.least_percent:g} %: {word}; effects falsely added: {target.falsely_added}"
         )
     print(f"tables: {folder / 'hidden_effects.md'}")
 
@@ -78,12 +83,23 @@ def _rows(asked: Namespace, engine: Engine) -> list[Row]:
             if name not in known:
                 raise unknown_name(where, name, known)
     cases = make_cases(studies, asked.plants, asked.seed, effects)
+    if asked.tables:
+        return _stored(asked.out, cases)
     with progress_bar() as show:
         return run_study(
             cases, asked.out, asked.jobs,
             show, engine,
             lambda sentence: print(sentence, file=sys.stderr), asked.ray,
         )  # fmt: skip
+
+
+def _stored(out: Path, cases: Sequence[Case]) -> list[Row]:
+    """Return the rows of the cases that stand in a folder, whatever code they are of."""
+    stored = named_rows(out / ROWS_FILE).rows
+    rows = [stored[case.key] for case in cases if case.key in stored]
+    if not rows:
+        raise InputError(f"{out / ROWS_FILE} has no row of these cases; run them without --tables")
+    return rows
 
 
 def _write(out: Path, rows: Sequence[Row]) -> Path:

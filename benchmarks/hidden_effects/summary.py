@@ -30,6 +30,8 @@ class Target:
         Share of the cases that is asked for (%).
     reached, cases
         Cases that fulfil it, and all.
+    false_additions, falsely_added_to
+        Effects added that were not hidden, and on how many of the cases.
     """
 
     study: str
@@ -37,11 +39,28 @@ class Target:
     least_percent: float
     reached: int
     cases: int
+    false_additions: int = 0
+    falsely_added_to: int = 0
 
     @property
     def percent(self) -> float:
         """Share that was reached (%)."""
         return 100.0 * self.reached / self.cases if self.cases else float("nan")
+
+    @property
+    def falsely_added(self) -> str:
+        """The effects added that were not hidden, in words.
+
+        Examples
+        --------
+        >>> Target("outside", "", 100.0, 60, 60, 51, 20).falsely_added
+        '51 on 20 of 60'
+        >>> Target("none", "", 98.0, 100, 100).falsely_added
+        '0'
+        """
+        if not self.false_additions:
+            return "0"
+        return f"{self.false_additions} on {self.falsely_added_to} of {self.cases}"
 
     @property
     def is_met(self) -> bool:
@@ -117,7 +136,12 @@ def _target(
     part: pd.DataFrame, study: str, asks: str, least: float,
     fulfils: Callable[[pd.DataFrame], pd.Series[bool]],
 ) -> Target:  # fmt: skip
-    return Target(study, asks, least, int(fulfils(part).sum()) if len(part) else 0, len(part))
+    if part.empty:
+        return Target(study, asks, least, 0, 0)
+    return Target(
+        study, asks, least, int(fulfils(part).sum()), len(part),
+        int(part["additions"].sum()), int((part["additions"] > 0).sum()),
+    )  # fmt: skip
 
 
 def by_subject(rows: Sequence[Row]) -> pd.DataFrame:
@@ -209,16 +233,17 @@ def as_markdown(rows: Sequence[Row]) -> str:
         f"Written by `python -m benchmarks.hidden_effects`; seeds {', '.join(map(str, seeds))}, code "
         f"{', '.join(codes)}. Random plants of ±40 µm with {1e3 * NOISE_UM[0]:g} to "
         f"{1e3 * NOISE_UM[1]:g} nm of noise, the standard protocol, the truth integrated by "
-        "`benchmarks/independent` on a grid of 10 µs or finer. Parameters from their typical ranges, "
+        "`rdpi_gym/virtual_lab/independent` on a grid of 10 µs or finer. Parameters from their typical ranges, "
         f"drawn until the effect leaves {VISIBLE:g} noise floors rms on one record at least after all "
         "that a refit of the base model can take up. Ratios are validation errors of the final model "
         "over the true noise; seconds are those of one process on one thread.",
         table(
-            ["study", "target", "asked", "reached", "met"],
+            ["study", "target", "asked", "reached", "met", "effects falsely added"],
             [
                 [
                     t.study, t.asks, f"{t.least_percent:g} %",
                     f"{t.percent:.1f} % ({t.reached} of {t.cases})", "yes" if t.is_met else "no",
+                    t.falsely_added,
                 ]
                 for t in targets(rows)
             ],

@@ -1,4 +1,4 @@
-"""theory.md, section 2: with the true rate the classical inverse is exact, memory included."""
+"""With the true rate the classical inverse is exact, memory included."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""theory.md, section 1: every entry of its table, the literal anchors, and the Section V numbers."""
+"""Errors of the compensators against Ts: every entry of a table, the literal anchors, Section V."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""theory.md, section 1: where the compensators' own loops decay, by formula and by simulation."""
+"""Where the compensators' own loops decay, by formula and by simulation."""
 
 from __future__ import annotations
 

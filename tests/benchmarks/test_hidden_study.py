@@ -2,6 +2,8 @@
 
 import json
 import math
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -163,6 +165,9 @@ def test_targets_are_counted_over_their_studies():
     assert counts[:2] == [(1, 2, False), (1, 2, False)]
     assert (found["none", "`no missing effect`"].reached, counts[2][1]) == (1, 2)
     assert counts[3] == (1, 2, False)
+    outside = next(t for t in found.values() if t.study == "outside")
+    assert (outside.false_additions, outside.falsely_added_to) == (1, 1)
+    assert outside.falsely_added == "1 on 1 of 2"
     changed = {t.study: (t.reached, t.cases) for t in found.values() if "sign" in t.study}
     assert changed == {"single, sign reversed": (1, 1), "none, sign reversed": (0, 1)}
 
@@ -266,13 +271,41 @@ def test_the_command_writes_tables_and_prints_targets(quick, tmp_path, capsys):
     known = len(HIDEABLE) - 1  # the oracle here knows no hum
     assert (
         printed[0]
-        == f"single: the right effect ranked first: 100.0 % ({known} of {known}), asked 97 %: met"
+        == f"single: the right effect ranked first: 100.0 % ({known} of {known}), asked 97 %: met; "
+        "effects falsely added: 0"
     )
     assert printed[-1] == f"tables: {tmp_path / 'hidden_effects.md'}"
     assert len(pd.read_csv(tmp_path / "cases.csv")) == known + 1
     assert set(pd.read_csv(tmp_path / "by_subject.csv")["subject"]) == {
         "nothing", *(name for name in HIDEABLE if name != "mains_hum"),
     }  # fmt: skip
+
+
+def test_tables_alone_are_written_without_a_run(quick, tmp_path):
+    words = ["--study", "single,none", "--plants", "1", "--jobs", "1", "--out", str(tmp_path)]
+    assert hidden_effects.main(words, engine=oracle) == 0
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir() if p.suffix in (".md", ".csv")}
+    for name in before:
+        (tmp_path / name).unlink()
+
+    def never(*arguments):
+        raise AssertionError("the study was run")
+
+    assert hidden_effects.main([*words, "--tables"], engine=never) == 0
+    assert {name: (tmp_path / name).read_bytes() for name in before} == before
+
+
+def test_tables_of_no_rows_are_refused(tmp_path, capsys):
+    assert hidden_effects.main(["--tables", "--out", str(tmp_path)], engine=oracle) == 2
+    assert "has no row of these cases" in capsys.readouterr().err
+
+
+def test_committed_tables_are_those_of_the_committed_rows(tmp_path):
+    committed = Path(hidden_effects.__file__).parents[2] / "studies" / "results" / "hidden"
+    shutil.copy(committed / "rows.jsonl", tmp_path)
+    assert hidden_effects.main(["--tables", "--out", str(tmp_path)], engine=oracle) == 0
+    for name in ("hidden_effects.md", "by_subject.csv", "cases.csv"):
+        assert (tmp_path / name).read_bytes() == (committed / name).read_bytes(), name
 
 
 @pytest.mark.parametrize(

@@ -11,17 +11,28 @@ PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
 
 
 def reached():
-    """Rows of the study's first table, the variants left out: asked (%), reached (n of m)."""
+    """Rows of the study's first table, the variants left out: asked, reached, falsely added."""
     for line in (STUDY / "hidden_effects.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if len(cells) == 5 and cells[0] in ("single", "pairs", "none", "outside"):
-            yield cells[2], re.search(r"\d+ of \d+", cells[3]).group()
+        if len(cells) == 6 and cells[0] in ("single", "pairs", "none", "outside"):
+            yield cells[2], re.search(r"\d+ of \d+", cells[3]).group(), cells[5]
 
 
 def test_the_figures_are_those_of_the_study():
-    stated = re.findall(r"^  \| .* \| (\d+ %) \| (\d+ of \d+) \|$", PAGE, re.MULTILINE)
+    line = r"^  \| .* \| (\d+ %) \| (\d+ of \d+) \| ([\d onf]+) \|$"
+    stated = re.findall(line, PAGE, re.MULTILINE)
     assert sorted(stated) == sorted(reached())
     assert len(stated) == 6
+
+
+def test_false_additions_are_said_where_the_verdict_is_right():
+    cases = pd.read_csv(STUDY / "cases.csv")
+    outside = cases[(cases["study"] == "outside") & (cases["variant"] == "plain")]
+    added = outside.groupby("subject")["additions"].sum()
+    assert dict(added[added > 0]) == {"preisach": 51}
+    assert (outside.loc[outside["subject"] == "preisach", "additions"] > 0).sum() == 20
+    assert "51 on 20 of 60" in PAGE
+    assert "on each of the 20 plants with Preisach hysteresis" in PAGE
 
 
 def test_what_was_not_found_is_counted_rightly():

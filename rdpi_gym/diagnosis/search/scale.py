@@ -11,7 +11,7 @@ from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.support.arrays import Array
 
-# Thresholds of the comb: enough that a play between two of them is not missed (docs/diagnosis.md).
+# Thresholds of the comb: enough that a play between two of them is not missed.
 COMB = 60
 _SPREAD = 1.5  # finer at small thresholds, where the small loops are
 

@@ -48,7 +48,8 @@ def write_discovery_page(
     title
         Heading: which data, and what was done.
     result
-        From :func:`rdpi_gym.diagnosis.diagnose`, ``add_effect`` or ``discover``.
+        From :func:`rdpi_gym.diagnosis.search.discover.diagnose`, ``add_effect`` or
+        ``discover``.
     catalogue
         Effects by name: units and meanings of the parameters.
 
