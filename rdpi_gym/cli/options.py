@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import MISSING, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, get_type_hints
@@ -74,15 +75,30 @@ SeedOption: TypeAlias = Annotated[
 ]
 
 
-def _made(kind: type, read: dict[str, Any], names: dict[str, tuple[str, Option]]) -> Any:
-    """Make options; an error names them as they are typed."""
+@contextmanager
+def as_typed(flags: Mapping[str, str]) -> Iterator[None]:
+    """Let an error that begins with a keyword of the face begin with the option that was typed.
+
+    Parameters
+    ----------
+    flags
+        Options by keyword.
+
+    Examples
+    --------
+    >>> with as_typed({"hide": "--hide"}):
+    ...     raise InputError("hide: 'crep' is unknown")
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: --hide: 'crep' is unknown
+    """
     try:
-        return kind(**read)
+        yield
     except InputError as error:
         said = str(error)
-        for field, option in names.values():
-            if said.startswith(f"{field} is "):
-                raise InputError(option.flag + said.removeprefix(field)) from None
+        for name, flag in flags.items():
+            if said.startswith((f"{name} ", f"{name}:")):
+                raise InputError(flag + said.removeprefix(name)) from None
         raise
 
 
@@ -139,7 +155,8 @@ def expanded(command: Callable[..., None]) -> Callable[..., None]:
                 for name, (field, option) in names.items()
                 if (value := given.pop(name)) is not None
             }
-            given[group] = _made(kind, read, names)
+            with as_typed({field: option.flag for field, option in names.values()}):
+                given[group] = kind(**read)
         command(**given)
 
     signature = inspect.Signature([*own, *further])

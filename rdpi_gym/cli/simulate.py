@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import rdpi_gym as rg
-from rdpi_gym.cli.options import OutOption, SeedOption, words
+from rdpi_gym.cli.options import OutOption, SeedOption, as_typed, words
 from rdpi_gym.support.progress import progress_bar
 
 
@@ -37,7 +37,8 @@ def simulate(
 
     Writes one CSV file for each record into DIR/data, and what is hidden into DIR/truth.json.
     """
-    with progress_bar() as show:
+    typed = {"hide": "--hide", "noise_um": "--noise-um", "ts_factor": "--ts-factor"}
+    with as_typed(typed), progress_bar() as show:
         data = rg.simulate(
             model,
             "random" if hide == "random" else words(hide),
