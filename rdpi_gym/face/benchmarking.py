@@ -175,6 +175,7 @@ class Evaluation(Shown, evaluation.Evaluation):
         return write_benchmark_page(
             Path(path),
             self,
+            answer(self),
             plain(METHOD),
             plain(measured_text(self.measured)),
             WHERE_TRAINED,

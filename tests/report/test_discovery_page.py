@@ -118,9 +118,9 @@ def test_an_answer_for_every_verdict(made_discovery):
 
 
 def test_what_cannot_be_told_apart_is_said(made_discovery, tmp_path):
-    said = "These records cannot tell apart: delay and sensor_lag; creep and thermal_drift."
+    said = "Indistinguishable on these records: delay and sensor_lag; creep and thermal_drift."
     assert said in page_of(made_discovery(), tmp_path)
-    assert "cannot tell apart" not in page_of(made_discovery(indistinguishable=()), tmp_path)
+    assert "Indistinguishable on" not in page_of(made_discovery(indistinguishable=()), tmp_path)
 
 
 def test_diagnosis_speaks_of_what_would_be(made_diagnosis, tmp_path):

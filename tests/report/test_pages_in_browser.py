@@ -192,7 +192,9 @@ def laid_out(request, tmp_path):
     path = tmp_path / "report.html"
     if request.param == "bench":
         made = request.getfixturevalue("made_benchmark")()
-        return write_benchmark_page(path, made, "Method.", "Measured.", "Where trained.")
+        return write_benchmark_page(
+            path, made, "Best: one.", "Method.", "Measured.", "Where trained."
+        )
     if request.param == "compare":
         return compare_page(tmp_path)
     made = request.getfixturevalue(

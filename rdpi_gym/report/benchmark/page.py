@@ -14,8 +14,8 @@ from rdpi_gym.report.benchmark.results import BenchmarkResults
 from rdpi_gym.report.page import Section, write_page
 
 _LOOK = (
-    "Colour says which inverse (grey: none, red: inversion-free, blue: classical, green: feedback "
-    "alone), the symbol at which rate, a dotted line or an open symbol that feedback is added."
+    "The colour shows the inverse (grey: none, red: inversion-free, blue: classical, green: feedback "
+    "alone), the symbol the rate that it uses; a dotted line or an open symbol means added feedback."
 )
 _HEADINGS = {
     "seed_0_rmse_percent": "RMSE, seed 0 (%)",
@@ -30,6 +30,7 @@ _WIDTHS = ("_low", "_high", "_half_width")
 def write_benchmark_page(
     path: Path,
     results: BenchmarkResults,
+    answer: str,
     method: str,
     measured: str,
     where_trained: str,
@@ -43,6 +44,8 @@ def write_benchmark_page(
         The HTML file.
     results
         The scores.
+    answer
+        Which controller is best, and by how much: the first sentence.
     method, measured, where_trained
         How the rows were scored, how those on measured records were, and what a ranking at the
         sampling time of learned controllers is: plain text.
@@ -62,8 +65,8 @@ def write_benchmark_page(
     sections = [
         Section(
             "Ranking",
-            "Controllers by the geometric mean of their RMSE over the cases, with the confidence "
-            "interval over the drawn truths; the bar marks the error where the belief is true.",
+            "Geometric mean of the RMSE over the cases, with its confidence interval over the drawn "
+            "truths. The upright bar marks the error where the plant equals the controller's belief.",
             figures.ranking_figure(results.ranking) if _finished(results) else None,
             table_view(results.ranking),
         ),
@@ -73,14 +76,14 @@ def write_benchmark_page(
         *_pairs(results),
         Section(
             "Every case",
-            "Mean over the drawn truths with its confidence interval, and the command's total "
-            "variation over the smallest that tracks. Every single row is in leaderboard.csv.",
+            "Mean over the drawn truths with its confidence interval, and the total variation of the "
+            "command over the smallest that tracks. The single rows are in leaderboard.csv.",
             table=table_view(results.by_case),
         ),
         *([] if payoff is None else [payoff]),
         _measured(results, measured),
     ]
-    return write_page(path, "Tracking benchmark", _summary(results), sections)
+    return write_page(path, "Tracking benchmark", _summary(results, answer), sections)
 
 
 def table_view(frame: pd.DataFrame) -> pd.DataFrame:
@@ -124,16 +127,13 @@ def _finished(results: BenchmarkResults) -> bool:
     return bool(results.ranking["rmse_percent"].notna().any())
 
 
-def _summary(results: BenchmarkResults) -> str:
-    heads = [f"{len(results.order)} controllers, {len(results.rows)} scores."]
-    if _finished(results):
-        best = results.ranking.iloc[0]
-        heads.append(
-            f"Smallest error: {best['controller']}, {best['rmse_percent']:.3g} % of the reference's "
-            "peak to peak (geometric mean of the RMSE over the cases and drawn truths)."
-        )
+def _summary(results: BenchmarkResults, answer: str) -> str:
+    scope = (
+        f"{len(results.order)} controllers were scored in {len(results.rows)} rows; the ranking is by "
+        "the geometric mean of the RMSE over all cases and drawn truths."
+    )
     notes = "\n".join(f"- {note}" for note in results.notes)
-    return f"{' '.join(heads)}\n\n{notes}"
+    return f"{answer}\n\n{scope}\n\n{notes}"
 
 
 def _curves(results: BenchmarkResults) -> list[Section]:
@@ -145,8 +145,8 @@ def _curves(results: BenchmarkResults) -> list[Section]:
         sections.append(
             Section(
                 "Error against frequency",
-                "Sines of full amplitude; pointing at a mark shows the confidence interval. "
-                f"{_LOOK} A click on an entry of the legend hides it, a double click shows it alone.",
+                "Sines of full amplitude. Point at a mark to see its confidence interval. "
+                f"{_LOOK} Click on an entry of the legend to hide it, double-click to see it alone.",
                 frequency,
             )
         )
@@ -154,8 +154,8 @@ def _curves(results: BenchmarkResults) -> list[Section]:
         sections.append(
             Section(
                 "Error against command effort",
-                "Geometric means over the references. To the left is the quieter command: one that "
-                "chatters, dithers or passes noise on stands to the right.",
+                "Geometric means over the references. Quiet commands are on the left; those that "
+                "chatter, dither or pass noise on are on the right.",
                 effort,
             )
         )
@@ -184,8 +184,8 @@ def _pairs(results: BenchmarkResults) -> list[Section]:
     return [
         Section(
             "Traces of any pair",
-            "Choose a reference here and two controllers, A and B, in the figure: the first scored "
-            "period of the first seed.",
+            "The first scored period of the first seed. Choose a reference here, and two "
+            "controllers, A and B, in the figure.",
             drawn,
         )
     ]

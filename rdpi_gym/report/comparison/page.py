@@ -41,12 +41,12 @@ def write_compare_page(path: Path | str, comparison: Comparison) -> Path:
     """
     found = comparison.findings
     count = len({trace.name for trace in comparison.traces})
-    heads = [found[key] for key in ("far", "range", "overall") if key in found]
+    answer, *heads = [found[key] for key in ("overall", "far", "range") if key in found]
     points = [f"- {text}" for key, text in found.items() if key not in ("far", "range", "overall")]
     noticed = [f"- {c.sentence}" for c in comparison.checks if c.zone == "yes"]
     summary = "\n\n".join(
         [
-            f"Model {comparison.model.name} against {count} "
+            f"{answer} Model {comparison.model.name}, {count} "
             f"record{'s' if count > 1 else ''} of {comparison.title}.",
             *heads,
             "Where the model fails:",
@@ -73,10 +73,10 @@ def _sections(comparison: Comparison) -> list[Section]:
         Section(
             "Error by record",
             f"{found['records']}\n\nEvery record has one free offset, removed over the samples "
-            "that count. The systematic share is what is more than the noise floor, of the squared "
-            "error. Scatter is what the residual changes from sample to sample, over √2: the "
-            "most that white sensor noise can be. A gain ratio above 1 means that the measured "
-            "stroke is larger than the model's.",
+            "that count. The systematic share is the part of the squared error above the noise floor. "
+            "Scatter is the change of the residual from sample to sample, over √2: white sensor noise "
+            "cannot be larger. A gain ratio above 1 means that the measured stroke is larger than the "
+            "model's.",
             figures.record_errors(comparison.records) if several > 1 else None,
             comparison.records,
         ),
@@ -99,23 +99,24 @@ def _sections(comparison: Comparison) -> list[Section]:
         ),
         Section(
             "Loops",
-            f"{found['gain']}\n\nWhere the two loops part, the model's shape is wrong; on the right "
-            "the same difference, enlarged. Of a long record, loops are picked evenly over its length.",
+            f"{found['gain']}\n\nWhere the two loops differ, the model's shape is wrong; on the "
+            "right the difference, enlarged. Of a long record, loops are picked evenly over its length.",
             {name: trace_figures.loops(trace, 2 * samples) for name, trace in shown.items()},
         ),
         Section(
             "Error by direction",
             f"{found['by_direction']}\n\nA line above zero means that the measured displacement "
             "is above the model's there. Rising above falling: the measured loop is narrower than "
-            "the model's; below: wider. Both together away from zero: gain or curvature.",
+            "the model's; rising below falling: it is wider. Both away from zero together: gain or "
+            "curvature.",
             figures.error_by_command(comparison.by_command),
             comparison.by_direction,
         ),
         Section(
             "Error by frequency",
             f"{found['by_frequency']}\n\nEvery stretch from one reversal of the command to the "
-            "next has a frequency (one over twice its duration); they are sorted into third-octave "
-            f"bands. {_OPEN}",
+            "next has a frequency, one over twice its duration; the stretches are grouped into "
+            f"third-octave bands. {_OPEN}",
             figures.error_by_frequency(comparison.by_frequency)
             if len(comparison.by_frequency)
             else None,
@@ -133,26 +134,26 @@ def _sections(comparison: Comparison) -> list[Section]:
         ),
         Section(
             "Harmonics",
-            f"{found['distortion']}\n\nUnder steady periods the error is taken apart: at the "
-            "command's own frequencies in step with the model (its gain is off) or a quarter of a "
-            "period from it (its loop is too wide or too narrow, or late), in odd and in even "
-            "harmonics, and what differs from period to period. Play operators are odd: they give "
-            "no even harmonics.",
+            f"{found['distortion']}\n\nWhere the command repeats, the error is split into parts: at the "
+            "command's own frequencies in step with the model (its gain is wrong) or a quarter of a "
+            "period from it (its loop is too wide, too narrow or late), odd and even harmonics, and "
+            "what differs from period to period. Play operators are odd functions: they cause no even "
+            "harmonics.",
             views.distortion_parts(comparison.distortion) if len(comparison.distortion) else None,
             comparison.distortion if len(comparison.distortion) else None,
         ),
         Section(
             "Spectrum and coherence",
-            f"{found['spectrum']}\n\nThe error by its own frequency, all records together, beside "
-            "white noise of the noise floor. Coherent is what a linear filter of the command could "
-            "take away.",
+            f"{found['spectrum']}\n\nThe error over its own frequency, all records together, beside "
+            "white noise at the noise floor. The coherent part is what a linear filter of the command "
+            "could remove.",
             views.error_spectrum(comparison.spectrum) if len(comparison.spectrum) else None,
         ),
         Section(
             "Since the last rest",
-            f"{found['since_rest']}\n\nOn the left, how measured minus model goes on while the "
-            "command rests, positive in the direction of the last move: creep that the model lacks "
-            "rises in a straight line over the logarithm of time.",
+            f"{found['since_rest']}\n\nOn the left, measured minus model while the command rests, "
+            "positive in the direction of the last move: creep that the model lacks is a straight line "
+            "over the logarithm of time.",
             views.error_since_rest(comparison.since_rest, comparison.noise_floor_um)
             if len(comparison.since_rest)
             else None,
@@ -172,7 +173,7 @@ def _sections(comparison: Comparison) -> list[Section]:
         ),
         Section(
             "What was left out, and assumed",
-            "\n".join(f"- {line}" for line in comparison.left_out) or "Nothing.",
+            "\n".join(f"- {line}" for line in comparison.left_out) or "Every sample counts.",
         ),
     ]
 
@@ -193,10 +194,10 @@ def _checks(comparison: Comparison) -> Section:
     )
     return Section(
         "Tests without a model",
-        "These tests use the measurement alone, so no fit can fool them. Each looks for an effect "
-        "that play operators cannot have, or for a weakness of the data. Yes: it is there. No: the "
-        "data would show it and do not. Cannot tell: the data do not hold what the test needs; the "
-        "next step says what would.",
+        "These tests use the measurement alone, so that no fit can hide what they find. Each looks "
+        "for an effect that play operators do not have, or for a weakness of the data. Yes: it is "
+        "there. No: the data would show it and do not. Cannot tell: the data lack what the test "
+        "needs; the next step names it.",
         table=table,
     )
 

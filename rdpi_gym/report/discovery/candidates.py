@@ -35,17 +35,17 @@ def candidate_sections(result: SearchResult) -> list[Section]:
     best = rounds[0][0]
     least = micrometres(best.errors.validation_rmse_um)
     seen = (
-        f"Each candidate was refitted together with the rest of the model; in the first round "
-        f"{best.effect} leaves the smallest validation error, {least}."
+        f"The smallest validation error of the first round is {least}, with {best.effect}. Each "
+        "candidate was refitted together with the rest of the model."
         if len(rounds[0]) > 1
-        else f"Refitted together with the rest of the model, {best.effect} leaves {least} on the "
-        "validation records."
+        else f"The validation error is {least} with {best.effect}, refitted together with the rest of "
+        "the model."
     )
     return [
         Section(
             "The candidates",
-            f"{seen} Dark blue is the choice, light blue what these data cannot tell from it; "
-            "(!) marks a remark, → an error beyond the axis.",
+            f"{seen} Dark blue: chosen. Light blue: indistinguishable from it on these records. "
+            "An exclamation mark refers to a remark in the table, an arrow to an error beyond the axis.",
             figures if len(figures) > 1 else next(iter(figures.values())),
             table,
         ),
@@ -62,10 +62,10 @@ def _evidence(result: SearchResult) -> list[Section]:
         return []
     lines = "\n".join(f"- {c.effect}: {closed(c.evidence)}" for c in said)
     text = (
-        "What the refit changed, and what to look for in the figures below; candidates that do not "
-        f"lower the validation error are left out.\n\n{lines}"
+        "For each candidate that lowers the validation error: what the refit changed, and what to "
+        f"look for in the figures below.\n\n{lines}"
     )
-    return [Section("What speaks for each candidate", text)]
+    return [Section("Evidence for each candidate", text)]
 
 
 def _taken(
@@ -134,8 +134,8 @@ def parameter_sections(
     return [
         Section(
             "Parameters",
-            "Values with their standard errors; where a fitted one has none, the data do not fix it, "
-            "and a value at a physical bound is no measurement of it.",
+            "Values with their standard errors. A fitted value without one is not determined by the "
+            "data, and a value at a physical bound is not a measurement of it.",
             table=table,
         )
     ]

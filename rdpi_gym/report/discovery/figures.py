@@ -152,7 +152,7 @@ def ranking(
 def _error_bars(
     figure: Any, candidates: Sequence[Candidate], taken: Sequence[str], reach: float
 ) -> None:
-    """Draw a bar a candidate, coloured by whether it was taken, or cannot be told from one that was."""
+    """Draw a bar a candidate, coloured by whether it, or a rival of it, was taken."""
     rivals = {name for c in candidates if c.effect in taken for name in c.indistinguishable}
     groups: dict[str, tuple[str, list[Candidate]]] = {
         "the choice": (AFTER, []),

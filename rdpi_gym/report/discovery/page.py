@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import groupby
 from pathlib import Path
 
 import pandas as pd
@@ -12,8 +13,7 @@ from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.report.discovery import figures as discovery_figures
 from rdpi_gym.report.discovery.candidates import candidate_sections, parameter_sections
 from rdpi_gym.report.discovery.sentences import (
-    candidate_sentence,
-    confounded_sentence,
+    lines,
     staircase,
 )
 from rdpi_gym.report.discovery.view_sections import view_sections
@@ -21,15 +21,17 @@ from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.support.words import closed, joined, micrometres
 
 _HOW = (
-    "- Every model and every candidate is refitted as a whole, hysteresis included, on the training "
-    "records; it is judged by its error on the validation records, with one free offset in each.\n"
-    "- The noise floor is what no model can explain. An error at the floor has nothing left to give.\n"
-    "- Confidence is about the effect or one that these data cannot tell from it: where rivals are "
-    "named, the name alone is not settled, and the next experiment is the one that settles it.\n"
-    "- The share says how much of the excess over the noise floor disappears on validation records; "
-    "below zero, the candidate makes them worse.\n"
-    "- Unexplained means that something systematic is left that nothing in the catalogue accounts for. "
-    "The best candidate is then not its cause."
+    "- Every model and every candidate is refitted as a whole, hysteresis included, to the training "
+    "records. It is judged by its RMS error on the validation records, with one free offset in each.\n"
+    "- The noise floor is the part of the error that no model can explain. A model whose error has "
+    "reached it cannot be improved on these records.\n"
+    "- The confidence belongs to the effect together with those that are indistinguishable from it "
+    "on these records. Where such rivals are named, the next experiment is the one that decides "
+    "between them.\n"
+    "- The share is the part of the excess over the noise floor that disappears on the validation "
+    "records. Where it is negative, the candidate makes them worse.\n"
+    "- Unexplained means that a systematic error is left that no effect of the catalogue accounts "
+    "for. The best candidate is then not its cause."
 )
 
 
@@ -76,12 +78,8 @@ def write_discovery_page(
 
 
 def _summary(result: SearchResult) -> str:
-    paragraphs = [result.headline]
-    if result.added:
-        paragraphs.append("\n".join(f"- {candidate_sentence(c)}" for c in result.added))
-    paragraphs += filter(None, [result.remainder, confounded_sentence(result)])
-    if result.next_experiment:
-        paragraphs.append(f"Next experiment: {result.next_experiment}")
+    points = groupby(lines(result), key=lambda line: line.startswith("- "))
+    paragraphs = [("\n" if is_list else "\n\n").join(said) for is_list, said in points]
     origin = closed(_upper(result.noise_origin)) if result.noise_origin else ""
     paragraphs.append(f"{origin} Computed in {result.seconds:.3g} s.")
     return "\n\n".join(paragraphs)
@@ -94,12 +92,14 @@ def _steps(result: SearchResult) -> Section:
     times = last[1].validation_rmse_um / floor if floor > 0 else float("inf")
     names = joined([candidate.effect for candidate in result.added])
     text = (
-        f"The last model, {f'with {names}' if names else 'without further effects'}, leaves "
-        f"{micrometres(last[1].validation_rmse_um)} on the validation records, "
+        f"The RMS error on the validation records is {micrometres(last[1].validation_rmse_um)} "
+        f"{f'with {names}' if names else 'without further effects'}, "
         f"{times:.2f} times the noise floor."
     )
     if result.kind == "diagnosis" and result.steps:
-        text += " Nothing has been added to the model yet: this is what adding it would give."
+        text += (
+            " Nothing has been added to the model yet: this is the error that adding it would give."
+        )
     table = pd.DataFrame(
         [
             {
@@ -117,8 +117,8 @@ def _steps(result: SearchResult) -> Section:
     figures = [discovery_figures.staircase(stairs, floor)]
     if any(errors.by_record_um for _, errors in stairs):
         text += (
-            " The first figure shows the error from model to model, the second the first and the "
-            "last of them record by record: an effect that is really there makes no record worse."
+            " The first figure shows the error of each model, the second the error of the first and "
+            "of the last model on each record. An effect that is really there makes no record worse."
         )
         figures.append(discovery_figures.records(stairs, roles, floor))
     return Section("The error, step by step", text, figures, table)
@@ -126,29 +126,30 @@ def _steps(result: SearchResult) -> Section:
 
 def _checks(result: SearchResult) -> Section:
     # a sentence may answer for several effects
-    lines = "\n".join(f"- {check}" for check in dict.fromkeys(result.checks))
+    said = "\n".join(f"- {check}" for check in dict.fromkeys(result.checks))
     return Section(
         "Tests without a model",
-        f"What the data say before anything is fitted, so that no fit can hide it.\n\n{lines}"
-        if lines
-        else "None applied to these data.",
+        f"These tests use the measurement alone, before anything is fitted.\n\n{said}"
+        if said
+        else "No test applied to these data.",
     )
 
 
 def _left(result: SearchResult) -> Section:
     paragraphs = [
-        f"{micrometres(result.unexplained_rmse_um)} rms over the noise floor is left.",
+        f"The final model leaves {micrometres(result.unexplained_rmse_um)} rms in excess of the "
+        "noise floor.",
         result.remainder,
     ]
     if result.removed:
         paragraphs.append(
-            f"Taken out again, since the others explain as much without: {joined(result.removed)}."
+            f"Removed again, because the others explain as much without: {joined(result.removed)}."
         )
     paragraphs.append("\n".join(f"- {note}" for note in result.notes))
     if result.next_experiment:
         paragraphs.append(f"Next experiment: {result.next_experiment}")
     elif result.verdict == "explained":
-        paragraphs.append("No further experiment is needed to tell the effects apart.")
+        paragraphs.append("No further experiment is needed to distinguish the effects.")
     return Section("What is left, and what to measure next", "\n\n".join(filter(None, paragraphs)))
 
 

@@ -47,6 +47,6 @@ def lines(result: SearchResult) -> list[str]:
 
 
 def confounded_sentence(result: SearchResult) -> str:
-    """Name the effects that the records cannot tell apart; empty where they can."""
+    """Name the effects that are indistinguishable on these records; empty where there are none."""
     classes = "; ".join(joined(names) for names in result.indistinguishable)
-    return f"These records cannot tell apart: {classes}." if classes else ""
+    return f"Indistinguishable on these records: {classes}." if classes else ""

@@ -51,15 +51,15 @@ def view_sections(result: SearchResult) -> list[Section]:
     return [
         Section(
             "Measurement against model",
-            f"{pair}; below, what each leaves of the measurement, and the noise floor as a band: "
-            "the last model should stay within about three times the band, without a pattern. "
-            f"Other models are shown by a click in the legend.{chosen}",
+            f"{pair}. Below stands the error of each, measured minus model, with the noise floor as a "
+            "band: the error of the last model should stay within about three times the band and show "
+            f"no pattern. Click on the legend to show other models.{chosen}",
             {n: view_figures.over_time(v, floor, samples) for n, v in names.items()},
         ),
         Section(
             f"Where the model “{labels[0]}” was farthest off",
-            "The half-cycle of its largest difference with the one before and the one after: "
-            "what the added effects change is seen best here.",
+            "The half-cycle of its largest error, with the one before and the one after. What the "
+            "added effects change is seen best here.",
             {
                 n: view_figures.largest_error(v, floor, samples // 2)
                 for n, v in worst_first(names, lambda view: peak_um(_first_trace(view))).items()
@@ -67,16 +67,16 @@ def view_sections(result: SearchResult) -> list[Section]:
         ),
         Section(
             "Loops",
-            "Displacement over command on the left; on the right the same difference as above along "
-            "the loops, where a shape that repeats is physics that the model lacks.",
+            "On the left displacement over command, on the right measured minus model along the same "
+            "loops. A shape that repeats there is physics that the model lacks.",
             {n: view_figures.loops(v, floor, samples) for n, v in names.items()},
         ),
         Section(
-            "What is left, and where",
-            "Means of what each model leaves, over the command (solid: rising, dotted: falling), over "
-            "its rate and, in a record with holds, over the time since the command last moved "
-            "(counted onward in the direction of that move: creep climbs steadily there); and its "
-            "spectrum beside that of the noise (dashed), where resonances and hum are peaks.",
+            "Where the remaining error is",
+            "Mean error of each model over the command (solid: rising, dotted: falling), over its rate "
+            "and, in a record with holds, over the time since the command last moved, positive in the "
+            "direction of that move: creep climbs steadily there. In the spectrum, beside that of the "
+            "noise (dashed), resonances and hum are peaks.",
             residuals,
         ),
     ]

@@ -54,13 +54,15 @@ def write_fit_page(
         ),
         Section(
             "Error by record",
-            "RMS error, one offset free in each record.",
+            "RMS error of each record, with one free offset in each.",
             _errors(result),
             pd.DataFrame(
                 {"record": list(result.rmse_um), "rmse_um": list(result.rmse_um.values())}
             ),
         ),
-        Section("What the data do not determine", warnings or "Nothing to remark."),
+        Section(
+            "What the data do not determine", warnings or "The data determine every parameter."
+        ),
     ]
     return write_page(path, f"Model {result.plant.name}", "\n\n".join(said), sections)
 

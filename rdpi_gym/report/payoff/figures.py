@@ -9,6 +9,7 @@ from plotly.subplots import make_subplots
 
 from rdpi_gym.report.page import Section
 from rdpi_gym.report.style import INK, MUTED, PALETTE, figure_text, styled
+from rdpi_gym.support.words import number
 
 BELIEF_COLOURS = {
     "bare": PALETTE[6],
@@ -33,10 +34,17 @@ def payoff_section(summary: pd.DataFrame, table: pd.DataFrame, method: str) -> S
     method
         How it was scored: plain text.
     """
+    falls = summary["fall_from_fitted"].dropna()
+    answer = (
+        f"Discovering the effect divides the tracking error by {number(falls.min(), 2)} to "
+        f"{number(falls.max(), 2)}, in the median by {number(falls.median(), 2)}. "
+        if len(falls)
+        else ""
+    )
     text = (
-        "Tracking errors on plants with an effect that a bare belief does not know. A line joins "
-        "what an RDPI model leaves that was fitted to records of the plant to what is left once the "
-        "effect was discovered in the same records.\n\n"
+        f"{answer}The plants have an effect that the bare model lacks. Each line goes from the error "
+        "with an RDPI model fitted to records of the plant to the error with the model in which the "
+        "effect was discovered from the same records.\n\n"
     )
     return Section("What it pays to know the effect", text + method, payoff_figure(summary), table)
 
