@@ -389,7 +389,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         layout = self.layout
         reference = signal(layout.ts_s * np.arange(start, stop))
         farthest = float(np.abs(reference - layout.centre_um).max())
-        if farthest > self.bound_um:
+        if not farthest <= self.bound_um:  # NaN too, of a phase beyond all numbers
             raise InputError(
                 f"reference {signal.name} goes {farthest:.4g} µm from its centre, and what can be "
                 f"shown ends at {self.bound_um:.4g} µm; give it a smaller amplitude_um"

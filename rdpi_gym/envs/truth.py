@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.plant import PlantModel, find_plant
+from rdpi_gym.plant import RDPI, PlantModel, find_plant
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
@@ -72,12 +72,19 @@ def limit_band(model: PlantModel, rate_bandwidth_hz: float | None) -> PlantModel
     return model.with_hysteresis(model.hysteresis.band_limited(rate_bandwidth_hz))
 
 
-def randomise_plant(model: PlantModel, half_width: float, rng: np.random.Generator) -> PlantModel:
+def randomise_plant(
+    model: PlantModel[Any], half_width: float, rng: np.random.Generator
+) -> PlantModel:
     """Return the plant with its weights, thresholds and δ2 drawn about their values.
 
     Every weight, every gap between neighbouring thresholds and δ2 is multiplied by its own number,
     uniform over ``1 - half_width`` to ``1 + half_width``: the thresholds stay in order, and each
     within the same relative bounds.
+
+    Raises
+    ------
+    InputError
+        The plant has another core than RDPI.
 
     Examples
     --------
@@ -88,6 +95,11 @@ def randomise_plant(model: PlantModel, half_width: float, rng: np.random.Generat
     if half_width == 0.0:
         return model
     nominal = model.hysteresis
+    if not isinstance(nominal, RDPI):
+        raise InputError(
+            f"randomise draws the parameters of the core {RDPI.name}, and plant {model.name} has the "
+            f"core {nominal.name}; give randomise=0"
+        )
     factors = rng.uniform(1.0 - half_width, 1.0 + half_width, 2 * nominal.n + 2)
     gaps = np.diff(nominal.thresholds_V, prepend=0.0)
     hysteresis = replace(

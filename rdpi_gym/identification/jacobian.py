@@ -29,7 +29,6 @@ from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.packing import empty_state, pack
-from rdpi_gym.plant.plant import settled_memory
 from rdpi_gym.plant.stages import Stage, core_links
 from rdpi_gym.support.arrays import Array
 
@@ -71,7 +70,7 @@ def _links(
         stage = Stage(column, [variant.hysteresis for variant in variants], record.ts_s)
         if stage.slot in BEHIND:
             stage.start(record.t_s[0])
-        links.setdefault(stage.slot, []).append(stage)
+        links.setdefault(stage.slot, []).append(stage.run)
     return dict(links)
 
 
@@ -87,8 +86,10 @@ def _front(variants: Sequence[Variant], record: Record) -> tuple[Array, Array, A
         for effect in variant.effects:
             if effect.slot == "memory":
                 extremum = effect.values["extremum_V"]
-                state[2:, lane] = settled_memory(variant.hysteresis.thresholds_V, [extremum])
-    links = _links(variants, record, FRONT) | core_links(parameters, state, record.ts_s)
+                state[2:, lane] = variant.hysteresis.settled(extremum)
+    links = _links(variants, record, FRONT) | core_links(
+        variants[0].hysteresis, parameters, state, record.ts_s
+    )
     u, v, _ = walk(in_order(links, FRONT), [u, None, None])
     return u, v, parameters, state
 
@@ -116,7 +117,9 @@ def _behind(
     variants: Sequence[Variant], record: Record, u: Array, v: Array, parameters: Array, state: Array
 ) -> Array:
     """Displacement ``[T, B]`` from commands and rates: the plays, and all that comes after them."""
-    links = _links(variants, record, BEHIND) | core_links(parameters, state, record.ts_s)
+    links = _links(variants, record, BEHIND) | core_links(
+        variants[0].hysteresis, parameters, state, record.ts_s
+    )
     y: Array = walk(in_order(links, ("core", *BEHIND)), [u, v, None])[DISPLACEMENT]
     return y
 

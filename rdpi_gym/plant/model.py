@@ -6,8 +6,9 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
+from rdpi_gym.plant.cores.base import CORES, Core
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, effect_from_dict, in_chain_order
 from rdpi_gym.plant.instruments import Converter, Sensor
@@ -17,15 +18,23 @@ from rdpi_gym.support.files import read_json, write_json
 
 FORMAT, VERSION = "rdpi-plant", 1
 
+OtherCore = TypeVar("OtherCore", bound=Core)
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar as TypeVarWithDefault
+
+    AnyCore = TypeVarWithDefault("AnyCore", bound=Core, default=RDPI, covariant=True)
+else:
+    AnyCore = TypeVar("AnyCore")
+
 
 @dataclass(frozen=True)
-class PlantModel:
+class PlantModel(Generic[AnyCore]):
     """Everything that is fixed about a plant; :class:`~rdpi_gym.plant.Plant` runs it.
 
     Parameters
     ----------
     hysteresis
-        The RDPI parameters.
+        The RDPI parameters, or those of another core of :data:`rdpi_gym.plant.CORES`.
     name
         What tables call it.
     command_range_V
@@ -56,7 +65,7 @@ class PlantModel:
     True
     """
 
-    hysteresis: RDPI
+    hysteresis: AnyCore
     name: str
     command_range_V: tuple[float, float]
     reference_um: tuple[float, float]
@@ -109,14 +118,21 @@ class PlantModel:
         extrema = [e.values["extremum_V"] for e in self.effects if e.slot == "memory"]
         return extrema[0] if extrema else None
 
-    def with_hysteresis(self, hysteresis: RDPI, name: str | None = None) -> PlantModel:
+    def with_hysteresis(
+        self, hysteresis: OtherCore, name: str | None = None
+    ) -> PlantModel[OtherCore]:
         """Return the same bench and ranges around another hysteresis, under `name` if given."""
-        return replace(self, hysteresis=hysteresis, name=self.name if name is None else name)
+        changed: Any = replace(
+            cast(Any, self), hysteresis=hysteresis, name=self.name if name is None else name
+        )
+        return cast("PlantModel[OtherCore]", changed)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plant as a JSON object of format ``rdpi-plant``."""
         document = dataclasses.asdict(self)
         document["effects"] = [effect.to_dict() for effect in self.effects]
+        if self.hysteresis.name != RDPI.name:
+            document["hysteresis"] = {"core": self.hysteresis.name, **document["hysteresis"]}
         return {"format": FORMAT, "version": VERSION, **document}
 
     def save(self, path: Path | str) -> Path:
@@ -144,7 +160,7 @@ class PlantModel:
         body = {k: v for k, v in document.items() if k not in ("format", "version")}
         built = _build(cls, body, source)
         assert isinstance(built, cls)
-        return built
+        return cast("PlantModel", built)
 
     @classmethod
     def load(cls, path: Path | str) -> PlantModel:
@@ -158,7 +174,7 @@ class PlantModel:
         return cls.from_dict(read_json(path, FORMAT, VERSION), str(path))
 
 
-_PARTS: dict[str, type] = {"hysteresis": RDPI, "sensor": Sensor, "converter": Converter}
+_PARTS: dict[str, type] = {"hysteresis": Core, "sensor": Sensor, "converter": Converter}
 
 
 def _build(kind: type, body: Any, source: str) -> Any:
@@ -175,6 +191,8 @@ def _build(kind: type, body: Any, source: str) -> Any:
         where = f"{source}, {key}"
         if key == "effects" and kind is PlantModel:
             values[key] = _build_effects(value, where)
+        elif key == "hysteresis" and kind is PlantModel:
+            values[key] = _build_core(value, where)
         elif key in _PARTS and kind is PlantModel:
             values[key] = _build(_PARTS[key], value, where)
         elif isinstance(value, list | tuple):
@@ -196,6 +214,18 @@ def _build(kind: type, body: Any, source: str) -> Any:
         raise InputError(
             f"{source} needs the keys {', '.join(required)} with values of the right length"
         ) from None
+
+
+def _build_core(document: Any, where: str) -> Core:
+    if not isinstance(document, Mapping):
+        raise InputError(f"{where} is {type(document).__name__}; expected a JSON object")
+    body = dict(document)
+    name = body.pop("core", RDPI.name)
+    if not isinstance(name, str) or (name != RDPI.name and name not in CORES):
+        raise InputError(f"{where}: no core is named {shown(name)}; known are {', '.join(CORES)}")
+    built = _build(RDPI if name == RDPI.name else CORES[name], body, where)
+    assert isinstance(built, Core)
+    return built
 
 
 def _build_effects(documents: Any, where: str) -> tuple[Effect, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
@@ -30,13 +30,13 @@ def check_ts(ts_s: float) -> float:
     return float(ts_s)
 
 
-def pack(models: Sequence[RDPI], ts_s: float, offsets_um: Sequence[float]) -> Array:
-    """Pack RDPI parameters for the kernels of :mod:`rdpi_gym.plant.cores.play`.
+def pack(models: Sequence[Core], ts_s: float, offsets_um: Sequence[float]) -> Array:
+    """Pack the parameters of hysteresis cores for their kernel.
 
     Parameters
     ----------
     models
-        One model a lane, all with the same number n of plays.
+        One core a lane, all of one kind with the same n.
     ts_s
         Sampling time (s); it sets the pole of a band-limited rate.
     offsets_um
@@ -44,33 +44,40 @@ def pack(models: Sequence[RDPI], ts_s: float, offsets_um: Sequence[float]) -> Ar
 
     Returns
     -------
-    float64[2n + 4, B]
+    float64[P + 2, B]
+        What the core packs, the pole of the rate's low-pass, the offset (µm).
 
     Raises
     ------
     InputError
-        The models differ in n, or Ts is not above zero.
+        The models differ in kind or in n, or Ts is not above zero.
 
     Examples
     --------
+    >>> from rdpi_gym.plant import RDPI
     >>> pack([RDPI.from_law([1.0, 0.5], 2.0, 0.0)], 1e-4, [0.0]).ravel().tolist()
     [1.0, 0.5, 2.0, 0.0, 0.0, 0.0]
     """
     check_ts(ts_s)
+    if len({model.name for model in models}) != 1:
+        names = sorted({model.name for model in models})
+        raise InputError(
+            f"lanes with the cores {' and '.join(names)}; all lanes of one plant need the same one"
+        )
     if len({model.n for model in models}) != 1:
         counts = sorted({model.n for model in models})
         raise InputError(
             f"lanes with {counts} play operators; all lanes of one plant need the same n"
         )
     columns = [
-        [*m.weights, *m.thresholds_V, m.delta2_s, m.rate_pole(ts_s), float(offset)]
+        [*m.coefficients(), m.rate_pole(ts_s), float(offset)]
         for m, offset in zip(models, offsets_um, strict=True)
     ]
     return np.ascontiguousarray(np.array(columns, dtype=np.float64).T)
 
 
 def empty_state(n: int, lanes: int) -> Array:
-    """State of `lanes` plants with `n` plays that have never been moved: float64[n + 2, lanes].
+    """State of `lanes` plants with `n` rows of memory that have never been moved: float64[n + 2, lanes].
 
     Examples
     --------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +16,8 @@ from rdpi_gym.plant.chain import (
     Link,
     Place,
     in_order,
-    walk,
 )
-from rdpi_gym.plant.cores.play import rdpi_block
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.model import PlantModel
 from rdpi_gym.plant.packing import check_ts, empty_state, pack
 from rdpi_gym.plant.stages import core_links, stages_of
@@ -32,7 +32,7 @@ class Plant:
     Parameters
     ----------
     models
-        One model for all lanes, or one a lane (all with the same n).
+        One model for all lanes, or one a lane (all with the same core and n).
     ts_s
         Sampling time (s).
     lanes
@@ -41,7 +41,7 @@ class Plant:
     Raises
     ------
     InputError
-        Ts is not above zero, no lane, or lanes that differ in n or in their converter.
+        Ts is not above zero, no lane, or lanes that differ in core, n or converter.
 
     Examples
     --------
@@ -52,7 +52,7 @@ class Plant:
     """
 
     def __init__(
-        self, models: PlantModel | Sequence[PlantModel], ts_s: float, lanes: int = 1
+        self, models: PlantModel[Any] | Sequence[PlantModel[Any]], ts_s: float, lanes: int = 1
     ) -> None:
         if isinstance(models, PlantModel):
             models = [models] * lanes if is_whole(lanes, 0) else []
@@ -62,8 +62,11 @@ class Plant:
             raise InputError("a plant with no lane; give at least one model, or lanes of 1 or more")
         self.models = tuple(models)
         self.ts_s = check_ts(ts_s)
-        self.n = self.models[0].hysteresis.n
         hysteresis = [m.hysteresis for m in self.models]
+        self.n = hysteresis[0].n
+        self._cores: dict[Core, list[int]] = {}
+        for lane, core in enumerate(hysteresis):
+            self._cores.setdefault(core, []).append(lane)
         self._stages = stages_of([m.effects for m in self.models], hysteresis, self.ts_s)
         offsets = [m.offset_um for m in self.models]
         # Behind the plays an effect sees the displacement without its offset.
@@ -76,15 +79,14 @@ class Plant:
         self._hold = holds.pop()
         self._held = np.zeros((1, self.lanes))
         self._y = np.zeros((1, self.lanes))
+        self._fused = type(hysteresis[0]).fused
         self._state = empty_state(self.n, self.lanes)
         self._count = 0
-        links: dict[Place, Sequence[Link]] = {
-            **self._stages,
-            **core_links(self._parameters, self._state, self.ts_s),
-        }  # fmt: skip
-        self._chain = in_order(links)
-        # Where the rate is given, what makes it and what acts on it is left out.
-        self._rate_given = in_order(links, [p for p in CHAIN if ACTS_ON.get(p) != RATE])
+        self._links: dict[Place, list[Link]] = {
+            place: [stage.run for stage in stages] for place, stages in self._stages.items()
+        }
+        self._links |= core_links(hysteresis[0], self._parameters, self._state, self.ts_s)
+        self._chain = in_order(self._links)
         self.reset()
 
     @property
@@ -122,14 +124,13 @@ class Plant:
         if memory is None:
             for lane, model in enumerate(self.models):
                 if model.initial_extremum_V is not None:
-                    rest_V = model.hysteresis.thresholds_V
-                    xi[:, lane] = settled_memory(rest_V, [model.initial_extremum_V])
+                    xi[:, lane] = model.hysteresis.settled(model.initial_extremum_V)
         else:
             given = np.asarray(memory, dtype=np.float64)
             xi += given[:, None] if given.ndim == 1 else given
         if u0_V is not None:
-            rest = self._parameters[self.n + 1 : 2 * self.n + 1]
-            xi = np.clip(xi, u0 - rest, u0 + rest)
+            for core, lanes_of in self._cores.items():
+                xi[:, lanes_of] = core.resting(xi[:, lanes_of], u0[lanes_of])
         self._state[0, mask] = u0[mask]
         self._state[1, mask] = 0.0
         self._state[2:, mask] = xi[:, mask]
@@ -185,13 +186,19 @@ class Plant:
             Displacement (µm); the array is overwritten by the next step.
         """
         u = u_V if self._hold == 1 else self._convert(u_V)
-        if self._stages:
+        if self._stages or self._fused is None:
             return self._run(u)
-        rdpi_block(u, self._parameters, self._state, self.ts_s, self._y)
+        self._fused(u, self._parameters, self._state, self.ts_s, self._y)
         return self._y
 
     def _run(self, u: Array, v: Array | None = None) -> Array:
-        y: Array = walk(self._chain if v is None else self._rate_given, [u, v, None])[DISPLACEMENT]
+        chain = self._chain
+        if v is not None:  # what makes the rate and what acts on it is left out
+            chain = in_order(self._links, [place for place in CHAIN if ACTS_ON.get(place) != RATE])
+        signals: list[Any] = [u, v, None]
+        for signal, link in chain:  # as walk() does; a step has no time for a call more
+            signals[signal] = link(signals)
+        y: Array = signals[DISPLACEMENT]
         return y + self._offsets if self._stages else y
 
     def _block(self, values: ArrayLike) -> tuple[Array, bool]:
@@ -220,30 +227,3 @@ class Plant:
         self._held = held[-1:].copy()
         self._count += len(u)
         return np.ascontiguousarray(held)
-
-
-def settled_memory(thresholds_V: ArrayLike, extrema_V: ArrayLike) -> Array:
-    """Play states after a slow walk from rest through a sequence of extrema.
-
-    Parameters
-    ----------
-    thresholds_V
-        Thresholds at rest (V), ``(n,)``.
-    extrema_V
-        Commands (V) at which the walk turned, in order.
-
-    Returns
-    -------
-    float64[n]
-        ξ_i (V), from Eq. 4 at zero rate.
-
-    Examples
-    --------
-    >>> settled_memory([1.0, 3.0], [5.0, 1.0]).tolist()
-    [2.0, 2.0]
-    """
-    rest = np.asarray(thresholds_V, dtype=np.float64)
-    xi = np.zeros_like(rest)
-    for u in np.atleast_1d(np.asarray(extrema_V, dtype=np.float64)):
-        xi = np.clip(xi, u - rest, u + rest)
-    return xi

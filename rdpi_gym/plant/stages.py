@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.plant.chain import ACTS_ON, COMMAND, DISPLACEMENT, RATE, Link, Place
-from rdpi_gym.plant.cores.play import given_rate_block, rate_block
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.plant.effects.base import Effect, Slot
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -22,12 +22,12 @@ class Stage:
     effects
         The same kind of effect, one a lane.
     hysteresis
-        The RDPI parameters, one a lane.
+        The hysteresis core, one a lane.
     ts_s
         Sampling time (s).
     """
 
-    def __init__(self, effects: Sequence[Effect], hysteresis: Sequence[RDPI], ts_s: float) -> None:
+    def __init__(self, effects: Sequence[Effect], hysteresis: Sequence[Core], ts_s: float) -> None:
         self.slot: Slot = effects[0].slot
         self._signal = ACTS_ON.get(self.slot, DISPLACEMENT)
         self._block = type(effects[0]).block
@@ -53,19 +53,16 @@ class Stage:
         if self._clocked:
             self._state[0] = clock_s / self._ts_s
 
-    def __call__(self, signals: Sequence[Array]) -> Array:
-        """Run as a link of the chain."""
-        return self.run(signals[self._signal], signals[COMMAND])
-
-    def run(self, x: Array, u: Array) -> Array:
-        """Return the stage's output for input `x` and command `u` (V), both ``[T, B]``."""
+    def run(self, signals: Sequence[Array]) -> Array:
+        """Return the stage's output ``[T, B]`` for its signal: a link of the chain."""
+        x = signals[self._signal]
         y = np.empty_like(x)
-        self._block(x, u, self._parameters, self._state, self._ts_s, y)
+        self._block(x, signals[COMMAND], self._parameters, self._state, self._ts_s, y)
         return y
 
 
 def stages_of(
-    effects: Sequence[Sequence[Effect]], hysteresis: Sequence[RDPI], ts_s: float
+    effects: Sequence[Sequence[Effect]], hysteresis: Sequence[Core], ts_s: float
 ) -> dict[Place, list[Stage]]:
     """Return the stages of the effects of all lanes by their slot, in their order there.
 
@@ -74,7 +71,7 @@ def stages_of(
     effects
         The effects of each lane, in the chain's order; those in slot ``memory`` are no stages.
     hysteresis
-        The RDPI parameters, one a lane.
+        The hysteresis core, one a lane.
     ts_s
         Sampling time (s).
 
@@ -93,16 +90,21 @@ def stages_of(
     return stages
 
 
-def core_links(parameters: Array, state: Array, ts_s: float) -> dict[Place, list[Link]]:
+def core_links(
+    hysteresis: Core, parameters: Array, state: Array, ts_s: float
+) -> dict[Place, list[Link]]:
     """Return the hysteresis core's own links of the chain.
 
     Parameters
     ----------
+    hysteresis
+        A core of the kind of all lanes.
     parameters, state
-        Packed, as :mod:`rdpi_gym.plant.cores.play` states them; the state is moved on.
+        Packed, as :func:`rdpi_gym.plant.packing.pack` does; the state is moved on.
     ts_s
         Sampling time (s).
     """
+    block = type(hysteresis).block
 
     def derivative(signals: Sequence[Array]) -> Array:
         v = np.empty_like(signals[COMMAND])
@@ -111,7 +113,7 @@ def core_links(parameters: Array, state: Array, ts_s: float) -> dict[Place, list
 
     def core(signals: Sequence[Array]) -> Array:
         y = np.empty_like(signals[COMMAND])
-        given_rate_block(signals[COMMAND], signals[RATE], parameters, state, y)
+        block(signals[COMMAND], signals[RATE], parameters, state, y)
         return y
 
     return {"derivative": [derivative], "core": [core]}

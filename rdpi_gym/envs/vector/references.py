@@ -28,6 +28,8 @@ from rdpi_gym.signals import Signal, Sine
 from rdpi_gym.signals.base import smoothstep
 from rdpi_gym.support.arrays import Array
 
+# Phase of a sample (rad) up to which sines are had by formula: far more than samples can show.
+_FASTEST_RAD = 1e3
 # Samples of a table: what the single environment makes at a time.
 _CHUNK = 2048
 
@@ -160,7 +162,11 @@ class References:
         table = np.full((len(choices), CHOICE), np.nan)
         for row, choice in zip(table, choices, strict=True):
             signal = self._single.references.make(choice, bounds_hz[0], 0)
-            if self._tables_only or type(signal) is not Sine or not self._fits(signal):
+            if (
+                self._tables_only
+                or type(signal) is not Sine
+                or not self._fits(signal, bounds_hz[1])
+            ):
                 row[SINE_AMPLITUDE:] = 0.0
                 continue
             given = isinstance(choice, Signal) or (
@@ -172,8 +178,10 @@ class References:
             row[SINE_RISE] = self._rise(signal.smooth_start_s)
         return Offer(choices, bounds_hz, table)
 
-    def _fits(self, sine: Sine) -> bool:
-        """Say whether a sine is sure to stay within what can be shown."""
+    def _fits(self, sine: Sine, highest_hz: float) -> bool:
+        """Say whether a sine is sure to stay within what can be shown, and its formula exact."""
+        if 2.0 * np.pi * max(sine.frequency_hz, highest_hz) * self._ts_s > _FASTEST_RAD:
+            return False
         extremes = np.array(
             [0.0, sine.offset_um - sine.amplitude_um, sine.offset_um + sine.amplitude_um]
         )

@@ -43,7 +43,7 @@ from rdpi_gym.envs.vector.lanes import (
 from rdpi_gym.envs.vector.noise import NoiseTables
 from rdpi_gym.envs.vector.random import Words
 from rdpi_gym.envs.vector.references import References
-from rdpi_gym.plant import PlantModel, empty_state, pack
+from rdpi_gym.plant import RDPI, PlantModel, empty_state, pack
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -79,7 +79,7 @@ class VectorTask:
         self._single, self._layout, self._lane_count = single, single.layout, lanes
         truths, layout = single.truths, single.layout
         nominal = truths.nominal
-        self._n = nominal.hysteresis.n
+        self._n = _checked_core(nominal).n
         self._effects = EffectStages(nominal, layout.ts_s, truths.effects_half_width)
         self._hold = nominal.converter.samples(layout.ts_s)
         self._draws_effects = self._effects.levels > 0 or (
@@ -277,7 +277,7 @@ class VectorTask:
 
     def _column_of(self, model: PlantModel) -> Column:
         """Return a plant as the lanes hold it, or refuse one that is built unlike the nominal one."""
-        hysteresis = model.hysteresis
+        hysteresis = _checked_core(model)
         if hysteresis.n != self._n:
             raise InputError(
                 f"plant {model.name} has {hysteresis.n} play operators, and the lanes of this environment "
@@ -302,3 +302,13 @@ class VectorTask:
             noise_um=float(model.sensor.noise_um),
             resolution_um=float(model.sensor.resolution_um),
         )
+
+
+def _checked_core(model: PlantModel[Any]) -> RDPI:
+    """Return the plant's core, or refuse one that the lanes' kernels do not run."""
+    if not isinstance(model.hysteresis, RDPI):
+        raise InputError(
+            f"plant {model.name} has the core {model.hysteresis.name}, and the lanes of a vector "
+            f"environment run {RDPI.name}; use vectorization_mode='sync' of gymnasium.make_vec"
+        )
+    return model.hysteresis

@@ -6,12 +6,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.play import given_rate_block, rdpi_block
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
 
 @dataclass(frozen=True)
-class RDPI:
+class RDPI(Core):
     """Parameters of the rate-dependent Prandtl-Ishlinskii model.
 
     Parameters
@@ -50,6 +56,10 @@ class RDPI:
     thresholds_V: tuple[float, ...]
     delta2_s: float
     rate_bandwidth_hz: float | None = None
+
+    name = "rdpi"
+    block = staticmethod(given_rate_block)
+    fused = staticmethod(rdpi_block)
 
     def __post_init__(self) -> None:
         weights = _numbers("weights", self.weights)
@@ -151,19 +161,22 @@ class RDPI:
         lag = self.S * self.delta2_s
         return self.A / lag if lag > 0 else math.inf
 
-    def rate_pole(self, ts_s: float) -> float:
-        """Pole exp(-2π f_c Ts) of the rate's low-pass at sampling time `ts_s` (s); 0 if literal."""
-        if self.rate_bandwidth_hz is None:
-            return 0.0
-        return math.exp(-2.0 * math.pi * self.rate_bandwidth_hz * ts_s)
+    def coefficients(self) -> list[float]:
+        """Weights (µm/V), thresholds at rest (V), δ2 (s)."""
+        return [*self.weights, *self.thresholds_V, self.delta2_s]
+
+    def settled(self, extremum_V: float) -> Array:
+        """Play states ξ_i (V) after a slow walk from rest to a command (V)."""
+        return settled_memory(self.thresholds_V, [extremum_V])
+
+    def resting(self, memory: Array, u0_V: Array) -> Array:
+        """Play states within their thresholds of the command."""
+        rest = np.array(self.thresholds_V)[:, None]
+        return np.clip(memory, u0_V - rest, u0_V + rest)
 
     def static(self) -> RDPI:
         """Return the same model without rate dependence (δ2 = 0)."""
         return replace(self, delta2_s=0.0)
-
-    def band_limited(self, rate_bandwidth_hz: float | None) -> RDPI:
-        """Return the same model with its rate low-passed at `rate_bandwidth_hz` (Hz), or literal (None)."""
-        return replace(self, rate_bandwidth_hz=rate_bandwidth_hz)
 
 
 def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
@@ -171,6 +184,33 @@ def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
         return tuple(float(value) for value in values)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} is {shown(values)}; give a list of numbers") from None
+
+
+def settled_memory(thresholds_V: ArrayLike, extrema_V: ArrayLike) -> Array:
+    """Play states after a slow walk from rest through a sequence of extrema.
+
+    Parameters
+    ----------
+    thresholds_V
+        Thresholds at rest (V), ``(n,)``.
+    extrema_V
+        Commands (V) at which the walk turned, in order.
+
+    Returns
+    -------
+    float64[n]
+        ξ_i (V), from Eq. 4 at zero rate.
+
+    Examples
+    --------
+    >>> settled_memory([1.0, 3.0], [5.0, 1.0]).tolist()
+    [2.0, 2.0]
+    """
+    rest = np.asarray(thresholds_V, dtype=np.float64)
+    xi = np.zeros_like(rest)
+    for u in np.atleast_1d(np.asarray(extrema_V, dtype=np.float64)):
+        xi = np.clip(xi, u - rest, u + rest)
+    return xi
 
 
 # Section III-B. The paper does not print its threshold law there; Eq. 8 is used.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import linear_block, pack_lag
 
@@ -70,7 +70,7 @@ class ActuatorLag(Effect):
     )
     block = staticmethod(linear_block)
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """As :func:`~rdpi_gym.plant.effects.linear.linear_block` reads them."""
         return pack_lag(self.time_constant_s, ts_s)
 

@@ -7,7 +7,7 @@ from typing import Self
 
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -88,7 +88,7 @@ class Asymmetry(Effect):
         """One start, at the measured stroke."""
         return (cls.within_bounds(coefficient=0.01, span_um=scale.stroke_um),)
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Coefficient of the square, c / Y (1/µm)."""
         return [self.coefficient / self.span_um]
 

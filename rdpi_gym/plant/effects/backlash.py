@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -84,7 +84,7 @@ class Backlash(Effect):
         """One start, small against the stroke."""
         return (cls.within_bounds(half_width_um=3e-3 * scale.stroke_um),)
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Half width (µm)."""
         return [self.half_width_um]
 

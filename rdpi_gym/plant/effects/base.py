@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rdpi_gym.plant.chain import CHAIN
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
@@ -208,7 +209,7 @@ class Effect(ABC):
                 )
 
     @abstractmethod
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Return the column of ``p`` that the kernel reads.
 
         Parameters
@@ -216,7 +217,7 @@ class Effect(ABC):
         ts_s
             Sampling time (s).
         hysteresis
-            The plant's RDPI parameters, for an effect that acts on a part of the sum.
+            The plant's core, for an effect that acts on a part of its displacement.
         """
 
     @abstractmethod
@@ -228,7 +229,7 @@ class Effect(ABC):
         x: ArrayLike,
         ts_s: float,
         u: ArrayLike | None = None,
-        hysteresis: RDPI | None = None,
+        hysteresis: Core | None = None,
     ) -> Array:
         """Run the effect alone over a record that begins at rest.
 
@@ -241,7 +242,7 @@ class Effect(ABC):
         u
             Command (V) that the plays saw, ``(T,)``; zero by default.
         hysteresis
-            RDPI parameters; a gain of 1 µm/V without plays by default.
+            The plant's core; a gain of 1 µm/V without plays by default.
 
         Returns
         -------

@@ -7,7 +7,7 @@ from typing import Self
 
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -82,7 +82,7 @@ class Congruency(Effect):
         """One start, at the measured span."""
         return (cls.within_bounds(coefficient=0.05, span_V=scale.span_V),)
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """a_0 (µm/V) and c / U² (1/V²)."""
         return [hysteresis.a0, self.coefficient / self.span_V**2]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import lag_step
 from rdpi_gym.support.arrays import Array
@@ -133,7 +133,7 @@ class Creep(Effect):
     )
     block = staticmethod(creep_block)
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Gain of an element, then F, G0, G1 of each."""
         steps = [value for tau in TIME_CONSTANTS_S for value in lag_step(tau, ts_s)]
         return [self.gain_per_decade / PER_DECADE, *steps]

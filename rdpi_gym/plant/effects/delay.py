@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -100,7 +100,7 @@ class Delay(Effect):
     )
     block = staticmethod(delay_block)
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Whole samples and the rest."""
         whole, part = divmod(self.delay_s / ts_s, 1.0)
         return [whole, part]

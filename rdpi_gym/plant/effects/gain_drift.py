@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -90,7 +90,7 @@ class GainDrift(Effect):
     block = staticmethod(gain_drift_block)
     clocked = True
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Relative rate (1/s)."""
         return [self.rate_per_s]
 

@@ -7,7 +7,7 @@ from typing import Self
 
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -84,7 +84,7 @@ class InitialMemory(Effect):
         sizes = (0.08, 0.25, 0.6, -0.08, -0.25, -0.6)
         return tuple(cls.within_bounds(extremum_V=k * scale.span_V) for k in sizes)
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """The extremum (V); the kernel does not read it."""
         return [self.extremum_V]
 

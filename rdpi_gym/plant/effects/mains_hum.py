@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -105,7 +105,7 @@ class MainsHum(Effect):
             for phase in (0.0, 0.5 * math.pi)
         )
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Amplitude (µm), angular frequency (rad/s), phase (rad)."""
         return [self.amplitude_um, 2.0 * math.pi * self.frequency_hz, self.phase_rad]
 

@@ -7,7 +7,7 @@ from typing import Self
 
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -92,7 +92,7 @@ class RateLaw(Effect):
             for p in (0.7, 1.3)
         )
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """The exponent of the factor on v, and v0 (V/s)."""
         return [self.exponent - 1.0, self.reference_rate_V_s]
 

@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import linear_block, pack_linear
 
@@ -79,7 +79,7 @@ class Resonance(Effect):
         fastest = 0.25 / scale.shortest_s
         return tuple(cls.within_bounds(f0_hz=fastest / 3.0**k, damping=0.05) for k in range(4))
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Displacement and velocity over ω0, so that both states are micrometres."""
         w = 2.0 * math.pi * self.f0_hz
         a = np.array([[0.0, w], [-w, -2.0 * self.damping * w]])

@@ -8,7 +8,7 @@ from typing import Self
 
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -92,7 +92,7 @@ class Saturation(Effect):
             cls.within_bounds(limit_V=k * scale.span_V, centre_V=scale.centre_V) for k in (1.5, 4.0)
         )
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Limit and centre (V)."""
         return [self.limit_V, self.centre_V]
 

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -98,7 +98,7 @@ class SlewLimit(Effect):
         """From a fiftieth of the fastest rate of the command to that rate, closely."""
         return tuple(cls.within_bounds(rate_V_s=scale.fastest_V_s / 1.18**k) for k in range(24))
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Largest step of one sample (V)."""
         return [self.rate_V_s * ts_s]
 

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -96,7 +96,7 @@ class ThermalDrift(Effect):
             for tau in (max(1.0, scale.longest_s), max(1.0, 10.0 * scale.longest_s))
         )
 
-    def coefficients(self, ts_s: float, hysteresis: RDPI) -> list[float]:
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Rate (µm/s) and time constant (s)."""
         return [self.rate_um_s, self.time_constant_s]
 

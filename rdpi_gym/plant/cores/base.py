@@ -1,0 +1,92 @@
+"""What a hysteresis core declares: the middle of a plant's chain, one core a file of this folder."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Self, TypeAlias
+
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.members import Members
+
+CoreBlock: TypeAlias = Callable[[Array, Array, Array, Array, Array], None]
+"""Kernel ``block(u, v, p, state, y)`` over ``float64[T, B]``: command (V), its rate (V/s), packed
+parameters ``[P, B]``, state ``[S, B]``, displacement (µm), which it fills."""
+
+FusedBlock: TypeAlias = Callable[[Array, Array, Array, float, Array], None]
+"""Kernel ``fused(u, p, state, ts, y)``: the rate and :data:`CoreBlock` in one call."""
+
+
+class Core(ABC):
+    """Hysteresis between the command and the displacement: parameters and a compiled kernel.
+
+    A subclass is a frozen dataclass whose fields are numbers, lists of numbers or None, as the
+    plant's JSON holds them. Its kernel finds, for each lane, a column of ``p`` with
+    :meth:`coefficients`, the pole of the rate's low-pass and the offset (µm), which it adds; and a
+    column of the state with the last command, the last rate, which the chain keeps, and :attr:`n`
+    rows of memory, which the kernel leaves where the block ended.
+
+    Attributes
+    ----------
+    name
+        As under ``core`` in the JSON of a plant.
+    rate_bandwidth_hz
+        Cut-off (Hz) of a first-order low-pass on the rate; None is the literal Eq. 5.
+    block, fused
+        The compiled kernels, as ``staticmethod``; the second only saves a call, and may be left out.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import PAPER_III_B
+    >>> PAPER_III_B.name, PAPER_III_B.n, len(PAPER_III_B.coefficients())
+    ('rdpi', 5, 12)
+    """
+
+    name: ClassVar[str]
+    block: ClassVar[CoreBlock]
+    fused: ClassVar[FusedBlock | None] = None
+    rate_bandwidth_hz: float | None
+
+    @property
+    @abstractmethod
+    def n(self) -> int:
+        """Number of rows of memory."""
+
+    @property
+    @abstractmethod
+    def a0(self) -> float:
+        """Gain (µm/V) of a small command right after a turn."""
+
+    @property
+    @abstractmethod
+    def A(self) -> float:
+        """Largest gain (µm/V): no command moves the plant farther from rest than A times it."""
+
+    @abstractmethod
+    def coefficients(self) -> list[float]:
+        """Return what the kernel reads of the parameters."""
+
+    @abstractmethod
+    def settled(self, extremum_V: float) -> Array:
+        """Return the memory after a slow walk from rest to a command (V), ``float64[n]``."""
+
+    @abstractmethod
+    def resting(self, memory: Array, u0_V: Array) -> Array:
+        """Return what a rest at commands (V) ``(B,)`` allows of memories ``(n, B)``."""
+
+    def rate_pole(self, ts_s: float) -> float:
+        """Pole exp(-2π f_c Ts) of the rate's low-pass at sampling time `ts_s` (s); 0 if literal."""
+        if self.rate_bandwidth_hz is None:
+            return 0.0
+        return math.exp(-2.0 * math.pi * self.rate_bandwidth_hz * ts_s)
+
+    def band_limited(self, rate_bandwidth_hz: float | None) -> Self:
+        """Return the same core with its rate low-passed at `rate_bandwidth_hz` (Hz), or literal (None)."""
+        changed: Any = dataclasses.replace(self, rate_bandwidth_hz=rate_bandwidth_hz)  # type: ignore[type-var]
+        return changed  # type: ignore[no-any-return]
+
+
+CORES: Mapping[str, type[Core]] = Members("rdpi_gym.plant.cores", Core)  # type: ignore[type-abstract]
+"""Every core by its name: a file of this folder that defines one is found."""

@@ -1,0 +1,144 @@
+"""A new hysteresis core is one file: it is found, saved and loaded, and runs wherever a plant does."""
+
+import sys
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import rdpi_gym  # noqa: F401  # registers the environments
+import rdpi_gym.plant.cores as room
+from rdpi_gym.plant import CORES, P5, RDPI, Plant, PlantModel
+from rdpi_gym.plant.cores import base
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.members import Members
+
+TS_S = 1e-4
+
+FILE = '''"""Duhem: a branch that bends towards the other one."""
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.plant.cores.base import Core
+
+
+@njit
+def duhem_block(u, v, p, state, y):
+    for b in range(u.shape[1]):
+        last, h = state[3, b], state[2, b]
+        for t in range(u.shape[0]):
+            change = u[t, b] - last
+            h = p[1, b] * np.sign(change) + (h - p[1, b] * np.sign(change)) * np.exp(-abs(change))
+            last = u[t, b]
+            y[t, b] = p[0, b] * u[t, b] - h + p[3, b]
+        state[3, b], state[2, b] = last, h
+
+
+@dataclass(frozen=True)
+class Duhem(Core):
+    """y = a u - h, where h relaxes to ±w along the way."""
+
+    gain: float
+    width: float
+    rate_bandwidth_hz: float | None = None
+
+    name = "duhem"
+    block = staticmethod(duhem_block)
+
+    @property
+    def n(self):
+        return 2
+
+    @property
+    def a0(self):
+        return self.gain - 2.0 * self.width
+
+    @property
+    def A(self):
+        return self.gain + self.width
+
+    def coefficients(self):
+        return [self.gain, self.width]
+
+    def settled(self, extremum_V):
+        h = self.width * np.sign(extremum_V) * (1.0 - np.exp(-abs(extremum_V)))
+        return np.array([h, extremum_V])
+
+    def resting(self, memory, u0_V):
+        return np.stack([memory[0], u0_V])
+'''
+
+
+@pytest.fixture
+def duhem(tmp_path, monkeypatch):
+    (tmp_path / "duhem.py").write_text(FILE, encoding="utf-8")
+    monkeypatch.setattr(room, "__path__", [*room.__path__, str(tmp_path)])
+    found = Members("rdpi_gym.plant.cores", base.Core)
+    monkeypatch.setattr("rdpi_gym.plant.model.CORES", found)
+    yield found["duhem"](gain=1.0, width=0.3)
+    sys.modules.pop("rdpi_gym.plant.cores.duhem", None)
+
+
+@pytest.fixture
+def model(duhem):
+    return PlantModel(duhem, "with a core of its own", (-20.0, 20.0), (0.0, 8.0))
+
+
+def test_the_one_core_of_the_package_is_found_by_its_file():
+    assert dict(CORES) == {"rdpi": RDPI}
+
+
+def test_it_is_saved_by_its_name_and_loaded_back(model, tmp_path):
+    document = model.to_dict()
+    assert document["hysteresis"] == {
+        "core": "duhem", "gain": 1.0, "width": 0.3, "rate_bandwidth_hz": None,
+    }  # fmt: skip
+    assert PlantModel.load(model.save(tmp_path / "model.json")) == model
+    assert "core" not in P5.to_dict()["hysteresis"]
+    document["hysteresis"]["core"] = "os:system"
+    with pytest.raises(InputError, match="no core is named 'os:system'; known are duhem, rdpi"):
+        PlantModel.from_dict(document)
+
+
+def test_a_plant_runs_it_in_blocks_in_steps_in_lanes_and_with_effects(model):
+    effects = tuple(CATALOGUE[name]() for name in ("actuator_lag", "congruency", "creep", "delay"))
+    u = 15.0 * np.sin(np.linspace(0.0, 20.0, 400))
+    for plant in (model, replace(model, effects=effects, offset_um=2.0)):
+        whole = Plant(plant, TS_S).simulate(u)
+        assert np.ptp(whole) > 20.0
+        parts, steps = Plant(plant, TS_S), Plant(plant, TS_S)
+        split = np.concatenate([parts.simulate(u[:123]), parts.simulate(u[123:])])
+        np.testing.assert_array_equal(split, whole)
+        single = [float(steps.step(np.array([[value]]))[0, 0]) for value in u]
+        np.testing.assert_allclose(single, whole, rtol=1e-13)
+        lanes = Plant(plant, TS_S, lanes=3).simulate(np.repeat(u[:, None], 3, axis=1))
+        np.testing.assert_allclose(lanes, whole[:, None] * np.ones(3), rtol=1e-13)
+    settled = Plant(replace(model, effects=(CATALOGUE["initial_memory"](extremum_V=9.0),)), TS_S)
+    np.testing.assert_allclose(settled.memory[:, 0], model.hysteresis.settled(9.0))
+    settled.reset(u0_V=4.0)
+    assert settled.memory[1, 0] == 4.0
+
+
+def test_lanes_of_two_cores_are_refused(model):
+    with pytest.raises(InputError, match="lanes with the cores duhem and rdpi"):
+        Plant([model, P5], TS_S)
+
+
+def test_the_environment_runs_it_and_says_what_it_cannot_do(model):
+    env = gym.make("rdpi_gym/PiezoTracking-v0", plant=model)
+    env.reset(seed=0)
+    for _ in range(50):
+        observation, *_ = env.step(env.action_space.sample())
+        assert env.observation_space.contains(observation)
+    with pytest.raises(InputError, match="randomise draws the parameters of the core rdpi"):
+        gym.make("rdpi_gym/PiezoTracking-v0", plant=model, randomise=0.1).reset(seed=0)
+    with pytest.raises(InputError, match="vectorization_mode='sync'"):
+        gym.make_vec("rdpi_gym/PiezoTracking-v0", num_envs=2, plant=model)
+    lanes = gym.make_vec(
+        "rdpi_gym/PiezoTracking-v0", num_envs=2, plant=model, vectorization_mode="sync"
+    )
+    assert lanes.reset(seed=0)[0].shape == (2, 11)
