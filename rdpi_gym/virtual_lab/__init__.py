@@ -1,10 +1,20 @@
-"""Plants with hidden effects: their truth, their records, and the study of who finds them.
+"""The virtual laboratory: records of a plant with hidden effects, as `rdpi simulate` makes them.
 
-What is hidden is simulated by :mod:`rdpi_gym.virtual_lab.independent`, never by the stages that are fitted.
+What is hidden is simulated by :mod:`rdpi_gym.virtual_lab.independent`, never by the stages that are
+fitted. :func:`hide` draws effects until each of them can be seen.
 """
 
 from rdpi_gym.virtual_lab.dataset import simulate_dataset, write_dataset
-from rdpi_gym.virtual_lab.draws import HIDEABLE, hide, hide_one
+from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError, draw_effect, hide, hide_one
 from rdpi_gym.virtual_lab.truth import Truth
 
-__all__ = ["HIDEABLE", "Truth", "hide", "hide_one", "simulate_dataset", "write_dataset"]
+__all__ = [
+    "HIDEABLE",
+    "MaskedError",
+    "Truth",
+    "draw_effect",
+    "hide",
+    "hide_one",
+    "simulate_dataset",
+    "write_dataset",
+]

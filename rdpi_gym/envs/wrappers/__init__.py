@@ -1,1 +1,1 @@
-"""Wrappers and adapters around the environments."""
+"""Around the environments: history, scaling, groups of lanes side by side, Stable-Baselines3."""
