@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
 from rdpi_gym.plant.chain import ACTS_ON, COMMAND, DISPLACEMENT, RATE, Link, Place
-from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.base import Core, CoreBlock
 from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.plant.effects.base import Effect, Slot
 from rdpi_gym.support.arrays import Array
@@ -104,16 +105,20 @@ def core_links(
     ts_s
         Sampling time (s).
     """
-    block = type(hysteresis).block
+    return {
+        "derivative": [partial(_derivative, parameters, state, ts_s)],
+        "core": [partial(_core, type(hysteresis).block, parameters, state)],
+    }
 
-    def derivative(signals: Sequence[Array]) -> Array:
-        v = np.empty_like(signals[COMMAND])
-        rate_block(signals[COMMAND], parameters, state, ts_s, v)
-        return v
 
-    def core(signals: Sequence[Array]) -> Array:
-        y = np.empty_like(signals[COMMAND])
-        block(signals[COMMAND], signals[RATE], parameters, state, y)
-        return y
+# Functions of the module, and no closures: a plant can be pickled.
+def _derivative(parameters: Array, state: Array, ts_s: float, signals: Sequence[Array]) -> Array:
+    v = np.empty_like(signals[COMMAND])
+    rate_block(signals[COMMAND], parameters, state, ts_s, v)
+    return v
 
-    return {"derivative": [derivative], "core": [core]}
+
+def _core(block: CoreBlock, parameters: Array, state: Array, signals: Sequence[Array]) -> Array:
+    y = np.empty_like(signals[COMMAND])
+    block(signals[COMMAND], signals[RATE], parameters, state, y)
+    return y

@@ -1,5 +1,6 @@
 """The order of the chain stands in one list, and every walk along it is the plant's."""
 
+import pickle
 from dataclasses import replace
 from typing import get_args
 
@@ -66,3 +67,11 @@ def test_the_vector_environment_runs_what_the_plant_does(compiled):
             row = stages.run(lanes, 0, work)
         y[k] = work[row, 7]
     np.testing.assert_allclose(y, Plant(plant, TS_S).simulate(U), rtol=0, atol=1e-11)
+
+
+def test_a_plant_is_pickled_with_the_memory_that_it_has_gathered():
+    plant = Plant(EVERY, TS_S)
+    plant.simulate(U[:200])
+    copy = pickle.loads(pickle.dumps(plant))
+    np.testing.assert_array_equal(copy.simulate(U[200:]), plant.simulate(U[200:]))
+    np.testing.assert_array_equal(copy.memory, plant.memory)
