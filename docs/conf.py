@@ -63,7 +63,7 @@ nitpick_ignore_regex = [
         "py:class",
         r"(History|Scaling|HistoryObservation|ScaledObservation|PiezoTrackingEnv|SearchOptions)",
     ),
-    ("py:class", r"(rdpi_gym\.diagnosis\.results|benchmarks\.tracking)\..*"),
+    ("py:class", r"(rdpi_gym\.diagnosis\.results|benchmarks|baselines\.learned)\..*"),
     (
         "py:func",
         r"(rdpi_gym\.(virtual_lab|envs)\.\w+\.\w+|rdpi_gym\.environments\.layout|displacement)",
@@ -113,7 +113,7 @@ html_theme_options = {
     "navbar_end": ["theme-switcher"],
     "show_prev_next": True,
     "header_links_before_dropdown": 7,
-    "secondary_sidebar_items": {"**": ["page-toc"], "studies/results/**": []},
+    "secondary_sidebar_items": {"docs/**": ["page-toc"], "studies/**": []},
     "footer_start": ["copyright"],
     "footer_end": [],
     "navigation_with_keys": False,

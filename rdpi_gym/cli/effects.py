@@ -39,7 +39,7 @@ def effects(
     else:
         first, *rest = rg.effects.describe(name)
         print(first, end="\n\n")
-        print_table(rg.effects.parameters(name), lines=True, width=80)
+        print_table(rg.effects.parameters(name), lines=True, width=110)
         print(*rest, sep="\n")
     if out is not None:
         print(*rg.effects.write(out, *([] if name is None else [name])), sep="\n")

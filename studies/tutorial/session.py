@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -19,6 +20,7 @@ _PROGRAMS = {
     "head": ["head"],
 }
 _FEWEST_ELIDED = 4
+_RECORD = re.compile(r"  \S.* \(\w+\): \d+ samples")
 
 
 class Session:
@@ -40,8 +42,8 @@ class Session:
     def run(self, command: str) -> list[str]:
         """Run a command and return the lines that it prints.
 
-        The list of the records, with which most outputs begin, is printed once; after that an
-        ellipsis stands for it.
+        The list of the records, which most outputs have, is printed once; after that an ellipsis
+        stands for it.
 
         Parameters
         ----------
@@ -70,9 +72,10 @@ class Session:
         lines = [self._shown(line) for line in done.stdout.rstrip().splitlines()]
         # of several empty lines one is enough
         lines = [line for k, line in enumerate(lines) if line or (k and lines[k - 1])]
-        listed = _list_of_records(lines)
+        place = _list_of_records(lines)
+        listed = lines[place]
         if len(listed) >= _FEWEST_ELIDED and listed in self._listed:
-            return [ELISION, *lines[len(listed) :]]
+            return [*lines[: place.start], ELISION, *lines[place.stop :]]
         self._listed.append(listed)
         return lines
 
@@ -89,13 +92,20 @@ def _checkout() -> str:
     )
 
 
-def _list_of_records(lines: Sequence[str]) -> list[str]:
-    """Return the title of a data set and the indented lines about its records.
+def _list_of_records(lines: Sequence[str]) -> slice:
+    """Find the title of a data set and the indented lines about its records.
 
     Examples
     --------
-    >>> _list_of_records(["two records", "  first", "  second", "", "  table"])
-    ['two records', '  first', '  second']
+    >>> said = ["Error 0.1 µm.", "two records", "  first (train): 9 samples", "    note: slow", "", "end"]
+    >>> said[_list_of_records(said)]
+    ['two records', '  first (train): 9 samples', '    note: slow']
     """
-    own = takewhile(lambda line: line.startswith("  "), lines[1:])
-    return [*lines[:1], *own]
+    for k, line in enumerate(lines[1:]):
+        if _RECORD.match(line):
+            return slice(k, k + 1 + len([*takewhile(_is_indented, lines[k + 1 :])]))
+    return slice(0, 0)
+
+
+def _is_indented(line: str) -> bool:
+    return line.startswith("  ")

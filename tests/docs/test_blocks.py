@@ -203,7 +203,7 @@ def test_block_runs_by_itself(block, tmp_path, samples):
     own = {
         "PATH": f"{python.parent}{os.pathsep}{os.environ.get('PATH', '')}",
         "PYTHONPATH": os.pathsep.join([str(ROOT), str(tmp_path)]),
-        "MPLBACKEND": "Agg", "COLUMNS": "100", "NO_COLOR": "1", "OMP_NUM_THREADS": "1",
+        "MPLBACKEND": "Agg", "COLUMNS": "100", "NO_COLOR": "1", "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1",
     }  # fmt: skip
     if block.language == "python":
         script = tmp_path / (block.file or "block.py")

@@ -153,10 +153,10 @@ def test_template_is_filled(session):
 
 def test_the_list_of_records_is_printed_once(session):
     (session.folder / "say.py").write_text(
-        "import sys\nprint('data', *(f'  record {k}' for k in range(4)), '', '', sys.argv[1], sep='\\n')\n"
+        "import sys\nprint(sys.argv[1], 'data', *(f'  record {k} (train): 9 samples' for k in range(4)), '', '', 'end', sep='\\n')\n"
     )
-    assert session.run("python say.py one")[-2:] == ["", "one"]
-    assert session.run("python say.py two") == [ELISION, "", "two"]
+    assert session.run("python say.py one")[-3:] == ["  record 3 (train): 9 samples", "", "end"]
+    assert session.run("python say.py two") == ["two", ELISION, "", "end"]
 
 
 def test_a_variable_stands_for_a_path_both_ways(session):
