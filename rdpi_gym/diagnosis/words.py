@@ -9,6 +9,8 @@ from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.support.words import closed, digits, joined, micrometres
 
 _UNIT_IN_NAME = re.compile(r"(_per)?_(hz|V_s|um_s|s|V|um|rad)$")
+# Of the error without an effect, the share that is no improvement.
+_NO_BETTER = 0.98
 _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
 
@@ -87,6 +89,10 @@ def headline(
     verb = {"addition": "Added", "removal": "Removed"}.get(asked, "Missing")
     numbers = f"Error {before.removesuffix(' µm')} to {after}, {noise}.{rest}"
     names = joined(effects)
+    if undecided is not None:
+        return f"{verb}: {names}. Undecided whether it is there. {undecided} {numbers}"
+    if asked == "addition" and errors_um[1] > _NO_BETTER * errors_um[0]:
+        return f"{verb}: {names}, which does not improve held-out error. {numbers}"
     if verdict != "unexplained" or asked == "removal":
         return f"{verb}: {names}. {numbers}"
     if asked == "addition":

@@ -11,13 +11,14 @@ import numpy as np
 
 from rdpi_gym.identification.advice import bound_warnings, correlation_warning, delta2_warnings
 from rdpi_gym.identification.bounds import set_bounds
+from rdpi_gym.identification.plausibility import check_motion, plausibility_warnings
 from rdpi_gym.identification.rates import RateSpread, rate_spread
 from rdpi_gym.identification.refine import Point, moving_plays
 from rdpi_gym.identification.residuals import RecordResidual, pooled_rmse, simulate_record
 from rdpi_gym.identification.result import FitResult, finite
 from rdpi_gym.identification.search import search
 from rdpi_gym.identification.stack import Stack, stack_records
-from rdpi_gym.identification.uncertainty import correlation_length, standard_errors
+from rdpi_gym.identification.uncertainty import Z95, correlation_length, standard_errors
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
@@ -31,6 +32,8 @@ MIN_MOTION = 0.1
 _RANGE_MARGIN = 0.05
 # An error below this part of the stroke is rounding.
 _ROUNDING = 1e-9
+# Correlation of voltage and displacement from which on the sign of either means something.
+_NO_RELATION = 0.1
 # References take this part of the measured stroke.
 _REFERENCE_PART = 0.9
 
@@ -100,6 +103,7 @@ def fit(
     train, validation, title = _records(data)
     _check(train, n, rate_bandwidth_hz, min_motion)
     stack, means_um = stack_records(train, rate_bandwidth_hz)
+    check_motion(train)
     _check_gain(stack)
     bounds = set_bounds(stack, n, min_motion)
     point, evaluations = search(
@@ -120,7 +124,10 @@ def fit(
         free_memory=free_memory,
     )
     spread = rate_spread(stack)
+    delta2_s = float(point.theta[1])
+    determined = not spread.alike and delta2_s > Z95 * uncertainty.theta[1]
     warnings = (
+        *plausibility_warnings(trained, delta2_s if determined else None),
         *delta2_warnings(point, uncertainty, spread, bounds),
         *bound_warnings(
             point,
@@ -190,11 +197,21 @@ def _check(
 
 def _check_gain(stack: Stack) -> None:
     # y is less each record's mean, so that this has the sign of the mean slope
-    if not stack.root_weight * stack.u_V @ stack.y_um > 0:
+    slope = float(stack.root_weight * stack.u_V @ stack.y_um)
+    if slope > 0:
+        return
+    parts = [stack.record(r) for r in range(len(stack.edges) - 1)]
+    swing = sum(float(np.sum((stack.u_V[part] - stack.u_V[part].mean()) ** 2)) for part in parts)
+    correlation = slope / math.sqrt(swing * float(stack.y_um @ stack.y_um))
+    if correlation > -_NO_RELATION:
         raise InputError(
-            "the displacement falls where the voltage rises, unlike the model's; "
-            "change the sign of one of the two columns"
+            f"the displacement does not follow the voltage: their correlation is {correlation:.2g}; "
+            "check the columns and the sensor"
         )
+    raise InputError(
+        "the displacement falls where the voltage rises, unlike the model's; "
+        "change the sign of one of the two columns"
+    )
 
 
 def _plant(

@@ -147,7 +147,9 @@ def standard_errors(
 
     inverse = _inverse(information, free & (np.diag(information) > 0.0))
     covariance = inverse @ scatter @ inverse
-    errors = np.sqrt(np.diag(covariance))
+    variance = np.diag(covariance)
+    # below zero by rounding alone, where the data say nothing
+    errors = np.sqrt(np.where(variance >= 0.0, variance, np.inf))
     own = np.diag(information)
     errors[free & (own == 0.0)] = np.inf
     alone = own - np.diag(information @ inverse @ information)  # what the free ones cannot do

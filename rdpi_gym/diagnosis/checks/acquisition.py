@@ -202,9 +202,11 @@ def _skew(periods: Periods) -> tuple[float, float, str] | None:
         np.fft.rfft(periods.folded(x), axis=1)[1:, 1]
         for x in (periods.record.u_V, periods.record.y_um)
     )
-    if np.min(np.abs(u)) < 1e-3 * np.max(np.abs(u)) or not np.all(np.abs(y) > 0.0):
+    if np.min(np.abs(u)) <= 1e-3 * np.max(np.abs(u)) or not np.all(np.abs(y) > 0.0):
         return None
     angle = np.unwrap(np.angle(y / u))
+    if angle.size < 3:
+        return None
     t = np.arange(angle.size) / periods.frequency_hz
     t -= t.mean()
     slope = float(t @ angle) / float(t @ t)

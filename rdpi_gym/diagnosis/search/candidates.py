@@ -98,7 +98,8 @@ def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
     train, _ = _squares(fit.variant, setting.train, by_record)
     validation, pieces = _squares(fit.variant, setting.validation, by_record)
     spread = max(float(np.ptp(r.y_um[r.error_mask])) for r in setting.validation)
-    errors = Errors(train, validation, 100.0 * validation / spread, by_record)
+    relative = 100.0 * validation / spread if spread > 0.0 else math.inf
+    errors = Errors(train, validation, relative, by_record)
     return Outcome(name, fit, errors, pieces)
 
 
@@ -241,7 +242,8 @@ def _squares(
         while label in by_record:  # the held-out part of a record that is also fitted
             label += " (held out)"
         by_record[label] = math.sqrt(float(squares.mean()))
-        pieces.append([part.mean() for part in np.array_split(squares, PIECES)])
+        parts = np.array_split(squares, PIECES)  # empty ones where there are few samples
+        pieces.append([(part if part.size else squares).mean() for part in parts])
         total += float(squares.sum())
         samples += len(squares)
     return math.sqrt(total / samples), np.array(pieces)

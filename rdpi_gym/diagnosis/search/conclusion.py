@@ -24,6 +24,8 @@ from rdpi_gym.diagnosis.search.separability import (
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.identification.plausibility import plausibility_warnings
+from rdpi_gym.identification.residuals import simulate_record
 from rdpi_gym.plant import PlantModel
 
 Groups = tuple[tuple[str, ...], ...]
@@ -83,11 +85,13 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     end, added = search.end, search.added
     judgement = _judgement(laboratory, end, bool(added))
     groups = _groups(laboratory, end)
+    plant = plant_of(laboratory.setting, end.outcome, search.given)
+    left = [simulate_record(plant, record) for record in laboratory.setting.train]
     label = f"with {added[0].effect}" if len(added) == 1 else "with effects"
     return SearchResult(
         kind=search.kind,
         title=laboratory.dataset.title,
-        plant=plant_of(laboratory.setting, end.outcome, search.given),
+        plant=plant,
         steps=steps_of(added),
         rounds=tuple(tuple(r.candidate for r in ranked) for ranked in search.rounds),
         removed=search.removed,
@@ -106,7 +110,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         checks=tuple(check.sentence for check in run_checks(laboratory.dataset)),
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
         seconds=time.perf_counter() - search.began,
-        notes=(*laboratory.remarks, *search.notes),
+        notes=(*plausibility_warnings(left), *laboratory.remarks, *search.notes),
     )
 
 

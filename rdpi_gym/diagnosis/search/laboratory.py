@@ -38,6 +38,7 @@ from rdpi_gym.diagnosis.search.suitability import TURNED, falls, poverty, turned
 from rdpi_gym.diagnosis.search.verdict import EXPLAINED
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.identification.plausibility import check_motion, check_scale
 from rdpi_gym.identification.rates import rate_spread
 from rdpi_gym.identification.stack import stack_records
 from rdpi_gym.measurement import Dataset
@@ -98,6 +99,8 @@ class Laboratory:
                 "a diagnosis needs records to fit and records to validate on; the data set has "
                 f"{len(train)} and {len(validation)} in which the voltage moves"
             )
+        check_motion(train)
+        check_scale(train)
         reversed_sign = falls((*train, *validation))
         if reversed_sign:
             dataset = turned(dataset)

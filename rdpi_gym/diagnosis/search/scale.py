@@ -40,10 +40,17 @@ def data_scale(records: Sequence[Record]) -> DataScale:
         centre_V=0.5 * (low + high),
         span_V=0.5 * (high - low),
         stroke_um=0.5 * (y_high - y_low),
-        fastest_V_s=max(float(np.quantile(np.abs(np.diff(r.u_V)), 0.99)) / r.ts_s for r in records),
+        fastest_V_s=_fastest_V_s(records),
         shortest_s=min(r.ts_s for r in records),
         longest_s=max(float(r.t_s[-1] - r.t_s[0]) for r in records),
     )
+
+
+def _fastest_V_s(records: Sequence[Record]) -> float:
+    """Largest rate of the command, jumps left out where it does anything but jump (V/s)."""
+    moves = [(np.abs(np.diff(r.u_V)), r.ts_s) for r in records]
+    usual = max(float(np.quantile(change, 0.99)) / ts for change, ts in moves)
+    return usual or max(float(np.max(change)) / ts for change, ts in moves)
 
 
 def comb(records: Sequence[Record], thresholds: int = COMB) -> RDPI:

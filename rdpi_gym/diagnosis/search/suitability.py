@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rdpi_gym.diagnosis.features.half_cycles import half_cycles
+from rdpi_gym.identification.plausibility import LITTLE, linear_share
 from rdpi_gym.measurement import Dataset, Record
 
 _FEWEST_SAMPLES = 500
@@ -46,6 +47,12 @@ def poverty(records: Sequence[Record], train: Sequence[Record]) -> str | None:
     samples = sum(int(r.error_mask.sum()) for r in train)
     if samples < _FEWEST_SAMPLES:
         return f"The data are too short to decide: {samples} samples to fit, {_FEWEST_SAMPLES} are needed."
+    follows = linear_share(train)
+    if follows < LITTLE:
+        return (
+            f"The displacement hardly follows the voltage ({100 * max(follows, 0.0):.1f} % of its "
+            "power): check the columns and the sensor."
+        )
     cycles = [half_cycles(r.u_V, r.ts_s) for r in records]
     swings = np.concatenate([c.amplitude_V[c.whole] for c in cycles])
     paces = np.concatenate([c.frequency_hz[c.whole] for c in cycles])
