@@ -97,17 +97,34 @@ def test_a_sensor_that_is_unplugged_is_named(command, tmp_path, capsys):
     assert "the displacement never changes: it is 3 µm in run; check the sensor" in said
 
 
-@pytest.mark.parametrize("command", ["fit", "add"])
-@pytest.mark.parametrize("kind", sorted(set(VOLTAGES) - {"one step", "one spike", "alternating"}))
-def test_other_commands_of_the_amplifier(kind, command, tmp_path, capsys):
+JUMPS = {"one step", "one spike", "alternating"}
+
+
+@pytest.mark.parametrize("kind", sorted(VOLTAGES.keys() - JUMPS))
+def test_other_commands_of_the_amplifier(kind, tmp_path, capsys):
     u = VOLTAGES[kind]
-    called(command, u, measured(u), tmp_path, capsys)
+    called("fit", u, measured(u), tmp_path, capsys)
 
 
-@pytest.mark.parametrize("command", ["fit", "compare", "add"])
 @pytest.mark.parametrize("kind", DISPLACEMENTS)
-def test_other_readings_of_the_sensor(kind, command, tmp_path, capsys):
-    called(command, MIXED, DISPLACEMENTS[kind](measured(MIXED)), tmp_path, capsys)
+def test_other_readings_of_the_sensor(kind, tmp_path, capsys):
+    called("fit", MIXED, DISPLACEMENTS[kind](measured(MIXED)), tmp_path, capsys)
+
+
+@pytest.mark.parametrize("kind", ["quantised", "unplugged", "moves only where it is held out"])
+def test_comparisons_with_such_readings(kind, tmp_path, capsys):
+    called("compare", MIXED, DISPLACEMENTS[kind](measured(MIXED)), tmp_path, capsys)
+
+
+@pytest.mark.parametrize("kind", ["last sample only", "step train", "twenty samples"])
+def test_searches_on_such_commands(kind, tmp_path, capsys):
+    u = VOLTAGES[kind]
+    called("add", u, measured(u), tmp_path, capsys)
+
+
+@pytest.mark.parametrize("kind", ["quantised", "moves only where it is fitted"])
+def test_searches_on_such_readings(kind, tmp_path, capsys):
+    called("add", MIXED, DISPLACEMENTS[kind](measured(MIXED)), tmp_path, capsys)
 
 
 def test_noise_for_a_displacement_decides_nothing(tmp_path, capsys):
