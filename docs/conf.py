@@ -70,7 +70,7 @@ nitpick_ignore_regex = [
     ),
     ("py:meth", r"(baselines\.base\.Baseline\.\w+|seed)"),
     ("py:attr", r"(records|parameters)"),
-    ("py:data", r"(PLANTS|HIDEABLE|VISIBLE|CONTROLLERS)"),
+    ("py:data", r"(rdpi_gym\.plant\.CORES|PLANTS|HIDEABLE|VISIBLE|CONTROLLERS)"),
 ]
 
 autosummary_generate = True
