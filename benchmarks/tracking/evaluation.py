@@ -11,6 +11,7 @@ import pandas as pd
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
 from benchmarks.tracking.leaderboard import (
     CASE,
+    CONFIDENCE,
     by_case,
     by_sampling_time,
     ranking,
@@ -21,6 +22,7 @@ from benchmarks.tracking.run import Outcome
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.suite import cases
 from rdpi_gym.support.store import Row
+from rdpi_gym.support.words import number
 
 MEASURED_PLANT = "picma"
 
@@ -74,6 +76,35 @@ class Evaluation:
         """First plant, and the sampling time (s) at which it is shown in detail."""
         stage = self.selection.stages[0]
         return stage.plant.name, stage.shown_ts_s
+
+    @property
+    def answer(self) -> str:
+        """Which controller is first, by how much, and what is tied with it.
+
+        Of the ranking, or where only trained policies were scored of theirs.
+        """
+        finished = [
+            part[part["rmse_percent"].notna()]
+            for part in (self.ranking, *self.where_trained.values())
+        ]
+        rivals = next(
+            (p[p["rank"] != "bound"] for p in finished if (p["rank"] != "bound").any()), None
+        )
+        if rivals is None:
+            return "No controller finished every case, so none is ranked."
+        best = rivals.iloc[0]
+        said = (
+            f"Smallest error: {best['controller']}, RMSE {number(best['rmse_percent'])} % of peak to peak "
+            f"({number(best['rmse_um'])} µm)"
+        )
+        if np.isfinite(best["rmse_percent_low"]):
+            said += (
+                f", {100 * CONFIDENCE:g} % interval {number(best['rmse_percent_low'])} to "
+                f"{number(best['rmse_percent_high'])} %"
+            )
+        tied = [str(n) for n in rivals.loc[rivals["rank"] == best["rank"], "controller"].iloc[1:]]
+        said += f"; status {best['status']}."
+        return said + (f" Tied with it: {', '.join(tied)}." if tied else "")
 
 
 def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:

@@ -17,7 +17,6 @@ from benchmarks.tracking import evaluation
 from benchmarks.tracking.markdown import (
     METHOD,
     WHERE_TRAINED,
-    answer,
     measured_text,
     ranking_view,
 )
@@ -119,12 +118,7 @@ class Evaluation(Shown, evaluation.Evaluation):
             for title, table in self.leaders().items()
             for line in (title, *table.to_string(index=False).splitlines())
         ]
-        return [answer(self), *tables, *self.notes]
-
-    @property
-    def answer(self) -> str:
-        """Which controller is first, by how much, and what is tied with it."""
-        return answer(self)
+        return [self.answer, *tables, *self.notes]
 
     def leaders(self, own: Sequence[str] = (), most: int = TOP) -> dict[str, pd.DataFrame]:
         """Return the first of each ranking: rank, controller, error, status.
@@ -175,7 +169,7 @@ class Evaluation(Shown, evaluation.Evaluation):
         return write_benchmark_page(
             Path(path),
             self,
-            answer(self),
+            self.answer,
             plain(METHOD),
             plain(measured_text(self.measured)),
             WHERE_TRAINED,

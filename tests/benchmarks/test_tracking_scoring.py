@@ -1,3 +1,4 @@
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -6,15 +7,16 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 import studies
 from benchmarks.tracking.case import FEWEST_SAMPLES, Case
-from benchmarks.tracking.leaderboard import COLUMNS, interval, ranking, score_table
+from benchmarks.tracking.leaderboard import CASE, COLUMNS, interval, ranking, score_table
 from benchmarks.tracking.references.standard import SINE_HZ
 from benchmarks.tracking.scoring import one_line, score, status, words
 from benchmarks.tracking.stages import SPREAD, make_stage, truth
 from benchmarks.tracking.suite import REFERENCES, cases
-from rdpi_gym.plant import P5, P10, RDPI, PlantModel, Sensor
+from rdpi_gym.plant import P5, P10, RDPI, PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects.creep import Creep
 
 TRACKING = Path(studies.__file__).parent / "results" / "tracking"
@@ -265,3 +267,33 @@ def test_a_chain_of_ties_is_one_rank_and_places_say_what_is_open():
     ranked = ranking(table).set_index("controller")
     assert set(ranked["rank"]) == {"1="}
     assert ranked["places"].to_dict() == {"a": "1 to 2", "b": "1 to 3", "c": "2 to 3"}
+
+
+def test_no_pair_that_is_tied_has_two_ranks_on_the_committed_leaderboard():
+    table = pd.read_csv(TRACKING / "leaderboard.csv")
+    ranked = pd.read_csv(TRACKING / "ranking.csv")
+    main = ranked[ranked["ts_s"].isna() & ~ranked["rank"].isin(["bound", "–"])]
+    ranks = main.set_index("controller")["rank"]
+    stages = {plant: make_stage(named_plant(plant)) for plant in ("P5", "P10", "picma")}
+    covered = {
+        (plant, case.reference, case.frequency_hz, ts)
+        for plant, stage in stages.items()
+        for ts in stage.ts_s
+        for case in stage.cases(REFERENCES, ts)
+        if stage.covers(case, ts)
+    }
+    kept = [case in covered for case in table[CASE].itertuples(index=False, name=None)]
+    drawn = table[kept].query("seed > 0 and controller in @ranks.index")
+    assert len(drawn) == len(covered) * 4 * len(ranks)
+    logs = np.log(drawn["rmse_percent"]).groupby([drawn["seed"], drawn["controller"]]).mean()
+    logs = logs.unstack()
+    tied = 0
+    for a, b in itertools.combinations(ranks.index, 2):
+        low, high = stats.ttest_rel(logs[a], logs[b]).confidence_interval()
+        if low <= 0.0 <= high:
+            tied += 1
+            assert ranks[a] == ranks[b], (a, b)
+    assert tied > 10
+    shared = ranks[ranks.duplicated(keep=False)]
+    assert shared.str.endswith("=").all()
+    assert not ranks.drop(shared.index).str.endswith("=").any()

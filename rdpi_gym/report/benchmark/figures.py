@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,11 @@ from plotly.subplots import make_subplots
 from rdpi_gym.report.style import INK, MUTED, PALETTE, REFERENCE, figure_text, styled
 from rdpi_gym.report.thin import thin_index
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import number
 
+_BOUND = "preview-oracle"
+# Errors of seed 0 that are smaller than this part of the smallest mean do not widen the axis.
+_NEAR = 0.05
 _RMSE = "RMSE (% of peak to peak)"
 # Colour says which inverse, the symbol at which rate, the dash whether feedback is added.
 _COLOURS = {
@@ -22,7 +26,7 @@ _COLOURS = {
     "classical": PALETTE[0],
     "none": PALETTE[6],
     "pi": PALETTE[2],
-    "preview-oracle": INK,
+    _BOUND: INK,
 }
 _SYMBOLS = {"literal": "x", "reference-rate": "circle", "low-passed": "square", "static": "diamond"}
 _DASHES = {"x": "dot", "circle": "solid", "square": "dash", "diamond": "dashdot"}
@@ -84,11 +88,20 @@ def ranking_figure(ranking: pd.DataFrame) -> Any:
         marker={"size": 8, "symbol": "line-ns-open", "color": INK, "line": {"width": 2}},
         hovertemplate="%{y}, seed 0: %{x:.3g} %<extra></extra>",
     )
-    low, high = np.log10(ranking_range(shown))
+    low, high = ranking_range(shown)
+    for name, value in off_axis(shown, names, low):
+        figure.add_annotation(
+            x=float(np.log10(low)),
+            y=name,
+            text=f"\N{BLACK LEFT-POINTING POINTER} {number(value, 2)} %",
+            showarrow=False,
+            xanchor="left",
+            font={"color": INK, "size": 11},
+        )
     figure.update_xaxes(
         type="log",
         title_text=_RMSE,
-        range=[float(low), float(high)],
+        range=[float(np.log10(low)), float(np.log10(high))],
         dtick="D2",
     )
     figure.update_yaxes(autorange="reversed")
@@ -96,36 +109,74 @@ def ranking_figure(ranking: pd.DataFrame) -> Any:
     return styled(figure, 160 + 26 * lines)
 
 
+def ranked_names(ranking: pd.DataFrame) -> list[str]:
+    """Name the controllers, each with its rank before it where there is one.
+
+    Examples
+    --------
+    >>> ranked_names(pd.DataFrame({"controller": ["none", "pi"], "rank": ["1=", "1="]}))
+    ['1= none', '1= pi']
+    """
+    names = [str(name) for name in ranking["controller"]]
+    ranks = ranking["rank"] if "rank" in ranking.columns else [""] * len(names)
+    return [f"{rank} {name}".strip() for rank, name in zip(ranks, names, strict=True)]
+
+
+def statuses(ranking: pd.DataFrame) -> list[str]:
+    """Return what is to be beware of in each controller's rows; nothing where that is nothing.
+
+    Examples
+    --------
+    >>> statuses(pd.DataFrame({"controller": ["none", "pi"], "status": ["ok", "unstable 1/5"]}))
+    ['', 'unstable 1/5']
+    """
+    if "status" not in ranking.columns:
+        return [""] * len(ranking)
+    said = [str(text).removeprefix("bound").removeprefix(", ") for text in ranking["status"]]
+    return ["" if text == "ok" else text for text in said]
+
+
 def marked_names(ranking: pd.DataFrame) -> list[str]:
-    r"""Name the controllers, each with its status in a line below unless that is ``ok``.
+    r"""Name the controllers, each with its status in a line below where there is one to beware of.
 
     Examples
     --------
     >>> marked_names(pd.DataFrame({"controller": ["none", "pi"], "status": ["ok", "unstable"]}))
     ['none', 'pi\n(unstable)']
     """
-    names = [str(name) for name in ranking["controller"]]
-    if "status" not in ranking.columns:
-        return names
-    pairs = zip(names, ranking["status"], strict=True)
-    return [name if status in ("ok", "") else f"{name}\n({status})" for name, status in pairs]
+    pairs = zip(ranked_names(ranking), statuses(ranking), strict=True)
+    return [f"{name}\n({said})" if said else name for name, said in pairs]
 
 
 def ranking_range(ranking: pd.DataFrame) -> tuple[float, float]:
-    """Return the axis (%) that shows every mean and interval.
+    """Return the axis (%) that shows every mean and interval of controllers that compete.
 
-    The oracle's error with a true belief is next to none and would push all others together.
+    A bound's error is next to none and would push all others together, as would that of an inverse
+    whose belief is the truth: they stand at the axis's end, see :func:`off_axis`.
 
     Examples
     --------
     >>> columns = ["rmse_percent", "rmse_percent_low", "rmse_percent_high", "seed_0_rmse_percent"]
-    >>> ranking_range(pd.DataFrame([["none", 3.0, 2.0, 4.0, 1.5]], columns=["controller", *columns]))
+    >>> rows = [["none", 3.0, 2.0, 4.0, 1.5], ["preview-oracle", 1e-5, 1e-5, 1e-5, 1e-5]]
+    >>> ranking_range(pd.DataFrame(rows, columns=["controller", *columns]))
     (1.0, 6.0)
     """
-    rivals = ranking.loc[ranking["controller"] != "preview-oracle", "seed_0_rmse_percent"]
-    ends = ranking[["rmse_percent", "rmse_percent_low", "rmse_percent_high"]]
-    shown = np.concatenate([rivals.to_numpy(), ends.to_numpy().ravel()])
+    rivals = ranking[ranking["controller"] != _BOUND]
+    rivals = ranking if rivals.empty else rivals
+    ends = rivals[["rmse_percent", "rmse_percent_low", "rmse_percent_high"]].to_numpy().ravel()
+    nominal = rivals["seed_0_rmse_percent"].to_numpy()
+    shown = np.concatenate([ends, nominal[nominal > _NEAR * np.nanmin(ends)]])
     return float(np.nanmin(shown)) / 1.5, float(np.nanmax(shown)) * 1.5
+
+
+def off_axis(
+    ranking: pd.DataFrame, names: Sequence[str], low: float
+) -> Iterator[tuple[str, float]]:
+    """Yield the names whose mean, or else error of seed 0, lies before the axis, and that error (%)."""
+    columns = zip(names, ranking["rmse_percent"], ranking["seed_0_rmse_percent"], strict=True)
+    for name, mean, nominal in columns:
+        if min(mean, nominal) < low:
+            yield name, float(mean if mean < low else nominal)
 
 
 def frequency_figures(by_case: pd.DataFrame, order: Sequence[str]) -> dict[str, Any]:

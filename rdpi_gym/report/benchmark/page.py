@@ -21,7 +21,7 @@ _HEADINGS = {
     "seed_0_rmse_percent": "RMSE, seed 0 (%)",
     "command_total_variation": "Command variation",
     "microseconds_per_sample": "µs per sample",
-    "failed": "Failed rows",
+    "errors": "Rows with errors",
     "extrapolated": "Beyond identification",
 }
 _WIDTHS = ("_low", "_high", "_half_width")

@@ -11,15 +11,20 @@ import pandas as pd
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from rdpi_gym.report.benchmark.figures import look, marked_names, ranking_range
+from rdpi_gym.report.benchmark.figures import (
+    look,
+    off_axis,
+    ranked_names,
+    ranking_range,
+)
 from rdpi_gym.report.benchmark.results import BenchmarkResults
 from rdpi_gym.report.style import INK, MUTED, matplotlib_style
+from rdpi_gym.support.words import number
 
 _MARKERS = {"x": "x", "circle": "o", "square": "s", "diamond": "D", "triangle-up": "^"}
 _LINES = (
     "none", "pi", "inversion-free-literal", "inversion-free-reference-rate",
     "classical-reference-rate", "pi-classical-reference-rate", "pi-inversion-free-reference-rate",
-    "preview-oracle",
 )  # fmt: skip
 
 
@@ -33,7 +38,7 @@ def leaderboard_picture(results: BenchmarkResults) -> bytes:
     """
     style: Any = matplotlib_style()
     with rc_context(style):
-        width = 10.5 if len(_sines(results)) else 5.5
+        width = 12.5 if len(_sines(results)) else 7.0
         figure = Figure(figsize=(width, 4.9), layout="constrained")
         draw_leaderboard(figure, results)
         stream = io.BytesIO()
@@ -80,11 +85,28 @@ def _draw_ranking(axes: Any, ranking: pd.DataFrame) -> None:
     axes.scatter(
         ranking["seed_0_rmse_percent"], place, marker="|", s=70, c=INK, zorder=3, label="plant equals belief",
     )  # fmt: skip
-    axes.set_yticks(place, marked_names(ranking))
+    axes.set_yticks(place, ranked_names(ranking))
     axes.invert_yaxis()
     if len(ranking):
+        low, high = ranking_range(ranking)
         axes.set_xscale("log")
-        axes.set_xlim(*ranking_range(ranking))
+        axes.set_xlim(low, high)
+        names = ranked_names(ranking)
+        for name, value in off_axis(ranking, names, low):
+            axes.annotate(
+                f"\N{BLACK LEFT-POINTING TRIANGLE} {number(value, 2)} %",
+                (low, names.index(name)),
+                (3, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize="x-small",
+            )
+    if "status" in ranking.columns:
+        beside = axes.get_yaxis_transform()
+        for row, said in enumerate(["status: rows of all", *ranking["status"]], start=-1):
+            axes.text(
+                1.02, row, said, transform=beside, va="center", fontsize="xx-small", color=MUTED
+            )
     axes.set_xlabel("RMSE (% of peak to peak), geometric mean of the cases")
     axes.set_title("Ranking", loc="left")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14))
