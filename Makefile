@@ -3,8 +3,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 OUT ?= results/bench
+QUICK := tests/test_house.py tests/plant tests/signals tests/measurement tests/support tests/identification tests/baselines
 
-.PHONY: bench test docs clean
+.PHONY: bench check test docs clean
 
 bench: .venv/.core
 	$(BIN)/rdpi bench --out $(OUT)
@@ -13,7 +14,14 @@ test: .venv/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest -n 2
+	$(BIN)/pytest -n 2 --durations=15
+
+# Style, types, floors and the laws of the lower rooms: less than a minute once kernels are compiled.
+check: .venv/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/pytest -n 2 -q -m "not slow" $(QUICK)
 
 docs: .venv/.docs
 	$(BIN)/python -m sphinx -c docs -b html -W --keep-going -q -d build/doctrees . build/site

@@ -12,7 +12,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.members import classes_of
-from rdpi_gym.support.words import quoted, some
+from rdpi_gym.support.words import guess, quoted, some
 
 BaselineFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Baseline]
 
@@ -113,8 +113,9 @@ def known_controller(name: object) -> BaselineFactory:
     rdpi_gym.support.errors.InputError: 'os:system' is no controller of this package; known are ...
     """
     if not isinstance(name, str) or name not in CONTROLLERS:
+        close = guess(name, CONTROLLERS) if isinstance(name, str) else ""
         raise InputError(
-            f"{quoted(name)} is no controller of this package; known are {some(CONTROLLERS)}"
+            f"{quoted(name)} is no controller of this package; {close and close + ' '}known are {some(CONTROLLERS)}"
         )
     return CONTROLLERS[name]
 

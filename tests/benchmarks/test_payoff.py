@@ -18,6 +18,7 @@ from benchmarks.payoff.tables import payoff_part, payoff_summary, payoff_text, s
 from benchmarks.tracking import selection
 from benchmarks.tracking.leaderboard import COLUMNS
 from rdpi_gym.cli import main
+from rdpi_gym.face import benchmarking
 from rdpi_gym.plant import P10
 from rdpi_gym.report.payoff.figures import payoff_section
 from rdpi_gym.report.payoff.picture import payoff_picture
@@ -127,7 +128,7 @@ def test_tables_page_and_picture_say_what_diverged(small):
 
 def test_a_whole_benchmark_shows_the_payoff(small, tmp_path, monkeypatch):
     few = selection.select(["none"], ["P5"], ["sine"], [1e-3], [0])
-    monkeypatch.setattr(selection, "select", lambda *args, **options: few)
+    monkeypatch.setattr(benchmarking, "select", lambda *args, **options: few)
     asked = []
     monkeypatch.setattr(
         scores, "payoff_table", lambda found, out, **options: asked.append(found) or small[1]

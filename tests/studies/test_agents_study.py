@@ -119,7 +119,7 @@ def test_the_full_study_has_what_it_is_to_compare():
     }  # fmt: skip
     assert set(FULL.domains) == set(GAP)
     kinds = [one.kind for one in scores.contestants(FULL.rivals, [])]
-    assert kinds.count("oracle") == 1
+    assert kinds.count("preview") == 1
     assert min(kinds.count("feedforward"), kinds.count("feedback")) > 4
 
 

@@ -70,7 +70,7 @@ def test_the_study_gives_the_rows_of_one_machine_and_continues(cluster, second, 
     def engine(dataset, seed):
         raise ValueError(f"{len(dataset.records)} records, seed {seed}")
 
-    def interrupt(done, total):
+    def interrupt(stage, done, total):
         if done == 1:
             raise KeyboardInterrupt
 
@@ -81,7 +81,12 @@ def test_the_study_gives_the_rows_of_one_machine_and_continues(cluster, second, 
     with pytest.raises(KeyboardInterrupt):
         run_study(cases, tmp_path / "there", 1, interrupt, engine, ray_address=address)
     run_study(
-        cases, tmp_path / "there", 1, lambda *n: counts.append(n), engine, ray_address=address
+        cases,
+        tmp_path / "there",
+        1,
+        lambda stage, *n: counts.append(n),
+        engine,
+        ray_address=address,
     )
     assert counts == [(1, 2), (2, 2)]
     written = [named_rows(tmp_path / name / ROWS_FILE).rows for name in ("here", "there")]

@@ -158,16 +158,19 @@ def data(tmp_path_factory):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of a terminal")
-@pytest.mark.parametrize("delay_s", [0.05, 0.3, 1.0, 3.0])
 @pytest.mark.parametrize(
-    "words",
+    ("words", "delay_s"),
     [
-        ["fit", "DATA"],
-        ["bench", "--jobs", "2"],
-        ["discover", "DATA", "--jobs", "2"],
-        ["train", "ppo"],
+        (words, delay_s)
+        for words, delays_s in (
+            (["fit", "DATA"], (0.05, 0.3)),  # done in a second
+            (["bench", "--jobs", "2"], (0.05, 0.3, 1.0, 3.0)),
+            (["discover", "DATA", "--jobs", "2"], (0.05, 0.3, 1.0, 3.0)),
+            (["train", "ppo"], (0.05, 0.3, 1.0, 3.0)),
+        )
+        for delay_s in delays_s
     ],
-    ids=lambda words: words[0],
+    ids=str,
 )
 def test_an_interrupt_is_one_line_and_status_130(words, delay_s, data, tmp_path):
     if words[0] == "train":
