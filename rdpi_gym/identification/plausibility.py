@@ -116,13 +116,14 @@ def plausibility_warnings(
         One sentence each; empty for what a piezo stage may do.
     """
     records = [each.record for each in left]
-    found = [_little(left), _turning(left), _stroke(records), *_command(records)]
+    explained = _explained(left)
+    found = [_little(left, explained), _turning(left, explained), _stroke(records)]
+    found += _command(records)
     found.append(_pace(records, delta2_s))
     return [sentence for sentence in found if sentence is not None]
 
 
-def _little(left: Sequence[RecordResidual]) -> str | None:
-    explained = _explained(left)
+def _little(left: Sequence[RecordResidual], explained: float) -> str | None:
     if explained >= LITTLE:
         return None
     said = (
@@ -181,20 +182,19 @@ def linear_share(records: Sequence[Record]) -> float:
     return coherent / power if power > 0.0 else 0.0
 
 
-def _turning(left: Sequence[RecordResidual]) -> str | None:
+def _turning(left: Sequence[RecordResidual], explained: float) -> str | None:
     """Judge the sense of the loops by their area: the integral of u dy, positive where y lags."""
-    if _explained(left) < _WELL:  # what is not hysteresis turns as it likes
+    if explained < _WELL:  # what is not hysteresis turns as it likes
         return None
     area, size, variance = 0.0, 0.0, 0.0
     for each in left:
         record = each.record
         u, y = record.u_V - record.u_V.mean(), record.y_um - record.y_um.mean()
-        both = record.error_mask[1:] & record.error_mask[:-1]
-        du = np.diff(u)[both]
-        area += float(np.sum(0.5 * (u[1:] + u[:-1])[both] * np.diff(y)[both]))
-        area -= float(np.sum(0.5 * (y[1:] + y[:-1])[both] * du))
+        both = (record.error_mask[1:] & record.error_mask[:-1]).astype(float)
+        du = np.diff(u) * both
+        area += float(both @ (u[:-1] * y[1:] - u[1:] * y[:-1]))
         size += float(np.sum(np.abs(du))) * float(np.ptp(y[record.error_mask]))
-        variance += (2.0 * each.rmse_um) ** 2 * float(np.sum(du**2))
+        variance += (2.0 * each.rmse_um) ** 2 * float(du @ du)
     if size == 0.0 or area > -_OPENING * size or area > -_CERTAIN * math.sqrt(variance):
         return None
     return (

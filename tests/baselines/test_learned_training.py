@@ -75,6 +75,7 @@ def interrupted_at(steps):
     return show
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("algorithm", "more"),
     [("ppo", ""), ("ppo", "\n  use_sde: true\n  sde_sample_freq: 4"), ("sac", ""), ("td3", "")],
@@ -244,6 +245,7 @@ def test_tensorboard_has_the_held_out_error(tmp_path):
     assert "held_out/rmse_um" in log.Tags()["scalars"]
 
 
+@pytest.mark.slow
 def test_within_seconds_ppo_halves_the_compensators_error_without_dither(tmp_path, monkeypatch):
     monkeypatch.undo()
     everything = PLANTS[:1]  # lag, creep and resonance, none of which the baseline believes in

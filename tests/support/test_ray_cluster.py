@@ -15,6 +15,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.store import named_rows
 
+pytestmark = pytest.mark.slow
 ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'rdpi-gym[ray]'")
 
 # Loopback; Ray would replace 127.0.0.1 by an address that others can reach.

@@ -157,6 +157,7 @@ def data(tmp_path_factory):
     return out / "data"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals of a terminal")
 @pytest.mark.parametrize(
     ("words", "delay_s"),
