@@ -24,6 +24,8 @@ def sized(effect: Effect) -> str:
     'resonance at 4530 Hz (damping 0.02)'
     >>> sized(load_effect("sensor_lag")(1.5e-4)), sized(load_effect("creep")(0.012))
     ('sensor_lag (time constant 150 µs)', 'creep (gain per decade 0.012)')
+    >>> sized(load_effect("saturation").forms[0](-22.0, 19.0))
+    'saturation, hard rails (low -22 V, high 19 V)'
     """
     places, sizes = [], []
     for parameter in effect.parameters:
@@ -37,7 +39,7 @@ def sized(effect: Effect) -> str:
         unit = "" if parameter.unit == "1" else f" {parameter.unit}"
         quantity = _time(value) if parameter.unit == "s" else f"{_figures(value)}{unit}"
         sizes.append(f"{label} {quantity}")
-    return effect.name + "".join(places) + (f" ({', '.join(sizes)})" if sizes else "")
+    return effect.full_name() + "".join(places) + (f" ({', '.join(sizes)})" if sizes else "")
 
 
 def headline(

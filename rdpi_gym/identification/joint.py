@@ -36,10 +36,13 @@ class Free:
         Place in the list of effects; None for δ2.
     parameter
         Its bounds; one whose lower bound is above zero is searched in its logarithm.
+    size
+        Its size, of which a small share is the finite difference; not read for a logarithm.
     """
 
     effect: int | None
     parameter: Parameter
+    size: float
 
     @property
     def logarithmic(self) -> bool:
@@ -59,10 +62,7 @@ class Free:
     @property
     def step(self) -> float:
         """Finite difference."""
-        if self.logarithmic:
-            return _STEP
-        low, high = self.parameter.typical
-        return _STEP * max(abs(low), abs(high))
+        return _STEP if self.logarithmic else _STEP * self.size
 
     def name(self, variant: Variant) -> str:
         """Return ``effect.parameter``."""
@@ -95,7 +95,9 @@ class Free:
         physical = math.exp(inside) if self.logarithmic else inside
         physical = min(max(physical, self.parameter.low), self.parameter.high)
         effects = list(variant.effects)
-        effects[self.effect] = effects[self.effect].with_values({self.parameter.name: physical})
+        effects[self.effect] = effects[self.effect].with_values(
+            {self.parameter.name: float(physical)}
+        )
         return replace(variant, effects=tuple(effects))
 
 
@@ -145,14 +147,26 @@ def free_numbers(
     delta2 = Parameter(
         "delta2_s", "s", 0.0, 100 * delta2_scale_s, (0.0, delta2_scale_s), "δ2 of Eq. 8"
     )
-    numbers = [Free(None, delta2)]
+    numbers = [Free(None, delta2, delta2_scale_s)]
     numbers += [
-        Free(i, p)
+        Free(i, p, _size(effect, p))
         for i, effect in enumerate(effects)
         for p in effect.parameters
         if not p.fixed and f"{effect.name}.{p.name}" not in held
     ]
     return numbers
+
+
+def _size(effect: Effect, parameter: Parameter) -> float:
+    """Typical size of a parameter; of a voltage of either sign, the largest that the effect has.
+
+    A voltage that begins at zero is moved as far as the others: data have no usual unit.
+    """
+    if parameter.unit == "V" and parameter.low < 0.0:
+        sizes = [abs(effect.values[p.name]) for p in effect.parameters if p.unit == "V"]
+        if max(sizes) > 0.0:
+            return max(sizes)
+    return max(map(abs, parameter.typical))
 
 
 def kept_samples(records: Sequence[Record], samples: int | None) -> list[NDArray[np.intp]]:
@@ -379,10 +393,11 @@ def _standard_errors(
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
     deviation *= math.sqrt(max(cost, 0.0) / max(at.count - len(index), 1))
     errors: dict[str, float | None] = {}
-    for number, value in zip(free, deviation[len(active) :], strict=True):
+    curvature = np.diag(gram)[len(active) :]
+    for number, value, shows in zip(free, deviation[len(active) :], curvature > 0.0, strict=True):
         if number.effect is None:
             continue
         physical = math.exp(number.read(best)) * value if number.logarithmic else float(value)
-        known = math.isfinite(physical) and not number.at_bound(best)
+        known = shows and math.isfinite(physical) and not number.at_bound(best)
         errors[number.name(best)] = float(physical) if known else None
     return errors

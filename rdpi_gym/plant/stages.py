@@ -21,7 +21,7 @@ class Stage:
     Parameters
     ----------
     effects
-        The same kind of effect, one a lane.
+        The same form of an effect, one a lane.
     hysteresis
         The hysteresis core, one a lane.
     ts_s
@@ -79,10 +79,10 @@ def stages_of(
     Raises
     ------
     InputError
-        The lanes differ in which effects they have.
+        The lanes differ in which effects they have, or in a form.
     """
-    names = {tuple(effect.name for effect in lane) for lane in effects}
-    if len(names) != 1:
+    kinds = {tuple(type(effect) for effect in lane) for lane in effects}
+    if len(kinds) != 1:
         raise InputError("lanes with different effects; give all lanes of one plant the same ones")
     stages: dict[Place, list[Stage]] = {}
     for column in zip(*effects, strict=True):

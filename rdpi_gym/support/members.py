@@ -59,6 +59,8 @@ class Members(Mapping[str, type[T]], Generic[T]):
         Class attribute that holds the name; a class without it is none of them.
     order
         Key by which they are sorted; by name where none is given.
+    counts
+        Whether a class is one of them, where a file holds others beside the one of that name.
 
     Examples
     --------
@@ -73,12 +75,14 @@ class Members(Mapping[str, type[T]], Generic[T]):
         base: type[T],
         name: str = "name",
         order: Callable[[type[T]], Any] | None = None,
+        counts: Callable[[type[T]], bool] | None = None,
     ) -> None:
         self._package, self._base, self._name, self._order = package, base, name, order
+        self._counts = counts
 
     @cached_property
     def _found(self) -> dict[str, type[T]]:
-        found = classes_of(self._package, self._base)
+        found = filter(self._counts or bool, classes_of(self._package, self._base))
         kinds = {getattr(kind, self._name): kind for kind in found if hasattr(kind, self._name)}
         key = self._order
         return dict(sorted(kinds.items(), key=lambda item: key(item[1]) if key else item[0]))

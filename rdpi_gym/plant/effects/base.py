@@ -149,6 +149,11 @@ class Effect(ABC):
         Where it stands in the chain, and its place among the effects of that slot.
     parameters
         One :class:`Parameter` a field.
+    form
+        What tells a further form from the simplest, in words that read after the name ("hard
+        rails"); empty for the simplest. See :func:`forms_of`.
+    forms
+        Of the simplest: its further forms, fewest parameters first.
     equation, source, signature, experiment
         The equation, where it is from, what it leaves in a residual, what shows it best.
     cause, hardware, magnitude, remedy
@@ -185,6 +190,9 @@ class Effect(ABC):
     slot: ClassVar[Slot]
     order: ClassVar[int]
     parameters: ClassVar[tuple[Parameter, ...]]
+    form: ClassVar[str] = ""
+    forms: ClassVar[tuple[type[Effect], ...]] = ()
+    simplest: ClassVar[type[Effect] | None] = None
     equation: ClassVar[str]
     source: ClassVar[str]
     signature: ClassVar[str]
@@ -199,12 +207,25 @@ class Effect(ABC):
     kinked: ClassVar[str | None] = None
     clocked: ClassVar[bool] = False
 
+    def __init_subclass__(cls, of: type[Effect] | None = None) -> None:
+        """Make the class a further form of the effect `of`: what it does not state is as there.
+
+        Forms are written below the simplest, fewest parameters first.
+        """
+        super().__init_subclass__()
+        cls.simplest, cls.forms = of, ()
+        if of is not None:
+            of.forms += (cls,)
+            for key in _SHARED:
+                if key not in vars(cls) and hasattr(of, key):
+                    setattr(cls, key, getattr(of, key))
+
     def __post_init__(self) -> None:
         for parameter in self.parameters:
             value = getattr(self, parameter.name)
             if not (is_finite(value) and parameter.low <= value <= parameter.high):
                 raise InputError(
-                    f"{self.name} {parameter.name} is {shown(value)} {parameter.unit}; "
+                    f"{self.full_name()} {parameter.name} is {shown(value)} {parameter.unit}; "
                     f"physical values lie in {parameter.low:g} to {parameter.high:g}"
                 )
 
@@ -280,14 +301,40 @@ class Effect(ABC):
         """
         return (cls(**{p.name: p.typical[0] for p in cls.parameters}),)
 
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """Return where a fit begins once a simpler form of the same effect has been fitted.
+
+        Parameters
+        ----------
+        simpler
+            That form with its fitted values. By default they are not used.
+        scale
+            Size of the data.
+        """
+        return cls.starts(scale)
+
+    @classmethod
+    def full_name(cls) -> str:
+        """Return the name, and the form where it is not the simplest.
+
+        Examples
+        --------
+        >>> from rdpi_gym.plant.effects import CATALOGUE
+        >>> [kind.full_name() for kind in forms_of(CATALOGUE["saturation"])][:1]
+        ['saturation']
+        """
+        return f"{cls.name}, {cls.form}" if cls.form else cls.name
+
     @property
     def values(self) -> dict[str, float]:
         """The parameters by name."""
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return ``{"effect": name, parameter: value, ...}``."""
-        return {"effect": self.name, **self.values}
+        """Return ``{"effect": name, parameter: value, ...}``, a further form with ``"form"``."""
+        form = {"form": self.form} if self.form else {}
+        return {"effect": self.name, **form, **self.values}
 
     def with_values(self, values: Mapping[str, float]) -> Effect:
         """Return the effect with some parameters changed.
@@ -307,9 +354,35 @@ class Effect(ABC):
         for name in values:
             if name not in known:
                 raise InputError(
-                    f"{self.name} has no parameter {name!r}; its parameters are {', '.join(known)}"
+                    f"{self.full_name()} has no parameter {name!r}; "
+                    f"its parameters are {', '.join(known)}"
                 )
         return dataclasses.replace(self, **values)
+
+
+_SHARED = (
+    "name", "slot", "order", "source", "signature", "experiment", "cause", "hardware", "magnitude",
+    "remedy", "mistaken_for",
+)  # fmt: skip
+"""What a further form has from the simplest unless it states its own."""
+
+
+def forms_of(kind: type[Effect]) -> tuple[type[Effect], ...]:
+    """Return all forms of an effect, the simplest first, then with ever more parameters.
+
+    Parameters
+    ----------
+    kind
+        Any of them.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> [form.form for form in forms_of(CATALOGUE["saturation"])]
+    ['', 'hard rails']
+    """
+    simplest = kind.simplest or kind
+    return (simplest, *simplest.forms)
 
 
 def in_chain_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
@@ -342,14 +415,17 @@ def effect_from_dict(
     Raises
     ------
     InputError
-        No object, an unknown effect or parameter, a missing one, or a value that is no number in
-        its bounds.
+        No object, an unknown effect, form or parameter, a missing one, or a value that is no
+        number in its bounds.
 
     Examples
     --------
     >>> from rdpi_gym.plant.effects import CATALOGUE
     >>> effect_from_dict(CATALOGUE, {"effect": "delay", "delay_s": 1e-4}, "model.json")
     Delay(delay_s=0.0001)
+    >>> hard = {"effect": "saturation", "form": "hard rails", "low_V": -30.0, "high_V": 90.0}
+    >>> effect_from_dict(CATALOGUE, hard, "model.json")
+    HardRails(low_V=-30.0, high_V=90.0)
     """
     if not isinstance(document, Mapping):
         raise InputError(
@@ -361,7 +437,15 @@ def effect_from_dict(
         raise InputError(
             f"{source}: no effect is named {shown(name)}; known are {', '.join(catalogue)}"
         )
-    kind = catalogue[name]
+    forms = {kind.form: kind for kind in forms_of(catalogue[name])}
+    form = body.pop("form", "")
+    if not isinstance(form, str) or form not in forms:
+        further = ", ".join(filter(None, forms)) or "none"
+        raise InputError(
+            f"{source}, {name}: no form is named {shown(form)}; without the key it is the simplest, "
+            f"further forms are {further}"
+        )
+    kind = forms[form]
     known = [f.name for f in fields(kind)]
     for key, value in body.items():
         if key not in known:

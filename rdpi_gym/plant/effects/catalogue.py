@@ -41,7 +41,7 @@ class Catalogue(Mapping[str, type[Effect]]):
 
     @cached_property
     def _own(self) -> Mapping[str, type[Effect]]:
-        return Members(_PACKAGE, Effect, order=_place)  # type: ignore[type-abstract]
+        return Members(_PACKAGE, Effect, order=_place, counts=_is_simplest)  # type: ignore[type-abstract]
 
     @cached_property
     def _all(self) -> dict[str, type[Effect]]:
@@ -72,6 +72,10 @@ class Catalogue(Mapping[str, type[Effect]]):
 
 CATALOGUE: Mapping[str, type[Effect]] = Catalogue()
 """Every effect by its name, in the chain's order."""
+
+
+def _is_simplest(kind: type[Effect]) -> bool:
+    return not kind.form
 
 
 def _place(kind: type[Effect]) -> tuple[int, int, str]:
@@ -111,7 +115,7 @@ def load_effect(name: str) -> type[Effect]:
 
 
 def check_effect(kind: object, source: str) -> type[Effect]:
-    """Return a class that declares all that an effect must, or refuse it.
+    """Return a class that declares all that an effect must, in each of its forms, or refuse it.
 
     Parameters
     ----------
@@ -160,4 +164,12 @@ def check_effect(kind: object, source: str) -> type[Effect]:
         raise InputError(f"{source} has coefficients {column}; they are finite numbers")
     if not callable(kind.block):
         raise InputError(f"{source} has a block that is no kernel; state staticmethod(kernel)")
+    for form in kind.forms:
+        check_effect(form, f"{source}, form {form.form!r}")
+    forms = [(form.name, form.form) for form in kind.forms]
+    if len({(kind.name, ""), *forms}) <= len(forms) or {name for name, _ in forms} - {kind.name}:
+        listed = ", ".join(f"{form!r} of {name}" for name, form in forms)
+        raise InputError(
+            f"{source} has the forms {listed}; each has the name {kind.name!r} and a form of its own"
+        )
     return kind

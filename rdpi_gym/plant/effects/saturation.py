@@ -1,4 +1,4 @@
-"""Saturation: an amplifier whose gain softens towards its rails."""
+"""Saturation: an amplifier whose gain softens towards its rails, or that clips at them."""
 
 from __future__ import annotations
 
@@ -95,6 +95,56 @@ class Saturation(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Limit and centre (V)."""
         return [self.limit_V, self.centre_V]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the curve has no memory."""
+        return 0
+
+
+@njit(cache=True)
+def hard_rails_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: lower and upper rail (V). No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = min(max(x[t, b], p[0, b]), p[1, b])
+
+
+@dataclass(frozen=True)
+class HardRails(Effect, of=Saturation):
+    """Amplifier or converter that is linear between low_V and high_V and clips there.
+
+    Examples
+    --------
+    >>> HardRails(low_V=-22.0, high_V=19.0).run([-30.0, 5.0, 30.0], 1e-3).tolist()
+    [-22.0, 5.0, 19.0]
+    """
+
+    low_V: float = -30.0
+    high_V: float = 100.0
+
+    form = "hard rails"
+    parameters = (
+        Parameter("low_V", "V", -1e9, 1e9, (-60.0, -20.0), "lower rail, u_l"),
+        Parameter("high_V", "V", -1e9, 1e9, (60.0, 120.0), "upper rail, u_h"),
+    )
+    equation = "u' = min(max(u, u_l), u_h)"
+    signature = "Flat tops: beyond a command the displacement stays where it is."
+    block = staticmethod(hard_rails_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Rails within the measured range: outside of it nothing would draw them in."""
+        return tuple(
+            cls.within_bounds(
+                low_V=scale.centre_V - share * scale.span_V,
+                high_V=scale.centre_V + share * scale.span_V,
+            )
+            for share in (0.6, 0.85, 0.95)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Lower and upper rail (V)."""
+        return [self.low_V, self.high_V]
 
     def state_rows(self, ts_s: float) -> int:
         """None: the curve has no memory."""
