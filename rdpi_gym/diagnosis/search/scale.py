@@ -43,6 +43,7 @@ def data_scale(records: Sequence[Record]) -> DataScale:
         fastest_V_s=_fastest_V_s(records),
         shortest_s=min(r.ts_s for r in records),
         longest_s=max(float(r.t_s[-1] - r.t_s[0]) for r in records),
+        end_s=max(float(r.t_s[-1]) for r in records),
     )
 
 

@@ -124,6 +124,8 @@ class DataScale:
         Largest rate of the command, jumps left out (V/s).
     shortest_s, longest_s
         Shortest sampling time and longest record (s).
+    end_s
+        Where the last record ends on the experiment's clock (s).
     """
 
     centre_V: float
@@ -132,6 +134,12 @@ class DataScale:
     fastest_V_s: float
     shortest_s: float
     longest_s: float
+    end_s: float = 0.0
+
+    @property
+    def lasts_s(self) -> float:
+        """What slow drifts go by (s): until the experiment's end, at least the longest record."""
+        return max(self.end_s, self.longest_s)
 
 
 @dataclass(frozen=True)

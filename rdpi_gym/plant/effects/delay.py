@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -108,3 +109,45 @@ class Delay(Effect):
     def state_rows(self, ts_s: float) -> int:
         """Place in the ring, and the ring."""
         return 2 + int(self.delay_s / ts_s)
+
+
+@dataclass(frozen=True)
+class DelayInSamples(Effect, of=Delay):
+    """Delay by the same number of samples in every record, whatever their sampling time.
+
+    Examples
+    --------
+    >>> DelayInSamples(samples=1.0).run([0.0, 1.0, 4.0, 9.0], 1e-3).tolist()
+    [0.0, 0.0, 1.0, 4.0]
+    """
+
+    samples: float = 1.0
+
+    form = "whole samples"
+    parameters = (
+        Parameter("samples", "1", 0.0, 10.0, (0.5, 2.0), "delay in samples, n", neutral=0.0),
+    )
+    equation = "y(t) = y_m(t - n Ts), Ts of that record"
+    cause = (
+        "Command and displacement are converted one after the other, or written in different rows: "
+        "the two are apart by a number of samples and not by a time."
+    )
+    signature = (
+        "As a delay, and records with another sampling time show another delay, in proportion."
+    )
+    experiment = "The same small multisine, recorded at two sampling rates."
+    block = staticmethod(delay_block)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The same delay at the shortest sampling time."""
+        return (cls.within_bounds(samples=simpler.values["delay_s"] / scale.shortest_s),)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Whole samples and the rest."""
+        whole, part = divmod(self.samples, 1.0)
+        return [whole, part]
+
+    def state_rows(self, ts_s: float) -> int:
+        """Place in the ring, and the ring."""
+        return 2 + int(self.samples)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
 
@@ -93,6 +95,80 @@ class GainDrift(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Relative rate (1/s)."""
         return [self.rate_per_s]
+
+    def state_rows(self, ts_s: float) -> int:
+        """The clock."""
+        return 1
+
+
+@njit(cache=True)
+def gain_to_limit_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: relative rate (1/s), τ (s). Row of the state: samples since t = 0."""
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            grown = -p[0, b] * p[1, b] * math.expm1(-state[0, b] * ts / p[1, b])
+            y[t, b] = x[t, b] + grown * x[t, b]
+            state[0, b] += 1.0
+
+
+@dataclass(frozen=True)
+class GainDriftToLimit(Effect, of=GainDrift):
+    """Displacement multiplied by a gain that changes ever more slowly and settles.
+
+    Examples
+    --------
+    >>> GainDriftToLimit(rate_per_s=0.001, time_constant_s=100.0).run([10.0] * 3, 100.0).round(3).tolist()
+    [10.0, 10.632, 10.865]
+    """
+
+    rate_per_s: float = 1e-4
+    time_constant_s: float = 200.0
+
+    form = "to a limit"
+    parameters = (
+        Parameter(
+            "rate_per_s", "1/s", -1e-1, 1e-1, (3e-5, 3e-4), "relative change a second at t = 0, κ",
+            neutral=0.0,
+        ),
+        Parameter("time_constant_s", "s", 0.1, 1e7, (50.0, 1e3), "time constant of the change, τ"),
+    )  # fmt: skip
+    equation = "y = (1 + κ τ (1 - exp(-t / τ))) y_m"
+    cause = (
+        "The stage warms up, or its poling settles after a large excursion, and comes to an end: "
+        "the gain follows with that time constant."
+    )
+    signature = (
+        "Residual proportional to the displacement, growing with the experiment's clock and less "
+        "and less."
+    )
+    block = staticmethod(gain_to_limit_block)
+    clocked = True
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """A gain that settles within the experiment, and one that does not."""
+        return tuple(
+            cls.within_bounds(rate_per_s=1e-3 / tau, time_constant_s=tau)
+            for tau in (scale.lasts_s / 5.0, scale.lasts_s)
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The same change up to the end of the experiment, early or late in it."""
+        end = simpler.values["rate_per_s"] * scale.lasts_s
+        return tuple(
+            cls.within_bounds(
+                rate_per_s=-end / tau / math.expm1(-scale.lasts_s / tau), time_constant_s=tau
+            )
+            for tau in (scale.lasts_s / 5.0, scale.lasts_s)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Relative rate (1/s) and time constant (s)."""
+        return [self.rate_per_s, self.time_constant_s]
 
     def state_rows(self, ts_s: float) -> int:
         """The clock."""

@@ -116,6 +116,44 @@ def pack_lag(time_constant_s: float, ts_s: float) -> list[float]:
     return [*lag_step(time_constant_s, ts_s), 1.0, 0.0, 1.0]
 
 
+def pack_two_lags(first_s: float, second_s: float, ts_s: float) -> list[float]:
+    """Pack two lags in a row, τ1 τ2 y'' + (τ1 + τ2) y' + y = u, for :func:`linear_block`.
+
+    Parameters
+    ----------
+    first_s, second_s
+        Time constants τ1 >= τ2 (s); zero is no lag.
+    ts_s
+        Sampling time (s).
+
+    Returns
+    -------
+    list of float
+        The states are what leaves the slower lag and what leaves both.
+
+    Examples
+    --------
+    >>> np.round(pack_two_lags(1e-3, 0.0, 1e-3)[:4], 4).tolist()
+    [0.3679, 0.0, 0.3679, 0.0]
+
+    Notes
+    -----
+    In closed form, as it stays exact where one time constant is far below the sampling time and
+    where both are nearly the same: with h_i = Ts / τ_i and δ = h2 - h1, what the second state has
+    of the first is φ = h2 exp(-h1) (1 - exp(-δ)) / δ.
+    """
+    slow, before, after = lag_step(first_s, ts_s)
+    if second_s <= 1e-15 * ts_s:
+        return [slow, 0.0, slow, 0.0, before, before, after, after, 0.0, 1.0, 0.0, 1.0, 1.0]
+    h1, h2 = ts_s / first_s, ts_s / second_s
+    delta = h2 - h1
+    passed = h2 * slow * (-math.expm1(-delta) / delta if delta else 1.0)
+    fast = math.exp(-h2)
+    ramp = after - (-math.expm1(-h1) - passed * h1 / h2) / h2
+    rest = -math.expm1(-h2) - passed - ramp
+    return [slow, 0.0, passed, fast, before, rest, after, ramp, 0.0, 1.0, 0.0, 1.0, 1.0]
+
+
 @njit(cache=True)
 def linear_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Run a linear stage; the state is the last input and m states, NaN before the first sample.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -108,6 +108,101 @@ class MainsHum(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Amplitude (µm), angular frequency (rad/s), phase (rad)."""
         return [self.amplitude_um, 2.0 * math.pi * self.frequency_hz, self.phase_rad]
+
+    def state_rows(self, ts_s: float) -> int:
+        """The clock and the phasor."""
+        return 3
+
+
+@njit(cache=True)
+def hum_harmonics_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: 2π f (rad/s), then sine and cosine (µm) of each harmonic.
+
+    Rows of the state: samples since t = 0, sine and cosine of a phasor at f; the harmonics are its
+    powers.
+    """
+    turn_sine, turn_cosine = np.sin(p[0] * ts), np.cos(p[0] * ts)
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            if np.isnan(state[1, b]) or state[0, b] % _RENEWED == 0.0:
+                phase = p[0, b] * (state[0, b] * ts)
+                state[1, b], state[2, b] = math.sin(phase), math.cos(phase)
+            s, c = state[1, b], state[2, b]
+            sine, cosine, hum = s, c, 0.0
+            for k in range(1, p.shape[0], 2):
+                hum += p[k, b] * sine + p[k + 1, b] * cosine
+                sine, cosine = sine * c + cosine * s, cosine * c - sine * s
+            y[t, b] = x[t, b] + hum
+            state[1, b] = s * turn_cosine[b] + c * turn_sine[b]
+            state[2, b] = c * turn_cosine[b] - s * turn_sine[b]
+            state[0, b] += 1.0
+
+
+@dataclass(frozen=True)
+class HumWithHarmonics(Effect, of=MainsHum):
+    """Line of the mains with lines at twice and three times its frequency.
+
+    Examples
+    --------
+    >>> HumWithHarmonics(0.02, 50.0, 0.0, third_sine_um=0.01).run([0.0] * 4, 5e-3).round(3).tolist()
+    [0.0, 0.01, 0.0, -0.01]
+    """
+
+    amplitude_um: float = 0.03
+    frequency_hz: float = 50.0
+    phase_rad: float = 0.0
+    second_sine_um: float = 0.0
+    second_cosine_um: float = 0.0
+    third_sine_um: float = 0.0
+    third_cosine_um: float = 0.0
+
+    form = "with harmonics"
+    parameters = (
+        replace(MainsHum.parameters[0], neutral=None),
+        *MainsHum.parameters[1:],
+        *(
+            Parameter(
+                f"{name}_{part}_um", "µm", -10.0, 10.0, (-0.02, 0.02),
+                f"{part} part of the {name} harmonic at t = 0, {symbol}{k}",
+            )
+            for k, name in ((2, "second"), (3, "third"))
+            for part, symbol in (("sine", "a"), ("cosine", "b"))
+        ),
+    )  # fmt: skip
+    equation = "y = y_m + h sin(2π f t + φ) + Σ_k ak sin(2π k f t) + bk cos(2π k f t), k = 2, 3"
+    cause = (
+        "Rectifiers, dimmers and saturated transformers distort the mains; transformers and motors "
+        "vibrate at twice its frequency."
+    )
+    signature = (
+        "Lines at 50 or 60 Hz and at their multiples that have nothing to do with the command."
+    )
+    block = staticmethod(hum_harmonics_block)
+    clocked = True
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """From those of the simplest form."""
+        return tuple(
+            start for one in MainsHum.starts(scale) for start in cls.from_simpler(one, scale)
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The same line alone: harmonics act linearly."""
+        return (cls.within_bounds(**simpler.values),)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Angular frequency (rad/s), then sine and cosine (µm) of each harmonic."""
+        return [
+            2.0 * math.pi * self.frequency_hz,
+            self.amplitude_um * math.cos(self.phase_rad),
+            self.amplitude_um * math.sin(self.phase_rad),
+            self.second_sine_um, self.second_cosine_um, self.third_sine_um, self.third_cosine_um,
+        ]  # fmt: skip
 
     def state_rows(self, ts_s: float) -> int:
         """The clock and the phasor."""

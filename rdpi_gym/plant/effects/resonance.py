@@ -11,6 +11,13 @@ import numpy as np
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import linear_block, pack_linear
+from rdpi_gym.support.arrays import Array
+
+
+def _mode(f0_hz: float, damping: float) -> tuple[Array, Array]:
+    """System matrix and input vector of a mode with displacement and velocity over ω0 as states."""
+    w = 2.0 * math.pi * f0_hz
+    return np.array([[0.0, w], [-w, -2.0 * damping * w]]), np.array([0.0, w])
 
 
 @dataclass(frozen=True)
@@ -81,10 +88,143 @@ class Resonance(Effect):
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Displacement and velocity over ω0, so that both states are micrometres."""
-        w = 2.0 * math.pi * self.f0_hz
-        a = np.array([[0.0, w], [-w, -2.0 * self.damping * w]])
-        return pack_linear(a, np.array([0.0, w]), np.array([1.0, 0.0]), 0.0, ts_s)
+        a, b = _mode(self.f0_hz, self.damping)
+        return pack_linear(a, b, np.array([1.0, 0.0]), 0.0, ts_s)
 
     def state_rows(self, ts_s: float) -> int:
         """Last input, displacement, velocity."""
         return 3
+
+
+@dataclass(frozen=True)
+class ResonanceWithZero(Effect, of=Resonance):
+    """One mode beside a part of the path that does not vibrate: an antiresonance at f0 / √s.
+
+    Examples
+    --------
+    >>> stiff = ResonanceWithZero(f0_hz=500.0, damping=0.01, static_share=0.25)
+    >>> stiff.run([0.0, 1.0, 1.0], 1e-6).round(2).tolist()  # a quarter follows at once
+    [0.0, 0.25, 0.25]
+    """
+
+    f0_hz: float = 1000.0
+    damping: float = 0.02
+    static_share: float = 0.1
+
+    form = "with a zero"
+    parameters = (
+        *Resonance.parameters,
+        Parameter("static_share", "1", 0.0, 4.0, (0.05, 0.5), "share without the mode, s"),
+    )
+    equation = "y = (1 - s) y_1 + s y_h, y_1'' + 2 ζ ω0 y_1' + ω0² y_1 = ω0² y_h, ω0 = 2π f0"
+    source = (
+        "The residual of a modal series that is cut off: what higher modes add is static (Ewins, "
+        "Modal Testing, 2000). Shares are an estimate."
+    )
+    cause = (
+        "The sensor sees the actuator's end and not the mass, or modes above those that the "
+        "sampling shows: a share of the path follows at once, and cancels the mode at one frequency."
+    )
+    signature = (
+        "As a resonance, with a notch above it (below it where the share exceeds 1) at which small "
+        "signals vanish and the phase comes back."
+    )
+    block = staticmethod(linear_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """From the modes at which the simplest form starts."""
+        return tuple(
+            start for mode in Resonance.starts(scale) for start in cls.from_simpler(mode, scale)
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The same mode with a notch far above it, and one below it."""
+        return tuple(
+            cls.within_bounds(**simpler.values, static_share=share) for share in (0.02, 1.5)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """One mode and a feedthrough."""
+        a, b = _mode(self.f0_hz, self.damping)
+        share = self.static_share
+        return pack_linear(a, b, np.array([1.0 - share, 0.0]), share, ts_s)
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input, displacement, velocity."""
+        return 3
+
+
+@dataclass(frozen=True)
+class TwoModes(Effect, of=Resonance):
+    """Two modes side by side, together with a static gain of one.
+
+    Examples
+    --------
+    >>> both = TwoModes(500.0, 0.05, 1700.0, 0.05, 0.2).run([0.0] + [1.0] * 20000, 1e-5)
+    >>> float(both[-1].round(6))
+    1.0
+    """
+
+    f0_hz: float = 1000.0
+    damping: float = 0.02
+    second_hz: float = 3000.0
+    second_damping: float = 0.02
+    second_share: float = 0.1
+
+    form = "two modes"
+    parameters = (
+        *Resonance.parameters,
+        Parameter(
+            "second_hz", "Hz", 10.0, 2e5, (1e3, 2e4), "undamped natural frequency of the second, f2"
+        ),
+        Parameter("second_damping", "1", 1e-4, 0.7, (0.005, 0.1), "its damping ratio ζ2"),
+        Parameter(
+            "second_share", "1", -0.5, 0.5, (0.05, 0.3), "its share of the displacement at rest, s"
+        ),
+    )
+    equation = "y = (1 - s) y_1 + s y_2, y_i'' + 2 ζi ωi y_i' + ωi² y_i = ωi² y_h, ωi = 2π fi"
+    source = (
+        "Modal series (Ewins, Modal Testing, 2000). A share below zero is a mode that moves against "
+        "the other. Shares are an estimate."
+    )
+    cause = (
+        "Flexures, levers and the base have modes of their own; a share of the motion passes "
+        "through each."
+    )
+    signature = (
+        "Two peaks in the gain of small signals, with a notch in between where both shares have the "
+        "same sign; beats after corners."
+    )
+    block = staticmethod(linear_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """From the modes at which the simplest form starts."""
+        return tuple(
+            start for mode in Resonance.starts(scale) for start in cls.from_simpler(mode, scale)
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The same mode with a small one above it and below it."""
+        f0_hz = simpler.values["f0_hz"]
+        return tuple(
+            cls.within_bounds(
+                f0_hz=f0_hz, damping=simpler.values["damping"],
+                second_hz=ratio * f0_hz, second_damping=0.03, second_share=0.02,
+            )
+            for ratio in (2.5, 0.5)
+        )  # fmt: skip
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Two modes, each with its share."""
+        share, a, b = self.second_share, np.zeros((4, 4)), np.zeros(4)
+        a[:2, :2], b[:2] = _mode(self.f0_hz, self.damping)
+        a[2:, 2:], b[2:] = _mode(self.second_hz, self.second_damping)
+        return pack_linear(a, b, np.array([1.0 - share, 0.0, share, 0.0]), 0.0, ts_s)
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input, displacement and velocity of each mode."""
+        return 5

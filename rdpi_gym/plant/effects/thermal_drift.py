@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -99,6 +100,176 @@ class ThermalDrift(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Rate (µm/s) and time constant (s)."""
         return [self.rate_um_s, self.time_constant_s]
+
+    def state_rows(self, ts_s: float) -> int:
+        """The clock."""
+        return 1
+
+
+@njit(cache=True)
+def two_warmings_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: rate (µm/s), τ (s), of each. Row of the state: samples since t = 0."""
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            time = state[0, b] * ts
+            first = x[t, b] - p[0, b] * p[1, b] * math.expm1(-time / p[1, b])
+            y[t, b] = first - p[2, b] * p[3, b] * math.expm1(-time / p[3, b])
+            state[0, b] += 1.0
+
+
+@dataclass(frozen=True)
+class TwoWarmings(Effect, of=ThermalDrift):
+    """Displacement added by two parts that warm up at their own pace.
+
+    Examples
+    --------
+    >>> TwoWarmings(0.01, 100.0, -0.001, 1000.0).run([0.0] * 3, 100.0).round(3).tolist()
+    [0.0, 0.537, 0.683]
+    """
+
+    rate_um_s: float = 5e-3
+    time_constant_s: float = 50.0
+    second_rate_um_s: float = 2e-3
+    second_time_constant_s: float = 500.0
+
+    form = "two time constants"
+    parameters = (
+        *ThermalDrift.parameters,
+        Parameter(
+            "second_rate_um_s", "µm/s", -1.0, 1.0, (1e-3, 1e-2), "drift of the second at t = 0, d2"
+        ),
+        Parameter("second_time_constant_s", "s", 1.0, 1e5, (300.0, 3e3), "its time constant, τ2"),
+    )
+    equation = "y = y_m + d τ (1 - exp(-t / τ)) + d2 τ2 (1 - exp(-t / τ2))"
+    cause = (
+        "The stack warms up within a minute and the frame within an hour, each with an expansion "
+        "of its own, which may oppose the other."
+    )
+    block = staticmethod(two_warmings_block)
+    clocked = True
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One that settles within the experiment, with one that does not."""
+        return tuple(
+            start for one in ThermalDrift.starts(scale) for start in cls.from_simpler(one, scale)
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The same warming with a small one that is quicker, and one that is slower."""
+        rate, tau = simpler.values["rate_um_s"], simpler.values["time_constant_s"]
+        return tuple(
+            cls.within_bounds(
+                rate_um_s=rate, time_constant_s=tau,
+                second_rate_um_s=0.1 * rate / ratio, second_time_constant_s=ratio * tau,
+            )
+            for ratio in (0.2, 5.0)
+        )  # fmt: skip
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Rate (µm/s) and time constant (s) of each."""
+        return [
+            self.rate_um_s, self.time_constant_s,
+            self.second_rate_um_s, self.second_time_constant_s,
+        ]  # fmt: skip
+
+    def state_rows(self, ts_s: float) -> int:
+        """The clock."""
+        return 1
+
+
+@njit(cache=True)
+def knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: time between knots (s), values at the knots after t = 0 (µm).
+
+    Row of the state: samples since t = 0.
+    """
+    last = p.shape[0] - 1
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            place = state[0, b] * ts / p[0, b]
+            if place >= last:
+                y[t, b] = x[t, b] + p[last, b]
+            else:
+                k = int(place)
+                before = p[k, b] if k > 0 else 0.0
+                y[t, b] = x[t, b] + before + (place - k) * (p[k + 1, b] - before)
+            state[0, b] += 1.0
+
+
+@dataclass(frozen=True)
+class DriftByKnots(Effect, of=ThermalDrift):
+    """Displacement added along straight lines between seven times, the first at t = 0.
+
+    Examples
+    --------
+    >>> wander = DriftByKnots(duration_s=60.0, at_1_um=0.1, at_2_um=-0.1)
+    >>> wander.run([0.0] * 5, 5.0).round(3).tolist()
+    [0.0, 0.05, 0.1, 0.0, -0.1]
+    """
+
+    duration_s: float = 600.0
+    at_1_um: float = 0.02
+    at_2_um: float = 0.04
+    at_3_um: float = 0.05
+    at_4_um: float = 0.06
+    at_5_um: float = 0.06
+    at_6_um: float = 0.07
+
+    form = "piecewise linear"
+    parameters = (
+        Parameter(
+            "duration_s", "s", 1e-3, 1e7, (600.0, 600.0), "time of the last knot, D", fixed=True
+        ),
+        *(
+            Parameter(
+                f"at_{k}_um", "µm", -1e4, 1e4, (0.01, 0.1), f"drift at the time {k} D / 6, z{k}"
+            )
+            for k in range(1, 7)
+        ),
+    )
+    equation = "y = y_m + z(t), z linear between z(k D / 6) = zk, z(0) = 0, constant from D on"
+    source = "A slow random walk at the resolution of seven knots; sizes are an estimate."
+    cause = (
+        "The room's temperature wanders: draughts, air conditioning, people. No law is behind it, "
+        "so that only its pace is stated."
+    )
+    signature = "A slow wander that follows the experiment's clock and nothing else."
+    remedy = (
+        "Hardware: a box around it, invar, warm-up. Compensation: none beforehand, as it does not "
+        "repeat; take it out of a record, or close the loop."
+    )
+    block = staticmethod(knots_block)
+    clocked = True
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """No drift over the whole experiment: the knots' values act linearly."""
+        return (cls._along(scale, lambda _: 0.0),)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """Knots on the drift of the simpler form."""
+        step = scale.lasts_s / 6.0
+        drift = simpler.run(np.zeros(7), step)
+        return (cls._along(scale, lambda k: float(drift[k])),)
+
+    @classmethod
+    def _along(cls, scale: DataScale, drift_um: Callable[[int], float]) -> Self:
+        knots = {f"at_{k}_um": drift_um(k) for k in range(1, 7)}
+        return cls.within_bounds(duration_s=scale.lasts_s, **knots)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Time between knots (s), then their values (µm)."""
+        duration, *knots = self.values.values()
+        return [duration / len(knots), *knots]
 
     def state_rows(self, ts_s: float) -> int:
         """The clock."""

@@ -1,0 +1,208 @@
+"""Further forms of linear and slow effects: exact, nested in each other, with a static gain of one."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import lsim
+
+from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
+from rdpi_gym.plant.effects.linear import pack_two_lags
+
+SCALE = DataScale(0.0, 40.0, 40.0, 3e3, 1e-4, 10.0, end_s=90.0)
+
+
+def form(name, words):
+    return next(kind for kind in forms_of(CATALOGUE[name]) if kind.form == words)
+
+
+def rough(length, seed=3):
+    x = np.random.default_rng(seed).normal(0, 5, length).cumsum()
+    return x - x[0]
+
+
+def mode(f0_hz, damping):
+    w = 2 * np.pi * f0_hz
+    return [w * w], [1.0, 2 * damping * w, w * w]
+
+
+def side_by_side(*paths):
+    """Numerator and denominator of shares of modes, none for a share that is static."""
+    num, den = np.zeros(1), np.ones(1)
+    for share, path in paths:
+        n, d = path or ([1.0], [1.0])
+        num, den = np.polyadd(np.polymul(num, d), share * np.polymul(n, den)), np.polymul(den, d)
+    return num, den
+
+
+LINEAR = {
+    **{
+        (name, "second order", ratio): (
+            {"time_constant_s": 7e-4, "second_ratio": ratio},
+            ([1.0], [ratio * 7e-4**2, (1 + ratio) * 7e-4, 1.0]),
+        )
+        for name in ("actuator_lag", "sensor_lag")
+        for ratio in (1e-3, 0.4, 0.999, 0.9999999, 1.0)
+    },
+    ("resonance", "with a zero", 0.25): (
+        {"f0_hz": 700.0, "damping": 0.03, "static_share": 0.25},
+        side_by_side((0.75, mode(700.0, 0.03)), (0.25, None)),
+    ),
+    ("resonance", "two modes", 0.2): (
+        {"f0_hz": 700.0, "damping": 0.03, "second_hz": 1900.0, "second_damping": 0.05,
+         "second_share": 0.2},
+        side_by_side((0.8, mode(700.0, 0.03)), (0.2, mode(1900.0, 0.05))),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("ts", [1e-5, 1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("case", LINEAR, ids=str)
+def test_a_linear_form_equals_lsim_with_a_first_order_hold(case, ts):
+    values, system = LINEAR[case]
+    x = rough(300)
+    expected = lsim(system, x, np.arange(300) * ts, interp=True)[1]
+    y = form(*case[:2])(**values).run(x, ts)
+    np.testing.assert_allclose(y, expected, atol=1e-7 * np.abs(x).max())
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0])
+def test_two_lags_equal_their_differential_equations_between_corners(ratio):
+    tau, ts, x = 3e-4, 2e-4, rough(40)
+    times, z, expected = np.arange(40) * ts, np.zeros(2), [0.0]
+
+    def slope(t, z):
+        first = (np.interp(t, times, x) - z[0]) / tau
+        return [first, first if ratio == 0.0 else (z[0] - z[1]) / (ratio * tau)]
+
+    for begin, end in pairwise(times):
+        z = solve_ivp(slope, (begin, end), z, rtol=1e-11, atol=1e-11).y[:, -1]
+        expected.append(z[1])
+    y = form("sensor_lag", "second order")(tau, ratio).run(x, ts)
+    np.testing.assert_allclose(y, expected, atol=1e-7 * np.abs(x).max())
+
+
+@pytest.mark.parametrize("case", LINEAR, ids=str)
+def test_input_linear_between_samples_gives_the_same_at_an_eighth_of_ts(case):
+    effect = form(*case[:2])(**LINEAR[case][0])
+    x, ts = rough(200), 1e-3
+    fine = np.interp(np.arange(199 * 8 + 1) / 8, np.arange(200), x)
+    np.testing.assert_allclose(
+        effect.run(fine, ts / 8)[::8], effect.run(x, ts), atol=1e-9 * np.abs(x).max()
+    )
+
+
+@pytest.mark.parametrize("case", LINEAR, ids=str)
+def test_a_linear_form_has_a_static_gain_of_one(case):
+    effect = form(*case[:2])(**LINEAR[case][0])
+    assert effect.run(np.r_[0.0, np.full(20000, 7.0)], 1e-4)[-1] == pytest.approx(7.0, rel=1e-9)
+    np.testing.assert_allclose(effect.run(np.full(50, 7.0), 1e-4), 7.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("ts", [1e-7, 1e-4, 1.0])
+@pytest.mark.parametrize("ratio", [0.0, 1e-9, 1e-4, 0.5, 1.0 - 1e-12, 1.0])
+def test_two_lags_stay_lags_at_any_ratio_of_their_times(ratio, ts):
+    """The numbers of two lags in a row lie between 0 and 1 and what comes in adds up to 1."""
+    p = np.array(pack_two_lags(1e-3, ratio * 1e-3, ts))
+    assert np.all(p[:8] >= -1e-15)
+    assert np.all(p[:8] <= 1.0 + 1e-15)
+    np.testing.assert_allclose([p[0] + p[4] + p[6], p[2] + p[3] + p[5] + p[7]], 1.0, atol=1e-14)
+
+
+NESTED = {
+    ("actuator_lag", "second order"): ({"time_constant_s": 4e-4}, {"second_ratio": 0.0}),
+    ("sensor_lag", "second order"): ({"time_constant_s": 4e-4}, {"second_ratio": 0.0}),
+    ("resonance", "with a zero"): ({"f0_hz": 700.0, "damping": 0.03}, {"static_share": 0.0}),
+    ("resonance", "two modes"): (
+        {"f0_hz": 700.0, "damping": 0.03},
+        {"second_hz": 90.0, "second_damping": 0.1, "second_share": 0.0},
+    ),
+    ("thermal_drift", "two time constants"): (
+        {"rate_um_s": 0.3, "time_constant_s": 20.0},
+        {"second_rate_um_s": 0.0, "second_time_constant_s": 90.0},
+    ),
+    ("mains_hum", "with harmonics"): (
+        {"amplitude_um": 0.4, "frequency_hz": 49.9, "phase_rad": 0.7},
+        {},
+    ),
+    ("gain_drift", "to a limit"): ({"rate_per_s": 1e-2}, {"time_constant_s": 1e7}),
+}
+
+
+@pytest.mark.parametrize("case", NESTED, ids=str)
+def test_the_simpler_form_is_one_of_the_richer(case):
+    own, neutral = NESTED[case]
+    x = rough(1500)
+    simple, rich = (
+        CATALOGUE[case[0]](**own).run(x, 1e-4),
+        form(*case)(**own, **neutral).run(x, 1e-4),
+    )
+    np.testing.assert_allclose(rich, simple, atol=1e-12 * np.abs(x).max())
+
+
+@pytest.mark.parametrize("ts", [1e-4, 3e-3])
+@pytest.mark.parametrize("samples", [0.0, 0.4, 1.0, 9.6])
+def test_a_delay_in_samples_is_that_delay_at_every_sampling_time(samples, ts):
+    x = rough(200)
+    plain = CATALOGUE["delay"](delay_s=samples * ts) if samples * ts <= 0.02 else None
+    y = form("delay", "whole samples")(samples).run(x, ts)
+    np.testing.assert_allclose(y, np.interp(np.arange(200) - samples, np.arange(200), x), atol=1e-9)
+    if plain is not None:
+        np.testing.assert_allclose(y, plain.run(x, ts), atol=1e-9)
+
+
+def test_a_gain_that_settles_ends_at_its_limit_and_begins_as_a_linear_drift():
+    x, ts = np.full(4001, 10.0), 0.1
+    y = form("gain_drift", "to a limit")(rate_per_s=1e-3, time_constant_s=20.0).run(x, ts)
+    assert y[-1] == pytest.approx(10.0 * (1.0 + 1e-3 * 20.0), rel=1e-6)
+    linear = CATALOGUE["gain_drift"](rate_per_s=1e-3).run(x, ts)
+    t = ts * np.arange(4001)
+    short = linear - y  # Taylor: κ t² / (2 τ), less what the next power takes back
+    assert np.all(short <= 10.0 * 1e-3 * t**2 / 40.0 + 1e-12)
+    assert np.all(short >= 10.0 * 1e-3 * (t**2 / 40.0 - t**3 / 2400.0) - 1e-12)
+
+
+def test_straight_lines_between_knots_are_any_polyline_and_stay_where_they_end():
+    knots = [0.3, -0.2, 0.5, 0.5, 0.1, -0.4]
+    kind = form("thermal_drift", "piecewise linear")
+    wander = kind(60.0, *knots)
+    t = 0.37 * np.arange(300)
+    expected = np.interp(t, 10.0 * np.arange(7), [0.0, *knots])
+    np.testing.assert_allclose(wander.run(np.full(300, 5.0), 0.37), 5.0 + expected, atol=1e-12)
+
+
+def test_hum_with_harmonics_is_a_sum_of_sines():
+    kind = form("mains_hum", "with harmonics")
+    values = dict(zip(("second_sine_um", "second_cosine_um"), (0.03, -0.02), strict=True))
+    hum = kind(0.05, 50.3, 0.4, **values, third_sine_um=-0.01, third_cosine_um=0.04)
+    t = 1e-4 * np.arange(30000)
+    angle = 2 * np.pi * 50.3 * t
+    expected = 0.05 * np.sin(angle + 0.4) + 0.03 * np.sin(2 * angle) - 0.02 * np.cos(2 * angle)
+    expected += -0.01 * np.sin(3 * angle) + 0.04 * np.cos(3 * angle)
+    np.testing.assert_allclose(hum.run(np.zeros(30000), 1e-4), expected, atol=1e-11)
+
+
+STARTED = {
+    ("sensor_lag", "second order"): {"time_constant_s": 3e-4},
+    ("actuator_lag", "second order"): {"time_constant_s": 3e-4},
+    ("resonance", "with a zero"): {"f0_hz": 600.0, "damping": 0.05},
+    ("resonance", "two modes"): {"f0_hz": 600.0, "damping": 0.05},
+    ("gain_drift", "to a limit"): {"rate_per_s": 2e-4},
+    ("thermal_drift", "two time constants"): {"rate_um_s": 0.01, "time_constant_s": 30.0},
+    ("thermal_drift", "piecewise linear"): {"rate_um_s": 0.01, "time_constant_s": 30.0},
+    ("mains_hum", "with harmonics"): {"amplitude_um": 0.5, "phase_rad": 0.3},
+    ("delay", "whole samples"): {"delay_s": 2e-4},
+}
+
+
+@pytest.mark.parametrize("case", STARTED, ids=str)
+def test_a_form_starts_close_to_the_simpler_one_that_was_fitted(case):
+    """One start at least changes a fraction of what the simpler form explains already."""
+    simpler = CATALOGUE[case[0]](**STARTED[case])
+    ts = SCALE.lasts_s / 4500 if case[0].endswith("drift") else SCALE.shortest_s
+    x = 30.0 * np.sin(2 * np.pi * np.arange(4500) * 0.01)
+    known = simpler.run(x, ts)
+    starts = form(*case).from_simpler(simpler, SCALE)
+    nearest = min(np.std(start.run(x, ts) - known) for start in starts)
+    assert nearest <= 0.2 * np.std(known - x)
