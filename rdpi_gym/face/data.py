@@ -210,8 +210,11 @@ def load(
     columns
         Header name, or position from 0 on, of each column that has another name:
         ``{"u": "voltage", "y": 2}``.
+    input
+        Name of the column that is the input, where a file has several; the others are kept.
     units
-        Units in the file where they are not s, V and µm: ``{"t": "ms", "y": "nm"}``.
+        Units in the file where they are not s, V and µm: ``{"t": "ms", "y": "nm"}``. One of another
+        quantity, as ``"kN"``, is not converted but shown.
     sampling_time_s
         Sampling time (s) of records without a time column.
     validate

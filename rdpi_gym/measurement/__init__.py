@@ -4,9 +4,10 @@ from rdpi_gym.measurement.checking import MIN_SAMPLES
 from rdpi_gym.measurement.loading import load
 from rdpi_gym.measurement.options import COLUMNS, UNITS, DataOptions, parse_columns, parse_units
 from rdpi_gym.measurement.published import DATA_HINT, measured_data
+from rdpi_gym.measurement.quantities import Quantities, Quantity
 from rdpi_gym.measurement.record import Dataset, Record, Role, hold_out_quarter
 from rdpi_gym.measurement.sampling import JITTER
-from rdpi_gym.measurement.writing import write_csv
+from rdpi_gym.measurement.writing import other_name, write_csv
 
 __all__ = [
     "COLUMNS",
@@ -16,11 +17,14 @@ __all__ = [
     "UNITS",
     "DataOptions",
     "Dataset",
+    "Quantities",
+    "Quantity",
     "Record",
     "Role",
     "hold_out_quarter",
     "load",
     "measured_data",
+    "other_name",
     "parse_columns",
     "parse_units",
     "write_csv",

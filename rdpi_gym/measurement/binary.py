@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 
 from rdpi_gym.measurement.matlab import MatlabReader, Variables
 from rdpi_gym.measurement.options import COLUMNS
-from rdpi_gym.measurement.table import Table, label, select
+from rdpi_gym.measurement.table import Table, from_header, label, select
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.npz import open_npz
+
+Read = Callable[[Sequence[str]], Variables]
 
 
 def read_matlab(
@@ -55,9 +58,7 @@ def read_matlab(
     if reader is None:
         with MatlabReader() as own:
             return read_matlab(path, columns, time_needed=time_needed, reader=own)
-    wanted = _wanted(path, columns)
-    variables = _read(path, lambda: reader.read(path, wanted), "MATLAB")
-    return _table(path, variables, columns, time_needed)
+    return _table(path, partial(reader.read, path), "MATLAB", columns, time_needed)
 
 
 def read_npz(path: Path, columns: Mapping[str, str | int], *, time_needed: bool = True) -> Table:
@@ -77,9 +78,7 @@ def read_npz(path: Path, columns: Mapping[str, str | int], *, time_needed: bool 
     ...     read_npz(path, {"u": "volt"}).columns["u"]
     array([0., 1.])
     """
-    wanted = _wanted(path, columns)
-    variables = _read(path, lambda: _npz(path, wanted), "npz")
-    return _table(path, variables, columns, time_needed)
+    return _table(path, partial(_npz, path), "npz", columns, time_needed)
 
 
 def _wanted(path: Path, columns: Mapping[str, str | int]) -> list[str]:
@@ -90,12 +89,13 @@ def _wanted(path: Path, columns: Mapping[str, str | int]) -> list[str]:
                 f"{path}, variable {name}: position {source} means nothing here; "
                 f"name the variable with --columns {name}=..."
             )
-    return [str(columns.get(name, name)) for name in sorted(COLUMNS, key="u".__ne__)]
+    names = dict.fromkeys((*COLUMNS, *columns))
+    return [str(columns.get(name, name)) for name in sorted(names, key="u".__ne__)]
 
 
-def _read(path: Path, reader: Callable[[], Variables], kind: str) -> Variables:
+def _read(path: Path, read: Read, wanted: Sequence[str], kind: str) -> Variables:
     try:
-        return reader()
+        return read(wanted)
     except InputError:
         raise
     except Exception as error:  # the libraries raise many kinds on a truncated or foreign file
@@ -113,9 +113,13 @@ def _npz(path: Path, wanted: Sequence[str]) -> Variables:
 
 
 def _table(
-    path: Path, variables: Variables, columns: Mapping[str, str | int], time_needed: bool
+    path: Path, read: Read, kind: str, columns: Mapping[str, str | int], time_needed: bool
 ) -> Table:
+    variables = _read(path, read, _wanted(path, columns), kind)
     sources = select(columns, variables.names, time_needed, str(path), "variable")
+    found = [str(source) for source in sources.values()]
+    if not variables.values.keys() >= set(found):  # names that carry a unit, or u1, u2, ...
+        variables = _read(path, read, found, kind)
     labels = {name: label("variable", name, source) for name, source in sources.items()}
     arrays = {
         name: _vector(variables.values[str(source)], f"{path}, {labels[name]}")
@@ -128,7 +132,8 @@ def _table(
                 f"{path}, {labels[name]}: {array.size} values where {labels['u']} has {samples}; "
                 "give one value for each sample"
             )
-    return Table(source=path, columns=arrays, labels=labels)
+    names, units = from_header(sources)
+    return Table(source=path, columns=arrays, labels=labels, names=names, units=units)
 
 
 def _vector(array: NDArray[Any] | None, where: str) -> Array:

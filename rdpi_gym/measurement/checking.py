@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.measurement.options import unit_factor
+from rdpi_gym.measurement.options import OTHER, unit_factor
+from rdpi_gym.measurement.quantities import Quantities
 from rdpi_gym.measurement.record import Record
 from rdpi_gym.measurement.sampling import JITTER, to_uniform
 from rdpi_gym.measurement.table import Table
@@ -27,6 +28,7 @@ def make_record(
     sampling_time_s: float | None = None,
     skip_s: float = 0.0,
     note: str = "",
+    quantities: Quantities | None = None,
 ) -> Record:
     """Turn the columns of a file into a record.
 
@@ -44,6 +46,8 @@ def make_record(
         Seconds left out at the start.
     note
         What the experimenter wrote about it.
+    quantities
+        In whose units u and y are kept, where they are no voltage and no displacement.
 
     Raises
     ------
@@ -66,8 +70,12 @@ def make_record(
             f"{table.where('u', max(table.rows - 1, 0))}: the record ends after {table.rows} samples; "
             f"give {MIN_SAMPLES} or more"
         )
+    shown = {} if quantities is None or quantities.are_piezo else quantities.by_column
     columns = {
-        key: values * unit_factor(key, units[key]) if key in units else values
+        key: values
+        * unit_factor(key, units[key], f"{table.source}, {table.labels[key]}", shown.get(key, ""))
+        if key in units
+        else values
         for key, values in table.columns.items()
     }
     t_s = _times(table, columns.pop("t", None), sampling_time_s)
@@ -104,6 +112,11 @@ def make_record(
         note=note,
         source=str(table.source),
         remarks=skipped + table.remarks + grid.remarks,
+        others={
+            key.removeprefix(OTHER): values
+            for key, values in grid.columns.items()
+            if key.startswith(OTHER)
+        },
     )
 
 

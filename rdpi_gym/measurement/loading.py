@@ -11,12 +11,15 @@ from pathlib import Path
 from rdpi_gym.measurement.binary import read_matlab, read_npz
 from rdpi_gym.measurement.checking import make_record, mask_out
 from rdpi_gym.measurement.matlab import MatlabReader
-from rdpi_gym.measurement.options import DataOptions
+from rdpi_gym.measurement.options import OTHER, UNITS, DataOptions
+from rdpi_gym.measurement.quantities import Quantities, quantities_of
 from rdpi_gym.measurement.record import Dataset, Record, Role
 from rdpi_gym.measurement.settings import SETTINGS_FILE, RecordSettings, Settings, read_settings
 from rdpi_gym.measurement.table import Table
 from rdpi_gym.measurement.text import read_text
+from rdpi_gym.measurement.units import plain_unit
 from rdpi_gym.support.errors import InputError, printable
+from rdpi_gym.support.words import some
 
 _READERS = {
     ".csv": read_text,
@@ -69,14 +72,15 @@ def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = 
         raise InputError("no path of data is given; give a data file or a folder of data files")
     remarks: list[str] = []
     parts = [_part(each, options, remarks) for each in paths]
-    records = [record for part in parts for record in part.records]
+    quantities = _quantities(parts, options)
+    records = [record for part in parts for record in part.records(options, quantities)]
     names = [record.name for record in records]
     if doubled := [name for name in names if names.count(name) > 1]:
         raise InputError(f"two of the files are record {doubled[0]!r}; rename one")
     if all(record.is_quiet for record in records):
         rest = f" (and in {len(records) - 1} more records)" if len(records) > 1 else ""
         raise InputError(
-            f"{parts[0].first_u}: u stays at {records[0].u_V[0]:g} V in all samples{rest}, "
+            f"{parts[0].tables[0].where('u', 0)}: u stays at {records[0].u_V[0]:g} V in all samples{rest}, "
             "so nothing moves the actuator; give a record in which u changes"
         )
     moving = [record.name for record in records if not record.is_quiet]
@@ -86,17 +90,67 @@ def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = 
         title=", ".join(dict.fromkeys(part.title for part in parts)),
         records=tuple(replace(r, role=roles.get(r.name, r.role)) for r in records),
         remarks=tuple(remarks),
+        quantities=quantities,
     )
+
+
+def _quantities(parts: Sequence[_Part], options: DataOptions) -> Quantities:
+    """Settle what was measured from all that is said of it, the first file's header the last."""
+    first = parts[0].tables[0]
+    said: dict[str, Mapping[str, str]] = {}
+    for part in parts:
+        said = {**part.settings.quantities, **said}
+    units = parts[0].units(first, options)
+    where = str(parts[0].toml) if said else first.at(0)
+    return quantities_of(said, units, first.names, where)
 
 
 @dataclass(frozen=True)
 class _Part:
-    """What one path holds: its records, what its folder says, its title, where its first u stands."""
+    """What one path holds: its tables, what its folder says, its title."""
 
-    records: list[Record]
+    tables: list[Table]
     settings: Settings
     title: str
-    first_u: str
+    toml: Path
+
+    def units(self, table: Table, options: DataOptions) -> dict[str, str]:
+        """Unit of each column of a file: of the header, the folder, the user, the last that speaks."""
+        header = {key: unit for key, unit in table.units.items() if not key.startswith(OTHER)}
+        return {**header, **self.settings.units, **options.units}
+
+    def records(self, options: DataOptions, quantities: Quantities) -> list[Record]:
+        """Make records of the tables."""
+        return [self._record(table, options, quantities) for table in self.tables]
+
+    def _record(self, table: Table, options: DataOptions, quantities: Quantities) -> Record:
+        name = table.source.stem
+        own = self.settings.records.get(name, RecordSettings())
+        said = self.settings.skip_s if own.skip_s is None else own.skip_s
+        record = make_record(
+            replace(table, remarks=(*table.remarks, *self._remarks(table, options))),
+            name,
+            units=self.units(table, options),
+            sampling_time_s=options.sampling_time_s,
+            skip_s=said if options.skip_s is None else options.skip_s,
+            note=own.note,
+            quantities=quantities,
+        )
+        return mask_out(record, own.mask_s, f"{self.toml}, [records.{name}] mask_s")
+
+    def _remarks(self, table: Table, options: DataOptions) -> list[str]:
+        said = self.settings.units.keys() | options.units.keys()
+        found = [
+            f"{table.labels[key]} is in {unit}, as its name says"
+            for key, unit in table.units.items()
+            if key in UNITS and key not in said and UNITS[key].get(plain_unit(unit)) != 1.0
+        ]
+        others = [key.removeprefix(OTHER) for key in table.columns if key.startswith(OTHER)]
+        if others:
+            found.append(
+                f"the input is {table.labels['u']}; kept beside it: {some(others)} (--input chooses)"
+            )
+        return found
 
 
 def _part(path: Path | str, options: DataOptions, remarks: list[str]) -> _Part:
@@ -121,12 +175,7 @@ def _part(path: Path | str, options: DataOptions, remarks: list[str]) -> _Part:
             remarks.append(f"{toml} holds for this file too")
     with MatlabReader() as matlab:
         tables = [_read(file, settings, options, matlab) for file in files]
-    return _Part(
-        [_record(table, settings, options, toml) for table in tables],
-        settings,
-        settings.title or printable(source.resolve().name),
-        tables[0].where("u", 0),
-    )
+    return _Part(tables, settings, settings.title or printable(source.resolve().name), toml)
 
 
 def _reader_ending(file: Path) -> str:
@@ -164,7 +213,7 @@ def _data_files(folder: Path, remarks: list[str]) -> list[Path]:
 
 
 def _read(file: Path, settings: Settings, options: DataOptions, matlab: MatlabReader) -> Table:
-    columns = {**settings.columns, **options.columns}
+    columns = _columns(settings, options)
     time_needed = options.sampling_time_s is None or "t" in columns
     ending = _reader_ending(file)
     if ending == ".mat":
@@ -172,19 +221,15 @@ def _read(file: Path, settings: Settings, options: DataOptions, matlab: MatlabRe
     return _READERS[ending](file, columns, time_needed=time_needed)
 
 
-def _record(table: Table, settings: Settings, options: DataOptions, toml: Path) -> Record:
-    name = table.source.stem
-    own = settings.records.get(name, RecordSettings())
-    said = settings.skip_s if own.skip_s is None else own.skip_s
-    record = make_record(
-        table,
-        name,
-        units={**settings.units, **options.units},
-        sampling_time_s=options.sampling_time_s,
-        skip_s=said if options.skip_s is None else options.skip_s,
-        note=own.note,
-    )
-    return mask_out(record, own.mask_s, f"{toml}, [records.{name}] mask_s")
+def _columns(settings: Settings, options: DataOptions) -> dict[str, str | int]:
+    """Return what each column is read from; inputs that are not u keep their names."""
+    columns = {**settings.columns, **options.columns}
+    if options.input is not None:
+        columns["u"] = options.input
+    elif settings.inputs:
+        columns.setdefault("u", settings.inputs[0])
+    others = [name for name in settings.inputs if name != columns.get("u")]
+    return columns | {OTHER + name: name for name in others}
 
 
 def _roles(

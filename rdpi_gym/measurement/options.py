@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import get_type_hints
 
+from rdpi_gym.measurement.units import measured_by, plain_unit, ratio
 from rdpi_gym.support.checked import check_type
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option
@@ -26,7 +27,11 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "temperature": {"C": 1.0, "degC": 1.0, "°C": 1.0},
     "period": {},
 }
-"""Factor to s, V, µm, °C for every unit that a column may have; µ may be written u."""
+"""Factor to s, V, µm, °C for every unit of these that a column may have; µ may be written u."""
+
+OTHER = "other:"
+"""Begins the name of a column that is none of these: a further input, after it its own name."""
+_ANY_QUANTITY = ("u", "y", "reference")
 
 
 def unknown_name(where: str, name: str, known: Iterable[str]) -> InputError:
@@ -43,8 +48,11 @@ def unknown_name(where: str, name: str, known: Iterable[str]) -> InputError:
     return InputError(f"{where}: {quoted(name)} is unknown{hint}; known are {some(names, 24)}")
 
 
-def unit_factor(column: str, unit: str, where: str = "--units") -> float:
-    """Give the factor from a unit of a column to s, V, µm or °C.
+def unit_factor(column: str, unit: str, where: str = "--units", shown: str = "") -> float:
+    """Give the factor from a unit of a column to s, V, µm or °C, or to the unit that it is shown in.
+
+    A unit of u, y or reference that is neither a voltage nor a length is not converted: it becomes the
+    unit of the quantity.
 
     Raises
     ------
@@ -53,15 +61,28 @@ def unit_factor(column: str, unit: str, where: str = "--units") -> float:
 
     Examples
     --------
-    >>> unit_factor("y", "nm"), unit_factor("t", "µs")
-    (0.001, 1e-06)
+    >>> unit_factor("y", "nm"), unit_factor("t", "µs"), unit_factor("y", "kN")
+    (0.001, 1e-06, 1.0)
     """
     if column not in UNITS:
         raise unknown_name(where, column, UNITS)
     known = UNITS[column]
-    plain = unit.replace("µ", "u").replace("μ", "u")  # micro sign and Greek mu
+    plain = plain_unit(unit)
+    if column in _ANY_QUANTITY and (shown or plain not in known):
+        if shown:
+            factor = ratio(plain, shown)
+            if factor is None:
+                raise InputError(
+                    f"{where}: unit {quoted(unit)} of {column} is not turned into {shown}, in which "
+                    "it is shown; give the same quantity in every file"
+                )
+            return factor
+        if measured_by(plain):
+            return 1.0
     if plain not in known:
         right = f"known are {', '.join(known)}" if known else f"{column} is an index without unit"
+        if column in _ANY_QUANTITY:
+            right += " and those of other quantities, as kN; any other stands in dataset.toml, [quantities]"
         raise InputError(f"{where}: unit {quoted(unit)} of {column} is unknown; {right}")
     return known[plain]
 
@@ -163,8 +184,11 @@ class DataOptions:
     ----------
     columns
         Header names, or zero-based positions, of t, u, y, reference, temperature, period.
+    input
+        Name of the column that is the input u, where a file has several; the others are kept.
     units
-        Units in the file: s, ms, us; V, mV, kV; m, mm, um, nm. By default s, V, um.
+        Units in the file: s, ms, us; V, mV, kV; m, mm, um, nm. By default s, V, um. A unit of another
+        quantity, as y=kN, is not converted but shown.
     sampling_time_s
         Sampling time of records without time column.
     validate
@@ -189,6 +213,7 @@ class DataOptions:
         default_factory=dict,
         metadata=Option("--columns", "t=NAME,...", str, parse_columns).metadata,
     )
+    input: str | None = field(default=None, metadata=Option("--input", "NAME").metadata)
     units: Mapping[str, str] = field(
         default_factory=dict, metadata=Option("--units", "y=UNIT,...", str, parse_units).metadata
     )
@@ -204,6 +229,10 @@ class DataOptions:
         check_columns(self.columns, "--columns")
         for column, unit in self.units.items():
             unit_factor(column, unit)
+        if self.input is not None and (not self.input or "u" in self.columns):
+            raise InputError(
+                f"--input {quoted(self.input)}: give the name of one column, and then no u in --columns"
+            )
         ts_s = self.sampling_time_s
         if ts_s is not None and not (math.isfinite(ts_s) and ts_s > 0):
             raise InputError(f"--sampling-time is {ts_s}; give seconds above 0, for example 5e-3")

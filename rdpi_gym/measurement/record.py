@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rdpi_gym.measurement.quantities import Quantities
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -46,6 +48,9 @@ class Record:
         The file it was read from.
     remarks
         What was left out, resampled, how much the sampling jitters: one sentence each.
+    others
+        Further inputs by name, each (N,) in the unit of the file: what a model with one input does
+        not see.
 
     Raises
     ------
@@ -73,13 +78,15 @@ class Record:
     note: str = ""
     source: str = ""
     remarks: tuple[str, ...] = ()
+    others: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         samples = self.t_s.size
         if self.error_mask.size == 0:
             object.__setattr__(self, "error_mask", np.ones(samples, dtype=np.bool_))
-        for key in ("t_s", "u_V", "y_um", "reference_um", "temperature_C", "period", "error_mask"):
-            column = getattr(self, key)
+        keys = ("t_s", "u_V", "y_um", "reference_um", "temperature_C", "period", "error_mask")
+        columns = {key: getattr(self, key) for key in keys} | dict(self.others)
+        for key, column in columns.items():
             if column is not None and column.shape != (samples,):
                 raise InputError(
                     f"record {self.name}: {key} has shape {column.shape}; "
@@ -154,6 +161,9 @@ class Dataset:
         The records.
     remarks
         What else was left out or decided, one sentence each.
+    quantities
+        Name, symbol and unit of input and output, as they are printed: the numbers of `u_V` and
+        `y_um` are in these units.
 
     Examples
     --------
@@ -173,6 +183,7 @@ class Dataset:
     title: str
     records: tuple[Record, ...]
     remarks: tuple[str, ...] = ()
+    quantities: Quantities = field(default_factory=Quantities)
 
     def _moving(self, role: Role) -> tuple[Record, ...]:
         return tuple(r for r in self.records if r.role == role and not r.is_quiet)
@@ -210,6 +221,8 @@ class Dataset:
     def describe(self) -> str:
         """Say what was read and what was left out, one line a fact."""
         lines = [self.title]
+        if not self.quantities.are_standard:
+            lines.append(f"  {self.quantities.words}")
         for r in self.records:
             kind = "quiet" if r.is_quiet else r.role
             lines.append(

@@ -10,6 +10,7 @@ from typing import Any
 
 from rdpi_gym.measurement.encoding import read_lines
 from rdpi_gym.measurement.options import check_columns, check_skip, unit_factor, unknown_name
+from rdpi_gym.measurement.quantities import SIDES
 from rdpi_gym.measurement.record import ROLES, Role
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.words import quoted
@@ -17,7 +18,9 @@ from rdpi_gym.support.words import quoted
 SETTINGS_FILE = "dataset.toml"
 _LARGEST = 2**20  # bytes
 _BLANKS = str.maketrans("\t\r\n", "   ")
-_KEYS = ("title", "skip_s", "columns", "units", "records")
+_KEYS = ("title", "skip_s", "columns", "units", "quantities", "records")
+_QUANTITY_KEYS = ("name", "symbol", "unit")
+_LONGEST = 30  # characters of a name or a unit
 _RECORD_KEYS = ("role", "skip_s", "mask_s", "note")
 
 
@@ -55,6 +58,10 @@ class Settings:
         Seconds left out at the start of each record.
     columns, units
         As `DataOptions` has them.
+    inputs
+        Names of the columns that are inputs, where a file has several.
+    quantities
+        Name, symbol and unit of ``input`` and ``output``, as far as they are said.
     records
         What it says about single records, by name.
     """
@@ -63,6 +70,8 @@ class Settings:
     skip_s: float = 0.0
     columns: Mapping[str, str | int] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    inputs: tuple[str, ...] = ()
+    quantities: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     records: Mapping[str, RecordSettings] = field(default_factory=dict)
 
 
@@ -101,6 +110,7 @@ def read_settings(path: Path, record_names: Iterable[str]) -> Settings:
     _refuse_unknown(str(path), document, _KEYS)
     where = f"{path}, [columns]"
     columns = _table(document, "columns", str(path))
+    inputs = _inputs(columns, where)
     check_columns(columns, where)
     units = {
         column: _text({column: unit}, column, f"{path}, [units]")
@@ -116,11 +126,43 @@ def read_settings(path: Path, record_names: Iterable[str]) -> Settings:
         skip_s=_skip(document, str(path)) or 0.0,
         columns=columns,
         units=units,
+        inputs=inputs,
+        quantities=_quantities(_table(document, "quantities", str(path)), f"{path}, [quantities]"),
         records={
             name: _record(_table(records, name, f"{path}, [records]"), f"{path}, [records.{name}]")
             for name in records
         },
     )
+
+
+def _inputs(columns: dict[str, Any], where: str) -> tuple[str, ...]:
+    """Take the list of inputs out of the columns."""
+    listed = columns.pop("inputs", [])
+    names = listed if isinstance(listed, list) else [listed]
+    if len(set(map(str, names))) != len(names) or not all(n and type(n) is str for n in names):
+        raise InputError(
+            f'{where}: inputs = {quoted(listed)}; give different names, as in inputs = ["u1", "u2"]'
+        )
+    return tuple(names)
+
+
+def _quantities(sides: dict[str, Any], where: str) -> dict[str, dict[str, str]]:
+    _refuse_unknown(where, sides, SIDES)
+    found: dict[str, dict[str, str]] = {}
+    for side, entry in sides.items():
+        if not isinstance(entry, dict):
+            raise InputError(
+                f"{where}: {side} = {quoted(entry)}; give a table, as in "
+                f'{side} = {{ name = "force", symbol = "F", unit = "kN" }}'
+            )
+        _refuse_unknown(f"{where}, {side}", entry, _QUANTITY_KEYS)
+        found[side] = {key: _text(entry, key, f"{where}, {side}").strip() for key in entry}
+        for key, text in found[side].items():
+            if not 0 < len(text) <= _LONGEST:
+                raise InputError(
+                    f"{where}, {side}: {key} = {quoted(text)}; give 1 to {_LONGEST} characters"
+                )
+    return found
 
 
 def _record(entry: Mapping[str, Any], where: str) -> RecordSettings:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rdpi_gym.measurement.options import OTHER, UNITS
+from rdpi_gym.measurement.units import measured_by, plain_unit, split_name
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import short, some
@@ -40,6 +43,8 @@ class Table:
         (N,) line number of each row, counted from 1; None for a file without lines.
     remarks
         What a reader noticed, one sentence each.
+    names, units
+        What the header calls a column beside its unit, and that unit, where it carries one.
     """
 
     source: Path
@@ -47,6 +52,8 @@ class Table:
     labels: Mapping[str, str]
     lines: NDArray[np.int64] | None = None
     remarks: tuple[str, ...] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:
@@ -99,7 +106,8 @@ def select(
     Returns
     -------
     dict
-        Source of t, u, y and of the optional columns that are there.
+        Source of t, u, y, of the optional columns that are there and of further inputs. A name with
+        a unit, as ``y [kN]``, stands for the name without it.
 
     Raises
     ------
@@ -112,8 +120,18 @@ def select(
     {'t': 't', 'u': 'u', 'y': 'disp'}
     """
     chosen: dict[str, str | int] = {}
-    for name, meaning in _MEANING.items():
+    meanings = _MEANING | dict.fromkeys(columns.keys() - _MEANING.keys(), "a further input")
+    numbered = _numbered(names)
+    own = columns.get("u", numbered[0] if numbered else "u")
+    if own in numbered:
+        columns = (
+            {OTHER + other: other for other in numbered if other != own} | columns | {"u": own}
+        )
+        meanings |= dict.fromkeys(columns.keys() - meanings.keys(), "a further input")
+    for name, meaning in meanings.items():
         source = columns.get(name, name)
+        if isinstance(source, str) and source not in names:
+            source = _with_unit(name, source, names)
         if isinstance(source, int):
             chosen[name] = source
         elif source in chosen.values():
@@ -129,9 +147,59 @@ def select(
         elif source in names:
             chosen[name] = source
         elif name in columns or (name in REQUIRED and (name != "t" or time_needed)):
+            source = columns.get(name, name)
             otherwise = " or give --sampling-time 5e-3" if name == "t" else ""
             raise InputError(
                 f"{where}, {label(kind, name, source)}: missing ({meaning}); the file has "
                 f"{some(names) or 'none'}; name it with --columns {name}=...{otherwise}"
             )
     return chosen
+
+
+def _with_unit(column: str, source: str, names: Sequence[str]) -> str:
+    """Return the one name of the file that is `source` and a unit; else `source`."""
+    found = [name for name in names if split_name(name)[0] == source and header_unit(column, name)]
+    return found[0] if len(found) == 1 else source
+
+
+def header_unit(column: str, name: str) -> str:
+    """Return the unit that the name of a column carries, where that column may have it.
+
+    Examples
+    --------
+    >>> header_unit("y", "force [kN]"), header_unit("t", "t_ms"), header_unit("t", "t [kN]")
+    ('kN', 'ms', '')
+    """
+    _, unit = split_name(name)
+    own = UNITS.get(column, UNITS["u"])
+    if plain_unit(unit) in own:
+        return unit
+    free = column in ("u", "y", "reference") or column.startswith(OTHER)
+    return unit if free and measured_by(unit) else ""
+
+
+_NUMBERED = re.compile(r"u_?[0-9]{1,2}")
+
+
+def _numbered(names: Sequence[str]) -> list[str]:
+    """Return the inputs u1, u2, ... of a file that has no u."""
+    bare = [split_name(name)[0] for name in names]
+    if "u" in bare or len(bare) != len(set(bare)):
+        return []
+    return [name for name, base in zip(names, bare, strict=True) if _NUMBERED.fullmatch(base)]
+
+
+def from_header(sources: Mapping[str, str | int]) -> tuple[dict[str, str], dict[str, str]]:
+    """Return names and units of the columns whose header carries a unit.
+
+    Examples
+    --------
+    >>> from_header({"t": "t", "u": "x (mm)", "y": 2})
+    ({'u': 'x'}, {'u': 'mm'})
+    """
+    said = {
+        column: (split_name(source)[0], unit)
+        for column, source in sources.items()
+        if isinstance(source, str) and (unit := header_unit(column, source))
+    }
+    return {k: name for k, (name, _) in said.items()}, {k: unit for k, (_, unit) in said.items()}

@@ -10,7 +10,7 @@ import numpy as np
 
 from rdpi_gym.measurement.encoding import read_lines
 from rdpi_gym.measurement.layout import Layout, find_layout, is_number, split_cells
-from rdpi_gym.measurement.table import REQUIRED, Table, label, select
+from rdpi_gym.measurement.table import REQUIRED, Table, from_header, label, select
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.words import quoted
@@ -79,12 +79,15 @@ def read_text(path: Path, columns: Mapping[str, str | int], *, time_needed: bool
     }
     labels = {name: label("column", name, source) for name, source in sources.items()}
     values = _values(path, layout, numbers, rows, indices, labels)
+    names, units = from_header(sources)
     return Table(
         source=path,
         columns={name: values[:, k].copy() for k, name in enumerate(indices)},
         labels=labels,
         lines=np.array(numbers),
         remarks=_cut_off(lines[-1]),
+        names=names,
+        units=units,
     )
 
 

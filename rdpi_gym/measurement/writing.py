@@ -7,8 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
+from rdpi_gym.measurement.options import COLUMNS
 from rdpi_gym.measurement.record import Record
 from rdpi_gym.support.files import write_atomic
+
+
+def other_name(name: str) -> str:
+    """Name the column of a further input so that it is none of the others.
+
+    Examples
+    --------
+    >>> other_name("u2"), other_name("y")
+    ('u2', 'other_y')
+    """
+    return f"other_{name}" if name in COLUMNS else name
 
 
 def write_csv(record: Record, path: Path | str) -> Path:
@@ -17,8 +29,8 @@ def write_csv(record: Record, path: Path | str) -> Path:
     Parameters
     ----------
     record
-        What to write: t (s), u (V), y (µm), and reference (µm), temperature (°C), period where it
-        has them. Role, mask and note belong into a ``dataset.toml``.
+        What to write: t (s), u (V), y (µm), and reference (µm), temperature (°C), period and further
+        inputs where it has them. Role, mask and note belong into a ``dataset.toml``.
     path
         Where to write.
 
@@ -49,6 +61,8 @@ def write_csv(record: Record, path: Path | str) -> Path:
         "temperature": record.temperature_C,
         "period": record.period,
     }
+    for name, values in record.others.items():
+        columns[other_name(name)] = values
     present = {name: values for name, values in columns.items() if values is not None}
     text = StringIO()
     np.savetxt(
@@ -56,7 +70,7 @@ def write_csv(record: Record, path: Path | str) -> Path:
         np.column_stack(list(present.values())),
         fmt="%.15g",
         delimiter=",",
-        header=",".join(present),
+        header=",".join(f'"{name}"' if {",", ";", " "} & set(name) else name for name in present),
         comments="",
     )
     return write_atomic(path, text.getvalue())

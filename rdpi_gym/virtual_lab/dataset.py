@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from rdpi_gym.measurement import Dataset, Record, write_csv
+from rdpi_gym.measurement import Dataset, Record, other_name, write_csv
 from rdpi_gym.plant import PlantModel, Sensor
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.signals.experiments import PAUSE_S, Experiment
@@ -158,7 +159,29 @@ def write_dataset(dataset: Dataset, folder: Path, note: str) -> list[Path]:
         write_csv(record, folder / name)
         for record, name in zip(dataset.records, names, strict=True)
     ]
-    lines = [f"# {note}", f'title = "{dataset.title}"']
+    lines = [f"# {note}", f'title = "{dataset.title}"', *_inputs(dataset), *_quantities(dataset)]
     for record in dataset.records:
         lines += ["", f"[records.{record.name}]", f'note = "{record.note}"']
     return [*paths, write_atomic(folder / SETTINGS, "\n".join(lines) + "\n")]
+
+
+def _inputs(dataset: Dataset) -> list[str]:
+    """Name the inputs that every record has beside u."""
+    names = [list(map(other_name, record.others)) for record in dataset.records]
+    if not names or not names[0] or any(each != names[0] for each in names):
+        return []
+    return ["", "[columns]", f"inputs = {json.dumps(['u', *names[0]], ensure_ascii=False)}"]
+
+
+def _quantities(dataset: Dataset) -> list[str]:
+    found = dataset.quantities
+    if found.are_standard:
+        return []
+    lines = ["", "[quantities]"]
+    for side, quantity in (("input", found.input), ("output", found.output)):
+        entry = ", ".join(
+            f"{key} = {json.dumps(text, ensure_ascii=False)}"
+            for key, text in vars(quantity).items()
+        )
+        lines.append(f"{side} = {{ {entry} }}")
+    return lines

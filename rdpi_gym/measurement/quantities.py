@@ -1,0 +1,202 @@
+"""What was measured: name, symbol and unit of input and output, and sentences that use them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from rdpi_gym.measurement.units import measured_by, ratio, shown_unit
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
+
+SIDES: Mapping[str, str] = {"input": "u", "output": "y"}
+"""The quantities by the column that each is in."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity of a record.
+
+    Parameters
+    ----------
+    name
+        In words: ``force``.
+    symbol
+        What stands in formulas and on axes: ``F``.
+    unit
+        Of its numbers: ``kN``.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+
+
+STANDARD: Mapping[str, Quantity] = {
+    "input": Quantity("voltage", "u", "V"),
+    "output": Quantity("displacement", "y", "µm"),
+}
+"""What is taken where nothing else is said."""
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """Input and output of a data set.
+
+    The records and models keep the names of their fields, ``u_V`` and ``y_um``, whatever the numbers
+    in them are; what is printed uses the quantities.
+
+    Parameters
+    ----------
+    input, output
+        By default the voltage u in V and the displacement y in µm.
+
+    Examples
+    --------
+    >>> damper = Quantities(Quantity("displacement", "x", "mm"), Quantity("force", "F", "kN"))
+    >>> damper.said("The displacement moves by 3 µm, 2.5 µm/V, as the voltage passes 0 V.")
+    'The force moves by 3 kN, 2.5 kN/mm, as the displacement passes 0 mm.'
+    >>> Quantities().said("3 µm"), damper.said("Displacement (µm)"), damper.said("V/s")
+    ('3 µm', 'Force (kN)', 'mm/s')
+    """
+
+    input: Quantity = STANDARD["input"]
+    output: Quantity = STANDARD["output"]
+
+    @property
+    def are_standard(self) -> bool:
+        """Whether they are a voltage in V and a displacement in µm, under these names."""
+        return self.input == STANDARD["input"] and self.output == STANDARD["output"]
+
+    @property
+    def are_piezo(self) -> bool:
+        """Whether they are a voltage in V and a displacement in µm, whatever they are called."""
+        return (self.input.unit, self.output.unit) == ("V", "µm")
+
+    @cached_property
+    def _words(self) -> dict[str, str]:
+        """What stands for each word of the sentences that are made for V and µm."""
+        u, y = self.input, self.output
+        found = {
+            "µm/V": f"{y.unit}/{_divisor(u.unit)}",
+            "1/µm": f"1/{_divisor(y.unit)}",
+            "1/V": f"1/{_divisor(u.unit)}",
+            "µm": y.unit,
+            "V": u.unit,
+            "u (V)": f"{u.symbol} ({u.unit})",
+            "y (µm)": f"{y.symbol} ({y.unit})",
+        }
+        for old, new in (("voltage", u.name), ("displacement", y.name)):
+            found |= {old: new, old.capitalize(): new[:1].upper() + new[1:]}
+        return found
+
+    def said(self, text: str) -> str:
+        """Turn a sentence, a heading or the caption of an axis into these quantities.
+
+        Parameters
+        ----------
+        text
+            Made for a voltage in V and a displacement in µm; it is turned once.
+        """
+        if self.are_standard:
+            return text
+        return _WORDS.sub(lambda found: self._words[found[0]], text)
+
+    @property
+    def words(self) -> str:
+        """From what to what.
+
+        Examples
+        --------
+        >>> Quantities().words
+        'from voltage u (V) to displacement y (µm)'
+        """
+        parts = (f"{q.name} {q.symbol} ({q.unit})" for q in (self.input, self.output))
+        return f"from {' to '.join(parts)}"
+
+    @property
+    def by_column(self) -> dict[str, str]:
+        """Unit of each column that holds one of them."""
+        return {"u": self.input.unit, "y": self.output.unit, "reference": self.output.unit}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units as the JSON files name them: of input and output."""
+        return {"input": self.input.unit, "output": self.output.unit}
+
+
+_WORDS = re.compile(
+    r"\bu \(V\)|\by \(µm\)|µm/V\b|1/µm|1/V\b|µm|\bV\b|\b[vV]oltage(?=s?\b)|\b[dD]isplacement(?=s?\b)"
+)
+
+
+def _divisor(unit: str) -> str:
+    return f"({unit})" if re.search(r"[/·* ]", unit) else unit
+
+
+def quantities_of(
+    said: Mapping[str, Mapping[str, str]],
+    units: Mapping[str, str],
+    names: Mapping[str, str],
+    where: str,
+) -> Quantities:
+    """Settle what was measured.
+
+    Parameters
+    ----------
+    said
+        Of ``input`` and ``output``: name, symbol and unit, as far as the user says them.
+    units
+        What the numbers of the columns u and y are in, where that is said; else V and µm.
+    names
+        What the file calls the columns u and y beside their units.
+    where
+        Who says so, for the error line.
+
+    Raises
+    ------
+    InputError
+        A unit without a name that it tells, a name without a unit, a unit of another quantity.
+
+    Examples
+    --------
+    >>> found = quantities_of({"output": {"symbol": "F"}}, {"y": "kN", "u": "mV"}, {}, "dataset.toml")
+    >>> found.output, found.input.unit
+    (Quantity(name='force', symbol='F', unit='kN'), 'V')
+    """
+    found = {
+        side: _quantity(side, said.get(side, {}), units.get(column), names.get(column, ""), where)
+        for side, column in SIDES.items()
+    }
+    return Quantities(found["input"], found["output"])
+
+
+def _quantity(
+    side: str, said: Mapping[str, str], unit: str | None, name: str, where: str
+) -> Quantity:
+    standard = STANDARD[side]
+    is_standard = unit is None or ratio(unit, standard.unit) is not None
+    shown = said.get("unit") or (standard.unit if is_standard else unit) or standard.unit
+    if said.get("name", standard.name) != standard.name and unit is None and "unit" not in said:
+        raise InputError(
+            f"{where}: the {side}, {quoted(said['name'])}, has no unit; give it one, as in "
+            f'{side} = {{ name = "force", unit = "kN" }}'
+        )
+    if unit is not None and ratio(unit, shown) is None:
+        raise InputError(
+            f"{where}: the {side} is shown in {quoted(shown)} while column {SIDES[side]} is in "
+            f"{quoted(unit)}, and one is not turned into the other; give both the same unit"
+        )
+    own = standard.name if ratio(shown, standard.unit) is not None else measured_by(shown)
+    # what a file calls a column in another unit than ours is a better name than a guess by its unit
+    word = name if len(name) > 2 and not is_standard else ""
+    named = said.get("name") or word or own
+    if not named:
+        raise InputError(
+            f"{where}: the {side} in {quoted(shown)} has no name; give it one, as in "
+            f'{side} = {{ name = "force", unit = "kN" }}'
+        )
+    letter = name if 0 < len(name) <= 2 and not is_standard else standard.symbol
+    return Quantity(named, said.get("symbol") or letter, shown_unit(shown))

@@ -1,0 +1,119 @@
+"""Units that a column may be written in: what they measure, and how to turn one into another."""
+
+from __future__ import annotations
+
+import re
+
+_PREFIXES = {
+    "": 1.0, "k": 1e3, "M": 1e6, "G": 1e9, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9, "p": 1e-12,
+}  # fmt: skip
+_BASES = {
+    "V": "voltage",
+    "m": "displacement",
+    "N": "force",
+    "A": "current",
+    "Pa": "pressure",
+    "N·m": "torque",
+    "rad": "angle",
+    "m/s": "velocity",
+    "m/s²": "acceleration",
+    "A/m": "magnetic field",
+}
+# Those without prefixes; nothing else is turned into them.
+_ALONE = {
+    "deg": "angle", "°": "angle", "bar": "pressure", "psi": "pressure", "lbf": "force",
+    "kip": "force", "kgf": "force", "in": "displacement", "inch": "", "K": "temperature",
+    "%": "share",
+}  # fmt: skip
+_SPELLED = {"Nm": "N·m", "N*m": "N·m", "N m": "N·m", "m/s^2": "m/s²", "m/s2": "m/s²"}
+_BRACKETS = re.compile(r"(.*\S)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")
+_SUFFIX = re.compile(r"(.*[^_])_([A-Za-zµμ%]+)")
+# After an underscore these are as often a word's beginning: y_m may be what was measured.
+_NO_SUFFIXES = ("m", "A", "K", "in", "p", "n")
+
+
+def plain_unit(unit: str) -> str:
+    """Write a unit in one way: u for micro, a dot between units.
+
+    Examples
+    --------
+    >>> plain_unit("µm"), plain_unit("kNm")
+    ('um', 'kN·m')
+    """
+    text = unit.strip().replace("µ", "u").replace("μ", "u")  # micro sign and Greek mu
+    for spelled, right in _SPELLED.items():
+        if text.endswith(spelled) and text.removesuffix(spelled) in _PREFIXES:
+            return text.removesuffix(spelled) + right
+    return text
+
+
+def shown_unit(unit: str) -> str:
+    """Write a unit as a reader expects it.
+
+    Examples
+    --------
+    >>> shown_unit("um"), shown_unit("kN"), shown_unit("uN")
+    ('µm', 'kN', 'µN')
+    """
+    plain = plain_unit(unit)
+    base, _ = _parted(plain)
+    return f"µ{plain[1:]}" if base != plain and plain.startswith("u") else plain
+
+
+def _parted(plain: str) -> tuple[str, float]:
+    """Part a unit into its base and the factor to it; an unknown one is its own base."""
+    if plain in _ALONE or plain in _BASES:
+        return plain, 1.0
+    for base in _BASES:
+        prefix = plain.removesuffix(base)
+        # a hundredth is used with metres alone
+        if prefix != plain and prefix in _PREFIXES and (prefix != "c" or base == "m"):
+            return base, _PREFIXES[prefix]
+    return plain, 1.0
+
+
+def measured_by(unit: str) -> str:
+    """Name the quantity that a unit measures; nothing where the unit is not known.
+
+    Examples
+    --------
+    >>> measured_by("kN"), measured_by("µm"), measured_by("furlong")
+    ('force', 'displacement', '')
+    """
+    base, _ = _parted(plain_unit(unit))
+    return _BASES.get(base, _ALONE.get(base, ""))
+
+
+def ratio(unit: str, shown: str) -> float | None:
+    """Give the factor from one unit to another; None where they measure different quantities.
+
+    Examples
+    --------
+    >>> ratio("N", "kN"), ratio("mm", "µm"), ratio("mm", "kN")
+    (0.001, 1000.0, None)
+    """
+    one, other = plain_unit(unit), plain_unit(shown)
+    if one == other:
+        return 1.0
+    base, factor = _parted(one)
+    shown_base, shown_factor = _parted(other)
+    return float(f"{factor / shown_factor:.12g}") if base == shown_base else None
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """Split the name of a column into what it names and its unit, where it carries one.
+
+    Examples
+    --------
+    >>> split_name("force [kN]"), split_name("x (mm)"), split_name("u_V"), split_name("y_m")
+    (('force', 'kN'), ('x', 'mm'), ('u', 'V'), ('y_m', ''))
+    """
+    for pattern, refused in ((_BRACKETS, ()), (_SUFFIX, _NO_SUFFIXES)):
+        found = pattern.fullmatch(name.strip())
+        if found and found[2] not in refused and (measured_by(found[2]) or found[2] in _OTHERS):
+            return found[1].strip(), found[2]
+    return name, ""
+
+
+# Units of time and temperature, which have columns of their own.
+_OTHERS = ("s", "ms", "us", "µs", "μs", "C", "degC", "°C")
