@@ -63,7 +63,7 @@ def test_an_unknown_keyword_is_pythons_own_error(data):
 
 def test_load_shows_its_options_in_its_signature():
     assert list(inspect.signature(rg.load).parameters) == [
-        "path", "columns", "units", "sampling_time_s", "validate", "skip_s",
+        "path", "columns", "input", "units", "sampling_time_s", "validate", "skip_s",
     ]  # fmt: skip
 
 
