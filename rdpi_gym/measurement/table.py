@@ -124,9 +124,8 @@ def select(
     numbered = _numbered(names)
     own = columns.get("u", numbered[0] if numbered else "u")
     if own in numbered:
-        columns = (
-            {OTHER + other: other for other in numbered if other != own} | columns | {"u": own}
-        )
+        others = {OTHER + other: other for other in numbered if other != own}
+        columns = {**others, **columns, "u": own}
         meanings |= dict.fromkeys(columns.keys() - meanings.keys(), "a further input")
     for name, meaning in meanings.items():
         source = columns.get(name, name)
