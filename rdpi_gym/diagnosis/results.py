@@ -92,6 +92,11 @@ class Candidate:
         A sentence that a person can check on a figure.
     remarks
         A bound reached, a search that did not converge, a record made worse.
+    form
+        Of the effect; empty for its simplest.
+    without_um
+        Validation error (µm rms) with all other effects of the final model and without this one;
+        None where that was not asked.
     """
 
     effect: str
@@ -103,11 +108,14 @@ class Candidate:
     indistinguishable: tuple[str, ...]
     evidence: str
     remarks: tuple[str, ...] = ()
+    form: str = ""
+    without_um: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the files."""
         return {
             "effect": self.effect,
+            "form": self.form,
             **self.errors.to_dict(),
             "parameters": dict(self.parameters),
             "standard_errors": dict(self.standard_errors),
@@ -116,6 +124,7 @@ class Candidate:
             "indistinguishable": list(self.indistinguishable),
             "evidence": self.evidence,
             "remarks": list(self.remarks),
+            "validation_rmse_without": self.without_um,
         }
 
     @classmethod
@@ -131,6 +140,8 @@ class Candidate:
             fields.texts("indistinguishable"),
             fields.text("evidence"),
             fields.texts("remarks"),
+            fields.optional_text("form") or "",
+            fields.optional_number("validation_rmse_without"),
         )
 
 

@@ -51,6 +51,10 @@ class Fields:
             return null
         return float(self._checked(key, self.raw(key), "a number", _is_number))
 
+    def optional_number(self, key: str) -> float | None:
+        """Return a number, or None for a JSON null and for a key that is not there."""
+        return None if self.raw(key) is None else self.number(key)
+
     def text(self, key: str) -> str:
         """Return a text."""
         return str(self._checked(key, self.raw(key), "a text", _is_text))

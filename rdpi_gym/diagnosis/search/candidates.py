@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,6 +17,7 @@ from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 
 # Pieces that a validation record is cut into: what the spread of an improvement is judged by.
@@ -31,8 +32,29 @@ _CUSP_REACH, _CUSP_STEPS, _CUSP_PASSES = 0.2, 16, 3
 _CUSP_ROUNDS, _CUSP_ENDS = 4, 0.9
 # Passes at a start on the way to a cusp: everything else stands where it is already.
 _SCAN_PASSES = 2
+# Starts of a form that are followed beyond the first steps.
+_RACED = 2
 # Only where a start takes this much from the error without the effect is there a cusp to find.
 _CUSP_SHOWS = 0.998
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One refit of a round.
+
+    Parameters
+    ----------
+    kind
+        The candidate: an effect in one of its forms.
+    present
+        Effects that are fitted with it.
+    starts
+        Where its fit begins; None: from the starts of its own.
+    """
+
+    kind: type[Effect]
+    present: tuple[Effect, ...]
+    starts: tuple[Effect, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -51,6 +73,8 @@ class Outcome:
         Mean squared error (µm²) of the pieces of each validation record, offset free.
     remark
         Why there is no refit.
+    form
+        Of the candidate; empty for its simplest.
     """
 
     effect: str
@@ -58,6 +82,7 @@ class Outcome:
     errors: Errors
     pieces: Array
     remark: str = ""
+    form: str = ""
 
     @property
     def mean_square(self) -> float:
@@ -90,7 +115,7 @@ def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
     setting
         The data.
     name
-        Name of the candidate.
+        Name of the candidate; its form is that of the refit.
     fit
         The refit.
     """
@@ -100,11 +125,16 @@ def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
     spread = max(float(np.ptp(r.y_um[r.error_mask])) for r in setting.validation)
     relative = 100.0 * validation / spread if spread > 0.0 else math.inf
     errors = Errors(train, validation, relative, by_record)
-    return Outcome(name, fit, errors, pieces)
+    forms = {effect.name: effect.form for effect in fit.variant.effects}
+    return Outcome(name, fit, errors, pieces, form=forms.get(name, ""))
 
 
 def refit(
-    setting: Setting, hysteresis: RDPI, present: Sequence[Effect], kind: type[Effect] | None
+    setting: Setting,
+    hysteresis: RDPI,
+    present: Sequence[Effect],
+    kind: type[Effect] | None,
+    starts: Sequence[Effect] | None = None,
 ) -> Outcome:
     """Fit the weights, δ2, the effects present and a candidate together, from each of its starts.
 
@@ -118,6 +148,8 @@ def refit(
         Effects added before, with their values.
     kind
         The candidate; None to refit without one.
+    starts
+        Where the candidate begins; None: at the starts of its own.
 
     Returns
     -------
@@ -126,33 +158,42 @@ def refit(
     """
     if kind is None:
         return assess(setting, "", fit_joint(setting.train, hysteresis, present))
-    first: list[JointFit] = []
     troubles: list[str] = []
     held = frozenset() if kind.kinked is None else frozenset({f"{kind.name}.{kind.kinked}"})
-    first_passes = _SCAN_PASSES if held else _FIRST_PASSES
-    for start in kind.starts(setting.scale):
-        effects = in_chain_order([*present, start])
-        try:
-            first.append(
-                fit_joint(
-                    setting.train,
-                    hysteresis,
-                    effects,
-                    first_passes,
-                    held=held,
-                    samples=SEARCH_SAMPLES,
+
+    def begun(places: Sequence[Effect], passes: int) -> list[JointFit]:
+        fits: list[JointFit] = []
+        for place in places:
+            effects = in_chain_order([*present, place])
+            try:
+                fit = fit_joint(
+                    setting.train, hysteresis, effects, passes, held=held, samples=SEARCH_SAMPLES
                 )
-            )
-        except Exception as error:  # a user's effect may raise anything; the others go on
-            troubles.append(f"{type(error).__name__}: {error}".splitlines()[0])
-    first = [fit for fit in first if math.isfinite(fit.train_rmse_um)]
+            except Exception as error:  # a user's effect may raise anything; the others go on
+                troubles.append(f"{type(error).__name__}: {error}".splitlines()[0])
+                continue
+            if math.isfinite(fit.train_rmse_um):
+                fits.append(fit)
+        return sorted(fits, key=lambda fit: fit.train_rmse_um)
+
+    places: Sequence[Effect]
+    try:
+        places = kind.starts(setting.scale) if starts is None else starts
+    except InputError as error:
+        places, troubles = (), [str(error)]
+    if kind.form and len(places) > _RACED:
+        # a form has starts for each optimum: most are seen to be worse after a few steps
+        raced = begun(places, _SCAN_PASSES)[:_RACED]
+        places = [_own(fit, kind.name) for fit in raced]
+    first = begun(places, _SCAN_PASSES if held else _FIRST_PASSES)
     if not first:
         nowhere = Errors(math.inf, math.inf, math.inf, {})
         reason = troubles[0] if troubles else "the error is not finite"
         return Outcome(
-            kind.name, None, nowhere, np.zeros((0, PIECES)), f"did not converge: {reason}"
-        )
-    best = min(first, key=lambda fit: fit.train_rmse_um)
+            kind.name, None, nowhere, np.zeros((0, PIECES)), f"did not converge: {reason}",
+            kind.form,
+        )  # fmt: skip
+    best = first[0]
     if kind.kinked is not None:
         without = fit_joint(
             setting.train, hysteresis, present, _FIRST_PASSES, samples=SEARCH_SAMPLES
@@ -164,6 +205,10 @@ def refit(
             setting.train, best.variant.hysteresis, best.variant.effects, samples=SEARCH_SAMPLES
         )
     return assess(setting, kind.name, best)
+
+
+def _own(fit: JointFit, name: str) -> Effect:
+    return next(effect for effect in fit.variant.effects if effect.name == name)
 
 
 def past_cusps(setting: Setting, outcome: Outcome, present: Sequence[Effect]) -> Outcome:
@@ -252,8 +297,7 @@ def _squares(
 def refit_all(
     setting: Setting,
     hysteresis: RDPI,
-    present: Sequence[Effect],
-    kinds: Sequence[type[Effect]],
+    trials: Sequence[Trial],
     checkpoint: Checkpoint,
     jobs: int,
     report: Callable[[int, int], None],
@@ -262,10 +306,10 @@ def refit_all(
 
     Parameters
     ----------
-    setting, hysteresis, present
+    setting, hysteresis
         As :func:`refit`.
-    kinds
-        The candidates.
+    trials
+        The candidates, each with the effects beside it.
     checkpoint
         Where finished candidates are looked up and kept.
     jobs
@@ -274,35 +318,24 @@ def refit_all(
         Called with candidates done and in all.
     """
     outcomes: list[Outcome] = []
-    open_kinds: list[type[Effect]] = []
-    for kind in kinds:
-        fit = checkpoint.get(hysteresis, present, kind)
+    unfinished: list[Trial] = []
+    for trial in trials:
+        fit = checkpoint.get(hysteresis, trial.present, trial.kind, trial.starts)
         if fit is None:
-            open_kinds.append(kind)
+            unfinished.append(trial)
         else:
-            outcomes.append(assess(setting, kind.name, fit))
-    report(len(outcomes), len(kinds))
-    by_name = {kind.name: kind for kind in open_kinds}
-    for outcome in _run(setting, hysteresis, present, open_kinds, jobs):
+            outcomes.append(assess(setting, trial.kind.name, fit))
+    report(len(outcomes), len(trials))
+    by_name = {(trial.kind.name, trial.kind.form): trial for trial in unfinished}
+    one = partial(_refit_trial, setting, hysteresis)
+    for outcome in run_cases(one, unfinished, 1 if len(unfinished) < 2 else jobs):
         if outcome.fit is not None:
-            checkpoint.put(hysteresis, present, by_name[outcome.effect], outcome.fit)
+            trial = by_name[outcome.effect, outcome.form]
+            checkpoint.put(hysteresis, trial.present, trial.kind, trial.starts, outcome.fit)
         outcomes.append(outcome)
-        report(len(outcomes), len(kinds))
+        report(len(outcomes), len(trials))
     return sorted(outcomes, key=lambda o: o.mean_square)
 
 
-def _run(
-    setting: Setting,
-    hysteresis: RDPI,
-    present: Sequence[Effect],
-    kinds: Sequence[type[Effect]],
-    jobs: int,
-) -> Iterator[Outcome]:
-    one = partial(_refit_kind, setting, hysteresis, present)
-    yield from run_cases(one, kinds, 1 if len(kinds) < 2 else jobs)
-
-
-def _refit_kind(
-    setting: Setting, hysteresis: RDPI, present: Sequence[Effect], kind: type[Effect]
-) -> Outcome:
-    return refit(setting, hysteresis, present, kind)
+def _refit_trial(setting: Setting, hysteresis: RDPI, trial: Trial) -> Outcome:
+    return refit(setting, hysteresis, trial.present, trial.kind, trial.starts)

@@ -57,7 +57,11 @@ class Checkpoint:
         self._data = fingerprint(parts)
 
     def get(
-        self, hysteresis: RDPI, present: Sequence[Effect], kind: type[Effect]
+        self,
+        hysteresis: RDPI,
+        present: Sequence[Effect],
+        kind: type[Effect],
+        starts: Sequence[Effect] | None = None,
     ) -> JointFit | None:
         """Return a finished refit, or None.
 
@@ -67,14 +71,19 @@ class Checkpoint:
             What the refit started from.
         kind
             The candidate.
+        starts
+            Where it began; None: at the starts of its own.
         """
         if self._store is None:
             return None
-        row = self._store.rows.get(self._key(hysteresis, present, kind))
+        row = self._store.rows.get(self._key(hysteresis, present, kind, starts))
         if row is None:
             return None
         kinds = {e.name: type(e) for e in present} | {kind.name: kind}
-        effects = [dict(effect) for effect in row["effects"]]
+        effects = [
+            {key: value for key, value in effect.items() if key != "form"}
+            for effect in row["effects"]
+        ]
         return JointFit(
             Variant(
                 RDPI(tuple(row["weights"]), tuple(row["thresholds_V"]), row["delta2_s"]),
@@ -88,7 +97,12 @@ class Checkpoint:
         )
 
     def put(
-        self, hysteresis: RDPI, present: Sequence[Effect], kind: type[Effect], fit: JointFit
+        self,
+        hysteresis: RDPI,
+        present: Sequence[Effect],
+        kind: type[Effect],
+        starts: Sequence[Effect] | None,
+        fit: JointFit,
     ) -> None:
         """Keep a finished refit.
 
@@ -101,7 +115,7 @@ class Checkpoint:
             return
         found = fit.variant.hysteresis
         row = {
-            "key": self._key(hysteresis, present, kind),
+            "key": self._key(hysteresis, present, kind, starts),
             "weights": found.weights,
             "thresholds_V": found.thresholds_V,
             "delta2_s": found.delta2_s,
@@ -114,12 +128,20 @@ class Checkpoint:
         }
         self._store.append([row])
 
-    def _key(self, hysteresis: RDPI, present: Sequence[Effect], kind: type[Effect]) -> str:
+    def _key(
+        self,
+        hysteresis: RDPI,
+        present: Sequence[Effect],
+        kind: type[Effect],
+        starts: Sequence[Effect] | None,
+    ) -> str:
         start = [hysteresis.weights, hysteresis.thresholds_V, hysteresis.delta2_s]
-        numbers = json.dumps(_rounded([*start, *(effect.to_dict() for effect in present)]))
+        effects = [effect.to_dict() for effect in (*present, *(starts or ()))]
+        numbers = json.dumps(_rounded([*start, *effects]))
         sources = [_source(each) for each in (*map(type, present), kind)]
         names = "+".join(effect.name for effect in present)
-        return f"{self._data} {fingerprint([numbers.encode(), *sources])} {names} {kind.name}"
+        own = f"{kind.name} {kind.form}".strip()
+        return f"{self._data} {fingerprint([numbers.encode(), *sources])} {names} {own}"
 
 
 def _rounded(value: Any) -> Any:

@@ -9,16 +9,17 @@ from pathlib import Path
 
 from rdpi_gym.diagnosis.results import Candidate, SearchResult
 from rdpi_gym.diagnosis.search.conclusion import Search, conclude
-from rdpi_gym.diagnosis.search.laboratory import Laboratory
+from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.ranking import Ranked
+from rdpi_gym.diagnosis.search.stability import LEAST_STABLE
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 
-# More effects than this are not a model but a collection.
-MOST_EFFECTS = 6
+# More effects than this are not a model but a collection; a round adds one or betters its form.
+MOST_EFFECTS, MOST_ROUNDS = 6, 10
 
 
 def diagnose(
@@ -63,7 +64,7 @@ def diagnose(
     laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint)
     base = laboratory.base(given)
     ranked = laboratory.ranked(base)
-    chosen = laboratory.choose(base, ranked) if laboratory.decidable else []
+    chosen = laboratory.choose(base, ranked)
     end = laboratory.after(base, chosen) if chosen else base
     end, notes = laboratory.on_law(end, given)
     recommended = [replace(r.candidate, errors=end.outcome.errors) for r in chosen]
@@ -102,23 +103,37 @@ def discover(
     base = state = laboratory.base(given)
     added: list[Candidate] = []
     rounds: list[list[Ranked]] = []
-    rivals: dict[str, tuple[str, ...]] = {}
+    rivals: dict[str, tuple[Effect, ...]] = {}
     last: list[Ranked] = []
-    while len(added) < MOST_EFFECTS and laboratory.decidable and not laboratory.at_floor(state):
+    while len(rounds) < MOST_ROUNDS and len(added) < MOST_EFFECTS:
+        if laboratory.at_floor(state):
+            break
         ranked = laboratory.ranked(state)
         rounds.append(ranked)
         chosen = laboratory.choose(state, ranked)
         if not chosen:
             break
-        last = chosen
-        for r in chosen:
+        have = {effect.name for effect in state.effects}
+        new = [r for r in chosen if r.candidate.effect not in have]
+        for r in new:
             rivals[r.candidate.effect] = laboratory.rivals(state, r.candidate, ranked)
-        state = laboratory.after(state, chosen)
-        added += [replace(r.candidate, errors=state.outcome.errors) for r in chosen]
+        before, state = state, laboratory.after(state, chosen)
+        if new:
+            last = chosen
+        else:  # a better form belongs to the step that is last
+            added = _moved_on(added, before, state)
+        added += [replace(r.candidate, errors=state.outcome.errors) for r in new]
     state, removed = laboratory.eliminate(state, [c.effect for c in added])
+    state, simpler = laboratory.simplify(state)
     state, notes = laboratory.on_law(state, given)
     kept = [c for c in added if c.effect not in removed]
     state, added = laboratory.settle(state, kept, rivals)
+    added = laboratory.sure(state, added, rivals)
+    unstable = [c.effect for c in added if c.confidence < LEAST_STABLE]
+    if unstable:
+        state = laboratory.without(state, unstable)
+        added = [c for c in added if c.effect not in unstable]
+        removed = (*removed, *unstable)
     if added:  # the last step ends at the model that is saved
         end = added[-1].errors
         added = [replace(c, errors=state.outcome.errors) if c.errors is end else c for c in added]
@@ -132,9 +147,15 @@ def discover(
         rounds=rounds,
         last=last,
         removed=removed,
-        notes=notes,
+        notes=(*simpler, *notes),
     )
     return conclude(laboratory, search)
+
+
+def _moved_on(added: list[Candidate], before: State, after: State) -> list[Candidate]:
+    """Return the steps, those that ended at one model now ending at another."""
+    end = before.outcome.errors
+    return [replace(c, errors=after.outcome.errors) if c.errors is end else c for c in added]
 
 
 def add_effect(

@@ -13,12 +13,19 @@ from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import (
     Outcome,
     Setting,
+    Trial,
     assess,
     past_cusps,
     refit,
     refit_all,
 )
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
+from rdpi_gym.diagnosis.search.forms import (
+    better_forms,
+    further_forms,
+    in_best_form,
+    simplified,
+)
 from rdpi_gym.diagnosis.search.law import to_threshold_law
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
@@ -34,6 +41,7 @@ from rdpi_gym.diagnosis.search.separability import (
     separability,
     typical_effects,
 )
+from rdpi_gym.diagnosis.search.stability import stability
 from rdpi_gym.diagnosis.search.suitability import TURNED, falls, poverty, turned
 from rdpi_gym.diagnosis.search.verdict import EXPLAINED
 from rdpi_gym.identification.jacobian import simulate_effects
@@ -48,6 +56,8 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 
 _NOMINEES = 4
+# Rivals of an effect in each split of the records.
+_SPLIT_RIVALS = 2
 # Rivals that are tried once more in the end: by the gain of the effect chosen, or by the noise.
 _CLOSE_GAIN, _CLOSE_NOISE = 0.03, 1.0
 # Candidates of a round for which the effects that are there already are moved past their cusps.
@@ -116,6 +126,7 @@ class Laboratory:
         remark = self._checkpoint.remark
         self.remarks: tuple[str, ...] = () if remark is None else (remark,)
         self.undecided = poverty((*train, *validation), train)
+        self.suspects: frozenset[str] = frozenset()
         self._like_rate: tuple[str, ...] = ()
         self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
 
@@ -138,24 +149,40 @@ class Laboratory:
         return state
 
     def ranked(self, state: State) -> list[Ranked]:
-        """Refit every candidate that the model does not have, and rank them."""
+        """Refit every candidate that the model does not have, and better forms of what it has."""
         have = {effect.name for effect in state.effects}
-        kinds = [kind for name, kind in self.catalogue.items() if name not in have]
+        kinds = {name: kind for name, kind in self.catalogue.items() if name not in have}
         task = "with " + ", ".join(e.name for e in state.effects) if have else "candidates"
-        outcomes = refit_all(
-            self.setting, pruned(state.hysteresis), state.effects, kinds, self._checkpoint,
-            self._jobs,
-            lambda done, total: self._progress(task, done, total),
-        )  # fmt: skip
-        outcomes = [past_cusps(self.setting, o, state.effects) for o in outcomes[:_LEADERS]] + (
-            outcomes[_LEADERS:]
-        )
-        for outcome in [o for o in outcomes if o.fit is not None][:_FLOOR_FROM]:
-            self._update_noise(State(outcome))
-        ranked = rank(state.outcome, outcomes, kinds, self.noise_um, self._seed)
+        scale = self.setting.scale
+        new = [Trial(kind, state.effects) for kind in kinds.values()]
+        simple = self._refit(state, [*new, *better_forms(state.effects, scale)], task)
+        leaders = [past_cusps(self.setting, o, state.effects) for o in simple[:_LEADERS]]
+        outcomes = sorted([*leaders, *simple[_LEADERS:]], key=lambda o: o.mean_square)
+        self._floor_from(outcomes)
+        if outcomes[0].mean_square > (1.0 + AT_FLOOR) * self.noise_um**2:
+            others = [o for o in outcomes if o.effect in kinds]
+            trials = further_forms(
+                state.outcome, others, kinds, state.effects, scale, self.suspects
+            )
+            outcomes += self._refit(state, trials, f"forms {task}")
+            self._floor_from(sorted(outcomes, key=lambda o: o.mean_square))
+        outcomes = in_best_form(outcomes, self.noise_um)
+        tried = [*kinds.values(), *(type(e) for e in state.effects)]
+        ranked = rank(state.outcome, outcomes, tried, self.noise_um, self._seed)
         if not self._rates_alike:
             return ranked
-        return [_like_rate(r) if r.candidate.effect in self._like_rate else r for r in ranked]
+        barred = set(self._like_rate) - have
+        return [_like_rate(r) if r.candidate.effect in barred else r for r in ranked]
+
+    def _refit(self, state: State, trials: Sequence[Trial], task: str) -> list[Outcome]:
+        return refit_all(
+            self.setting, pruned(state.hysteresis), trials, self._checkpoint, self._jobs,
+            lambda done, total: self._progress(task, done, total),
+        )  # fmt: skip
+
+    def _floor_from(self, outcomes: Sequence[Outcome]) -> None:
+        for outcome in [o for o in outcomes if o.fit is not None][:_FLOOR_FROM]:
+            self._update_noise(State(outcome))
 
     def choose(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Return what to add: the simplest of the best class, a pair, or nothing."""
@@ -163,17 +190,31 @@ class Laboratory:
         if earned:
             best = max(earned, key=lambda r: r.worth)
             names = (best.candidate.effect, *best.candidate.indistinguishable)
+            have = {effect.name for effect in state.effects}
             equals = [r for r in earned if r.candidate.effect in names]
-            return [min(equals, key=lambda r: (_bounds_hit(r), len(r.candidate.parameters)))]
+            # a better form of an effect that is there comes before another name
+            return [
+                min(
+                    equals,
+                    key=lambda r: (
+                        _bounds_hit(r), r.candidate.effect not in have, len(r.candidate.parameters),
+                    ),
+                )
+            ]  # fmt: skip
         if self.noise_um * EXPLAINED >= state.outcome.errors.validation_rmse_um:
             return []
         return self._pair(state, ranked)
 
     def _pair(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Try pairs of nominees: effects may help only together."""
-        fitted = [r for r in ranked if r.outcome.fit is not None and not r.barred]
-        by_train = sorted(fitted, key=lambda r: r.outcome.errors.train_rmse_um)
-        nominees = {r.candidate.effect: r for r in (*fitted[:2], *by_train[:_NOMINEES])}
+        have = {effect.name for effect in state.effects}
+        usable = [
+            r
+            for r in ranked
+            if r.outcome.fit is not None and not r.barred and r.candidate.effect not in have
+        ]
+        by_train = sorted(usable, key=lambda r: r.outcome.errors.train_rmse_um)
+        nominees = {r.candidate.effect: r for r in (*usable[:2], *by_train[:_NOMINEES])}
         best: tuple[float, Outcome, list[str]] | None = None
         pairs = list(combinations(nominees, 2))
         for done, (first, second) in enumerate(pairs):
@@ -227,28 +268,58 @@ class Laboratory:
                 state, removed = State(without), [*removed, name]
         return state, tuple(removed)
 
-    def rivals(self, state: State, chosen: Candidate, field: Sequence[Ranked]) -> tuple[str, ...]:
+    def rivals(
+        self, state: State, chosen: Candidate, field: Sequence[Ranked]
+    ) -> tuple[Effect, ...]:
         """Return what came so close to a chosen effect in its round that it is tried once more."""
         own = chosen.errors.validation_rmse_um**2
         gain = state.outcome.mean_square - own
         reach = max(_CLOSE_GAIN * gain, _CLOSE_NOISE * self.noise_um**2)
-        close = [
-            r.candidate.effect
+        barred = {chosen.effect, *self._like_rate, *(e.name for e in state.effects)}
+        return tuple(
+            fitted(r.outcome)
             for r in field
-            if r.candidate.errors.validation_rmse_um**2 - own <= reach
-        ]
-        barred = {chosen.effect, *self._like_rate}
-        return tuple(effect for effect in close if effect not in barred)
+            if r.outcome.fit is not None
+            and r.candidate.effect not in barred
+            and r.candidate.errors.validation_rmse_um**2 - own <= reach
+        )
+
+    def simplify(self, state: State) -> tuple[State, tuple[str, ...]]:
+        """Try simpler forms of the effects back; return what was given up, in sentences."""
+        outcome, given_up = simplified(
+            self.setting, state.outcome, state.hysteresis, self.noise_um,
+            lambda done, total: self._progress("simpler forms", done, total),
+        )  # fmt: skip
+        notes = [f"{name} does not need the form {form!r}" for name, form in given_up.items()]
+        return State(outcome), tuple(notes)
+
+    def sure(
+        self, state: State, added: Sequence[Candidate], rivals: Mapping[str, Sequence[Effect]]
+    ) -> list[Candidate]:
+        """Return the steps with the confidence that splits of the records give them."""
+        if not added:
+            return []
+        judged = {
+            c.effect: [e for e in rivals.get(c.effect, ()) if e.name not in c.indistinguishable][
+                :_SPLIT_RIVALS
+            ]
+            for c in added
+        }
+        found = stability(
+            self.setting, state.outcome, judged, self.dataset.holds_out_quarters, self._seed,
+            lambda done, total: self._progress("splits of the records", done, total),
+        )  # fmt: skip
+        return [replace(c, confidence=found[c.effect]) for c in added]
 
     def settle(
-        self, state: State, steps: Sequence[Candidate], rivals: Mapping[str, Sequence[str]]
+        self, state: State, steps: Sequence[Candidate], rivals: Mapping[str, Sequence[Effect]]
     ) -> tuple[State, list[Candidate]]:
         """Try each added effect's rivals once more, now that all others are there."""
         settled: list[Candidate] = []
         for step in steps:
             others = in_chain_order(e for e in state.effects if e.name != step.effect)
             have = {e.name for e in state.effects}
-            kinds = [self.catalogue[name] for name in rivals[step.effect] if name not in have]
+            kinds = [type(e) for e in rivals.get(step.effect, ()) if e.name not in have]
             if not kinds:
                 settled.append(replace(step, indistinguishable=()))
                 continue
@@ -257,7 +328,7 @@ class Laboratory:
             # an effect is replaced only by one that fits the other records no worse either
             most = state.outcome.errors.train_rmse_um * (1.0 + SETTLED_GAIN)
             outcomes = [o for o in outcomes if o.errors.train_rmse_um <= most]
-            own = replace(state.outcome, effect=step.effect)
+            own = replace(state.outcome, effect=step.effect, form=step.form)
             without = assess(
                 self.setting, "", fit_joint(self.setting.train, state.hysteresis, others)
             )
@@ -278,6 +349,17 @@ class Laboratory:
                 else best.candidate
             )
         return state, settled
+
+    def without(self, state: State, names: Sequence[str]) -> State:
+        """Return the model without some effects, refitted."""
+        kept = in_chain_order(e for e in state.effects if e.name not in names)
+        fit = fit_joint(self.setting.train, state.hysteresis, kept)
+        return State(assess(self.setting, "", fit))
+
+    def contribution(self, state: State, step: Candidate) -> Candidate:
+        """Return a step with the error that all the others leave without it."""
+        alone = self.without(state, [step.effect]).outcome.errors.validation_rmse_um
+        return replace(step, without_um=alone)
 
     def final(self, state: State, step: Candidate) -> Candidate:
         """Return a step with the parameters of the final model."""
@@ -302,6 +384,12 @@ class Laboratory:
         floor, origin = noise_floor(self.dataset.quiet, records, residuals)
         if not self.noise_um <= floor:
             self.noise_um, self.noise_origin = floor, origin
+
+
+def fitted(outcome: Outcome) -> Effect:
+    """Return the candidate of a refit, as it was fitted."""
+    assert outcome.fit is not None
+    return next(e for e in outcome.fit.variant.effects if e.name == outcome.effect)
 
 
 def _bounds_hit(ranked: Ranked) -> int:

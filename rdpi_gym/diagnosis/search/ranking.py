@@ -107,7 +107,7 @@ def rank(
             remarks.append("the search did not end")
         share = gain / excess if excess > 0 else 0.0
         enough = gain > max(LEAST_GAIN * variance, LEAST_SHARE * excess)
-        helps = _beats(current, outcome, rng) >= LEAST_CONFIDENCE
+        helps = beats(current, outcome, rng) >= LEAST_CONFIDENCE
         train_share = _train_share(current, outcome, variance)
         helps = helps and train_share >= LEAST_TRAIN_SHARE
         candidate = Candidate(
@@ -134,8 +134,16 @@ def _train_share(current: Outcome, outcome: Outcome, variance: float) -> float:
     return (before - after) / max(before - variance, 1e-300)
 
 
-def _beats(loser: Outcome, winner: Outcome, rng: np.random.Generator) -> float:
-    """Share of bootstrap draws of validation pieces in which the winner has the smaller error."""
+def beats(loser: Outcome, winner: Outcome, rng: np.random.Generator) -> float:
+    """Return the share of bootstrap draws of validation pieces in which the winner is better.
+
+    Parameters
+    ----------
+    loser, winner
+        Refits judged on the same records.
+    rng
+        Where the draws come from.
+    """
     difference = (loser.pieces - winner.pieces).ravel()
     draws = rng.integers(0, difference.size, (_DRAWS, difference.size))
     return float(np.mean(difference[draws].mean(axis=1) > 0.0))
@@ -145,7 +153,7 @@ def _confidence(
     current: Outcome, outcome: Outcome, others: Sequence[Outcome], rng: np.random.Generator
 ) -> float:
     """Probability of beating the model without it and every rival outside its class."""
-    return min([_beats(o, outcome, rng) for o in (current, *others)])
+    return min([beats(o, outcome, rng) for o in (current, *others)])
 
 
 def _worse_records(current: Outcome, outcome: Outcome, gain: float, variance: float) -> list[str]:
@@ -174,7 +182,13 @@ def of_effect(candidate: Candidate, fit: JointFit | None, name: str) -> Candidat
     own = f"{name}."
     found = fit.standard_errors.items()
     errors = {key.removeprefix(own): e for key, e in found if key.startswith(own)}
-    return replace(candidate, effect=name, parameters=effect.values, standard_errors=errors)
+    return replace(
+        candidate,
+        effect=name,
+        form=effect.form,
+        parameters=effect.values,
+        standard_errors=errors,
+    )
 
 
 def _evidence(current: Outcome, outcome: Outcome, share: float, signature: str) -> str:

@@ -1,0 +1,182 @@
+"""Forms before names: each candidate in its best form, and better forms of what is there already."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, Trial, refit
+from rdpi_gym.diagnosis.search.ranking import LEAST_GAIN
+from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
+
+# A form of more freedom takes at least this share of what the simpler one leaves over the noise,
+# and so much again for each parameter more.
+_PRICE, _PRICE_EACH = 0.10, 0.03
+# Candidates of a round that are tried in their further forms.
+_LEADERS = 4
+# Of the error without it, what the simplest form leaves at most to be worth another; the rails of a
+# hard limit are tried always, for a soft one can hide them.
+_SHOWS = 0.995
+_ALWAYS = frozenset({"saturation"})
+# Of what a form gains over the simpler one, what may be lost again where the simpler is tried back.
+_BACK = 0.5
+
+
+def further_forms(
+    current: Outcome,
+    simple: Sequence[Outcome],
+    kinds: Mapping[str, type[Effect]],
+    present: tuple[Effect, ...],
+    scale: DataScale,
+    suspects: Collection[str] = (),
+) -> list[Trial]:
+    """Return the further forms of the leading candidates as trials.
+
+    Parameters
+    ----------
+    current
+        The model without a candidate.
+    simple
+        Refits of the candidates in their simplest form, best first.
+    kinds
+        The candidates by name.
+    present
+        Effects that the model has.
+    scale
+        Size of the data.
+    suspects
+        Names that a test without a model speaks for.
+    """
+    shown = [
+        o.effect for o in simple if o.fit and o.mean_square < _SHOWS**2 * current.mean_square
+    ]
+    names = dict.fromkeys((*shown[:_LEADERS], *(n for n in (*suspects, *_ALWAYS) if n in kinds)))
+    fitted = {o.effect: o for o in simple}
+    return [
+        Trial(form, present, _starts(form, fitted.get(name), scale))
+        for name in names
+        for form in forms_of(kinds[name])[1:]
+    ]
+
+
+def _starts(
+    form: type[Effect], simple: Outcome | None, scale: DataScale
+) -> tuple[Effect, ...] | None:
+    if simple is None or simple.fit is None:
+        return None
+    own = next(e for e in simple.fit.variant.effects if e.name == simple.effect)
+    return _distinct((*form.from_simpler(own, scale), *form.starts(scale)))
+
+
+def _distinct(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    return tuple(dict.fromkeys(effects))
+
+
+def better_forms(present: tuple[Effect, ...], scale: DataScale) -> list[Trial]:
+    """Return every further form of the effects that are there, each begun from the present one.
+
+    Parameters
+    ----------
+    present
+        Effects that the model has.
+    scale
+        Size of the data.
+    """
+    trials = []
+    for effect in present:
+        others = tuple(e for e in present if e is not effect)
+        forms = forms_of(type(effect))
+        further = forms[[f.form for f in forms].index(effect.form) + 1 :]
+        trials += [
+            Trial(form, others, _distinct((*form.from_simpler(effect, scale), *form.starts(scale))))
+            for form in further
+        ]
+    return trials
+
+
+def in_best_form(outcomes: Sequence[Outcome], noise_um: float) -> list[Outcome]:
+    """Return one refit for each name: the form whose held-out error pays for its freedom.
+
+    Parameters
+    ----------
+    outcomes
+        Refits of candidates in any form.
+    noise_um
+        Noise floor (µm rms).
+    """
+    by_name: dict[str, list[Outcome]] = {}
+    for outcome in outcomes:
+        by_name.setdefault(outcome.effect, []).append(outcome)
+    best = [_worth_its_freedom(forms, noise_um) for forms in by_name.values()]
+    return sorted(best, key=lambda o: o.mean_square)
+
+
+def _worth_its_freedom(forms: Sequence[Outcome], noise_um: float) -> Outcome:
+    variance = noise_um**2
+    ordered = sorted(forms, key=_freedom)
+    best = ordered[0]
+    for outcome in ordered[1:]:
+        if outcome.fit is None:
+            continue
+        more = _freedom(outcome) - _freedom(best)
+        left = max(best.mean_square - variance, 0.0)
+        price = max(LEAST_GAIN * variance, (_PRICE + _PRICE_EACH * max(more, 0)) * left)
+        trains = outcome.errors.train_rmse_um < best.errors.train_rmse_um
+        if best.fit is None or (trains and best.mean_square - outcome.mean_square > price):
+            best = outcome
+    return best
+
+
+def _freedom(outcome: Outcome) -> int:
+    if outcome.fit is None:
+        return 0
+    effects = (e for e in outcome.fit.variant.effects if e.name == outcome.effect)
+    return sum(not p.fixed for effect in effects for p in effect.parameters)
+
+
+def simplified(
+    setting: Setting,
+    outcome: Outcome,
+    hysteresis: RDPI,
+    noise_um: float,
+    report: Callable[[int, int], None],
+) -> tuple[Outcome, dict[str, str]]:
+    """Try simpler forms back, now that all other effects are there.
+
+    Parameters
+    ----------
+    setting
+        The data.
+    outcome
+        The model.
+    hysteresis
+        Its comb.
+    noise_um
+        Noise floor (µm rms).
+    report
+        Called with effects done and in all.
+
+    Returns
+    -------
+    Outcome
+        The model with the simplest forms that cost no more than the noise leaves open.
+    dict of str, str
+        The forms that were given up, by effect.
+    """
+    assert outcome.fit is not None
+    given_up: dict[str, str] = {}
+    rich = [effect for effect in outcome.fit.variant.effects if effect.form]
+    for done, effect in enumerate(rich):
+        report(done, len(rich))
+        forms = forms_of(type(effect))
+        for form in forms[: [f.form for f in forms].index(effect.form)]:
+            assert outcome.fit is not None
+            others = in_chain_order(
+                e for e in outcome.fit.variant.effects if e.name != effect.name
+            )
+            simpler = refit(setting, hysteresis, others, form)
+            loss = simpler.mean_square - outcome.mean_square
+            if simpler.fit is not None and loss < _BACK * LEAST_GAIN * noise_um**2:
+                outcome, given_up[effect.name] = simpler, effect.form
+                break
+    return outcome, given_up

@@ -1,0 +1,156 @@
+"""How sure an effect is: the share of ways to split the records in which it is chosen again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
+from rdpi_gym.diagnosis.search.ranking import beats
+from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.effects.base import Effect, in_chain_order
+
+# Samples and passes of a refit that begins where the final model stands.
+_SAMPLES, _PASSES = 8_000, 6
+# Of a record, the part at its beginning that one split leaves out of the fit.
+_OPENING = 8
+LEAST_STABLE = 0.5
+"""Share of the splits below which an effect is not kept."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """One way to fit and to judge.
+
+    Parameters
+    ----------
+    name
+        In words.
+    train, validation
+        Records with the samples that count.
+    """
+
+    name: str
+    train: tuple[Record, ...]
+    validation: tuple[Record, ...]
+
+
+def splits(setting: Setting, quarters: bool) -> tuple[Split, ...]:
+    """Return the ways to split a data set beside the one that is given.
+
+    Parameters
+    ----------
+    setting
+        As it is given.
+    quarters
+        Whether the records to validate on are parts of those to fit.
+
+    Notes
+    -----
+    The given split; the beginning of each record left out; the roles exchanged; half of the
+    validation record added to those to fit. Where quarters of the same records are held out, the
+    others take their turns.
+    """
+    given = Split("as given", setting.train, setting.validation)
+    opening = Split(
+        "without the beginning of each record",
+        tuple(_without_opening(r) for r in setting.train),
+        setting.validation,
+    )
+    if quarters:
+        turns = [_turn(setting, k) for k in (0, 1, 2)]
+        return (given, *turns)
+    halves = [_halves(r) for r in setting.validation]
+    more = (*setting.train, *(first for first, _ in halves))
+    return (
+        given,
+        opening,
+        Split("roles exchanged", setting.validation, setting.train),
+        Split("half of the validation records to fit", more, tuple(b for _, b in halves)),
+    )
+
+
+def _without_opening(record: Record) -> Record:
+    counted = np.flatnonzero(record.error_mask)
+    mask = record.error_mask.copy()
+    mask[counted[: len(counted) // _OPENING]] = False
+    return replace(record, error_mask=mask)
+
+
+def _halves(record: Record) -> tuple[Record, Record]:
+    counted = np.flatnonzero(record.error_mask)
+    middle = counted[len(counted) // 2]
+    before = np.arange(len(record.error_mask)) < middle
+    return (
+        replace(record, error_mask=record.error_mask & before),
+        replace(record, error_mask=record.error_mask & ~before),
+    )
+
+
+def _turn(setting: Setting, quarter: int) -> Split:
+    """Hold out another quarter of each record; the two of a setting hold all samples together."""
+    train, validation = [], []
+    for fitted, held in zip(setting.train, setting.validation, strict=True):
+        counted = np.flatnonzero(fitted.error_mask | held.error_mask)
+        mask = np.zeros_like(fitted.error_mask)
+        mask[np.array_split(counted, 4)[quarter]] = True
+        whole = fitted.error_mask | held.error_mask
+        train.append(replace(fitted, error_mask=whole & ~mask))
+        validation.append(replace(held, error_mask=mask))
+    return Split(f"quarter {quarter + 1} held out", tuple(train), tuple(validation))
+
+
+def stability(
+    setting: Setting,
+    outcome: Outcome,
+    rivals: Mapping[str, Sequence[Effect]],
+    quarters: bool,
+    seed: int,
+    report: Callable[[int, int], None],
+) -> dict[str, float]:
+    """Return how sure each effect is: the mean over the splits of how often it wins there.
+
+    Parameters
+    ----------
+    setting
+        The data.
+    outcome
+        The final model.
+    rivals
+        By effect that is judged, what could stand in its place.
+    quarters
+        As :func:`splits`.
+    seed
+        Of the bootstrap over pieces of the validation records.
+    report
+        Called with splits done and in all.
+
+    Returns
+    -------
+    dict of str, float
+        Of each key of `rivals`, 0 to 1.
+    """
+    assert outcome.fit is not None
+    variant = outcome.fit.variant
+    ways = splits(setting, quarters)
+    won: dict[str, list[float]] = {name: [] for name in rivals}
+    rng = np.random.default_rng(seed)
+    for done, split in enumerate(ways):
+        report(done, len(ways))
+        here = replace(setting, train=split.train, validation=split.validation)
+        full = _quick(here, variant.hysteresis, variant.effects)
+        for name, others in rivals.items():
+            kept = tuple(e for e in variant.effects if e.name != name)
+            fields = [kept, *(in_chain_order([*kept, rival]) for rival in others)]
+            shares = [beats(_quick(here, variant.hysteresis, f), full, rng) for f in fields]
+            won[name].append(min(shares))
+    return {name: float(np.mean(shares)) for name, shares in won.items()}
+
+
+def _quick(setting: Setting, hysteresis: RDPI, effects: Sequence[Effect]) -> Outcome:
+    fit = fit_joint(setting.train, hysteresis, effects, _PASSES, samples=_SAMPLES)
+    return assess(setting, "", fit)
