@@ -218,6 +218,8 @@ class SearchResult:
         Effects that backward elimination, or a request, took out.
     noise_floor_um, noise_origin
         Noise (µm rms) and the sentence that says where the figure comes from.
+    numerical_floor_um
+        What half the step and another command between the samples change in the model (µm rms).
     base
         Errors of the base model, refitted on a fine comb of thresholds.
     final
@@ -257,6 +259,7 @@ class SearchResult:
     removed: tuple[str, ...]
     noise_floor_um: float
     noise_origin: str
+    numerical_floor_um: float
     base: Errors
     final: Errors
     given: Errors | None
@@ -309,6 +312,7 @@ class SearchResult:
             "units": {"error": "um"},
             "noise_floor": self.noise_floor_um,
             "noise_origin": self.noise_origin,
+            "numerical_floor": self.numerical_floor_um,
             "given": None if self.given is None else self.given.to_dict(),
             "base": self.base.to_dict(),
             "final": self.final.to_dict(),
@@ -405,6 +409,7 @@ class SearchResult:
             removed=fields.texts("removed"),
             noise_floor_um=fields.number("noise_floor"),
             noise_origin=fields.text("noise_origin"),
+            numerical_floor_um=fields.optional_number("numerical_floor") or 0.0,
             base=Errors.from_fields(fields.inner("before" if one else "base")),
             final=Errors.from_fields(fields.inner("final")),
             given=None if given is None else Errors.from_fields(fields.inner("given")),

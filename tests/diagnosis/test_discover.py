@@ -214,13 +214,23 @@ def test_adding_an_effect_that_is_not_earned_is_said(lagging):
         add_effect(lagging, replace(bare, effects=(SensorLag(),)), FEW["sensor_lag"])
 
 
-def test_one_slow_sine_is_too_poor_to_decide():
-    t = np.arange(4000) * 1e-3
-    u = 30.0 * np.sin(2 * np.pi * t)
-    y = Plant(P10, 1e-3).simulate(u) + NOISE_UM * np.random.default_rng(0).standard_normal(4000)
-    data = Dataset("poor", (Record("sine", t, u, y, ts_s=1e-3),))
-    found = discover(data, catalogue=FEW)
+def one_sine(bend: float) -> Dataset:
+    """Forty periods of 10 Hz in one file, with noise."""
+    t = np.arange(8000) * 5e-4
+    u = 30.0 * np.sin(2 * np.pi * 10.0 * t)
+    y = Plant(P10, 5e-4).simulate(u)
+    y = y + bend * y**2 / 40.0 + NOISE_UM * np.random.default_rng(0).standard_normal(8000)
+    return Dataset("one sine", (Record("sine", t, u, y, ts_s=5e-4),))
+
+
+def test_one_sine_shows_its_even_harmonics():
+    found = discover(one_sine(0.03), catalogue=FEW)
+    assert [c.effect for c in found.added] == ["asymmetry"]
+    assert found.final.validation_rmse_um < 1.15 * NOISE_UM
+    assert found.candidates
+
+
+def test_one_sine_of_the_bare_model_misses_nothing():
+    found = discover(one_sine(0.0), catalogue=FEW)
     assert found.steps == ()
-    assert found.verdict == "unexplained"
-    assert "too poor to decide" in found.remainder
-    assert "standard protocol" in (found.next_experiment or "")
+    assert found.verdict == "no missing effect"

@@ -7,6 +7,7 @@ import pytest
 
 from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.discover import discover
+from rdpi_gym.diagnosis.search.numerics import numerical_floor
 from rdpi_gym.diagnosis.search.scale import data_scale
 from rdpi_gym.diagnosis.search.verdict import judge
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
@@ -74,9 +75,10 @@ def test_the_same_judgement_with_and_without_steps(added, good):
     rmse_um = float(np.std(error))
     setting = Setting((record,), (record,), data_scale([record]))
     assert rmse_um > 2 * NOISE_UM
-    found = judge(setting, lagging, rmse_um, NOISE_UM, added)
+    floor = numerical_floor(lagging, [record])
+    found = judge(setting, lagging, rmse_um, NOISE_UM, floor, added)
     assert (found.verdict, found.sampling is None) == (good, False)
-    assert judge(setting, lagging, 1.1 * NOISE_UM, NOISE_UM, added).sampling is None
+    assert judge(setting, lagging, 1.1 * NOISE_UM, NOISE_UM, floor, added).sampling is None
 
 
 def test_an_effect_too_fast_for_the_records_is_named_with_the_rate_that_would_do():
@@ -84,7 +86,8 @@ def test_an_effect_too_fast_for_the_records_is_named_with_the_rate_that_would_do
     record = sampled(mode, 2e-4)
     moved = replace(record, y_um=record.y_um + 0.3 * np.sin(2 * np.pi * 7.0 * record.t_s))
     setting = Setting((moved,), (moved,), data_scale([moved]))
-    found = judge(setting, mode, 0.2, NOISE_UM, added=True)
+    floor = numerical_floor(mode, [moved])
+    found = judge(setting, mode, 5.0, NOISE_UM, floor, added=True)
     assert found.verdict == "unexplained"
     assert found.sampling == (
         "Sample faster than 10000 Hz before anything more is concluded: resonance (1000 Hz) is too "

@@ -83,7 +83,15 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         How the search went.
     """
     end, added = search.end, search.added
-    judgement = _judgement(laboratory, end, bool(added))
+    numerical = laboratory.numerical(end)
+    judgement = judge(
+        laboratory.setting,
+        end.fit.variant,
+        end.outcome.errors.validation_rmse_um,
+        laboratory.noise_um,
+        numerical,
+        bool(added),
+    )
     groups = _groups(laboratory, end)
     plant = plant_of(laboratory.setting, end.outcome, search.given)
     left = [simulate_record(plant, record) for record in laboratory.setting.train]
@@ -97,6 +105,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         removed=search.removed,
         noise_floor_um=laboratory.noise_um,
         noise_origin=laboratory.noise_origin,
+        numerical_floor_um=numerical.total_um,
         base=search.base.outcome.errors,
         final=end.outcome.errors,
         given=_given_errors(laboratory, search.given),
@@ -114,17 +123,8 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     )
 
 
-def _judgement(laboratory: Laboratory, state: State, added: bool) -> Judgement:
-    if laboratory.undecided is not None:
-        return Judgement("unexplained")
-    rmse_um = state.outcome.errors.validation_rmse_um
-    return judge(laboratory.setting, state.fit.variant, rmse_um, laboratory.noise_um, added)
-
-
 def _remainder(laboratory: Laboratory, state: State, judgement: Judgement) -> str:
     """Say whether what is left follows from the command."""
-    if laboratory.undecided is not None:
-        return laboratory.undecided
     if judgement.verdict != "unexplained":
         rest = "the noise" if judgement.sampling is None else "motion between the samples"
         return f"What is left is {rest}."
@@ -163,8 +163,6 @@ def _next_experiment(
 
 def _groups(laboratory: Laboratory, state: State) -> Groups:
     """Return the classes of effects that the records to fit cannot tell apart."""
-    if laboratory.undecided is not None:
-        return ()
     present = {e.name for e in state.effects}
     kinds = {n: k for n, k in laboratory.catalogue.items() if n not in present}
     effects = typical_effects(kinds, laboratory.setting.scale)

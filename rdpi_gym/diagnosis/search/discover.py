@@ -192,8 +192,8 @@ def add_effect(
     began = time.perf_counter()
     laboratory = Laboratory(dataset, {kind.name: kind}, jobs, seed, progress, checkpoint)
     base = laboratory.base(given)
-    ranked = laboratory.ranked(base)
-    laboratory.need(ranked, kind)
+    ranked = [r for r in laboratory.ranked(base) if r.candidate.effect == kind.name]
+    laboratory.need(base, ranked, kind)
     state = laboratory.after(base, ranked[:1])
     state, notes = laboratory.on_law(state, given)
     if not ranked[0].earned:

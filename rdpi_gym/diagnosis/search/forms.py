@@ -47,9 +47,7 @@ def further_forms(
     suspects
         Names that a test without a model speaks for.
     """
-    shown = [
-        o.effect for o in simple if o.fit and o.mean_square < _SHOWS**2 * current.mean_square
-    ]
+    shown = [o.effect for o in simple if o.fit and o.mean_square < _SHOWS**2 * current.mean_square]
     names = dict.fromkeys((*shown[:_LEADERS], *(n for n in (*suspects, *_ALWAYS) if n in kinds)))
     fitted = {o.effect: o for o in simple}
     return [
@@ -171,9 +169,7 @@ def simplified(
         forms = forms_of(type(effect))
         for form in forms[: [f.form for f in forms].index(effect.form)]:
             assert outcome.fit is not None
-            others = in_chain_order(
-                e for e in outcome.fit.variant.effects if e.name != effect.name
-            )
+            others = in_chain_order(e for e in outcome.fit.variant.effects if e.name != effect.name)
             simpler = refit(setting, hysteresis, others, form)
             loss = simpler.mean_square - outcome.mean_square
             if simpler.fit is not None and loss < _BACK * LEAST_GAIN * noise_um**2:

@@ -27,6 +27,7 @@ from rdpi_gym.diagnosis.search.forms import (
     simplified,
 )
 from rdpi_gym.diagnosis.search.law import to_threshold_law
+from rdpi_gym.diagnosis.search.numerics import NumericalFloor, numerical_floor
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
@@ -42,7 +43,7 @@ from rdpi_gym.diagnosis.search.separability import (
     typical_effects,
 )
 from rdpi_gym.diagnosis.search.stability import stability
-from rdpi_gym.diagnosis.search.suitability import TURNED, falls, poverty, turned
+from rdpi_gym.diagnosis.search.suitability import TURNED, falls, turned, unrelated
 from rdpi_gym.diagnosis.search.verdict import EXPLAINED
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
@@ -125,15 +126,10 @@ class Laboratory:
         self._checkpoint = Checkpoint(checkpoint, (*train, *validation))
         remark = self._checkpoint.remark
         self.remarks: tuple[str, ...] = () if remark is None else (remark,)
-        self.undecided = poverty((*train, *validation), train)
+        self.undecided = unrelated(train)
         self.suspects: frozenset[str] = frozenset()
         self._like_rate: tuple[str, ...] = ()
         self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
-
-    @property
-    def decidable(self) -> bool:
-        """Whether the data are rich enough for any decision."""
-        return self.undecided is None
 
     def base(self, given: PlantModel | None) -> State:
         """Refit the base model, with the effects that a given model has, on the comb."""
@@ -159,6 +155,8 @@ class Laboratory:
         leaders = [past_cusps(self.setting, o, state.effects) for o in simple[:_LEADERS]]
         outcomes = sorted([*leaders, *simple[_LEADERS:]], key=lambda o: o.mean_square)
         self._floor_from(outcomes)
+        if not outcomes:
+            return []
         if outcomes[0].mean_square > (1.0 + AT_FLOOR) * self.noise_um**2:
             others = [o for o in outcomes if o.effect in kinds]
             trials = further_forms(
@@ -248,9 +246,9 @@ class Laboratory:
         again = fit_joint(self.setting.train, whole, fit.variant.effects)
         return State(assess(self.setting, "", again))
 
-    def need(self, ranked: Sequence[Ranked], kind: type[Effect]) -> None:
+    def need(self, state: State, ranked: Sequence[Ranked], kind: type[Effect]) -> None:
         """Refuse where an effect that was asked for is there already or cannot be fitted."""
-        if not ranked:
+        if kind.name in {effect.name for effect in state.effects}:
             raise InputError(f"the model has {kind.name} already; choose another effect")
         if ranked[0].outcome.fit is None:
             raise InputError(f"{kind.name}: {ranked[0].outcome.remark}")
@@ -366,9 +364,16 @@ class Laboratory:
         return of_effect(step, state.fit, step.effect)
 
     def at_floor(self, state: State) -> bool:
-        """Whether so little exceeds the noise that no effect can be earned."""
-        excess = state.outcome.mean_square - self.noise_um**2
-        return excess < AT_FLOOR * self.noise_um**2
+        """Whether so little exceeds noise and numerical floor that no effect can be earned."""
+        variance = self.noise_um**2
+        if state.outcome.mean_square - variance < AT_FLOOR * variance:
+            return True
+        variance += self.numerical(state).total_um ** 2
+        return state.outcome.mean_square - variance < AT_FLOOR * variance
+
+    def numerical(self, state: State) -> NumericalFloor:
+        """Return what the simulation of a model on the validation records leaves open."""
+        return numerical_floor(state.fit.variant, self.setting.validation)
 
     def on_law(self, state: State, given: PlantModel | None) -> tuple[State, tuple[str, ...]]:
         """Return the model with the threshold law of Eq. 8 where it costs little, and remarks."""

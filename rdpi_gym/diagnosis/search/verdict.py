@@ -10,6 +10,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.results import Verdict
 from rdpi_gym.diagnosis.search.candidates import Setting
+from rdpi_gym.diagnosis.search.numerics import NumericalFloor
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record
@@ -18,6 +19,8 @@ from rdpi_gym.support.words import digits, micrometres
 
 # At most this many times the noise floor is explained.
 EXPLAINED = 1.15
+# Of what exceeds the noise, the numerical floor's share from which on it is all that is said.
+_DOMINATES = 0.5
 # Steps between two samples with which it is tried whether the sampling is what is left.
 _PARTS = (2, 4, 8)
 # Rounds in which the motion between samples and the parameters are found in turn; and of what is
@@ -45,7 +48,12 @@ class Judgement:
 
 
 def judge(
-    setting: Setting, variant: Variant, rmse_um: float, noise_um: float, added: bool
+    setting: Setting,
+    variant: Variant,
+    rmse_um: float,
+    noise_um: float,
+    numerical: NumericalFloor,
+    added: bool,
 ) -> Judgement:
     """Judge a model as it is saved.
 
@@ -59,6 +67,8 @@ def judge(
         Its error on the validation records (µm rms).
     noise_um
         Noise floor (µm rms).
+    numerical
+        What the simulation of the model on these records leaves open.
     added
         Whether it has effects that the search added.
 
@@ -67,7 +77,9 @@ def judge(
     A model that is right leaves more than the noise where records are sampled so slowly that the
     motion between the samples matters. That is tried: with steps between the samples, the command
     linear from one to the next, the same model has to reach the noise floor, as it is or with its
-    parameters fitted once more to what such steps change.
+    parameters fitted once more to what such steps change. What half the step and a command held
+    between the samples change is the numerical floor: an error within it and the noise is
+    explained too, and where it is most of the error nothing else is concluded.
     """
     good: Verdict = "explained" if added else "no missing effect"
     if rmse_um <= EXPLAINED * noise_um:
@@ -80,7 +92,20 @@ def judge(
         sampling = _between_samples(_corrected(setting, variant), noise_um, validation)
     if sampling is not None:
         return Judgement(good, sampling)
+    floor_um = math.hypot(noise_um, numerical.total_um)
+    if rmse_um <= EXPLAINED * floor_um:
+        return Judgement(good, _faster(numerical, noise_um))
+    if numerical.total_um**2 > _DOMINATES * (rmse_um**2 - noise_um**2):
+        return Judgement("unexplained", _faster(numerical, noise_um))
     return Judgement("unexplained", _beyond_sampling(variant, validation) if added else None)
+
+
+def _faster(numerical: NumericalFloor, noise_um: float) -> str:
+    return (
+        f"Sample faster than {digits(numerical.needed_hz(noise_um), 2)} Hz: half the step and "
+        f"another command between the samples change the model by "
+        f"{micrometres(numerical.total_um)} rms, so less than that cannot be judged."
+    )
 
 
 def _misses(variant: Variant, records: Sequence[Record]) -> float:
