@@ -80,6 +80,11 @@ class Free:
         bounds = [edge for physical, edge in edges if physical != self.parameter.neutral]
         return any(abs(here - bound) < 2 * self.step for bound in bounds)
 
+    def ways(self, variant: Variant) -> tuple[bool, bool]:
+        """Whether a variant may go up and down: one that would leave the bounds misleads others."""
+        here = self.read(variant)
+        return here < self.high, here > self.low
+
     def read(self, variant: Variant) -> float:
         """Return where a variant stands."""
         if self.effect is None:
@@ -264,8 +269,8 @@ def _products(
     return _Pass(inner, rhs, float(gram[size, size]), count, motion, columns, squares)
 
 
-def _solve(at: _Pass, n_weights: int, damping: float) -> Array:
-    """Best weights (not negative) and step of the free numbers (either sign)."""
+def _solve(at: _Pass, n_weights: int, damping: float, ways: Sequence[tuple[bool, bool]]) -> Array:
+    """Best weights (not negative) and step of the free numbers, whose `ways` are up and down."""
     moves = at.gram.shape[0] - n_weights
     signs = np.concatenate([np.ones(n_weights), np.ones(moves), -np.ones(moves)])
     index = np.concatenate([np.arange(n_weights + moves), np.arange(n_weights, n_weights + moves)])
@@ -274,8 +279,9 @@ def _solve(at: _Pass, n_weights: int, damping: float) -> Array:
     )
     gram = damped[np.ix_(index, index)] * np.outer(signs, signs)
     rhs = at.rhs[index] * signs
-    allowed = (at.motion >= MIN_MOTION) | (np.arange(len(at.motion)) >= n_weights)
-    x, _ = bounded_least_squares(gram, rhs, allowed[index], _SMALLEST_A0)
+    up, down = np.array(ways, dtype=bool).reshape(-1, 2).T
+    allowed = np.concatenate([at.motion[:n_weights] >= MIN_MOTION, up, down])
+    x, _ = bounded_least_squares(gram, rhs, allowed, _SMALLEST_A0)
     step = x[n_weights : n_weights + moves] - x[n_weights + moves :]
     return np.concatenate([x[:n_weights], step])
 
@@ -321,7 +327,7 @@ def fit_joint(
     cost = _least(here, n_weights)
     used, damping, moves, converged = 2, 1e-3, 0, False
     while used < passes and not converged:
-        x = _solve(here, n_weights, damping)
+        x = _solve(here, n_weights, damping, [number.ways(best) for number in free])
         trial = _with_weights(best, x[:n_weights])
         for number, step in zip(free, x[n_weights:], strict=True):
             trial = number.write(trial, number.read(best) + number.bounded(step))

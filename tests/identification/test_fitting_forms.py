@@ -13,6 +13,7 @@ from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
 
 TS = 1e-4
 T = np.arange(6000) * TS
+SCALE = DataScale(0.0, 40.0, 40.0, 3e3, TS, 0.6)
 
 
 def form(name: str, words: str):
@@ -48,3 +49,33 @@ def test_a_rail_that_no_sample_reaches_has_no_standard_error():
     fit = fit_joint([record], P10.hysteresis, (hard(-1e3, 24.0),))
     assert fit.standard_errors["saturation.low_V"] is None
     assert fit.standard_errors["saturation.high_V"] < 1e-3
+
+
+def test_a_spectrum_whose_other_gains_end_at_zero_converges_in_a_few_passes():
+    """A number at its bound takes part in no step: the others would be led astray."""
+    spectrum = form("creep", "spectrum")
+    levels = np.repeat(np.random.default_rng(1).uniform(-40.0, 40.0, 12), 500)
+    u = np.convolve(np.pad(levels, 10, mode="edge"), np.full(21, 1 / 21), mode="valid")
+    record = measured(P10.hysteresis, u, form("creep", "one time constant")(0.03, 0.1))
+    noise = np.random.default_rng(2).normal(0.0, 1e-3, len(T))
+    record = Record("made", T, u, record.y_um + noise, ts_s=TS)
+    fit = fit_joint([record], P10.hysteresis, spectrum.starts(SCALE))
+    found = fit.variant.effects[0].values
+    assert fit.converged
+    assert fit.passes <= 12
+    assert found["gain_at_100ms"] == pytest.approx(0.03, rel=1e-2)
+    assert max(found["gain_at_10ms"], found["gain_at_1s"]) < 1e-3
+    assert fit.at_bound == ()
+
+
+def test_two_time_constants_are_found_from_one():
+    one, two = form("creep", "one time constant"), form("creep", "two time constants")
+    levels = np.repeat(np.random.default_rng(1).uniform(-40.0, 40.0, 12), 500)
+    u = np.convolve(np.pad(levels, 10, mode="edge"), np.full(21, 1 / 21), mode="valid")
+    hidden = two(0.03, 0.004, 0.02, 0.1)
+    record = measured(P10.hysteresis, u, hidden)
+    fits = [fit_joint([record], P10.hysteresis, (start,)) for start in one.starts(SCALE)]
+    simpler = min(fits, key=lambda fit: fit.train_rmse_um).variant.effects[0]
+    fits = [fit_joint([record], P10.hysteresis, (s,)) for s in two.from_simpler(simpler, SCALE)]
+    found = min(fits, key=lambda fit: fit.train_rmse_um).variant.effects[0]
+    assert found.values == pytest.approx(hidden.values, rel=0.02)

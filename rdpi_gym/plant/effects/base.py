@@ -50,8 +50,8 @@ class Parameter:
     meaning
         In words.
     neutral
-        The value at which the effect changes nothing, whatever its other parameters; None where
-        no value does.
+        The value at which the effect changes nothing, whatever its other parameters, or in a form
+        with several of them the part of it that this one sizes; None where no value does.
     fixed
         A scale that is chosen and not fitted: another parameter would trade with it.
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import lag_step
 from rdpi_gym.support.arrays import Array
 
@@ -71,6 +75,62 @@ def creep_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array)
         _one_lane(x[:, b], steps, p[0, b], state[0, b], z, y[:, b])
         state[1 : elements + 1, b] = z
         state[0, b] = x[-1, b]
+
+
+@njit(cache=True)
+def weighted_creep_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel of elements with unlike gains, exact for an input linear between samples.
+
+    Rows of ``p``: gain at rest; F and what an element falls behind by, a step of the input, of each.
+    Rows of the state: last input, what each element still lacks.
+    """
+    elements = (p.shape[0] - 1) // 2
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = x[0, b]
+            state[1 : elements + 1, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = p[0, b] * x[t, b]
+        for k in range(elements):
+            for b in range(x.shape[1]):
+                lack = p[1 + 2 * k, b] * state[1 + k, b]
+                lack += p[2 + 2 * k, b] * (x[t, b] - state[0, b])
+                state[1 + k, b] = lack
+                y[t, b] -= lack
+        for b in range(x.shape[1]):
+            state[0, b] = x[t, b]
+
+
+def pack_elements(
+    gains: Sequence[float], time_constants_s: Sequence[float], ts_s: float
+) -> list[float]:
+    """Pack Kelvin-Voigt elements, y = x + Σ g_k z_k and τ_k dz_k/dt + z_k = x.
+
+    Parameters
+    ----------
+    gains
+        g_k.
+    time_constants_s
+        τ_k (s), above zero.
+    ts_s
+        Sampling time (s).
+
+    Returns
+    -------
+    list of float
+        As :func:`weighted_creep_block` reads it.
+
+    Examples
+    --------
+    >>> [round(value, 4) for value in pack_elements([0.1], [1.0], 1e-2)]
+    [1.1, 0.99, 0.0995]
+    """
+    steps = [1.0 + math.fsum(gains)]
+    for gain, tau in zip(gains, time_constants_s, strict=True):
+        h = ts_s / tau
+        steps += [math.exp(-h), gain * -math.expm1(-h) / h]
+    return steps
 
 
 @dataclass(frozen=True)
@@ -141,3 +201,300 @@ class Creep(Effect):
     def state_rows(self, ts_s: float) -> int:
         """Last input and one row for each element."""
         return 1 + len(TIME_CONSTANTS_S)
+
+
+_GAIN = (0.0, 1.0, (0.005, 0.03))
+_TIME = (1e-6, 1e9)
+
+
+class _Elements(Effect):
+    """Kelvin-Voigt elements side by side, in equilibrium at the first sample."""
+
+    block = staticmethod(weighted_creep_block)
+
+    @abstractmethod
+    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the gains and the time constants (s)."""
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Gain at rest; F and the lack by a step of the input of each element."""
+        return pack_elements(*self.elements(), ts_s)
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input and one row for each element."""
+        return 1 + len(self.elements()[0])
+
+
+@dataclass(frozen=True)
+class OneTimeConstant(_Elements, of=Creep):
+    """One Kelvin-Voigt element, in equilibrium at the first sample.
+
+    Examples
+    --------
+    >>> stretch = OneTimeConstant(gain=0.02, time_constant_s=1.0).run([0.0] + [50.0] * 1000, 0.01)
+    >>> float((stretch[1000] - 50.0).round(2))  # ten time constants: 2 % of 50 µm
+    1.0
+    """
+
+    gain: float = 0.02
+    time_constant_s: float = 1.0
+
+    form = "one time constant"
+    parameters = (
+        Parameter("gain", "1", *_GAIN, "displacement gained at last, g", neutral=0.0),
+        Parameter("time_constant_s", "s", *_TIME, (0.1, 10.0), "time constant τ"),
+    )
+    equation = "y = y_h + g z, τ dz/dt + z = y_h"
+    source = "A Kelvin-Voigt element, as in linear viscoelasticity; its size is an estimate."
+    signature = (
+        "In a hold y drifts in the direction of the last step and comes to rest, as exp(-t/τ)."
+    )
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Time constants from a small part of the longest record to half of it."""
+        return tuple(
+            cls.within_bounds(gain=0.01, time_constant_s=share * scale.longest_s)
+            for share in (0.005, 0.05, 0.5)
+        )
+
+    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the gains and the time constants (s)."""
+        return [self.gain], [self.time_constant_s]
+
+
+@dataclass(frozen=True)
+class BetweenTwoTimes(_Elements, of=Creep):
+    """Constant slope over log t that begins at one time and ends at another.
+
+    Examples
+    --------
+    >>> creep = BetweenTwoTimes(gain_per_decade=0.02, shortest_s=0.1, longest_s=10.0)
+    >>> stretch = creep.run([0.0] + [50.0] * 10000, 0.1)
+    >>> float((stretch[-1] - stretch[0]).round(1))  # 2 % of 50 µm in each of the two decades
+    52.0
+    """
+
+    gain_per_decade: float = 0.015
+    shortest_s: float = 0.01
+    longest_s: float = 100.0
+
+    form = "between two times"
+    parameters = (
+        Parameter(
+            "gain_per_decade", "1", 0.0, 1.0, (0.01, 0.02),
+            "displacement gained in a decade of time, γ", neutral=0.0,
+        ),
+        Parameter("shortest_s", "s", *_TIME, (0.003, 0.1), "time τ_a at which the slope begins"),
+        Parameter("longest_s", "s", *_TIME, (10.0, 1e3), "time τ_b at which it ends"),
+    )  # fmt: skip
+    equation = (
+        "y = y_h + (γ lg(τ_b / τ_a) / 11) Σ_k z_k, τ_k dz_k/dt + z_k = y_h, τ_k in the middle of 11 "
+        "equal parts of log τ from τ_a to τ_b"
+    )
+    signature = (
+        "In a hold y drifts with a constant slope over log t between two times, and rests later."
+    )
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """A slope that ends within the longest record, and one that begins within it."""
+        return tuple(
+            cls.within_bounds(
+                gain_per_decade=0.015,
+                shortest_s=first * scale.longest_s,
+                longest_s=last * scale.longest_s,
+            )
+            for first, last in ((1e-4, 0.1), (0.01, 10.0))
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted slope, ended on either side."""
+        if not isinstance(simpler, Creep):
+            return cls.starts(scale)
+        return tuple(
+            replace(start, gain_per_decade=simpler.gain_per_decade) for start in cls.starts(scale)
+        )
+
+    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the gains and the time constants (s)."""
+        first, last = math.log10(self.shortest_s), math.log10(self.longest_s)
+        count = len(TIME_CONSTANTS_S)
+        taus = [10.0 ** (first + (last - first) * (k + 0.5) / count) for k in range(count)]
+        # Two times that change places are the same two times.
+        gain = self.gain_per_decade * abs(last - first) / count
+        return [gain] * count, taus
+
+
+@dataclass(frozen=True)
+class TwoTimeConstants(_Elements, of=Creep):
+    """Two Kelvin-Voigt elements, in equilibrium at the first sample.
+
+    Examples
+    --------
+    >>> creep = TwoTimeConstants(0.01, 0.3, 0.02, 4.0)
+    >>> stretch = creep.run([0.0] + [50.0] * 10000, 0.01)
+    >>> float((stretch[-1] - 50.0).round(2))  # 1 % and 2 % of 50 µm
+    1.5
+    """
+
+    gain_1: float = 0.02
+    time_constant_1_s: float = 0.3
+    gain_2: float = 0.02
+    time_constant_2_s: float = 3.0
+
+    form = "two time constants"
+    parameters = (
+        Parameter("gain_1", "1", *_GAIN, "displacement gained by the first element, g_1", 0.0),
+        Parameter("time_constant_1_s", "s", *_TIME, (0.1, 1.0), "its time constant τ_1"),
+        Parameter("gain_2", "1", *_GAIN, "displacement gained by the second element, g_2", 0.0),
+        Parameter("time_constant_2_s", "s", *_TIME, (1.0, 10.0), "its time constant τ_2"),
+    )
+    equation = "y = y_h + g_1 z_1 + g_2 z_2, τ_k dz_k/dt + z_k = y_h"
+    source = OneTimeConstant.source
+    signature = (
+        "In a hold y drifts in the direction of the last step, by the sum of two exponentials."
+    )
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Two time constants within the longest record, near each other and far apart."""
+        return tuple(
+            cls.within_bounds(
+                **_named([0.01, 0.01], [first * scale.longest_s, second * scale.longest_s])
+            )
+            for first, second in ((0.003, 0.1), (0.05, 0.5))
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted time constant parted in two, and with a slower or a faster one beside it."""
+        if not isinstance(simpler, OneTimeConstant):
+            return cls.starts(scale)
+        gain, tau = simpler.gain, simpler.time_constant_s
+        return tuple(
+            cls.within_bounds(
+                **_named([share * gain, (1.0 - share) * gain], [faster * tau, slower * tau])
+            )
+            for share, faster, slower in ((0.5, 0.4, 2.5), (0.8, 1.0, 12.0), (0.2, 1 / 12, 1.0))
+        )
+
+    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the gains and the time constants (s)."""
+        return [self.gain_1, self.gain_2], [self.time_constant_1_s, self.time_constant_2_s]
+
+
+@dataclass(frozen=True)
+class ThreeTimeConstants(_Elements, of=Creep):
+    """Three Kelvin-Voigt elements, in equilibrium at the first sample.
+
+    Examples
+    --------
+    >>> creep = ThreeTimeConstants(0.01, 0.1, 0.02, 1.0, 0.01, 5.0)
+    >>> stretch = creep.run([0.0] + [50.0] * 10000, 0.01)
+    >>> float((stretch[-1] - 50.0).round(2))  # 1, 2 and 1 % of 50 µm
+    2.0
+    """
+
+    gain_1: float = 0.02
+    time_constant_1_s: float = 0.1
+    gain_2: float = 0.02
+    time_constant_2_s: float = 1.0
+    gain_3: float = 0.02
+    time_constant_3_s: float = 10.0
+
+    form = "three time constants"
+    parameters = (
+        Parameter("gain_1", "1", *_GAIN, "displacement gained by the first element, g_1", 0.0),
+        Parameter("time_constant_1_s", "s", *_TIME, (0.03, 0.3), "its time constant τ_1"),
+        Parameter("gain_2", "1", *_GAIN, "displacement gained by the second element, g_2", 0.0),
+        Parameter("time_constant_2_s", "s", *_TIME, (0.3, 3.0), "its time constant τ_2"),
+        Parameter("gain_3", "1", *_GAIN, "displacement gained by the third element, g_3", 0.0),
+        Parameter("time_constant_3_s", "s", *_TIME, (3.0, 30.0), "its time constant τ_3"),
+    )
+    equation = "y = y_h + g_1 z_1 + g_2 z_2 + g_3 z_3, τ_k dz_k/dt + z_k = y_h"
+    source = OneTimeConstant.source
+    signature = (
+        "In a hold y drifts in the direction of the last step, by the sum of three exponentials."
+    )
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start: time constants at even distances within the longest record."""
+        taus = [share * scale.longest_s for share in (0.003, 0.04, 0.5)]
+        return (cls.within_bounds(**_named([0.01] * 3, taus)),)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The two fitted time constants and one that is faster, between them, or slower."""
+        if not isinstance(simpler, TwoTimeConstants):
+            return cls.starts(scale)
+        (g1, g2), (tau1, tau2) = simpler.elements()
+        between = (
+            [0.6 * g1, 0.3 * (g1 + g2), 0.6 * g2],
+            [tau1 / 2, math.sqrt(tau1 * tau2), 2 * tau2],
+        )
+        faster = [0.1 * g1, g1, g2], [tau1 / 12, tau1, tau2]
+        slower = [g1, g2, 0.1 * g2], [tau1, tau2, 12 * tau2]
+        return tuple(cls.within_bounds(**_named(*each)) for each in (between, faster, slower))
+
+    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the gains and the time constants (s)."""
+        values = list(self.values.values())
+        return values[::2], values[1::2]
+
+
+def _named(gains: Sequence[float], time_constants_s: Sequence[float]) -> dict[str, float]:
+    pairs = enumerate(zip(gains, time_constants_s, strict=True), start=1)
+    return {
+        key: value
+        for k, (gain, tau) in pairs
+        for key, value in ((f"gain_{k}", gain), (f"time_constant_{k}_s", tau))
+    }
+
+
+@dataclass(frozen=True)
+class Spectrum(_Elements, of=Creep):
+    """Kelvin-Voigt elements of any gains, one for each decade from 0.01 to 1000 s.
+
+    Examples
+    --------
+    >>> stretch = Spectrum(0.0, 0.01, 0.02, 0.0, 0.0, 0.0).run([0.0] + [50.0] * 10000, 0.01)
+    >>> float((stretch[-1] - 50.0).round(2))  # 1 % and 2 % of 50 µm
+    1.5
+    """
+
+    gain_at_10ms: float = 0.01
+    gain_at_100ms: float = 0.01
+    gain_at_1s: float = 0.01
+    gain_at_10s: float = 0.01
+    gain_at_100s: float = 0.01
+    gain_at_1000s: float = 0.01
+
+    form = "spectrum"
+    parameters = tuple(
+        Parameter(
+            f"gain_at_{time}", "1", *_GAIN,
+            f"displacement gained by the element of {time}, g_{k}", 0.0
+        )
+        for k, time in enumerate(("10ms", "100ms", "1s", "10s", "100s", "1000s"), start=1)
+    )  # fmt: skip
+    equation = "y = y_h + Σ_k g_k z_k, τ_k dz_k/dt + z_k = y_h, τ_k = 0.01, 0.1, 1 ... 1000 s"
+    signature = "In a hold y drifts in the direction of the last step, ever more slowly."
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """All gains alike: a constant slope over log t."""
+        return (cls(),)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted slope over log t."""
+        if not isinstance(simpler, Creep):
+            return cls.starts(scale)
+        return (cls(*[simpler.gain_per_decade] * len(cls.parameters)),)
+
+    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the gains and the time constants (s)."""
+        return list(self.values.values()), TIME_CONSTANTS_S[::PER_DECADE]
