@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from baselines.stability import nyquist_gain
 from rdpi_gym.plant import RDPI, PlantModel, check_ts
 from rdpi_gym.plant.effects import Effect
+from rdpi_gym.plant.effects.delay import delay_block
 from rdpi_gym.plant.effects.linear import linear_block
 from rdpi_gym.support.arrays import Array
 
@@ -112,7 +113,7 @@ def gains_within_margin(gains: Gains, belief: PlantModel, ts_s: float) -> Gains:
     >>> found.integral_V_um_s < 0.1 * bare.integral_V_um_s
     True
     """
-    linear = [e for e in belief.effects if e.name == "delay" or type(e).block is linear_block]
+    linear = [e for e in belief.effects if type(e).block in (delay_block, linear_block)]
     if not linear:
         return gains
     z = np.exp(1j * _frequencies(linear, ts_s))
@@ -143,10 +144,11 @@ def _frequencies(effects: list[Effect], ts_s: float) -> Array:
     """Angles (rad a sample) up to half the sampling frequency, close together about each mode."""
     angles = [np.geomspace(1e-6, math.pi, 2000)]
     for effect in effects:
-        if "f0_hz" in effect.values:
-            values = effect.values
-            width = values.get("damping", 0.0) * np.linspace(-20.0, 20.0, 401)
-            angles.append(2.0 * math.pi * values["f0_hz"] * ts_s * (1.0 + width))
+        values = effect.values
+        for f_hz, damping in (("f0_hz", "damping"), ("second_hz", "second_damping")):
+            if f_hz in values:
+                width = values[damping] * np.linspace(-20.0, 20.0, 401)
+                angles.append(2.0 * math.pi * values[f_hz] * ts_s * (1.0 + width))
     every = np.sort(np.concatenate(angles))
     return every[(every > 0.0) & (every <= math.pi)]
 
@@ -160,7 +162,7 @@ def _sliding(model: RDPI, ts_s: float, z: Response) -> Response:
 
 def _response(effect: Effect, model: RDPI, ts_s: float, z: Response) -> Response:
     column = np.array(effect.coefficients(ts_s, model))
-    if effect.name == "delay":
+    if type(effect).block is delay_block:
         whole, part = column
         return np.asarray(z**-whole * (1.0 - part + part / z), dtype=np.complex128)
     m = round(math.sqrt(len(column) + 3.0)) - 2

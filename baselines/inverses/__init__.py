@@ -5,7 +5,7 @@ plays (:mod:`baselines.inverses.congruency`), and ``initial_memory`` is set at t
 """
 
 from baselines.inverses.base import Inverse, Setting
-from baselines.inverses.catalogue import INVERSES
+from baselines.inverses.catalogue import INVERSES, inverse_of
 from baselines.inverses.chain import Inverses, inverses_of
 
-__all__ = ["INVERSES", "Inverse", "Inverses", "Setting", "inverses_of"]
+__all__ = ["INVERSES", "Inverse", "Inverses", "Setting", "inverse_of", "inverses_of"]

@@ -42,7 +42,7 @@ class Setting:
 
 
 class Inverse(ABC):
-    """Finds what must enter an effect for a wanted output; one subclass an effect.
+    """Finds what must enter an effect for a wanted output; one subclass an effect or a form of it.
 
     It may look at wanted outputs that are still to come: what it returns belongs to the sample
     `ahead` before the newest that it was given. It holds no memory itself, so that one serves many
@@ -61,6 +61,8 @@ class Inverse(ABC):
     ----------
     effect
         Name of the effect.
+    forms
+        Its forms that this class undoes; the simplest alone unless stated.
     urgency
         Where the preview is too short for all, the more urgent is served first: what cannot be had
         without it.
@@ -69,6 +71,7 @@ class Inverse(ABC):
     """
 
     effect: ClassVar[str]
+    forms: ClassVar[tuple[str, ...]] = ("",)
     urgency: ClassVar[int] = 0
     rows: int = 0
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from baselines.inverses.base import Inverse, Setting
-from baselines.inverses.catalogue import INVERSES
+from baselines.inverses.catalogue import inverse_of, without_inverse
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import Effect
+from rdpi_gym.plant.effects.congruency import congruency_block
 from rdpi_gym.support.arrays import Array
 
 
@@ -26,7 +27,7 @@ class Inverses:
     congruency, rate
         Effects that are dealt with together with the plays.
     passed_over
-        Names of effects that are not inverted.
+        Effects that are not inverted, by name and form.
     short
         Names of effects that would make use of more preview.
     wanted_ahead
@@ -82,49 +83,45 @@ def inverses_of(
     >>> [stage.effect for stage in found.output], found.passed_over, found.ahead
     (['delay', 'creep'], ('mains_hum',), 2)
     """
-    known = {effect.name: effect for effect in belief.effects}
+    kinds = {e.name: kind for e in belief.effects if (kind := inverse_of(e)) is not None}
     wanted = {
-        name: INVERSES[name].wanted_ahead(effect, ts_s)
-        for name, effect in known.items()
-        if name in INVERSES
+        e.name: kinds[e.name].wanted_ahead(e, ts_s) for e in belief.effects if e.name in kinds
     }
-    granted = _share(wanted, shown_ahead)
+    urgent = sorted(wanted, key=lambda name: -kinds[name].urgency)
+    granted = _share({name: wanted[name] for name in urgent}, shown_ahead)
     stages: dict[str, list[Inverse]] = {"input": [], "output": []}
     for effect in reversed(belief.effects):
-        if effect.name in INVERSES:
+        if effect.name in kinds:
             rest = _rest_before(belief, effect, ts_s, rest_V)
             setting = Setting(ts_s, belief.hysteresis, scale_um, rest)
             place = "input" if effect.slot == "input" else "output"
-            stage = INVERSES[effect.name](effect, setting, granted[effect.name])
+            stage = kinds[effect.name](effect, setting, granted[effect.name])
             stages[place].append(stage)
     followed = tuple(e for e in belief.effects if e.slot == "rate" and not e.state_rows(ts_s))
-    dealt_with = {"congruency", *INVERSES, *(effect.name for effect in followed)}
+    congruency = next((e for e in belief.effects if type(e).block is congruency_block), None)
+    dealt_with = {*kinds, *(e.name for e in (*followed, congruency) if e is not None)}
     return Inverses(
         output=tuple(stages["output"]),
         command=tuple(stages["input"]),
-        congruency=known.get("congruency"),
+        congruency=congruency,
         rate=followed,
         passed_over=tuple(
-            name
-            for name, effect in known.items()
-            if name not in dealt_with and effect.slot != "memory"
+            without_inverse(e)
+            for e in belief.effects
+            if e.name not in dealt_with and e.slot != "memory"
         ),
-        short=tuple(name for name in _by_urgency(wanted) if granted[name] < wanted[name]),
+        short=tuple(name for name in urgent if granted[name] < wanted[name]),
         wanted_ahead=sum(wanted.values()),
         rest_V=_rest_input([e for e in belief.effects if e.slot == "input"], ts_s, rest_V),
     )
 
 
 def _share(wanted: dict[str, int], available: int) -> dict[str, int]:
-    granted = dict.fromkeys(wanted, 0)
-    for name in _by_urgency(wanted):
-        granted[name] = min(wanted[name], available)
+    granted = {}
+    for name, samples in wanted.items():  # the most urgent first
+        granted[name] = min(samples, available)
         available -= granted[name]
     return granted
-
-
-def _by_urgency(names: Iterable[str]) -> list[str]:
-    return sorted(names, key=lambda name: -INVERSES[name].urgency)
 
 
 def _rest_before(belief: PlantModel, effect: Effect, ts_s: float, rest_V: float) -> float:

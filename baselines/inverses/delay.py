@@ -13,6 +13,7 @@ from baselines.inverses.preview_filter import (
     powers_of_theta,
     preview_weights,
 )
+from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.support.arrays import Array
 
@@ -37,6 +38,7 @@ class DelayInverse(PreviewFilter):
     """
 
     effect = "delay"
+    forms = ("", "whole samples")
     urgency = 4
 
     def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
@@ -75,7 +77,7 @@ def delay_weights(effect: Effect, ts_s: float) -> tuple[Array, Array]:
 
 
 def _samples(effect: Effect, ts_s: float) -> tuple[int, float]:
-    samples = effect.values["delay_s"] / ts_s
+    samples = sum(effect.coefficients(ts_s, RDPI((1.0,), (), 0.0)))
     nearest = round(samples)
     if math.isclose(samples, nearest, abs_tol=1e-9):
         return nearest, 0.0

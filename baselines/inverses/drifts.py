@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,33 +11,10 @@ from rdpi_gym.plant.effects import Effect
 from rdpi_gym.support.arrays import Array
 
 
-class DriftInverse(Inverse):
-    """An effect that goes by the clock; row of the memory: number of the next sample."""
+class GainDriftInverse(Inverse):
+    """Division by the gain, in any form: what the effect makes of one micrometre at that time.
 
-    rows = 1
-
-    def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
-        super().__init__(effect, setting, ahead)
-        self._values = effect.values
-        self._ts_s = setting.ts_s
-
-    def start(self, y: Array) -> tuple[Array, Array]:
-        """The sample that was held is number 0; nothing has drifted by then."""
-        return np.ones((1, len(y))), y.copy()
-
-    def run(self, y: Array, state: Array) -> Array:
-        """Undo what has drifted; see :meth:`Inverse.run`."""
-        t = self._ts_s * (state[0] + np.arange(len(y))[:, None])
-        state[0] += len(y)
-        return self._undo(y, t)
-
-    @abstractmethod
-    def _undo(self, y: Array, t: Array) -> Array:
-        """Return inputs for outputs at times (s)."""
-
-
-class GainDriftInverse(DriftInverse):
-    """Division by the gain.
+    Row of the memory: number of the next sample.
 
     Examples
     --------
@@ -51,17 +28,39 @@ class GainDriftInverse(DriftInverse):
     """
 
     effect = "gain_drift"
+    forms: ClassVar[tuple[str, ...]] = ("", "to a limit")
+    rows = 1
 
-    def _undo(self, y: Array, t: Array) -> Array:
-        return y / (1.0 + self._values["rate_per_s"] * t)
+    def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
+        super().__init__(effect, setting, ahead)
+        self._block = type(effect).block
+        self._column = np.array(effect.coefficients(setting.ts_s, setting.hysteresis))
+        self._ts_s = setting.ts_s
+
+    def start(self, y: Array) -> tuple[Array, Array]:
+        """The sample that was held is number 0; nothing has drifted by then."""
+        return np.ones((1, len(y))), y.copy()
+
+    def run(self, y: Array, state: Array) -> Array:
+        """Undo what has drifted; see :meth:`Inverse.run`."""
+        undone: Array = y / self._of(np.ones_like(y), state)
+        return undone
+
+    def _of(self, x: Array, state: Array) -> Array:
+        """Return what the effect makes of a displacement (µm) at the samples that come now."""
+        p = np.repeat(self._column[:, None], x.shape[1], axis=1)
+        out = np.empty_like(x)
+        self._block(x, x, p, state, self._ts_s, out)
+        return out
 
 
-class ThermalDriftInverse(DriftInverse):
-    """Subtraction of what the warming has added."""
+class ThermalDriftInverse(GainDriftInverse):
+    """Subtraction of what the warming adds, in any form: what the effect makes of no displacement."""
 
     effect = "thermal_drift"
+    forms = ("", "two time constants", "piecewise linear")
 
-    def _undo(self, y: Array, t: Array) -> Array:
-        tau = self._values["time_constant_s"]
-        added: Array = -self._values["rate_um_s"] * tau * np.expm1(-t / tau)
-        return y - added
+    def run(self, y: Array, state: Array) -> Array:
+        """Undo what has drifted; see :meth:`Inverse.run`."""
+        undone: Array = y - self._of(np.zeros_like(y), state)
+        return undone

@@ -1,4 +1,4 @@
-"""Sensor lag and actuator lag undone: r + τ ṙ."""
+"""Sensor lag and actuator lag undone: r + τ ṙ, of second order r + (τ1 + τ2) ṙ + τ1 τ2 r̈."""
 
 from __future__ import annotations
 
@@ -20,12 +20,14 @@ class SensorLagInverse(LinearInverse):
     """
 
     effect = "sensor_lag"
+    forms = ("", "second order")
     urgency = 2
 
     @classmethod
     def half_window_s(cls, effect: Effect) -> float:
-        """Return a tenth of the time constant (s)."""
-        return 0.1 * effect.values["time_constant_s"]
+        """Return a tenth of the time constant (s), or of the sum of both."""
+        values = effect.values
+        return 0.1 * values["time_constant_s"] * (1.0 + values.get("second_ratio", 0.0))
 
 
 class ActuatorLagInverse(SensorLagInverse):

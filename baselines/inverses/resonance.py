@@ -1,13 +1,15 @@
-"""Resonance undone: r + 2ζ/ω0 ṙ + r̈/ω0²."""
+"""Resonance undone: r + 2ζ/ω0 ṙ + r̈/ω0², other forms by the like derivatives of theirs."""
 
 from __future__ import annotations
+
+import math
 
 from baselines.inverses.linear import LinearInverse
 from rdpi_gym.plant.effects import Effect
 
 
 class ResonanceInverse(LinearInverse):
-    """One mode, by derivatives over a tenth of its period either way.
+    """One mode or two, by derivatives over a tenth of its period either way.
 
     Examples
     --------
@@ -21,9 +23,11 @@ class ResonanceInverse(LinearInverse):
     """
 
     effect = "resonance"
+    forms = ("", "with a zero", "two modes")
     urgency = 3
 
     @classmethod
     def half_window_s(cls, effect: Effect) -> float:
-        """Return a tenth of the period (s)."""
-        return 0.1 / effect.values["f0_hz"]
+        """Return a tenth of the period (s), of two modes that of the slower one."""
+        values = effect.values
+        return 0.1 / min(values["f0_hz"], values.get("second_hz", math.inf))

@@ -1,4 +1,4 @@
-"""Saturation undone: the inverse hyperbolic tangent of the wanted voltage."""
+"""Saturation undone: the inverse hyperbolic tangent of the wanted voltage, or its nearest rail."""
 
 from __future__ import annotations
 
@@ -37,3 +37,28 @@ class SaturationInverse(Inverse):
         """Invert the curve; see :meth:`Inverse.run`."""
         share = np.clip((y - self._centre_V) / self._limit_V, -_REACHED, _REACHED)
         return np.asarray(self._centre_V + self._limit_V * np.arctanh(share), dtype=np.float64)
+
+
+class HardRailsInverse(Inverse):
+    """The wanted voltage itself, and where it is beyond a rail that rail, which comes nearest.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import PAPER_IV_B
+    >>> from rdpi_gym.plant.effects import load_effect
+    >>> amplifier = load_effect("saturation").forms[0](low_V=-22.0, high_V=19.0)
+    >>> inverse = HardRailsInverse(amplifier, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
+    >>> inverse.run(np.array([[-30.0], [5.0], [20.0]]), np.empty((0, 1)))[:, 0].tolist()
+    [-22.0, 5.0, 19.0]
+    """
+
+    effect = "saturation"
+    forms = ("hard rails",)
+
+    def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
+        super().__init__(effect, setting, ahead)
+        self._rails_V = effect.values["low_V"], effect.values["high_V"]
+
+    def run(self, y: Array, state: Array) -> Array:
+        """Clip; see :meth:`Inverse.run`."""
+        return np.asarray(np.clip(y, *self._rails_V), dtype=np.float64)

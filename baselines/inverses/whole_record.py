@@ -7,6 +7,7 @@ import numpy as np
 from baselines.inverses.delay import delay_weights
 from baselines.inverses.preview_filter import inverse_series, preview_weights
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.effects.delay import delay_block
 from rdpi_gym.plant.effects.linear import linear_block
 from rdpi_gym.support.arrays import Array
 
@@ -43,7 +44,7 @@ class LinearUndo:
     def __init__(self, belief: PlantModel, ts_s: float) -> None:
         self._filters: list[tuple[Array, Array]] = []
         for effect in belief.effects:
-            if effect.name == "delay":
+            if type(effect).block is delay_block:
                 self._filters.append(delay_weights(effect, ts_s))
             elif type(effect).block is linear_block:
                 column = effect.coefficients(ts_s, belief.hysteresis)

@@ -233,7 +233,7 @@ class TorchPlant:
         kind = type(effects[0])
         if not has_twin(kind):
             raise InputError(
-                f"effect {kind.name} has no form in torch; run it with rdpi_gym.plant.Plant"
+                f"effect {kind.full_name()} cannot be run in torch; run it with rdpi_gym.plant.Plant"
             )
         pairs = zip(effects, hysteresis, strict=True)
         columns = np.array([effect.coefficients(self.ts_s, model) for effect, model in pairs])

@@ -21,13 +21,17 @@ from rdpi_gym.plant.effects.base import Block, Effect
 from rdpi_gym.plant.effects.congruency import congruency_block
 from rdpi_gym.plant.effects.creep import creep_block
 from rdpi_gym.plant.effects.delay import delay_block
-from rdpi_gym.plant.effects.gain_drift import gain_drift_block
+from rdpi_gym.plant.effects.gain_drift import gain_drift_block, gain_to_limit_block
 from rdpi_gym.plant.effects.linear import linear_block
-from rdpi_gym.plant.effects.mains_hum import mains_hum_block
+from rdpi_gym.plant.effects.mains_hum import hum_harmonics_block, mains_hum_block
 from rdpi_gym.plant.effects.rate_law import rate_law_block
 from rdpi_gym.plant.effects.saturation import saturation_block
 from rdpi_gym.plant.effects.slew_limit import slew_limit_block
-from rdpi_gym.plant.effects.thermal_drift import thermal_drift_block
+from rdpi_gym.plant.effects.thermal_drift import (
+    knots_block,
+    thermal_drift_block,
+    two_warmings_block,
+)
 from rdpi_gym.torch_plant.hysteresis import known
 
 Twin: TypeAlias = Callable[[Tensor, Tensor, Tensor, Tensor, float], tuple[Tensor, Tensor]]
@@ -150,10 +154,47 @@ def thermal_drift(
     return x - p[0] * p[1] * torch.expm1(-clock[0] * ts_s / p[1]), clock + 1.0
 
 
+def gain_to_limit(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.gain_drift.gain_to_limit_block`."""
+    clock = _clock(state)
+    return x - p[0] * p[1] * torch.expm1(-clock[0] * ts_s / p[1]) * x, clock + 1.0
+
+
+def two_warmings(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.thermal_drift.two_warmings_block`."""
+    clock = _clock(state)
+    rate, tau = p[::2], p[1::2]
+    return x - (rate * tau * torch.expm1(-clock * ts_s / tau)).sum(0), clock + 1.0
+
+
+def knots(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.thermal_drift.knots_block`."""
+    clock = _clock(state)
+    steps = p[1:] - torch.cat([torch.zeros_like(p[:1]), p[1:-1]])
+    before = torch.arange(len(steps), dtype=p.dtype, device=p.device)[:, None]
+    share = (clock * ts_s / p[0] - before).clamp(0.0, 1.0)
+    return x + (share * steps).sum(0), clock + 1.0
+
+
 def mains_hum(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
     """Twin of :func:`~rdpi_gym.plant.effects.mains_hum.mains_hum_block`."""
     clock = _clock(state)
     return x + p[0] * torch.sin(p[1] * (clock[0] * ts_s) + p[2]), clock + 1.0
+
+
+def hum_harmonics(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.mains_hum.hum_harmonics_block`."""
+    clock = _clock(state)
+    number = torch.arange(1, len(p) // 2 + 1, dtype=p.dtype, device=p.device)[:, None]
+    angle = number * p[0] * (clock * ts_s)
+    hum = p[1::2] * torch.sin(angle) + p[2::2] * torch.cos(angle)
+    return x + hum.sum(0), clock + 1.0
 
 
 TWINS: Mapping[Block, Twin] = {
@@ -168,13 +209,17 @@ TWINS: Mapping[Block, Twin] = {
     backlash_block: backlash,
     gain_drift_block: gain_drift,
     thermal_drift_block: thermal_drift,
+    gain_to_limit_block: gain_to_limit,
+    two_warmings_block: two_warmings,
+    knots_block: knots,
     mains_hum_block: mains_hum,
+    hum_harmonics_block: hum_harmonics,
 }
-"""The twin of each kernel; an effect whose kernel is not among them has no form in torch."""
+"""The twin of each kernel; an effect, or a form of one, whose kernel is not among them cannot be run in torch."""
 
 
 def has_twin(kind: type[Effect]) -> bool:
-    """Whether an effect has a form in torch: its kernel a twin, or no kernel that is run.
+    """Whether an effect can be run in torch: its kernel has a twin, or no kernel is run.
 
     Examples
     --------

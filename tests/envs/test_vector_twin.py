@@ -10,8 +10,9 @@ from numba import njit
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
 from rdpi_gym.plant import named_plant
-from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter
+from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter, forms_of
 from rdpi_gym.plant.effects.base import SLOTS
+from rdpi_gym.support.errors import InputError
 
 NAME = "rdpi_gym/PiezoTracking-v0"
 # Of the largest displacement; the vector units add the plays up in another order.
@@ -19,6 +20,16 @@ ROUNDING = 1e-12
 EVERY_EFFECT = replace(
     named_plant("P10"), effects=tuple(kind() for kind in CATALOGUE.values()), offset_um=3.0
 )
+
+
+def with_forms(number):
+    """The plant with that further form of every effect that has as many; the last where it has not."""
+    kinds = [forms_of(kind) for kind in CATALOGUE.values()]
+    effects = tuple(forms[min(number, len(forms) - 1)]() for forms in kinds)
+    return replace(EVERY_EFFECT, effects=effects)
+
+
+MOST_FORMS = max(len(forms_of(kind)) for kind in CATALOGUE.values())
 
 
 def difference(ours, theirs, lane):
@@ -187,3 +198,25 @@ def test_effects_are_drawn_at_levels_of_their_range():
     np.testing.assert_allclose(drawn, levels[nearest], rtol=1e-12)
     # 300 draws of 33 levels leave each of them out with a chance of 1e-4.
     assert len(set(nearest.tolist())) >= 32
+
+
+@pytest.mark.parametrize("number", range(1, MOST_FORMS))
+def test_further_forms_of_every_effect(number):
+    found = largest_difference(
+        lanes=3,
+        steps=60,
+        episode=25,
+        plant=with_forms(number),
+        randomise=0.1,
+        randomise_effects=0.3,
+    )
+    assert found < 100.0 * ROUNDING
+
+
+def test_a_plant_with_another_form_of_an_effect_is_refused():
+    lags = [replace(named_plant("P5"), effects=(k(),)) for k in forms_of(CATALOGUE["sensor_lag"])]
+    env = PiezoTrackingVectorEnv(2, plant=lags[0])
+    with pytest.raises(
+        InputError, match=r"P5 has sensor_lag, second order, and .* have sensor_lag;"
+    ):
+        env.reset(options={"plant": lags[1]})

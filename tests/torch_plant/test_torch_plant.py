@@ -8,11 +8,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from rdpi_gym.plant import RDPI, Converter, Plant, PlantModel, named_plant
-from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.plant.effects import CATALOGUE, Effect, forms_of
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.torch_plant import TorchPlant
 from rdpi_gym.torch_plant.stages import has_twin
 
 TWINNED = tuple(name for name, kind in CATALOGUE.items() if has_twin(kind))
+FORMS = tuple(form for kind in CATALOGUE.values() for form in forms_of(kind)[1:])
 
 TS_S = 1e-4
 
@@ -120,6 +122,18 @@ def test_every_effect_is_that_of_the_kernels(name: str) -> None:
     assert deviation(TorchPlant(models, ts_s).simulate(torch.from_numpy(u)).float(), y) < 1e-6
     double = TorchPlant(models, ts_s, dtype=torch.float64).simulate(torch.from_numpy(u))
     assert deviation(double, y) < 1e-14
+
+
+@pytest.mark.parametrize("kind", FORMS, ids=[kind.full_name() for kind in FORMS])
+def test_a_further_form_is_that_of_the_kernels_or_is_refused_by_name(kind: type[Effect]) -> None:
+    models = random_models(5, kind())
+    u = commands(models[0], TS_S, samples=800, lanes=5)
+    if not has_twin(kind):
+        with pytest.raises(InputError, match=f"effect {kind.full_name()} cannot be run in torch"):
+            TorchPlant(models, TS_S)
+        return
+    double = TorchPlant(models, TS_S, dtype=torch.float64).simulate(torch.from_numpy(u))
+    assert deviation(double, Plant(models, TS_S).simulate(u)) < 1e-13
 
 
 def test_all_effects_together_in_blocks_and_in_steps() -> None:

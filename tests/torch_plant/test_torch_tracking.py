@@ -140,7 +140,7 @@ def test_bad_input_is_refused_in_one_line() -> None:
     corrected = ObservationLayout.for_plant(model, ts_s=1e-4, action="correction")
     refused = {
         "lanes is 0": lambda: TorchPlant(model, 1e-4, lanes=0),
-        "effect own has no form in torch": lambda: TorchPlant(of_a_user, 1e-4),
+        "effect own cannot be run in torch": lambda: TorchPlant(of_a_user, 1e-4),
         "no lane": lambda: TorchPlant([], 1e-4),
         "float16": lambda: TorchPlant(model, 1e-4, dtype=torch.float16),
         "'gpu'": lambda: TorchPlant(model, 1e-4, device="gpu"),

@@ -154,3 +154,15 @@ def test_bad_input_is_refused_in_one_line(effects, u, words):
     with pytest.raises(InputError, match=words) as refusal:
         simulate_truth(numbers(), effects, np.arange(len(u)) * 1e-3, u)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("name", ["sensor_lag", "gain_drift", "mains_hum"])
+def test_a_further_form_is_refused_and_never_taken_for_the_simplest(name):
+    form = CATALOGUE[name].forms[0]
+    with pytest.raises(InputError, match=f"{name} in the form '{form.form}' is not in the indep"):
+        simulate_truth(
+            {"weights": [1.0], "thresholds_V": [], "delta2_s": 0.0},
+            [form().to_dict()],
+            np.arange(3) * 1e-3,
+            np.zeros(3),
+        )

@@ -90,11 +90,12 @@ class EffectStages:
         Raises
         ------
         InputError
-            It has other effects, or a delay longer than the lanes can hold.
+            It has other effects or other forms of them, or a delay longer than the lanes can hold.
         """
-        names = [[effect.name for effect in effects] for effects in (model.effects, self._effects)]
-        if names[0] != names[1]:
-            has, needs = (", ".join(each) or "no effects" for each in names)
+        both = model.effects, self._effects
+        if [type(effect) for effect in both[0]] != [type(effect) for effect in both[1]]:
+            names = ("; ".join(effect.full_name() for effect in effects) for effects in both)
+            has, needs = (each or "no effects" for each in names)
             raise InputError(
                 f"plant {model.name} has {has}, and the lanes of this environment have {needs}; "
                 "make an environment of that plant instead"

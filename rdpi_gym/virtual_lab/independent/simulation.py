@@ -109,6 +109,12 @@ def _chain(
         twin = twins().get(str(name))
         if twin is None:
             raise InputError(f"no effect is named {name!r} in the independent formulation")
+        form = values.pop("form", "")
+        if form:
+            raise InputError(
+                f"{name} in the form {form!r} is not in the independent formulation; "
+                "hide its simplest form"
+            )
         try:
             if isinstance(twin, MaterialTwin):
                 ceramic = replace(ceramic, **twin.change(**values))
