@@ -14,6 +14,7 @@ from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, SearchResult, Vi
 from rdpi_gym.diagnosis.search.candidates import assess
 from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.law import plant_of
+from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.diagnosis.search.remainder import remainder
 from rdpi_gym.diagnosis.search.separability import (
@@ -129,9 +130,10 @@ def _remainder(laboratory: Laboratory, state: State, judgement: Judgement) -> st
         rest = "the noise" if judgement.sampling is None else "motion between the samples"
         return f"What is left is {rest}."
     setting = laboratory.setting
-    return remainder(
-        state.fit.variant, setting.train, setting.validation, setting.scale, laboratory.noise_um
-    ).sentence
+    variant, noise_um = state.fit.variant, laboratory.noise_um
+    others = other_inputs(variant, setting.train, setting.validation, noise_um)
+    left = remainder(variant, setting.train, setting.validation, setting.scale, noise_um)
+    return f"{said_of(others)} {left.sentence}".strip()
 
 
 def _next_experiment(
