@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
-from rdpi_gym.identification import fit
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.measurement import DATA_HINT, Dataset, Record, measured_data
+from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P5, Plant
 
 TS_S, NOISE_UM = 1e-3, 0.01
@@ -33,13 +34,13 @@ def record(seed, role="train", *, gain=0.0, drift=0.0, resembles=False, plant=P5
     )
 
 
-def tested(**options):
+def found_in(**options):
     train = [record(seed, **options) for seed in (1, 2)]
     return other_inputs(MODEL, train, [record(3, "validation", **options)], NOISE_UM)
 
 
 def test_a_second_input_through_a_lag_explains_what_it_causes():
-    best, *_ = found = [each for each in tested(gain=0.1) if len(each.names) == 1]
+    best, *_ = found = [each for each in found_in(gain=0.1) if len(each.names) == 1]
     assert best.names == ("u2",)
     assert best.low > 0.95
     assert best.after_um == pytest.approx(NOISE_UM, rel=0.1)
@@ -52,21 +53,19 @@ def test_a_second_input_through_a_lag_explains_what_it_causes():
 
 
 def test_a_temperature_behind_a_slow_law_explains_the_drift():
-    best, *_ = [each for each in tested(drift=1.0) if len(each.names) == 1]
+    best, *_ = [each for each in found_in(drift=1.0) if len(each.names) == 1]
     assert best.names == ("temperature",)
     assert best.share > 0.9
     assert "hold it still" in best.sentence
 
 
 def test_nothing_is_explained_where_nothing_is_left():
-    assert not any(each.explains for each in tested())
+    assert not any(each.explains for each in found_in())
 
 
 def test_an_input_that_only_resembles_the_models_own_explains_nothing():
     """A gain of the model that is wrong leaves what a copy of its input follows exactly."""
-    wrong = Variant(
-        P5.hysteresis.scaled(1.1) if hasattr(P5.hysteresis, "scaled") else P5.hysteresis, ()
-    )
+    wrong = Variant(replace(P5.hysteresis, weights=[1.1 * a for a in P5.hysteresis.weights]), ())
     train = [record(seed, resembles=True) for seed in (1, 2)]
     found = other_inputs(wrong, train, [record(3, "validation", resembles=True)], NOISE_UM)
     assert not any(each.explains for each in found)
