@@ -43,7 +43,7 @@ class Asymmetry(Effect):
             "coefficient", "1", -0.4, 0.4, (0.01, 0.05),
             "distortion c at the displacement Y, as a share of it", neutral=0.0,
         ),
-        Parameter("span_um", "µm", 1e-3, 1e4, (40.0, 40.0), "displacement Y", fixed=True),
+        Parameter("span_um", "µm", 1e-9, 1e9, (40.0, 40.0), "displacement Y", fixed=True),
     )  # fmt: skip
     equation = "y = y_h + c y_h² / Y"
     source = (
@@ -91,6 +91,166 @@ class Asymmetry(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Coefficient of the square, c / Y (1/µm)."""
         return [self.coefficient / self.span_um]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the curve has no memory."""
+        return 0
+
+
+@njit(cache=True)
+def polynomial_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: 1 / Y (1/µm), then c_k from the square on. No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            share, bent = x[t, b] * p[0, b], 0.0
+            for k in range(p.shape[0] - 1, 0, -1):
+                bent = (bent + p[k, b]) * share
+            y[t, b] = x[t, b] * (1.0 + bent)
+
+
+@njit(cache=True)
+def command_polynomial_block(
+    x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
+) -> None:
+    """Kernel; rows of ``p``: Y (µm), 1 / U (1/V), then c_k from the square on. No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            share, bent = u[t, b] * p[1, b], 0.0
+            for k in range(p.shape[0] - 1, 1, -1):
+                bent = (bent + p[k, b]) * share
+            y[t, b] = x[t, b] + p[0, b] * share * bent
+
+
+def _power(k: int, at: str) -> Parameter:
+    text = f"share c_{k} of the power {k} at {at}"
+    return Parameter(f"coefficient_{k}", "1", -1.0, 1.0, (-0.05, 0.05), text, neutral=0.0)
+
+
+@dataclass(frozen=True)
+class Cubic(Effect, of=Asymmetry):
+    """Quadratic and cubic distortion of the hysteretic displacement.
+
+    Examples
+    --------
+    >>> effect = Cubic(coefficient_2=0.05, coefficient_3=-0.1, span_um=20.0)
+    >>> effect.run([-20.0, 0.0, 20.0], 1e-3).round(6).tolist()
+    [-17.0, 0.0, 19.0]
+    """
+
+    coefficient_2: float = 0.03
+    coefficient_3: float = 0.0
+    span_um: float = 40.0
+
+    form = "cubic"
+    parameters = (_power(2, "Y"), _power(3, "Y"), Asymmetry.parameters[1])
+    equation = "y = y_h + Y (c_2 (y_h / Y)² + c_3 (y_h / Y)³)"
+    signature = "Even and odd harmonics alike on both branches and at every rate."
+    block = staticmethod(polynomial_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, at the measured stroke."""
+        return (cls.within_bounds(coefficient_2=0.01, coefficient_3=0.0, span_um=scale.stroke_um),)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted square."""
+        if not isinstance(simpler, Asymmetry):
+            return cls.starts(scale)
+        return (cls.within_bounds(coefficient_2=simpler.coefficient, span_um=simpler.span_um),)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """1 / Y (1/µm), then the coefficients of the powers."""
+        return [1.0 / self.span_um, self.coefficient_2, self.coefficient_3]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the curve has no memory."""
+        return 0
+
+
+@dataclass(frozen=True)
+class OfTheCommand(Effect, of=Asymmetry):
+    """Square and cube of the command added to the hysteretic displacement.
+
+    Examples
+    --------
+    >>> effect = OfTheCommand(0.05, 0.1, span_V=10.0, span_um=20.0)
+    >>> effect.run([3.0, 3.0], 1e-3, u=[-10.0, 10.0]).round(6).tolist()
+    [2.0, 6.0]
+    """
+
+    coefficient_2: float = 0.03
+    coefficient_3: float = 0.0
+    span_V: float = 40.0
+    span_um: float = 40.0
+
+    form = "of the command"
+    parameters = (
+        _power(2, "U"),
+        _power(3, "U"),
+        Parameter("span_V", "V", 1e-9, 1e9, (40.0, 40.0), "command U", fixed=True),
+        Asymmetry.parameters[1],
+    )
+    equation = "y = y_h + Y (c_2 (u / U)² + c_3 (u / U)³)"
+    source = "Gu, Zhu, Su, IEEE Transactions on Industrial Electronics 61(3), 2014."
+    signature = "Even and odd harmonics in phase with the command, whatever the loop's width."
+    block = staticmethod(command_polynomial_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, at the measured span and stroke."""
+        return (
+            cls.within_bounds(
+                coefficient_2=0.01, coefficient_3=0.0, span_V=scale.span_V, span_um=scale.stroke_um
+            ),
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Y (µm), 1 / U (1/V), then the coefficients of the powers."""
+        return [self.span_um, 1.0 / self.span_V, self.coefficient_2, self.coefficient_3]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the curve has no memory."""
+        return 0
+
+
+@dataclass(frozen=True)
+class ToTheFifthDegree(Effect, of=Asymmetry):
+    """Polynomial of the hysteretic displacement with the powers 2 to 5.
+
+    Examples
+    --------
+    >>> effect = ToTheFifthDegree(0.05, 0.0, 0.0, -0.1, span_um=20.0)
+    >>> effect.run([-20.0, 0.0, 20.0], 1e-3).round(6).tolist()
+    [-17.0, 0.0, 19.0]
+    """
+
+    coefficient_2: float = 0.03
+    coefficient_3: float = 0.0
+    coefficient_4: float = 0.0
+    coefficient_5: float = 0.0
+    span_um: float = 40.0
+
+    form = "to the fifth degree"
+    parameters = (*(_power(k, "Y") for k in range(2, 6)), Asymmetry.parameters[1])
+    equation = "y = y_h + Y (c_2 (y_h / Y)² + ... + c_5 (y_h / Y)⁵)"
+    signature = Cubic.signature
+    block = staticmethod(polynomial_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, at the measured stroke."""
+        return (cls.within_bounds(coefficient_2=0.01, coefficient_3=0.0, span_um=scale.stroke_um),)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted cubic."""
+        return (cls(**simpler.values),) if isinstance(simpler, Cubic) else cls.starts(scale)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """1 / Y (1/µm), then the coefficients of the powers."""
+        powers = self.coefficient_2, self.coefficient_3, self.coefficient_4, self.coefficient_5
+        return [1.0 / self.span_um, *powers]
 
     def state_rows(self, ts_s: float) -> int:
         """None: the curve has no memory."""

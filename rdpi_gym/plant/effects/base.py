@@ -387,7 +387,7 @@ def forms_of(kind: type[Effect]) -> tuple[type[Effect], ...]:
     --------
     >>> from rdpi_gym.plant.effects import CATALOGUE
     >>> [form.form for form in forms_of(CATALOGUE["saturation"])]
-    ['', 'hard rails']
+    ['', 'soft unlike rails', 'hard rails']
     """
     simplest = kind.simplest or kind
     return (simplest, *simplest.forms)

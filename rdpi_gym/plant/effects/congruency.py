@@ -43,7 +43,7 @@ class Congruency(Effect):
             "coefficient", "1", -0.9, 5.0, (0.05, 0.3), "relative change c of the weights at U",
             neutral=0.0,
         ),
-        Parameter("span_V", "V", 1e-3, 1e4, (40.0, 40.0), "command U at which it is c", fixed=True),
+        Parameter("span_V", "V", 1e-9, 1e9, (40.0, 40.0), "command U at which it is c", fixed=True),
     )  # fmt: skip
     equation = "y = a_0 u + (1 + c (u / U)²) Σ a_i ξ_i"
     source = (
@@ -85,6 +85,112 @@ class Congruency(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """a_0 (µm/V) and c / U² (1/V²)."""
         return [hysteresis.a0, self.coefficient / self.span_V**2]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None beside the plays' own."""
+        return 0
+
+
+@njit(cache=True)
+def congruency_polynomial_block(
+    x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
+) -> None:
+    """Kernel; rows of ``p``: a_0 (µm/V), 1 / U (1/V), c_k from the first power on. No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            share, more = u[t, b] * p[1, b], 0.0
+            for k in range(p.shape[0] - 1, 1, -1):
+                more = (more + p[k, b]) * share
+            y[t, b] = x[t, b] + more * (x[t, b] - p[0, b] * u[t, b])
+
+
+def _power(k: int) -> Parameter:
+    text = f"relative change c_{k} of the weights at U with the power {k}"
+    return Parameter(f"coefficient_{k}", "1", -5.0, 5.0, (-0.2, 0.2), text, neutral=0.0)
+
+
+@dataclass(frozen=True)
+class OddAndEven(Effect, of=Congruency):
+    """Weights of the plays that change with the command and with its square.
+
+    Examples
+    --------
+    >>> effect = OddAndEven(coefficient_1=-0.2, coefficient_2=0.1, span_V=10.0)
+    >>> effect.run([10.0, 15.0], 1e-3, u=[10.0, 10.0]).tolist()
+    [10.0, 14.5]
+    """
+
+    coefficient_1: float = 0.05
+    coefficient_2: float = 0.1
+    span_V: float = 40.0
+
+    form = "odd and even"
+    parameters = (_power(1), _power(2), Congruency.parameters[1])
+    equation = "y = a_0 u + (1 + c_1 u / U + c_2 (u / U)²) Σ a_i ξ_i"
+    source = "Weights that depend on the command in place of a Preisach density."
+    signature = "Minor loops of the same span differ in area on either side of the range."
+    block = staticmethod(congruency_polynomial_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, at the measured span."""
+        return (cls.within_bounds(coefficient_1=0.0, coefficient_2=0.05, span_V=scale.span_V),)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted square."""
+        if not isinstance(simpler, Congruency):
+            return cls.starts(scale)
+        values = {"coefficient_1": 0.0, "coefficient_2": simpler.coefficient}
+        return (cls(**values, span_V=simpler.span_V),)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """a_0 (µm/V), 1 / U (1/V), then the coefficients of the powers."""
+        return [hysteresis.a0, 1.0 / self.span_V, self.coefficient_1, self.coefficient_2]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None beside the plays' own."""
+        return 0
+
+
+@dataclass(frozen=True)
+class ToTheFourthDegree(Effect, of=Congruency):
+    """Weights of the plays that change by a polynomial of the command with the powers 1 to 4.
+
+    Examples
+    --------
+    >>> effect = ToTheFourthDegree(-0.2, 0.1, 0.0, 0.1, span_V=10.0)
+    >>> effect.run([10.0, 15.0], 1e-3, u=[10.0, 10.0]).tolist()
+    [10.0, 15.0]
+    """
+
+    coefficient_1: float = 0.05
+    coefficient_2: float = 0.1
+    coefficient_3: float = 0.0
+    coefficient_4: float = 0.0
+    span_V: float = 40.0
+
+    form = "to the fourth degree"
+    parameters = (*(_power(k) for k in range(1, 5)), Congruency.parameters[1])
+    equation = "y = a_0 u + (1 + c_1 u / U + ... + c_4 (u / U)⁴) Σ a_i ξ_i"
+    source = OddAndEven.source
+    signature = OddAndEven.signature
+    block = staticmethod(congruency_polynomial_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, at the measured span."""
+        return (cls.within_bounds(coefficient_1=0.0, coefficient_2=0.05, span_V=scale.span_V),)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted odd and even part."""
+        return (cls(**simpler.values),) if isinstance(simpler, OddAndEven) else cls.starts(scale)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """a_0 (µm/V), 1 / U (1/V), then the coefficients of the powers."""
+        powers = self.coefficient_1, self.coefficient_2, self.coefficient_3, self.coefficient_4
+        return [hysteresis.a0, 1.0 / self.span_V, *powers]
 
     def state_rows(self, ts_s: float) -> int:
         """None beside the plays' own."""

@@ -41,8 +41,36 @@ def describe(kind: type[Effect]) -> dict[str, Any]:
     >>> describe(Backlash)["parameters"][0]["typical"]
     [0.05, 0.5]
     """
+    return {
+        "effect": kind.name,
+        "summary": summary(kind),
+        "slot": kind.slot,
+        "order": kind.order,
+        "equation": kind.equation,
+        "parameters": _parameters(kind),
+        "forms": [
+            {
+                "form": form.form,
+                "summary": summary(form),
+                "equation": form.equation,
+                "parameters": _parameters(form),
+            }
+            for form in kind.forms
+        ],
+        "cause": kind.cause,
+        "hardware": kind.hardware,
+        "magnitude": kind.magnitude,
+        "signature": kind.signature,
+        "experiment": kind.experiment,
+        "remedy": kind.remedy,
+        "mistaken_for": list(kind.mistaken_for),
+        "source": kind.source,
+    }
+
+
+def _parameters(kind: type[Effect]) -> list[dict[str, Any]]:
     defaults = kind().values
-    parameters = [
+    return [
         {
             "name": p.name,
             "unit": p.unit,
@@ -56,22 +84,6 @@ def describe(kind: type[Effect]) -> dict[str, Any]:
         }
         for p in kind.parameters
     ]
-    return {
-        "effect": kind.name,
-        "summary": summary(kind),
-        "slot": kind.slot,
-        "order": kind.order,
-        "equation": kind.equation,
-        "parameters": parameters,
-        "cause": kind.cause,
-        "hardware": kind.hardware,
-        "magnitude": kind.magnitude,
-        "signature": kind.signature,
-        "experiment": kind.experiment,
-        "remedy": kind.remedy,
-        "mistaken_for": list(kind.mistaken_for),
-        "source": kind.source,
-    }
 
 
 def typical(parameter: Parameter) -> str:
@@ -152,6 +164,7 @@ def page(kind: type[Effect], level: int = 2) -> str:
             "",
             table(head, rows, rule="tight"),
             "",
+            *_further_forms(kind),
             *(f"**{heading}:** {text}\n" for heading, text in said.items()),
         ]
     )
@@ -168,6 +181,16 @@ def pages(kinds: Iterable[type[Effect]]) -> str:
     """
     intro = "Every effect is one file of `rdpi_gym/plant/effects/`; this text is made from them."
     return "\n".join(["# Effects", "", intro, "", *(page(kind) for kind in kinds)])
+
+
+def _further_forms(kind: type[Effect]) -> list[str]:
+    if not kind.forms:
+        return []
+    lines = ["**Further forms**, which a search tries where the simplest leaves its own trace:", ""]
+    for form in kind.forms:
+        named = ", ".join(f"`{p.name}`" for p in form.parameters)
+        lines.append(f"- *{form.form}*: {summary(form)} `{form.equation}` (of {named})")
+    return [*lines, ""]
 
 
 def _role(parameter: Parameter) -> str:

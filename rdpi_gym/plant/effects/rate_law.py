@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -41,7 +42,7 @@ class RateLaw(Effect):
     parameters = (
         Parameter("exponent", "1", 0.2, 3.0, (0.5, 0.8), "p; 1 is Eq. 8", neutral=1.0),
         Parameter(
-            "reference_rate_V_s", "V/s", 1e-3, 1e9, (1e4, 1e4),
+            "reference_rate_V_s", "V/s", 1e-12, 1e12, (1e4, 1e4),
             "rate v0 at which the thresholds are those of Eq. 8", fixed=True,
         ),
     )  # fmt: skip
@@ -95,6 +96,160 @@ class RateLaw(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """The exponent of the factor on v, and v0 (V/s)."""
         return [self.exponent - 1.0, self.reference_rate_V_s]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the law has no memory."""
+        return 0
+
+
+@njit(cache=True)
+def logarithmic_rate_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; row of ``p``: v0 (V/s). No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            v, v0 = x[t, b], p[0, b]
+            y[t, b] = math.copysign(v0 * math.log1p(abs(v) / v0), v)
+
+
+@dataclass(frozen=True)
+class LogarithmicRateLaw(Effect, of=RateLaw):
+    """Logarithm of the rate in place of the |v| of Eq. 8, which it follows far below v0.
+
+    Examples
+    --------
+    >>> law = LogarithmicRateLaw(bend_rate_V_s=100.0)
+    >>> law.run([1.0, -100.0, 1e4], 1e-3).round(2).tolist()
+    [1.0, -69.31, 461.51]
+    """
+
+    bend_rate_V_s: float = 3e3
+
+    form = "logarithm"
+    parameters = (
+        Parameter(
+            "bend_rate_V_s", "V/s", 1e-12, 1e12, (1e3, 1e4), "rate v0 at which the growth slackens"
+        ),
+    )
+    equation = "r_i = δ1 i + δ2 v0 ln(1 + |v| / v0)"
+    source = "Logarithmic dynamic densities, doi 10.1007/s11465-015-0326-1."
+    signature = "δ2 fitted record by record falls with amplitude x frequency from some rate on."
+    block = staticmethod(logarithmic_rate_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Growth that slackens near and far below the fastest rate."""
+        return tuple(
+            cls.within_bounds(bend_rate_V_s=share * scale.fastest_V_s) for share in (0.5, 0.03)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """v0 (V/s)."""
+        return [self.bend_rate_V_s]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the law has no memory."""
+        return 0
+
+
+@njit(cache=True)
+def piecewise_rate_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: V (V/s), ln of the width of a part, p_k - 1 from fast to slow.
+
+    No state.
+    """
+    last = p.shape[0] - 1
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            v, width = x[t, b], p[1, b]
+            share = abs(v) / p[0, b]
+            if share == 0.0:  # 0 too where a decaying rate underflows
+                y[t, b] = 0.0
+                continue
+            below, power = -math.log(share), 0.0
+            for k in range(2, last):
+                part = min(below, width)
+                power += p[k, b] * part
+                below -= part
+            power += p[last, b] * below
+            y[t, b] = v * math.exp(-power)
+
+
+_EXPONENT = (0.05, 4.0, (0.5, 1.0))
+_PER_DECADE = 2
+
+
+@dataclass(frozen=True)
+class PiecewiseRateLaw(Effect, of=RateLaw):
+    """Power of the rate with another exponent in each half decade below the fastest rate.
+
+    The thresholds grow with the rate everywhere; the uppermost exponent holds above it too, and the
+    lowest for all slower rates.
+
+    Examples
+    --------
+    >>> law = PiecewiseRateLaw(0.5, 0.5, 1.0, 1.0, fastest_V_s=1e4)
+    >>> law.run([1e4, -1e3, 1e2], 1e-3).round(1).tolist()
+    [10000.0, -3162.3, 316.2]
+    """
+
+    exponent_1: float = 0.7
+    exponent_2: float = 0.7
+    exponent_3: float = 0.7
+    exponent_4: float = 0.7
+    fastest_V_s: float = 1e4
+
+    form = "piecewise power"
+    parameters = (
+        *(
+            Parameter(
+                f"exponent_{k}", "1", *_EXPONENT,
+                f"p_{k}, of rates between V / 10^{(k - 1) / 2:g} and V / 10^{k / 2:g}", neutral=1.0,
+            )
+            for k in range(1, 5)
+        ),
+        Parameter("fastest_V_s", "V/s", 1e-12, 1e12, (1e4, 1e4), "fastest rate V", fixed=True),
+    )  # fmt: skip
+    equation = (
+        "r_i = δ1 i + δ2 w(|v|), w(V) = V, d(ln w) / d(ln |v|) = p_k in the half decade k below V"
+    )
+    source = "A monotone table on logarithmic axes."
+    signature = "δ2 fitted record by record follows no one power of amplitude x frequency."
+    block = staticmethod(piecewise_rate_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Thresholds that grow slower and faster than the rate."""
+        return tuple(
+            cls.within_bounds(
+                exponent_1=p,
+                exponent_2=p,
+                exponent_3=p,
+                exponent_4=p,
+                fastest_V_s=scale.fastest_V_s,
+            )
+            for p in (0.7, 1.3)
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted power in each part, else the exponents of the fitted logarithm there."""
+        if isinstance(simpler, RateLaw):
+            exponents = [simpler.exponent] * 4
+        elif isinstance(simpler, LogarithmicRateLaw):
+            shares = [
+                scale.fastest_V_s / simpler.bend_rate_V_s * 10.0 ** (-(k + 0.5) / _PER_DECADE)
+                for k in range(4)
+            ]
+            exponents = [share / (1.0 + share) / math.log1p(share) for share in shares]
+        else:
+            return cls.starts(scale)
+        values = {f"exponent_{k}": p for k, p in enumerate(exponents, start=1)}
+        return (cls.within_bounds(**values, fastest_V_s=scale.fastest_V_s),)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """V (V/s), ln of the width of a part, and the exponents of the factor on v."""
+        exponents = self.exponent_1, self.exponent_2, self.exponent_3, self.exponent_4
+        return [self.fastest_V_s, math.log(10.0) / _PER_DECADE, *(p - 1.0 for p in exponents)]
 
     def state_rows(self, ts_s: float) -> int:
         """None: the law has no memory."""

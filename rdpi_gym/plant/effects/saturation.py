@@ -40,13 +40,13 @@ class Saturation(Effect):
     order = 10
     parameters = (
         Parameter(
-            "limit_V", "V", 0.1, 1e4, (60.0, 160.0), "distance of both rails from the centre, u_s"
+            "limit_V", "V", 1e-9, 1e9, (60.0, 160.0), "distance of both rails from the centre, u_s"
         ),
         Parameter(
             "centre_V",
             "V",
-            -2e3,
-            2e3,
+            -1e9,
+            1e9,
             (0.0, 0.0),
             "middle of the amplifier's range, u_c",
             fixed=True,
@@ -90,6 +90,63 @@ class Saturation(Effect):
         """Rails not far and far beyond the measured command."""
         return tuple(
             cls.within_bounds(limit_V=k * scale.span_V, centre_V=scale.centre_V) for k in (1.5, 4.0)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Limit and centre (V)."""
+        return [self.limit_V, self.centre_V]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the curve has no memory."""
+        return 0
+
+
+@dataclass(frozen=True)
+class SoftUnlikeRails(Effect, of=Saturation):
+    """Amplifier that softens towards rails whose middle is not that of the command.
+
+    Examples
+    --------
+    >>> SoftUnlikeRails(100.0, 20.0).run([-1000.0, 20.0, 1000.0], 1e-3).round(2).tolist()
+    [-80.0, 20.0, 120.0]
+    """
+
+    limit_V: float = 100.0
+    centre_V: float = 0.0
+
+    form = "soft unlike rails"
+    parameters = (
+        Parameter(
+            "limit_V", "V", 1e-9, 1e9, (60.0, 160.0), "distance of both rails from the centre, u_s"
+        ),
+        Parameter(
+            "centre_V", "V", -1e9, 1e9, (-40.0, 40.0), "middle of the amplifier's range, u_c"
+        ),
+    )
+    equation = "u' = u_c + u_s tanh((u - u_c) / u_s), u_c free"
+    signature = "Flattening of one end of the range more than of the other."
+    block = staticmethod(saturation_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """A centre on either side of the measured one."""
+        return tuple(
+            cls.within_bounds(
+                limit_V=1.5 * scale.span_V, centre_V=scale.centre_V + side * scale.span_V
+            )
+            for side in (-0.3, 0.3)
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted rails moved to either side."""
+        if not isinstance(simpler, Saturation):
+            return cls.starts(scale)
+        return tuple(
+            cls.within_bounds(
+                limit_V=simpler.limit_V, centre_V=simpler.centre_V + side * scale.span_V
+            )
+            for side in (-0.1, 0.1)
         )
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:

@@ -13,6 +13,20 @@ from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Pict
 from rdpi_gym.support.arrays import Array
 
 
+@njit(inline="always")
+def _follow(last: float, now: float, out: float, up: float, down: float) -> float:
+    """Output (V) after a sample, from the last input, this one, the last output, largest steps."""
+    change, ahead, towards, against = now - last, out - last, up, down
+    if change < 0.0:
+        ahead, towards, against = -ahead, down, up
+    # Faster than the limit and met on the way: the output turns round where they meet.
+    if abs(change) > towards and ahead > 0.0:
+        back = min(ahead / (abs(change) + against), 1.0)
+        step: float = towards * (1.0 - back) - against * back
+        return out + step if change > 0.0 else out - step
+    return min(max(now, out - down), out + up)
+
+
 @njit(cache=True)
 def slew_limit_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel, exact for an input linear between samples.
@@ -21,21 +35,11 @@ def slew_limit_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: A
     """
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
-            step, now = p[0, b], x[t, b]
             if np.isnan(state[0, b]):
-                state[0, b] = state[1, b] = now
-            last, out = state[0, b], state[1, b]
-            change, ahead = now - last, out - last
-            if change < 0.0:
-                ahead = -ahead
-            # Faster than the limit and met on the way: the output turns round where they meet.
-            if abs(change) > step and ahead > 0.0:
-                back = min(ahead / (abs(change) + step), 1.0)
-                out += np.sign(change) * step * (1.0 - 2.0 * back)
-            else:
-                out = min(max(now, out - step), out + step)
-            state[0, b], state[1, b] = now, out
-            y[t, b] = out
+                state[0, b] = state[1, b] = x[t, b]
+            out = _follow(state[0, b], x[t, b], state[1, b], p[0, b], p[0, b])
+            state[0, b] = x[t, b]
+            state[1, b] = y[t, b] = out
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ class SlewLimit(Effect):
     slot = "input"
     order = 20
     parameters = (
-        Parameter("rate_V_s", "V/s", 1.0, 1e9, (3e3, 2.5e4), "largest rate of the voltage, R"),
+        Parameter("rate_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate of the voltage, R"),
     )
     equation = "u' follows u with |du'/dt| <= R"
     source = (
@@ -101,6 +105,78 @@ class SlewLimit(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Largest step of one sample (V)."""
         return [self.rate_V_s * ts_s]
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input and last output."""
+        return 2
+
+
+@njit(cache=True)
+def unlike_slew_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel, exact for an input linear between samples.
+
+    Rows of ``p``: largest steps of one sample up and down (V). Rows of the state: last input, last
+    output (V).
+    """
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            if np.isnan(state[0, b]):
+                state[0, b] = state[1, b] = x[t, b]
+            out = _follow(state[0, b], x[t, b], state[1, b], p[0, b], p[1, b])
+            state[0, b] = x[t, b]
+            state[1, b] = y[t, b] = out
+
+
+@dataclass(frozen=True)
+class UnlikeUpAndDown(Effect, of=SlewLimit):
+    """Amplifier whose voltage rises at up_V_s at most and falls at down_V_s at most.
+
+    Examples
+    --------
+    >>> UnlikeUpAndDown(1000.0, 2000.0).run([0.0, 4.0, 4.0, 4.0, 4.0, 0.0], 1e-3).tolist()
+    [0.0, 1.0, 2.0, 3.0, 4.0, 2.0]
+    """
+
+    up_V_s: float = 1e4
+    down_V_s: float = 1e4
+
+    form = "unlike up and down"
+    parameters = (
+        Parameter("up_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate upwards, R_u"),
+        Parameter("down_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate downwards, R_d"),
+    )
+    equation = "u' follows u with -R_d <= du'/dt <= R_u"
+    source = "An output stage that sources and sinks unlike currents into C: R = I / C each way."
+    signature = (
+        "Nothing below a critical product of amplitude and frequency, above it saw teeth: even "
+        "and odd harmonics."
+    )
+    block = staticmethod(unlike_slew_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Limits below the fastest rate, alike and on either side alone."""
+        fastest = scale.fastest_V_s
+        return tuple(
+            cls.within_bounds(up_V_s=up * fastest, down_V_s=down * fastest)
+            for limit in (0.85, 0.6, 0.35, 0.15)
+            for up, down in ((limit, limit), (limit, 1.0), (1.0, limit))
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted limit, and either way a larger one."""
+        if not isinstance(simpler, SlewLimit):
+            return cls.starts(scale)
+        rate = simpler.rate_V_s
+        return tuple(
+            cls.within_bounds(up_V_s=up * rate, down_V_s=down * rate)
+            for up, down in ((1.0, 1.0), (0.8, 1.25), (1.25, 0.8), (0.5, 2.0), (2.0, 0.5))
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Largest steps of one sample up and down (V)."""
+        return [self.up_V_s * ts_s, self.down_V_s * ts_s]
 
     def state_rows(self, ts_s: float) -> int:
         """Last input and last output."""

@@ -47,6 +47,22 @@ NESTED = [
         form("creep", "spectrum")(0.0, 0.01, 0.0, 0.02, 0.0, 0.0),
         form("creep", "two time constants")(0.01, 0.1, 0.02, 10.0),
     ),
+    (form("saturation", "soft unlike rails")(60.0, 3.0), form("saturation")(60.0, 3.0)),
+    (form("asymmetry", "cubic")(0.1, 0.0, 30.0), form("asymmetry")(0.1, 30.0)),
+    (
+        form("asymmetry", "to the fifth degree")(0.1, -0.2, 0.0, 0.0, 30.0),
+        form("asymmetry", "cubic")(0.1, -0.2, 30.0),
+    ),
+    (
+        form("rate_law", "piecewise power")(0.6, 0.6, 0.6, 0.6, 30.0),
+        form("rate_law")(0.6, 30.0),
+    ),
+    (form("slew_limit", "unlike up and down")(4e3, 4e3), form("slew_limit")(4e3)),
+    (form("congruency", "odd and even")(0.0, 0.2, 30.0), form("congruency")(0.2, 30.0)),
+    (
+        form("congruency", "to the fourth degree")(-0.1, 0.2, 0.0, 0.0, 30.0),
+        form("congruency", "odd and even")(-0.1, 0.2, 30.0),
+    ),
 ]
 
 
@@ -61,7 +77,13 @@ def test_a_richer_form_holds_the_simpler_one(richer, simpler):
 
 
 @pytest.mark.parametrize(
-    "kind", [f for f in FORMS if any(p.neutral is not None for p in f.parameters)], ids=full_name
+    "kind",
+    [
+        f
+        for f in FORMS
+        if f.name in ("asymmetry", "congruency", "creep") or f.form == "piecewise power"
+    ],
+    ids=full_name,
 )
 def test_a_form_at_its_neutral_values_changes_nothing(kind):
     x = rough()
@@ -107,3 +129,51 @@ def test_creep_begins_at_rest_and_ends_with_its_whole_gain(words):
 def test_elements_between_two_times_are_those_of_the_simplest_ladder_at_its_ends():
     _, taus = form("creep", "between two times")(0.02, 10**-2.25, 10**3.25).elements()
     np.testing.assert_allclose(taus, TIME_CONSTANTS_S, rtol=1e-12)
+
+
+@pytest.mark.parametrize("powers", [(0.3, -0.2), (0.3, -0.2, 0.1, 0.05)])
+def test_asymmetry_is_a_polynomial_of_the_displacement_and_congruency_one_of_the_command(powers):
+    words = {2: ("cubic", "odd and even"), 4: ("to the fifth degree", "to the fourth degree")}
+    bent, weighted = words[len(powers)]
+    x, u, span = rough(), rough(seed=4), 30.0
+    polynomial = np.polynomial.Polynomial([0.0, *powers])
+    expected = x * (1.0 + polynomial(x / span))
+    np.testing.assert_allclose(form("asymmetry", bent)(*powers, span).run(x, TS), expected)
+    linear = P10.hysteresis.a0 * u
+    expected = linear + (1.0 + polynomial(u / span)) * (x - linear)
+    y = form("congruency", weighted)(*powers, span).run(x, TS, u, P10.hysteresis)
+    np.testing.assert_allclose(y, expected, atol=1e-9 * np.abs(x).max())
+
+
+def test_asymmetry_of_the_command_does_not_see_the_displacement():
+    x, u = rough(), rough(seed=4)
+    added = form("asymmetry", "of the command")(0.3, -0.2, 30.0, 50.0).run(x, TS, u) - x
+    expected = 50.0 * (0.3 * (u / 30.0) ** 2 - 0.2 * (u / 30.0) ** 3)
+    np.testing.assert_allclose(added, expected, atol=1e-9 * np.abs(x).max())
+
+
+def test_thresholds_grow_with_the_rate_as_the_law_says():
+    v = np.geomspace(1e-3, 1e6, 91)
+    bent = form("rate_law", "logarithm")(200.0)
+    np.testing.assert_allclose(bent.run(v, TS), 200.0 * np.log(1.0 + v / 200.0), rtol=1e-9)
+    np.testing.assert_array_equal(bent.run(-v, TS), -bent.run(v, TS))
+    law = form("rate_law", "piecewise power")(0.3, 2.0, 0.5, 1.5, 1e4)
+    slopes = np.diff(np.log(law.run(v, TS))) / np.diff(np.log(v))
+    exponents = [1.5] * 55 + [0.5] * 5 + [2.0] * 5 + [0.3] * 25
+    np.testing.assert_allclose(slopes, exponents, rtol=1e-9)
+    np.testing.assert_array_equal(law.run([0.0, -1e4, 1e-320], TS)[:2], [0.0, -1e4])
+
+
+def test_unlike_slew_limits_turn_round_where_output_and_command_meet():
+    """Finely sampled, where turning between samples matters no more, the same comes out."""
+    x = rough(60)
+    fine = np.interp(np.arange(59 * 512 + 1) / 512, np.arange(60), x)
+    up, down = 3.0 / 512, 5.0 / 512
+    naive, value = [x[0]], x[0]
+    for k in range(1, len(fine)):
+        value += np.clip(fine[k] - value, -down, up)
+        naive.append(value)
+    y = form("slew_limit", "unlike up and down")(3.0 / TS, 5.0 / TS).run(x, TS)
+    np.testing.assert_allclose(y, naive[::512], atol=0.05)
+    assert -5.0 - 1e-9 <= np.diff(y).min() < -4.9
+    assert 2.9 < np.diff(y).max() <= 3.0 + 1e-9
