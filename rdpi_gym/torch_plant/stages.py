@@ -19,13 +19,13 @@ from rdpi_gym.plant.effects.asymmetry import asymmetry_block
 from rdpi_gym.plant.effects.backlash import backlash_block
 from rdpi_gym.plant.effects.base import Block, Effect
 from rdpi_gym.plant.effects.congruency import congruency_block
-from rdpi_gym.plant.effects.creep import creep_block
+from rdpi_gym.plant.effects.creep import creep_block, weighted_creep_block
 from rdpi_gym.plant.effects.delay import delay_block
 from rdpi_gym.plant.effects.gain_drift import gain_drift_block, gain_to_limit_block
 from rdpi_gym.plant.effects.linear import linear_block
 from rdpi_gym.plant.effects.mains_hum import hum_harmonics_block, mains_hum_block
 from rdpi_gym.plant.effects.rate_law import rate_law_block
-from rdpi_gym.plant.effects.saturation import saturation_block
+from rdpi_gym.plant.effects.saturation import hard_rails_block, saturation_block
 from rdpi_gym.plant.effects.slew_limit import slew_limit_block
 from rdpi_gym.plant.effects.thermal_drift import (
     knots_block,
@@ -70,6 +70,16 @@ def creep(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[
     return x + p[0] * z.sum(0), torch.cat([x[None], z])
 
 
+def weighted_creep(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.creep.weighted_creep_block`."""
+    at_rest = torch.cat([torch.ones_like(state[:1]), torch.zeros_like(state[1:])]) * x
+    state = _begun(state, at_rest)
+    lack = p[1::2] * state[1:] + p[2::2] * (x - state[0])
+    return p[0] * x - lack.sum(0), torch.cat([x[None], lack])
+
+
 def delay(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
     """Twin of :func:`~rdpi_gym.plant.effects.delay.delay_block`.
 
@@ -98,6 +108,13 @@ def saturation(
     """Twin of :func:`~rdpi_gym.plant.effects.saturation.saturation_block`."""
     limit, centre = p
     return centre + limit * torch.tanh((x - centre) / limit), state
+
+
+def hard_rails(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.saturation.hard_rails_block`."""
+    return torch.minimum(torch.maximum(x, p[0]), p[1]), state
 
 
 def slew_limit(
@@ -200,8 +217,10 @@ def hum_harmonics(
 TWINS: Mapping[Block, Twin] = {
     linear_block: linear,
     creep_block: creep,
+    weighted_creep_block: weighted_creep,
     delay_block: delay,
     saturation_block: saturation,
+    hard_rails_block: hard_rails,
     slew_limit_block: slew_limit,
     rate_law_block: rate_law,
     congruency_block: congruency,

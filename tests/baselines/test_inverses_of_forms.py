@@ -23,9 +23,9 @@ def full_name(kind):
     return kind.full_name()
 
 
-def undo(effect, y, ts_s=TS, ahead=500):
+def undo(effect, y, ts_s=TS, ahead=500, rest=0.0):
     """Inputs for the samples of y that are not held back, and how many are."""
-    inverse = inverse_of(effect)(effect, Setting(ts_s, P10.hysteresis, 40.0, float(y[0])), ahead)
+    inverse = inverse_of(effect)(effect, Setting(ts_s, P10.hysteresis, 40.0, rest), ahead)
     state, _ = inverse.start(y[:1])
     return inverse.run(np.ascontiguousarray(y[1:, None]), state)[inverse.ahead :, 0], inverse.ahead
 
@@ -56,6 +56,11 @@ def test_along_a_parabola_a_linear_form_is_undone_exactly(name, words, values):
 
 
 EXACT = [
+    ("creep", "one time constant", {"gain": 0.1}),
+    ("creep", "between two times", {"gain_per_decade": 0.1}),
+    ("creep", "two time constants", {"gain_1": 0.2, "gain_2": 0.1}),
+    ("creep", "three time constants", {"gain_3": 0.2}),
+    ("creep", "spectrum", {"gain_at_1s": 0.1}),
     ("gain_drift", "to a limit", {"rate_per_s": 0.05, "time_constant_s": 3.0}),
     ("thermal_drift", "two time constants", {"rate_um_s": 0.5, "second_rate_um_s": -0.3}),
     ("thermal_drift", "piecewise linear", {"duration_s": 3.0}),
@@ -66,9 +71,8 @@ EXACT = [
 @pytest.mark.parametrize(("name", "words", "values"), EXACT)
 def test_exact_for_any_input(name, words, values):
     effect = BY_FORM[name, words](**values)
-    x = np.clip(np.cumsum(np.random.default_rng(1).normal(0, 3, 80)), -45, 45)
-    x[0] = 0.0
-    found, _ = undo(effect, effect.run(x, 0.05), ts_s=0.05)
+    x = np.clip(20.0 + np.cumsum(np.random.default_rng(1).normal(0, 3, 80)), -45, 45)
+    found, _ = undo(effect, effect.run(x, 0.05), ts_s=0.05, rest=x[0])
     np.testing.assert_allclose(found, x[1:], atol=1e-9)
 
 

@@ -98,7 +98,7 @@ class SecondOrderActuatorLag(Effect, of=ActuatorLag):
         Parameter(
             "time_constant_s", "s", 0.0, 0.1, (3e-5, 1e-3), "larger time constant, τ1", neutral=0.0
         ),
-        Parameter("second_ratio", "1", 0.0, 1.0, (0.1, 1.0), "second time constant over it, q"),
+        Parameter("second_ratio", "1", 0.0, 1.0, (0.1, 1.0), "second over it, q", neutral=0.0),
     )
     equation = "τ1 τ2 d²u'/dt² + (τ1 + τ2) du'/dt + u' = u, τ2 = q τ1"
     cause = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -161,8 +161,7 @@ class HumWithHarmonics(Effect, of=MainsHum):
 
     form = "with harmonics"
     parameters = (
-        replace(MainsHum.parameters[0], neutral=None),
-        *MainsHum.parameters[1:],
+        *MainsHum.parameters,
         *(
             Parameter(
                 f"{name}_{part}_um", "µm", -10.0, 10.0, (-0.02, 0.02),

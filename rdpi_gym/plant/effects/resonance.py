@@ -114,7 +114,9 @@ class ResonanceWithZero(Effect, of=Resonance):
     form = "with a zero"
     parameters = (
         *Resonance.parameters,
-        Parameter("static_share", "1", 0.0, 4.0, (0.05, 0.5), "share without the mode, s"),
+        Parameter(
+            "static_share", "1", 0.0, 4.0, (0.05, 0.5), "share without the mode, s", neutral=0.0
+        ),
     )
     equation = "y = (1 - s) y_1 + s y_h, y_1'' + 2 ζ ω0 y_1' + ω0² y_1 = ω0² y_h, ω0 = 2π f0"
     source = (

@@ -96,7 +96,7 @@ class SecondOrderSensorLag(Effect, of=SensorLag):
         Parameter(
             "time_constant_s", "s", 0.0, 0.1, (2e-5, 3e-4), "larger time constant, τ1", neutral=0.0
         ),
-        Parameter("second_ratio", "1", 0.0, 1.0, (0.1, 1.0), "second time constant over it, q"),
+        Parameter("second_ratio", "1", 0.0, 1.0, (0.1, 1.0), "second over it, q", neutral=0.0),
     )
     equation = "τ1 τ2 d²y'/dt² + (τ1 + τ2) dy'/dt + y' = y, τ2 = q τ1"
     cause = (
