@@ -130,6 +130,10 @@ class BoucWen:
 
     def displacement(self, truth: Truth, t: Array, u: Array) -> Array:
         """Displacement; the plant of the truth is not in it."""
+        return self.of_command(u)
+
+    def of_command(self, u: Array) -> Array:
+        """Displacement (µm) for commands (V), ``(T,)``."""
         z = _bouc_wen(u, self.width_V, self.exponent, self.share)
         return np.asarray(self.gain_um_V * u - self.depth_um * z)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Protocol, TypeVar
 
 from benchmarks.hidden_effects.case_row import Engine, discover_engine, run_case
 from benchmarks.hidden_effects.cases import Case
@@ -14,6 +15,17 @@ from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, named_rows
 
 ROWS_FILE = "rows.jsonl"
+
+
+class Keyed(Protocol):
+    """A case of a study: whatever says what its row is called."""
+
+    @property
+    def key(self) -> str:
+        """What names the case in a store."""
+
+
+C = TypeVar("C", bound=Keyed)
 
 
 def run_study(
@@ -49,18 +61,48 @@ def run_study(
     InputError
         The folder or the cluster cannot be used.
     """
+    run = partial(run_case, engine=engine)
+    return run_rows(cases, out, run, study_fingerprint(), jobs, progress, note, ray_address)
+
+
+def run_rows(
+    cases: Sequence[C],
+    out: Path,
+    run: Callable[[C], Row],
+    code: str,
+    jobs: int = 1,
+    progress: Progress | None = None,
+    note: Callable[[str], None] | None = None,
+    ray_address: str | None = None,
+) -> list[Row]:
+    """Make the rows of cases that a store does not have, and return those of all.
+
+    Parameters
+    ----------
+    cases, out, jobs, progress, note, ray_address
+        As :func:`run_study`.
+    run
+        Makes the row of a case, with its ``key`` and the ``code`` that it is of.
+    code
+        Fingerprint of the code: rows of another are moved aside.
+
+    Raises
+    ------
+    InputError
+        The folder or the cluster cannot be used.
+    """
     store = named_rows(out / ROWS_FILE)
     remark = store.remark()
     if remark is not None and note is not None:
         note(remark)
-    aside = store.set_aside(lambda row: row.get("code") != study_fingerprint())
+    aside = store.set_aside(lambda row: row.get("code") != code)
     if aside is not None and note is not None:
         note(f"rows of code that has changed since were set aside in {aside}")
     missing = [case for case in cases if case.key not in store.rows]
     done = len(cases) - len(missing)
     if progress is not None:
         progress("diagnosing", done, len(cases))
-    for row in run_cases(partial(run_case, engine=engine), missing, jobs, ray_address):
+    for row in run_cases(run, missing, jobs, ray_address):
         store.append([row])
         done += 1
         if progress is not None:

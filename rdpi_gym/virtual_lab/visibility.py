@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rdpi_gym.identification.jacobian import Variant, jacobian_rows
 from rdpi_gym.measurement import Record
@@ -24,6 +25,8 @@ def left_over(
     span_V: float,
     records: Sequence[Record],
     differences: Sequence[Array],
+    others: Sequence[Array] = (),
+    every: int = 1,
 ) -> dict[str, float]:
     """Return what a refit leaves of a difference in displacement, by record (µm rms).
 
@@ -43,6 +46,10 @@ def left_over(
         Commands and times; the displacement is not read.
     differences
         Displacement that the model should take up (µm), one ``(T,)`` a record.
+    others
+        Further directions that the refit may use, one ``(T, K)`` a record.
+    every
+        Samples of which one is looked at; all are simulated.
 
     Examples
     --------
@@ -57,8 +64,10 @@ def left_over(
     base = Variant(_combed(plant.hysteresis, span_V), tuple(known))
     changed, steps = _neighbours(base, span_V)
     grams, rights, totals = [], [], []
-    for record, difference in zip(records, differences, strict=True):
-        gram, right, total = _products(base, changed, steps, record, difference)
+    for number, (record, difference) in enumerate(zip(records, differences, strict=True)):
+        kept = np.arange(0, len(record.u_V), every)
+        more = others[number][kept] if others else np.empty((len(kept), 0))
+        gram, right, total = _products(base, changed, steps, record, difference, kept, more)
         grams.append(gram)
         rights.append(right)
         totals.append(total)
@@ -71,7 +80,7 @@ def left_over(
         for gram, right, total in zip(grams, rights, totals, strict=True)
     ]
     return {
-        record.name: float(np.sqrt(max(square, 0.0) / len(record.u_V)))
+        record.name: float(np.sqrt(max(square, 0.0) / len(record.u_V[::every])))
         for record, square in zip(records, squares, strict=True)
     }
 
@@ -111,12 +120,12 @@ def _neighbours(base: Variant, span_V: float) -> tuple[list[Variant], Array]:
 
 
 def _products(
-    base: Variant, changed: list[Variant], steps: Array, record: Record, difference: Array
-) -> tuple[Array, Array, float]:
+    base: Variant, changed: list[Variant], steps: Array, record: Record, difference: Array,
+    kept: NDArray[np.intp], more: Array,
+) -> tuple[Array, Array, float]:  # fmt: skip
     """Gram matrix, right-hand side and total of a record, its offset taken out."""
-    every = np.arange(len(record.u_V))
-    rows = jacobian_rows(base, changed, steps, _STEP * base.hysteresis.a0, record, every)
-    columns = rows[:, :-1]
+    rows = jacobian_rows(base, changed, steps, _STEP * base.hysteresis.a0, record, kept)
+    columns = np.column_stack([rows[:, :-1], more])
     columns -= columns.mean(axis=0)
-    target = difference - difference.mean()
+    target = difference[kept] - difference[kept].mean()
     return columns.T @ columns, columns.T @ target, float(target @ target)

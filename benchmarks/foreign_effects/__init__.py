@@ -1,0 +1,1 @@
+"""Plants made by other formulas, forms, protocols and instruments than the laboratory's own."""

@@ -1,0 +1,74 @@
+"""How a command runs between the samples: smooth curves and held steps on a fine grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rdpi_gym.measurement.record import Role
+from rdpi_gym.support.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """What drives the plant during one record.
+
+    Parameters
+    ----------
+    name, role
+        Of the record.
+    ts_s
+        Sampling time (s).
+    parts
+        Points of the fine grid in a sampling time; even.
+    fine_V : float64[(T - 1) parts + 1]
+        True command (V); the k-th sample is taken at point k times `parts`.
+    cut
+        Samples at the beginning that are not recorded.
+    """
+
+    name: str
+    role: Role
+    ts_s: float
+    parts: int
+    fine_V: Array
+    cut: int = 0
+
+    @property
+    def step_s(self) -> float:
+        """Step of the fine grid (s)."""
+        return self.ts_s / self.parts
+
+    @property
+    def command_V(self) -> Array:
+        """Command at every sample, those that are not recorded among them."""
+        return self.fine_V[:: self.parts]
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last sample (s)."""
+        return self.ts_s * (len(self.command_V) - 1)
+
+    def between(self) -> Array:
+        """Return the command that is linear between the samples, on the same grid."""
+        u = self.command_V
+        return np.interp(np.arange(len(self.fine_V)) / self.parts, np.arange(len(u)), u)
+
+
+def smooth(curve: Callable[[Array], Array], samples: int, ts_s: float, parts: int) -> Array:
+    """Evaluate a command that is a function of time (s) on the fine grid."""
+    return curve((ts_s / parts) * np.arange((samples - 1) * parts + 1, dtype=np.float64))
+
+
+def held(u_V: Array, parts: int) -> Array:
+    """Hold each sample of a command; a sample is taken in the middle of its hold.
+
+    Examples
+    --------
+    >>> held(np.array([1.0, 2.0]), 4).tolist()
+    [1.0, 1.0, 2.0, 2.0, 2.0]
+    """
+    points = np.arange((len(u_V) - 1) * parts + 1)
+    return u_V[(points + parts // 2) // parts]

@@ -1,0 +1,92 @@
+"""From rows to judgements: which name came first, what was added, what is truly left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from benchmarks.foreign_effects.sentences import judge_sentences
+from rdpi_gym.support.store import Row
+
+
+def judge(row: Row) -> dict[str, Any]:
+    """Judge one row.
+
+    A name counts as right where it is hidden, and ``by class`` where the records of the case cannot
+    tell it from what is hidden (``alike`` of the truth). A name that the case excuses (a memory that
+    was there, a delay where u and y are apart) is neither right nor wrong.
+
+    Parameters
+    ----------
+    row
+        As :func:`~benchmarks.foreign_effects.case_row.run_case` returns it, ``done`` or ``failed``.
+
+    Returns
+    -------
+    dict
+        ``study, subject, number, seed, status``, ``protocol, degraded, noise_um``; ``first`` (the
+        effect ranked first that is not excused), ``first_exact, first_by_class``; ``found_exact``
+        (all that is hidden was added), ``found_by_class`` (a member of the class for at least one);
+        ``additions`` (effects added that are neither), ``steps``; ``verdict``, ``ratio`` (validation
+        error over the noise), and the keys of
+        :func:`~benchmarks.foreign_effects.sentences.judge_sentences`; ``seconds``.
+
+    Examples
+    --------
+    >>> row = {"study": "single", "subject": ["delay"], "number": 0, "seed": 0, "status": "done",
+    ...        "noise_um": 0.01, "validation_um": 0.011, "verdict": "explained", "seconds": 1.0,
+    ...        "ranking": [{"effect": "sensor_lag"}], "steps": [{"effect": "sensor_lag"}],
+    ...        "truth": {"noise_um": 0.01, "sampling_um": 0.0, "rates_hz": [1e3], "hidden": [],
+    ...                  "protocol": "multisines", "degraded": "", "excused": [],
+    ...                  "alike": {"delay": ["sensor_lag"]}},
+    ...        "true_left": {"clean_um": 0.001, "by_input_um": 0.001}}
+    >>> judged = judge(row)
+    >>> judged["first_exact"], judged["first_by_class"], judged["additions"]
+    (False, True, 0)
+    """
+    subject: list[str] = row["subject"] if row["study"] != "outside" else []
+    truth: Mapping[str, Any] = row.get("truth", {})
+    alike, excused = truth.get("alike", {}), truth.get("excused", [])
+    ranking = [c["effect"] for c in row.get("ranking", []) if c["effect"] not in excused]
+    steps = [c["effect"] for c in row.get("steps", [])]
+    done = row["status"] == "done"
+    first = ranking[0] if ranking else ""
+    exact = first in subject
+    missing, by_class, additions = list(subject), 0, 0
+    for name in sorted(steps, key=lambda name: name not in subject):
+        stands_for = [s for s in missing if name in alike.get(s, [])]
+        if name in missing:
+            missing.remove(name)
+        elif stands_for:
+            missing.remove(stands_for[0])
+            by_class += 1
+        elif name not in excused:
+            additions += 1
+    judged = {
+        "study": row["study"],
+        "subject": "+".join(row["subject"]) or "nothing",
+        "number": row["number"],
+        "seed": row["seed"],
+        "status": row["status"],
+        "protocol": truth.get("protocol", ""),
+        "degraded": truth.get("degraded", "") or "none",
+        "noise_um": row.get("noise_um"),
+        "first": first,
+        "first_exact": exact,
+        "first_by_class": not exact and any(first in alike.get(s, []) for s in subject),
+        "found_exact": done and not missing and not by_class,
+        "found_by_class": done and not missing and by_class > 0,
+        "additions": additions,
+        "steps": "+".join(steps),
+        "verdict": row.get("verdict", ""),
+        "ratio": row["validation_um"] / row["noise_um"] if done else float("nan"),
+        "seconds": row.get("seconds"),
+    }
+    return judged | (judge_sentences(row) if done else {"all_true": None})
+
+
+def judgements(rows: Sequence[Row]) -> pd.DataFrame:
+    """Judge all rows but the masked ones: a line each, with the keys of :func:`judge`."""
+    return pd.DataFrame([judge(row) for row in rows if row["status"] != "masked"])

@@ -1,0 +1,164 @@
+"""What a final model truly leaves, and whether what is said of it is true."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from benchmarks.foreign_effects.degradations import Sampled
+from benchmarks.foreign_effects.forms import TIMED
+from rdpi_gym.diagnosis.results import SearchResult, View
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.measurement import Record
+from rdpi_gym.measurement.record import BoolArray
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
+
+MARGIN = 0.1
+"""By which the true share may lie outside of the interval."""
+EXPLAINED = 1.3
+"""Noise floors of clean error that an explained record may have left."""
+_NOTHING = 0.5  # noise floors: of less no share is asked
+_SAMPLED = 0.5  # noise floors that lie between the samples: from here on sampling matters
+_FEW_SAMPLES = 4.0  # of the shortest time of what is hidden: with fewer, sampling matters
+_TIMES = ("time_constant_s", "delay_s")
+
+
+def what_is_left(discovery: SearchResult, records: Sequence[Sampled]) -> dict[str, float]:
+    """Compare a final model with the displacement that no sensor has read, on validation records.
+
+    Parameters
+    ----------
+    discovery
+        With its views.
+    records
+        With what is true at every sample.
+
+    Returns
+    -------
+    dict
+        ``clean_um``: root mean square of what the model leaves of the clean displacement;
+        ``by_input_um``: of the part that follows from the input, where effects that go by the clock
+        are left out of truth and model alike.
+    """
+    plant, by_name = discovery.plant, {s.record.name: s for s in records}
+    timed = any(e.name in TIMED for e in plant.effects)
+    clean, by_input, count = 0.0, 0.0, 0
+    for view in discovery.views:
+        if view.role != "validation" or view.name not in by_name:
+            continue
+        s = by_name[view.name]
+        t = s.record.t_s
+        sound = np.interp(view.t_s, t, s.is_sound.astype(np.float64)) > 0.99
+        counted = (view.counted > 0.5) & sound
+        if not counted.any():
+            continue
+        model = view.models_um[list(view.models_um)[-1]]
+        by_clock = _by_clock(plant, view, s.record.ts_s) if timed else np.zeros_like(model)
+        clean += _square(np.interp(view.t_s, t, s.clean_um) - model, counted)
+        part = np.interp(view.t_s, t, s.by_input_um) - (model - by_clock)
+        by_input += _square(part, counted)
+        count += int(counted.sum())
+    if not count:
+        return {"clean_um": math.nan, "by_input_um": math.nan}
+    return {"clean_um": math.sqrt(clean / count), "by_input_um": math.sqrt(by_input / count)}
+
+
+def _by_clock(plant: PlantModel, view: View, ts_s: float) -> Array:
+    """What the effects of a model that go by the clock add to its displacement (µm)."""
+    record = Record(view.name, view.t_s, view.u_V, view.y_um, ts_s=ts_s)
+    still = tuple(e for e in plant.effects if e.name not in TIMED)
+    both = (Variant(plant.hysteresis, effects) for effects in (plant.effects, still))
+    whole, part = (simulate_effects([variant], record)[:, 0] for variant in both)
+    return np.asarray(whole - part)
+
+
+def _square(error: Array, counted: BoolArray) -> float:
+    """Sum of squares about the mean, over the samples that count."""
+    e = error[counted]
+    return float(np.sum((e - e.mean()) ** 2))
+
+
+def judge_sentences(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Judge what a result says of what is left.
+
+    Parameters
+    ----------
+    row
+        With ``truth``, ``true_left`` of :func:`what_is_left`, ``verdict``, ``sampling``, and, where
+        the laboratory gives it, ``left`` and ``numerical_floor_um``.
+
+    Returns
+    -------
+    dict
+        ``clean_ratio`` (clean error over the noise), ``true_share`` (of what is left beyond the
+        noise and the numerical floor, what follows from the input; None where less than half a
+        noise floor is left), ``share_true`` (whether the interval has it; None without either),
+        ``explained_true``, ``sampling_true`` (None where not said), ``all_true``.
+
+    Examples
+    --------
+    >>> row = {"truth": {"noise_um": 0.01, "sampling_um": 0.0, "rates_hz": [1e3], "hidden": []},
+    ...        "true_left": {"clean_um": 0.05, "by_input_um": 0.04}, "verdict": "unexplained",
+    ...        "sampling": None, "left": {"low": 0.5, "high": 0.7}}
+    >>> judged = judge_sentences(row)
+    >>> round(judged["true_share"], 2), judged["share_true"], judged["all_true"]
+    (0.64, True, True)
+    >>> judge_sentences(row | {"verdict": "explained"})["all_true"]
+    False
+    """
+    truth, true_left = row["truth"], row["true_left"]
+    noise, floor = truth["noise_um"], row.get("numerical_floor_um") or 0.0
+    clean, part = true_left["clean_um"], true_left["by_input_um"]
+    share = _share(clean, part, floor) if clean > math.hypot(_NOTHING * noise, floor) else None
+    left = row.get("left") or {}
+    share_true = explained_true = sampling_true = None
+    if share is not None and left.get("low") is not None and left.get("high") is not None:
+        share_true = bool(left["low"] - MARGIN <= share <= left["high"] + MARGIN)
+    if row["verdict"] in ("explained", "no missing effect"):
+        explained_true = bool(clean <= EXPLAINED * math.hypot(noise, floor))
+    if row.get("sampling"):
+        sampling_true = sampling_matters(truth)
+    said = [x for x in (share_true, explained_true, sampling_true) if x is not None]
+    return {
+        "clean_ratio": clean / noise,
+        "true_share": share,
+        "share_true": share_true,
+        "explained_true": explained_true,
+        "sampling_true": sampling_true,
+        "all_true": all(said),
+    }
+
+
+def _share(clean_um: float, by_input_um: float, floor_um: float) -> float:
+    beyond = max(by_input_um**2 - floor_um**2, 0.0)
+    return min(beyond / max(clean_um**2 - floor_um**2, 1e-300), 1.0)
+
+
+def sampling_matters(truth: Mapping[str, Any]) -> bool:
+    """Whether faster sampling would show more.
+
+    Either the motion between the samples moves the displacement at them by half a noise floor, or
+    something that is hidden has a time of fewer than four samples, or a mode above a fifteenth of
+    the rate.
+
+    Examples
+    --------
+    >>> truth = {"noise_um": 0.01, "sampling_um": 0.0, "rates_hz": [1e3, 1e4]}
+    >>> hidden = {"effect": "delay", "delay_s": 5e-4}
+    >>> sampling_matters(truth | {"hidden": [hidden]}), sampling_matters(truth | {"hidden": []})
+    (True, False)
+    """
+    if truth["sampling_um"] > _SAMPLED * truth["noise_um"]:
+        return True
+    slowest = min(truth["rates_hz"])
+    for effect in truth["hidden"]:
+        times = [effect[key] for key in _TIMES if key in effect and effect["effect"] not in TIMED]
+        if any(time * slowest < _FEW_SAMPLES for time in times):
+            return True
+        if effect.get("f0_hz", 0.0) > slowest / 15.0:
+            return True
+    return False
