@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, SearchResult, View, steps_of
 from rdpi_gym.diagnosis.search.candidates import assess
 from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
@@ -117,7 +116,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         remainder=_remainder(laboratory, end, judgement),
         next_experiment=_next_experiment(laboratory, end, search.last, judgement, groups),
         indistinguishable=groups,
-        checks=tuple(check.sentence for check in run_checks(laboratory.dataset)),
+        checks=tuple(check.sentence for check in laboratory.checks),
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
         seconds=time.perf_counter() - search.began,
         notes=(*plausibility_warnings(left), *laboratory.remarks, *search.notes),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
+from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.features.noise import noise_floor
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import (
@@ -45,6 +46,7 @@ from rdpi_gym.diagnosis.search.separability import (
 from rdpi_gym.diagnosis.search.stability import stability
 from rdpi_gym.diagnosis.search.suitability import TURNED, falls, turned, unrelated
 from rdpi_gym.diagnosis.search.verdict import EXPLAINED
+from rdpi_gym.diagnosis.search.vetoes import hear
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.identification.plausibility import check_motion, check_scale
@@ -127,7 +129,8 @@ class Laboratory:
         remark = self._checkpoint.remark
         self.remarks: tuple[str, ...] = () if remark is None else (remark,)
         self.undecided = unrelated(train)
-        self.suspects: frozenset[str] = frozenset()
+        self.checks = run_checks(dataset)
+        self._suspects = {name for c in self.checks if c.zone == "yes" for name in c.suggests}
         self._like_rate: tuple[str, ...] = ()
         self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
 
@@ -160,7 +163,7 @@ class Laboratory:
         if outcomes[0].mean_square > (1.0 + AT_FLOOR) * self.noise_um**2:
             others = [o for o in outcomes if o.effect in kinds]
             trials = further_forms(
-                state.outcome, others, kinds, state.effects, scale, self.suspects
+                state.outcome, others, kinds, state.effects, scale, self._suspects
             )
             outcomes += self._refit(state, trials, f"forms {task}")
             self._floor_from(sorted(outcomes, key=lambda o: o.mean_square))
@@ -184,7 +187,7 @@ class Laboratory:
 
     def choose(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Return what to add: the simplest of the best class, a pair, or nothing."""
-        earned = [r for r in ranked if r.earned]
+        earned = self._heard([r for r in ranked if r.earned])
         if earned:
             best = max(earned, key=lambda r: r.worth)
             names = (best.candidate.effect, *best.candidate.indistinguishable)
@@ -202,6 +205,21 @@ class Laboratory:
         if self.noise_um * EXPLAINED >= state.outcome.errors.validation_rmse_um:
             return []
         return self._pair(state, ranked)
+
+    def _heard(self, earned: Sequence[Ranked]) -> list[Ranked]:
+        """Leave out what a test without a model denies."""
+        left = []
+        for r in earned:
+            assert r.outcome.fit is not None
+            name = r.candidate.effect
+            found = hear(
+                self.dataset, self.checks, r.outcome.fit.variant, name, self.noise_um, self._seed
+            )
+            if found.veto is None:
+                left.append(r)
+            else:
+                self.remarks = tuple(dict.fromkeys((*self.remarks, f"{name} vetoed: {found.veto}")))
+        return left
 
     def _pair(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Try pairs of nominees: effects may help only together."""
