@@ -159,8 +159,10 @@ class Effects(Catalogue[type[Effect]]):
         """
         kind = load_effect(name)
         first = f"{kind.name}: {description.summary(kind)}"
+        forms = description.further_forms(kind)
         return [
             f"{first}\nIt acts {description.PLACES[kind.slot]}.\n\n    {kind.equation}",
+            *(["\n- ".join(["Further forms:", *forms])] if forms else []),
             *(f"{heading}: {text}" for heading, text in description.paragraphs(kind).items()),
         ]
 

@@ -129,6 +129,31 @@ def paragraphs(kind: type[Effect], quote: str = "") -> dict[str, str]:
     return {heading: text for heading, text in said.items() if text}
 
 
+def further_forms(kind: type[Effect], quote: str = "") -> list[str]:
+    """Return a line for each further form of an effect: what it is, its equation and parameters.
+
+    Parameters
+    ----------
+    kind
+        The effect.
+    quote
+        Put around the equation and names.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects.slew_limit import SlewLimit
+    >>> further_forms(SlewLimit)[0].partition(": ")[0]
+    'unlike up and down'
+    """
+    lines = []
+    for form in kind.forms:
+        named = ", ".join(f"{quote}{p.name}{quote}" for p in form.parameters)
+        lines.append(
+            f"{form.form}: {summary(form)} {quote}{form.equation}{quote} (parameters {named})"
+        )
+    return lines
+
+
 def page(kind: type[Effect], level: int = 2) -> str:
     """Describe an effect on a page (Markdown) made from what its file declares.
 
@@ -164,7 +189,16 @@ def page(kind: type[Effect], level: int = 2) -> str:
             "",
             table(head, rows, rule="tight"),
             "",
-            *_further_forms(kind),
+            *(
+                [
+                    "**Further forms**, which a search tries where the simplest leaves its own trace:",
+                    "",
+                ]
+                + [f"- {line}" for line in further_forms(kind, quote="`")]
+                + [""]
+                if kind.forms
+                else []
+            ),
             *(f"**{heading}:** {text}\n" for heading, text in said.items()),
         ]
     )
@@ -181,16 +215,6 @@ def pages(kinds: Iterable[type[Effect]]) -> str:
     """
     intro = "Every effect is one file of `rdpi_gym/plant/effects/`; this text is made from them."
     return "\n".join(["# Effects", "", intro, "", *(page(kind) for kind in kinds)])
-
-
-def _further_forms(kind: type[Effect]) -> list[str]:
-    if not kind.forms:
-        return []
-    lines = ["**Further forms**, which a search tries where the simplest leaves its own trace:", ""]
-    for form in kind.forms:
-        named = ", ".join(f"`{p.name}`" for p in form.parameters)
-        lines.append(f"- *{form.form}*: {summary(form)} `{form.equation}` (of {named})")
-    return [*lines, ""]
 
 
 def _role(parameter: Parameter) -> str:
