@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
@@ -10,47 +11,8 @@ from numba import njit
 from rdpi_gym.support.arrays import Array
 
 
-def first_order_hold(a: Array, b: Array, ts_s: float) -> tuple[Array, Array, Array]:
-    """Discretise x' = a x + b u for u linear over each interval.
-
-    Parameters
-    ----------
-    a : float64[m, m]
-        System matrix (1/s).
-    b : float64[m]
-        Input vector.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    tuple of float64[m, m], float64[m], float64[m]
-        F, G0, G1 of x(k+1) = F x(k) + G0 u(k) + G1 u(k+1).
-
-    Examples
-    --------
-    >>> f, g0, g1 = first_order_hold(np.array([[-1.0]]), np.array([1.0]), 1e-3)
-    >>> float(np.round(f[0, 0] + g0[0] + g1[0], 12))
-    1.0
-
-    Notes
-    -----
-    Van Loan's block exponential of [a b 0; 0 0 1/Ts; 0 0 0] Ts.
-    """
-    from scipy.linalg import expm
-
-    m = len(b)
-    block = np.zeros((m + 2, m + 2))
-    block[:m, :m] = a * ts_s
-    block[:m, m] = b * ts_s
-    block[m, m + 1] = 1.0
-    step = expm(block)
-    ramp = step[:m, m + 1]
-    return step[:m, :m], step[:m, m] - ramp, ramp
-
-
 def lag_step(time_constant_s: float, ts_s: float) -> tuple[float, float, float]:
-    """F, G0, G1 of :func:`first_order_hold` for the lag x' = (u - x) / τ, in closed form.
+    """F, G0, G1 of x(k+1) = F x(k) + G0 u(k) + G1 u(k+1) for the lag x' = (u - x) / τ.
 
     Parameters
     ----------
@@ -72,37 +34,53 @@ def lag_step(time_constant_s: float, ts_s: float) -> tuple[float, float, float]:
     return decay, mean - decay, 1.0 - mean
 
 
-def pack_linear(a: Array, b: Array, c: Array, feedthrough: float, ts_s: float) -> list[float]:
-    """Pack y = c x + d u for :func:`linear_block`.
+def pack_modes(
+    modes: Sequence[tuple[float, float, float]], static_share: float, ts_s: float
+) -> list[float]:
+    """Pack modes side by side, y = s u + Σ s_i y_i, y_i'' + 2 ζ_i ω_i y_i' + ω_i² y_i = ω_i² u.
 
     Parameters
     ----------
-    a, b, c
-        Matrices of x' = a x + b u, m states, stable.
-    feedthrough
-        d.
+    modes
+        Of each its share of the output s_i, natural frequency ω_i / 2π (Hz) and damping ratio ζ_i,
+        below one.
+    static_share
+        s, which follows at once.
     ts_s
         Sampling time (s).
 
     Returns
     -------
     list of float
-        F by rows, G0, G1, c, d, and the resting state for u = 1.
-
-    Raises
-    ------
-    LinAlgError
-        A system without a resting state (a pole at zero).
+        As :func:`linear_block` reads them; the states are displacement and velocity over ω_i of
+        each mode.
 
     Examples
     --------
-    >>> one = np.array([1.0])
-    >>> np.round(pack_linear(np.array([[-1.0]]), one, one, 0.0, 1e-3), 4).tolist()
-    [0.999, 0.0005, 0.0005, 1.0, 0.0, 1.0]
+    >>> p = pack_modes([(1.0, 250.0, 0.0)], 0.0, 1e-3)  # a quarter of a period: a turn by 90 degrees
+    >>> np.round(p[:4], 9).tolist()
+    [0.0, 1.0, -1.0, 0.0]
+
+    Notes
+    -----
+    In closed form: a matrix exponential for each set of parameters costs a fit more than to run it.
+    A step of the input moves the states by (1 - F) times those at rest, and its mean over the
+    sampling time, A⁻¹ (that / Ts - b), is what a ramp does.
     """
-    f, g0, g1 = first_order_hold(a, b, ts_s)
-    rest = np.linalg.solve(-a, b)
-    return [*f.ravel(), *g0, *g1, *c, feedthrough, *rest]
+    m = 2 * len(modes)
+    f, before, after = np.zeros((m, m)), np.zeros(m), np.zeros(m)
+    for i, (_, f0_hz, damping) in enumerate(modes):
+        h = 2.0 * math.pi * f0_hz * ts_s
+        slower = math.sqrt(1.0 - damping**2)
+        decay, angle = math.exp(-damping * h), slower * h
+        cosine, sine = decay * math.cos(angle), decay * math.sin(angle) / slower
+        k = slice(2 * i, 2 * i + 2)
+        f[k, k] = [[cosine + damping * sine, sine], [-sine, cosine - damping * sine]]
+        step = np.array([1.0 - f[2 * i, 2 * i], sine])
+        after[k] = 1.0 - (step[1] + 2.0 * damping * step[0]) / h, step[0] / h
+        before[k] = step - after[k]
+    shares = [value for share, _, _ in modes for value in (share, 0.0)]
+    return [*f.ravel(), *before, *after, *shares, static_share, *([1.0, 0.0] * len(modes))]
 
 
 def pack_lag(time_constant_s: float, ts_s: float) -> list[float]:
@@ -165,7 +143,8 @@ def linear_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
     u : float64[T, B]
         Command; not read.
     p : float64[m² + 4m + 1, B]
-        As :func:`pack_linear`.
+        F by rows, G0, G1 of x(k+1) = F x(k) + G0 u(k) + G1 u(k+1), c and d of y = c x + d u, and
+        the resting state for u = 1.
     state : float64[1 + m, B]
         Last input, states.
     ts : float

@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Self
 
-import numpy as np
-
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
-from rdpi_gym.plant.effects.linear import linear_block, pack_linear
-from rdpi_gym.support.arrays import Array
-
-
-def _mode(f0_hz: float, damping: float) -> tuple[Array, Array]:
-    """System matrix and input vector of a mode with displacement and velocity over ω0 as states."""
-    w = 2.0 * math.pi * f0_hz
-    return np.array([[0.0, w], [-w, -2.0 * damping * w]]), np.array([0.0, w])
+from rdpi_gym.plant.effects.linear import linear_block, pack_modes
 
 
 @dataclass(frozen=True)
@@ -88,8 +78,7 @@ class Resonance(Effect):
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Displacement and velocity over ω0, so that both states are micrometres."""
-        a, b = _mode(self.f0_hz, self.damping)
-        return pack_linear(a, b, np.array([1.0, 0.0]), 0.0, ts_s)
+        return pack_modes([(1.0, self.f0_hz, self.damping)], 0.0, ts_s)
 
     def state_rows(self, ts_s: float) -> int:
         """Last input, displacement, velocity."""
@@ -149,9 +138,8 @@ class ResonanceWithZero(Effect, of=Resonance):
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """One mode and a feedthrough."""
-        a, b = _mode(self.f0_hz, self.damping)
         share = self.static_share
-        return pack_linear(a, b, np.array([1.0 - share, 0.0]), share, ts_s)
+        return pack_modes([(1.0 - share, self.f0_hz, self.damping)], share, ts_s)
 
     def state_rows(self, ts_s: float) -> int:
         """Last input, displacement, velocity."""
@@ -222,10 +210,9 @@ class TwoModes(Effect, of=Resonance):
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Two modes, each with its share."""
-        share, a, b = self.second_share, np.zeros((4, 4)), np.zeros(4)
-        a[:2, :2], b[:2] = _mode(self.f0_hz, self.damping)
-        a[2:, 2:], b[2:] = _mode(self.second_hz, self.second_damping)
-        return pack_linear(a, b, np.array([1.0 - share, 0.0, share, 0.0]), 0.0, ts_s)
+        share = self.second_share
+        first = (1.0 - share, self.f0_hz, self.damping)
+        return pack_modes([first, (share, self.second_hz, self.second_damping)], 0.0, ts_s)
 
     def state_rows(self, ts_s: float) -> int:
         """Last input, displacement and velocity of each mode."""

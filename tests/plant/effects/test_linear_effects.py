@@ -5,11 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.signal import lsim
 
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.creep import TIME_CONSTANTS_S
-from rdpi_gym.plant.effects.linear import first_order_hold, linear_block, pack_linear
+from rdpi_gym.plant.effects.linear import linear_block, pack_modes
 
 W0, ZETA = 2 * np.pi * 700.0, 0.03
 SYSTEMS = {
@@ -79,16 +80,32 @@ def test_a_parameter_means_the_same_at_every_sampling_time(name):
         assert np.abs(difference).max() < 2 * (2 * np.pi * 40 * ts) ** 2 * 10
 
 
-def test_matrices_of_the_hold_are_the_textbook_ones_for_an_integrator():
-    f, g0, g1 = first_order_hold(np.zeros((1, 1)), np.array([2.0]), 0.5)
-    np.testing.assert_allclose([f[0, 0], g0[0], g1[0]], [1.0, 0.5, 0.5], rtol=1e-15)
+def van_loan(a, b, ts):
+    """F, G0, G1 of x' = a x + b u for u linear over each interval, by a block exponential."""
+    m = len(b)
+    block = np.zeros((m + 2, m + 2))
+    block[:m, :m], block[:m, m], block[m, m + 1] = a * ts, b * ts, 1.0
+    step = expm(block)
+    return step[:m, :m], step[:m, m] - step[:m, m + 1], step[:m, m + 1]
+
+
+@pytest.mark.parametrize("ts", [1e-7, 1e-5, 1e-3, 3e-2])
+@pytest.mark.parametrize("damping", [1e-4, 0.03, 0.7])
+def test_modes_in_closed_form_are_the_block_exponential(ts, damping):
+    w = 2 * np.pi * 90.0
+    a, b = np.array([[0.0, w], [-w, -2 * damping * w]]), np.array([0.0, w])
+    expected = np.concatenate([part.ravel() for part in van_loan(a, b, ts)])
+    found = pack_modes([(1.0, 90.0, damping)], 0.0, ts)
+    np.testing.assert_allclose(found[:8], expected, atol=1e-11)
+    assert found[8:] == [1.0, 0.0, 0.0, 1.0, 0.0]
 
 
 def test_linear_block_takes_any_order_and_a_feedthrough():
     a = np.array([[-50.0, 20.0, 0.0], [-20.0, -50.0, 3.0], [1.0, 0.0, -7.0]])
     b, c = np.array([1.0, 2.0, -1.0]), np.array([3.0, -4.0, 20.0])
     ts, x = 5e-3, rough(150)
-    p = np.array(pack_linear(a, b, c, 0.4, ts))[:, None]
+    f, g0, g1 = van_loan(a, b, ts)
+    p = np.array([*f.ravel(), *g0, *g1, *c, 0.4, *np.linalg.solve(-a, b)])[:, None]
     y, state = np.empty((150, 1)), np.full((4, 1), np.nan)
     linear_block(x[:, None].copy(), x[:, None].copy(), p, state, ts, y)
     system = (a, b[:, None], c[None, :], np.array([[0.4]]))
