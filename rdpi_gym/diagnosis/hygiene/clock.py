@@ -1,0 +1,241 @@
+"""Command and displacement that do not share one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rdpi_gym.diagnosis.hygiene.finding import BoolArray
+from rdpi_gym.identification.nonnegative import bounded_least_squares
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.play import play_columns
+from rdpi_gym.support.arrays import Array
+
+_PLAYS = 10
+_SPREAD = 1.5
+_POWERS = 5
+_MOST = 8_000  # samples of a record that are looked at
+_REACH = 5  # samples
+_FEWEST = 200
+_LEAST_LEAD, _LEAST_LAG = 0.2, 0.4  # samples
+_EVIDENCE = 1.3  # times the mean square without the shift
+_KNOWN = 0.15  # of the displacement: what may be left where a shift is believed
+_AGREE, _MOSTLY = 0.35, 0.8  # samples; share of the evidence
+_UNLIKE = 1.5  # times the sampling time
+_WHOLE = 0.2  # samples from a whole number
+
+
+@dataclass(frozen=True)
+class Lag:
+    """By how much a record's displacement lags behind its command.
+
+    Parameters
+    ----------
+    record
+        Name of the record.
+    samples
+        The lag (samples); negative where the displacement leads.
+    ts_s
+        Sampling time (s).
+    gain
+        Mean square without it over mean square with it.
+    left
+        Share of the displacement (rms) that is left with it.
+    inside
+        Whether it lies within the reach of the search.
+    """
+
+    record: str
+    samples: float
+    ts_s: float
+    gain: float
+    left: float
+    inside: bool
+
+    @property
+    def certain(self) -> bool:
+        """Whether the shift makes a difference that noise and a poor model do not make."""
+        return self.inside and self.gain > _EVIDENCE and self.left < _KNOWN
+
+    @property
+    def leads(self) -> bool:
+        """Whether the displacement moves before its command does."""
+        return self.certain and self.samples <= -_LEAST_LEAD
+
+
+def leads_by(lags: Sequence[Lag]) -> Mapping[str, float]:
+    """Return by how many samples the displacement leads, by the name of the record.
+
+    Where records of unlike sampling times agree in samples, or in seconds, all are meant: a fast
+    record hides a lead behind what the plant itself lags.
+
+    Examples
+    --------
+    >>> slow, fast = (Lag(name, -1.0, ts, 9.0, 0.01, True) for name, ts in (("a", 1e-2), ("b", 1e-4)))
+    >>> leads_by([slow, fast, Lag("c", 0.6, 1e-5, 2.0, 0.01, True)])
+    {'a': 1.0, 'b': 1.0, 'c': 1.0}
+    """
+    found = [each for each in lags if each.leads]
+    if not found:
+        return {}
+    steps = [each.ts_s for each in found]
+    weights = [float(np.log(each.gain)) for each in found]
+    by_samples = [-each.samples for each in found]
+    by_seconds = [-each.samples * each.ts_s for each in found]
+    if max(steps) > _UNLIKE * min(steps):
+        samples = _agreed(by_samples, weights, [1.0] * len(found))
+        if samples is not None:
+            return {each.record: whole(samples) for each in lags}
+        seconds = _agreed(by_seconds, weights, steps)
+        if seconds is not None:
+            return {each.record: whole(seconds / each.ts_s) for each in lags}
+    return {each.record: whole(-each.samples) for each in found}
+
+
+def _agreed(
+    values: Sequence[float], weights: Sequence[float], units: Sequence[float]
+) -> float | None:
+    """What most of the evidence says, or None: its median, and all that lies about it."""
+    order = np.argsort(values)
+    x, w, unit = (np.asarray(entry)[order] for entry in (values, weights, units))
+    middle = float(x[int(np.searchsorted(np.cumsum(w), 0.5 * float(w.sum())))])
+    near = np.abs(x - middle) <= _AGREE * unit
+    if float(w[near].sum()) < _MOSTLY * float(w.sum()):
+        return None
+    return float(np.average(x[near], weights=w[near]))
+
+
+def whole(samples: float) -> float:
+    """Round a shift where it is close to whole samples, as a recorder makes it."""
+    return float(round(samples)) if abs(samples - round(samples)) < _WHOLE else samples
+
+
+def late_by(lags: Sequence[Lag]) -> float:
+    """Return the samples by which every record is late whatever its sampling time, or 0.
+
+    A delay of the plant is a time; only a recorder is late by samples.
+    """
+    certain = [each for each in lags if each.certain and each.samples >= _LEAST_LAG]
+    if len(certain) < 2 or any(each.inside and each.samples < _LEAST_LAG for each in lags):
+        return 0.0
+    slow = max(certain, key=lambda each: each.ts_s)
+    # what is late by less time than the slowest bounds a delay of the plant
+    fast = min(certain, key=lambda each: each.samples * each.ts_s)
+    if fast.samples * fast.ts_s > 0.5 * slow.samples * slow.ts_s:
+        return 0.0
+    return min(each.samples for each in certain)
+
+
+def moved(record: Record, samples: float) -> tuple[Array, BoolArray]:
+    """Move a record's displacement later by some samples; where nothing is known it stands.
+
+    Returns
+    -------
+    float64[N]
+        The displacement (µm), interpolated by a cubic where the shift is not whole.
+    bool[N]
+        Samples that hold no measurement after it.
+    """
+    from scipy.interpolate import CubicSpline
+
+    y = record.y_um
+    lost = np.zeros(y.size, dtype=np.bool_)
+    lost[: int(np.ceil(samples))] = True
+    k = np.arange(y.size)
+    if samples == round(samples):
+        return y[np.maximum(k - int(samples), 0)], lost
+    return np.asarray(CubicSpline(k, y)(np.maximum(k - samples, 0.0))), lost
+
+
+def lag(record: Record, bad: BoolArray) -> Lag | None:
+    """Estimate the lag between command and displacement; hysteresis itself is none.
+
+    Play operators with weights that are not negative, fitted for each shift: they turn where the
+    command turns, so what turns earlier has another clock.
+
+    Parameters
+    ----------
+    record
+        A moving record.
+    bad
+        (N,) samples that do not count.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) * 1e-3
+    >>> u = 10.0 * np.sin(2 * np.pi * 3.0 * t)
+    >>> y = 8.0 * np.roll(u, -2)
+    >>> round(lag(Record("run", t, u, y, ts_s=1e-3), np.zeros(4000, dtype=np.bool_)).samples, 2)
+    -2.0
+    """
+    part = slice(0, min(record.u_V.size, _MOST))
+    u, y = record.u_V[part], record.y_um[part]
+    rows = np.flatnonzero(~bad[part])
+    rows = rows[(rows >= _REACH + 1) & (rows < u.size - _REACH - 1)]
+    if rows.size < _FEWEST:
+        return None
+    columns = _columns(u)
+    target = y[rows] - y[rows].mean()
+    power = float(target @ target)
+    if power == 0.0:
+        return None
+
+    def left(shift: float) -> float:
+        return _left(columns, target, rows, shift)
+
+    whole = np.arange(-_REACH, _REACH + 1)
+    course = [left(float(shift)) for shift in whole]
+    best = int(np.argmin(course))
+    inside = 0 < best < whole.size - 1
+    shift, least = float(whole[best]), course[best]
+    width = 1.0
+    while inside and width > 0.03:
+        width *= 0.5
+        tried = {shift + side * width: left(shift + side * width) for side in (-1.0, 1.0)}
+        nearest = min(tried, key=lambda key: tried[key])
+        if tried[nearest] < least:
+            shift, least = nearest, tried[nearest]
+    before = course[_REACH]
+    return Lag(
+        record.name,
+        shift,
+        record.ts_s,
+        before / max(least, 1e-12 * power),
+        float(np.sqrt(least / power)),
+        inside,
+    )
+
+
+def _columns(u: Array) -> Array:
+    """The command and what plays make of it, ``(K, N)``, all of order one."""
+    x = (u - 0.5 * float(u.max() + u.min())) / (0.5 * float(np.ptp(u)))
+    thresholds = (np.arange(1, _PLAYS + 1) / (_PLAYS + 1.0)) ** _SPREAD
+    plays = np.empty((_PLAYS, u.size))
+    play_columns(x, np.zeros_like(x), thresholds, 0.0, np.full(_PLAYS, x[0]), plays)
+    return np.vstack([x, plays])
+
+
+def _left(columns: Array, target: Array, rows: NDArray[np.intp], shift: float) -> float:
+    """Sum of squares that the plays leave where they are moved by some samples."""
+    whole = int(np.floor(shift))
+    part = shift - whole
+    moved = columns[:, rows - whole]
+    if part:
+        moved = (1.0 - part) * moved + part * columns[:, rows - whole - 1]
+    # polynomials of the command bend a loop without moving its turning points
+    free = [np.ones(rows.size), moved[0]]
+    for _ in range(_POWERS - 1):
+        free.append(2.0 * moved[0] * free[-1] - free[-2])
+    every = np.vstack([*free, moved[1:], target])
+    gram = every @ every.T
+    known = len(free)
+    ridge = 1e-12 * np.trace(gram[:known, :known]) * np.eye(known)
+    solved = np.linalg.solve(gram[:known, :known] + ridge, gram[:known, known:])
+    rest = gram[known:, known:] - gram[known:, :known] @ solved
+    gram, products, power = rest[:-1, :-1], rest[:-1, -1].copy(), float(rest[-1, -1])
+    gram = np.ascontiguousarray(gram)
+    weights, _ = bounded_least_squares(gram, products, np.ones(len(gram), dtype=np.bool_), 0.0)
+    return max(float(power - 2.0 * weights @ products + weights @ gram @ weights), 0.0)

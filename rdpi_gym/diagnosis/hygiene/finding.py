@@ -1,0 +1,137 @@
+"""One thing that is wrong with a record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rdpi_gym.measurement import Record
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import digits
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was found in one record.
+
+    Parameters
+    ----------
+    kind
+        ``spikes``, ``dropout``, ``frozen``, ``clipped output``, ``clipped input``, ``clock`` or
+        ``in motion``.
+    record
+        Name of the record; empty where it is said of several.
+    samples
+        How many samples it touches.
+    sentence
+        What was found and what was done about it.
+    next_step
+        What a better measurement would do.
+    """
+
+    kind: str
+    record: str
+    samples: int
+    sentence: str
+    next_step: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as a JSON object."""
+        return {
+            "kind": self.kind,
+            "record": self.record,
+            "samples": self.samples,
+            "sentence": self.sentence,
+            "next_step": self.next_step,
+        }
+
+
+def counted(samples: int, record: Record) -> str:
+    """Say how many samples of a record, and which share of it.
+
+    Examples
+    --------
+    >>> t = np.arange(500.0)
+    >>> counted(5, Record("run", t, t, t, ts_s=1.0)), counted(1, Record("run", t, t, t, ts_s=1.0))
+    ('5 samples (1 %) of run', '1 sample (0.2 %) of run')
+    """
+    share = digits(100.0 * samples / record.t_s.size)
+    return f"{samples} sample{'s' if samples != 1 else ''} ({share} %) of {record.name}"
+
+
+def runs(at: BoolArray) -> list[tuple[int, int]]:
+    """Return where a condition holds without a break: first sample, and one past the last.
+
+    Examples
+    --------
+    >>> runs(np.array([True, False, True, True]))
+    [(0, 1), (2, 4)]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def widened(at: BoolArray, margin: int) -> BoolArray:
+    """Widen a mask by some samples to either side.
+
+    Examples
+    --------
+    >>> widened(np.array([False, False, True, False, False]), 1).tolist()
+    [False, True, True, True, False]
+    """
+    wide = at.copy()
+    for shift in range(1, margin + 1):
+        wide[shift:] |= at[:-shift]
+        wide[:-shift] |= at[shift:]
+    return wide
+
+
+def bridged(x: Array, bad: BoolArray) -> Array:
+    """Carry a trace across the samples that are no measurement, in straight lines.
+
+    Examples
+    --------
+    >>> bridged(np.array([0.0, 9.0, 2.0]), np.array([False, True, False])).tolist()
+    [0.0, 1.0, 2.0]
+    """
+    if not bad.any() or bad.all():
+        return x
+    k = np.arange(x.size)
+    patched = x.copy()
+    patched[bad] = np.interp(k[bad], k[~bad], x[~bad])
+    return patched
+
+
+def smallest_step(x: Array) -> float:
+    """Return the smallest change from sample to sample: the step of a recorder that is coarse."""
+    steps = np.abs(np.diff(x))
+    moved = steps[steps > 1e-9 * max(float(np.ptp(x)), 1e-300)]
+    return float(moved.min()) if moved.size else 0.0
+
+
+def gain(u: Array, y: Array) -> float:
+    """Return the size of the response over the command, whatever single samples say, with its sign."""
+    low, high = np.quantile(y, (0.02, 0.98))
+    swing = float(np.ptp(u))
+    if swing == 0.0:
+        return 0.0
+    moment = float(np.mean((u - u.mean()) * (np.clip(y, low, high) - np.median(y))))
+    return float(np.sign(moment)) * float(high - low) / swing
+
+
+def joined_records(names: Sequence[str], most: int = 3) -> str:
+    """Name a few records, and how many more there are.
+
+    Examples
+    --------
+    >>> joined_records(["a", "b", "c", "d", "e"])
+    'a, b, c and 2 more'
+    """
+    shown = ", ".join(names[:most])
+    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

@@ -1,0 +1,230 @@
+"""Records looked through before any model is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rdpi_gym.diagnosis.hygiene.clock import lag, late_by, leads_by, moved
+from rdpi_gym.diagnosis.hygiene.finding import (
+    BoolArray,
+    Finding,
+    bridged,
+    counted,
+    joined_records,
+    widened,
+)
+from rdpi_gym.diagnosis.hygiene.opening import begins_in_motion, opening
+from rdpi_gym.diagnosis.hygiene.spikes import spikes
+from rdpi_gym.diagnosis.hygiene.stands import (
+    MARGIN,
+    at_rail,
+    clipped_command,
+    output_rails,
+    silent,
+)
+from rdpi_gym.measurement import MIN_SAMPLES, Dataset, Record
+from rdpi_gym.support.words import digits
+
+_FEWEST = 64  # samples of a record that can be judged
+_MOST = 0.9  # of the samples that count: a record that loses more is left as it is
+
+
+@dataclass(frozen=True, eq=False)
+class Inspected:
+    """A data set that was looked through.
+
+    Parameters
+    ----------
+    dataset
+        The same records. Where a sample is no measurement `error_mask` is False, and spikes,
+        dropouts and frozen stretches are bridged in straight lines, so that what looks at a whole
+        record is not misled by them.
+    findings
+        What was found, record by record.
+    openings
+        By record, the samples (``bool[N]``) at its beginning whose history nobody recorded. They
+        still count: whether they are worse than the rest, a fit has to say.
+    """
+
+    dataset: Dataset
+    findings: tuple[Finding, ...] = ()
+    openings: Mapping[str, BoolArray] = field(default_factory=dict)
+
+
+def inspect(dataset: Dataset) -> Inspected:
+    """Look for what is no measurement: spikes, dropouts, clipping, clocks that part.
+
+    Parameters
+    ----------
+    dataset
+        The measurement; records with the role ``test`` are left alone.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) * 1e-3
+    >>> u = 10.0 * np.sin(2 * np.pi * 3.0 * t)
+    >>> y = 8.0 * u + np.random.default_rng(0).normal(0.0, 0.05, t.size)
+    >>> y[[100, 900, 2222]] += 5.0
+    >>> found = inspect(Dataset("run", (Record("run", t, u, y, ts_s=1e-3),)))
+    >>> print(found.findings[0].sentence)
+    3 samples (0.075 %) of run stand alone, up to 73 times the noise from their neighbours: outliers, left out.
+    >>> int(found.dataset.records[0].error_mask.sum())
+    3997
+    """
+    looked = {r.name: r for r in dataset.records if r.role != "test" and r.t_s.size >= _FEWEST}
+    bad = {name: ~r.error_mask for name, r in looked.items()}
+    findings: list[Finding] = []
+    records = dict(looked)
+    for name, record in looked.items():
+        outliers, farthest = spikes(record)
+        outliers &= record.error_mask
+        if outliers.any() and _may_lose(record, outliers):
+            findings.append(_spikes(record, outliers, farthest))
+            bad[name] = bad[name] | outliers
+            records[name] = replace(record, y_um=bridged(record.y_um, outliers))
+    moving = [r for r in records.values() if not r.is_quiet]
+    rails = output_rails(moving, [bad[r.name] for r in moving])
+    for record in moving:
+        clipped = at_rail(record, rails) & ~bad[record.name]
+        if clipped.any() and _may_lose(record, clipped | bad[record.name]):
+            findings.append(_clipped(record, clipped))
+            bad[record.name] = bad[record.name] | clipped
+    for name, record in tuple(records.items()):
+        lost, stuck = (widened(at, MARGIN) if at.any() else at for at in silent(record, bad[name]))
+        for kind, at in (("dropout", lost), ("frozen", stuck)):
+            new = at & ~bad[name]
+            if new.any() and _may_lose(record, new | bad[name]):
+                findings.append(_silent(record, kind, new))
+                bad[name] = bad[name] | new
+                records[name] = replace(
+                    records[name], y_um=bridged(records[name].y_um, at & ~_scored_out(record))
+                )
+    uncertain = set()
+    for record in [r for r in records.values() if not r.is_quiet]:
+        unknown = clipped_command(record, bad[record.name]) & ~bad[record.name]
+        if unknown.any() and _may_lose(record, unknown | bad[record.name]):
+            findings.append(_clipped_command(record, unknown))
+            bad[record.name] = bad[record.name] | unknown
+            uncertain.add(record.name)
+    findings += _clocks(records, bad, uncertain)
+    openings = {}
+    moving = [r for r in records.values() if not r.is_quiet]
+    span_V = max((float(np.ptp(r.u_V)) for r in moving), default=0.0)
+    for record in moving:
+        start = opening(record)
+        if start is None:
+            continue
+        openings[record.name] = start
+        if begins_in_motion(record, start, span_V):
+            findings.append(_in_motion(record, start))
+    done = {
+        name: replace(record, error_mask=record.error_mask & ~bad[name])
+        for name, record in records.items()
+    }
+    return Inspected(
+        replace(dataset, records=tuple(done.get(r.name, r) for r in dataset.records)),
+        tuple(findings),
+        openings,
+    )
+
+
+def _may_lose(record: Record, bad: BoolArray) -> bool:
+    counts = int(record.error_mask.sum())
+    left = int((record.error_mask & ~bad).sum())
+    return left >= max(MIN_SAMPLES, (1.0 - _MOST) * counts)
+
+
+def _scored_out(record: Record) -> BoolArray:
+    return np.asarray(~record.error_mask)
+
+
+def _spikes(record: Record, at: BoolArray, farthest: float) -> Finding:
+    number = int(at.sum())
+    stand = "stand alone" if number > 1 else "stands alone"
+    their = "their" if number > 1 else "its"
+    sentence = (
+        f"{counted(number, record)} {stand}, up to {digits(farthest)} times the noise from {their} "
+        f"neighbours: outlier{'s' if number > 1 else ''}, left out."
+    )
+    return Finding(
+        "spikes", record.name, number, sentence, "Look for loose contacts and switching."
+    )
+
+
+def _clipped(record: Record, at: BoolArray) -> Finding:
+    sentence = (
+        f"{counted(int(at.sum()), record)} stand at the end of the displacement's range without "
+        "any noise while the command moves on: the sensor or its converter clips, left out."
+    )
+    step = "Measure again with a wider range of the sensor."
+    return Finding("clipped output", record.name, int(at.sum()), sentence, step)
+
+
+def _silent(record: Record, kind: str, at: BoolArray) -> Finding:
+    what = {
+        "dropout": "jump to one value and stay there: the sensor dropped out, left out.",
+        "frozen": "repeat one value exactly: the displacement was frozen, left out.",
+    }[kind]
+    sentence = f"{counted(int(at.sum()), record)} {what}"
+    return Finding(
+        kind, record.name, int(at.sum()), sentence, "Check the sensor's cable and range."
+    )
+
+
+def _clipped_command(record: Record, at: BoolArray) -> Finding:
+    sentence = (
+        f"{counted(int(at.sum()), record)} show a command that stands at its extreme while the "
+        "displacement goes on and comes back: the recorded command is clipped, left out; what was "
+        "really commanded there is unknown, and the memory after it is uncertain."
+    )
+    step = "Record the command over its full range, or give the one that was sent."
+    return Finding("clipped input", record.name, int(at.sum()), sentence, step)
+
+
+def _in_motion(record: Record, start: BoolArray) -> Finding:
+    sentence = (
+        f"{counted(int(start.sum()), record)} lie before the command has passed both of its "
+        "extremes: the record begins in motion, and what came before it is unknown."
+    )
+    step = "Begin each record at rest, or with one cycle that may be left out."
+    return Finding("in motion", record.name, int(start.sum()), sentence, step)
+
+
+def _clocks(
+    records: dict[str, Record], bad: dict[str, BoolArray], uncertain: set[str]
+) -> list[Finding]:
+    """Move displacements that lead, in place; say what is late by samples."""
+    # where a part of the command is unknown, so is the memory that tells a lag
+    moving = [r for r in records.values() if not r.is_quiet and r.name not in uncertain]
+    lags = [each for r in moving if (each := lag(r, bad[r.name])) is not None]
+    leads = leads_by(lags)
+    found: list[Finding] = []
+    for name, samples in leads.items():
+        record = records[name]
+        y, lost = moved(record, samples)
+        records[name] = replace(record, y_um=y)
+        bad[name] = bad[name] | lost
+    groups: dict[float, list[str]] = {}
+    for name, samples in leads.items():
+        groups.setdefault(samples, []).append(name)
+    for samples, names in groups.items():
+        many = "sample" if samples == 1.0 else "samples"
+        sentence = (
+            f"{digits(samples, 3)} {many}: by so much the displacement of {joined_records(names)} "
+            "leads its command, which no plant does; it was moved later by that."
+        )
+        size = sum(records[name].t_s.size for name in names)
+        label = names[0] if len(names) == 1 else ""
+        found.append(Finding("clock", label, size, sentence, "Sample both channels by one clock."))
+    late = late_by(lags)
+    if late > 0.0:
+        size = sum(r.t_s.size for r in moving)
+        sentence = (
+            f"{digits(late, 2)} samples: at least by so much the displacement is late in every "
+            "record, whatever its sampling time: a shift of the channels, and no delay of the plant."
+        )
+        found.append(Finding("clock", "", size, sentence, "Sample both channels by one clock."))
+    return found

@@ -1,0 +1,124 @@
+"""Samples that stand alone: far from what the samples on either side say."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rdpi_gym.diagnosis.hygiene.finding import BoolArray, bridged, gain, smallest_step
+from rdpi_gym.measurement import Record
+from rdpi_gym.support.arrays import Array
+
+FAR = 6.5
+"""Times the local noise: so far a sample lies from all that its neighbours say."""
+_STEPS = 3.0  # smallest steps of the recorder
+_LEAST = 1e-4  # of the swing, where there is no noise
+_BLOCK = 64
+_WIDTHS = (1, 2)  # samples
+_ROUNDS = 3
+_MOST = 0.1  # of a record: more is no outlier
+_BEFORE, _AFTER = 20, 2  # samples around a corner of the command
+_GAUSSIAN = 0.6744897501960817 * np.sqrt(20.0)
+
+
+def spikes(record: Record) -> tuple[BoolArray, float]:
+    """Find single samples, or pairs, that stand out from those before and after.
+
+    A sample counts where it lies on the same side of the level and of the slope of its three
+    neighbours before it and of its three after it, by more than the local noise explains. A step
+    agrees with one side's level, a corner with one side's slope, and a round crest lies below
+    the slopes; what the command's own corners can excite is left alone.
+
+    Parameters
+    ----------
+    record
+        The record.
+
+    Returns
+    -------
+    bool[N]
+        Where they are.
+    float
+        The farthest of them, in times of the noise around it.
+
+    Examples
+    --------
+    >>> t = np.arange(2000) * 1e-3
+    >>> u = np.sin(12.0 * t)
+    >>> y = 8.0 * u + np.random.default_rng(0).normal(0.0, 0.01, t.size)
+    >>> y[700] += 0.5
+    >>> np.flatnonzero(spikes(Record("run", t, u, y, ts_s=1e-3))[0]).tolist()
+    [700]
+    """
+    y = record.y_um
+    found = np.zeros(y.size, dtype=np.bool_)
+    if y.size < _BLOCK:
+        return found, 0.0
+    excited = _excited(record.u_V, abs(gain(record.u_V, y)))
+    low, high = np.quantile(y, (0.01, 0.99))
+    least = max(_STEPS * smallest_step(y), _LEAST * float(high - low))
+    farthest, clean = 0.0, y
+    for _ in range(_ROUNDS):
+        noise = _local_noise(clean)
+        limit = np.maximum(np.maximum(FAR * noise, least), excited)
+        new = np.zeros_like(found)
+        for width in _WIDTHS:
+            out = _outstanding(clean, width)
+            at = np.flatnonzero(out > limit[: out.size])
+            if at.size:
+                farthest = max(farthest, float(np.max(out[at] / np.maximum(noise[at], least / 3))))
+            for shift in range(width):
+                new[at + shift] = True
+        if not (new & ~found).any():
+            break
+        found |= new
+        clean = bridged(y, found)
+    if found.mean() > _MOST:
+        return np.zeros_like(found), 0.0
+    return found, farthest
+
+
+def _outstanding(y: Array, width: int) -> Array:
+    """How far the group of samples that begins at each one stands out; 0 where it does not."""
+    size = y.size - width - 5
+    before = [y[2 - j : 2 - j + size] for j in range(3)]  # nearest first
+    after = [y[3 + width + j : 3 + width + j + size] for j in range(3)]
+    apart = []
+    for i in range(width):
+        here = y[3 + i : 3 + i + size]
+        for side, distance in ((before, i + 2), (after, width - i + 1)):
+            level = np.median(np.stack(side), axis=0)
+            slope = 0.5 * (side[0] - side[2])
+            apart += [here - level, here - (sum(side) / 3.0 + distance * slope)]
+    stacked = np.stack(apart)
+    found = np.zeros(y.size)
+    found[3 : 3 + size] = np.maximum(np.maximum(stacked.min(axis=0), (-stacked).min(axis=0)), 0.0)
+    return found
+
+
+def _local_noise(y: Array) -> Array:
+    """Roughness of the block that holds each sample, or of its neighbour where that is larger."""
+    third = np.abs(np.diff(y, 3))
+    blocks = max(third.size // _BLOCK, 1)
+    size = third.size // blocks
+    levels = np.median(third[: blocks * size].reshape(blocks, size), axis=1) / _GAUSSIAN
+    padded = np.pad(levels, 1, mode="edge")
+    wide = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+    of_sample = np.minimum(np.arange(y.size) // size, blocks - 1)
+    return np.asarray(wide[of_sample])
+
+
+def _excited(u: Array, gain_um_V: float) -> Array:
+    """What a corner or a jump of the command may make of the response (µm)."""
+    bends = np.abs(np.diff(u, 2, prepend=u[:1], append=u[-1:]))
+    usual = 6.0 * float(np.median(bends))
+    bends = np.maximum(bends - usual, 0.0)
+    largest = bends.copy()
+    span = 1
+    # the largest of the samples before, by doubling
+    while span < _BEFORE:
+        step = min(span, _BEFORE - span)
+        largest[step:] = np.maximum(largest[step:], largest[:-step])
+        span += step
+    for shift in range(1, _AFTER + 1):
+        largest[:-shift] = np.maximum(largest[:-shift], bends[shift:])
+    return np.asarray(gain_um_V * largest)

@@ -1,0 +1,245 @@
+"""What is no measurement is found, said and left out; what is one is left alone."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rdpi_gym as rg
+from rdpi_gym.diagnosis.hygiene import inspect, limits
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant import Plant, named_plant
+
+TS_S = 1e-3
+
+
+def noisy(y, noise_um=0.012, seed=1):
+    return y + noise_um * np.random.default_rng(seed).standard_normal(y.size)
+
+
+def record(u, name="run", noise_um=0.012, ts_s=TS_S, plant="P10"):
+    y = Plant(named_plant(plant), ts_s).simulate(u)
+    return Record(name, np.arange(u.size) * ts_s, u, noisy(y, noise_um), ts_s=ts_s)
+
+
+def sine(samples=6000, amplitude_V=25.0, frequency_hz=2.0, ts_s=TS_S):
+    return amplitude_V * np.sin(2 * np.pi * frequency_hz * np.arange(samples) * ts_s)
+
+
+def changed(run, y=None, u=None):
+    return replace(run, y_um=run.y_um if y is None else y, u_V=run.u_V if u is None else u)
+
+
+def looked(*records):
+    return inspect(Dataset("made of known plants", records))
+
+
+def kinds(inspected):
+    return [finding.kind for finding in inspected.findings]
+
+
+@pytest.fixture(scope="module")
+def protocols():
+    """The standard protocol on plants with unlike effects hidden."""
+    return [
+        rg.simulate("P10", hide=hide, seed=seed)
+        for seed, hide in enumerate([None, "saturation", "resonance", "creep", "backlash"])
+    ]
+
+
+def test_nothing_is_found_on_any_record_of_the_standard_protocol(protocols):
+    for data in protocols:
+        found = inspect(data)
+        assert found.findings == ()
+        for before, after in zip(data.records, found.dataset.records, strict=True):
+            assert after.error_mask.all()
+            assert np.array_equal(before.y_um, after.y_um)
+
+
+def test_the_standard_protocol_has_no_limit_that_is_worth_saying(protocols):
+    assert all(limits(data) == () for data in protocols)
+
+
+def test_a_hundred_thousand_samples_are_looked_through_in_a_second(protocols):
+    inspect(protocols[0])
+    taken = []
+    for _ in range(3):
+        start = time.process_time()
+        inspect(protocols[0])
+        taken.append(time.process_time() - start)
+    samples = sum(r.t_s.size for r in protocols[0].records)
+    assert min(taken) < samples / 100_000
+
+
+def test_spikes_of_one_sample_or_two_are_found_and_nothing_else():
+    run = record(sine())
+    at = np.random.default_rng(3).choice(np.arange(20, 5980), 60, replace=False)
+    at[:10] = at[10:20] + 1
+    y = run.y_um.copy()
+    y[np.unique(at)] += 2.0
+    found = looked(changed(run, y))
+    assert kinds(found) == ["spikes"]
+    assert np.array_equal(np.flatnonzero(~found.dataset.records[0].error_mask), np.unique(at))
+    assert found.findings[0].samples == np.unique(at).size
+    assert found.findings[0].sentence.startswith(f"{np.unique(at).size} samples (")
+    # the trace is bridged there, so that nothing that looks at all of it is misled
+    assert np.max(np.abs(found.dataset.records[0].y_um - run.y_um)) < 0.4
+
+
+STAIRS = np.repeat([0.0, 5.0, -5.0, 2.0, 0.0, 7.0], 1000)
+AGE = np.arange(6000) % 1000
+ORDINARY = {
+    "steps": (STAIRS, STAIRS),
+    "corners": (SAW := 8.0 * np.abs((np.arange(6000) / 250.0) % 2.0 - 1.0), SAW),
+    "ringing": (STAIRS, STAIRS + 3.0 * np.exp(-AGE / 80.0) * np.cos(0.7 * AGE)),
+    "near Nyquist": (FAST := 5.0 * np.sin(np.arange(6000) * 2.0), FAST),
+    "coarse": (sine(), 0.5 * np.round(sine() / 5.0 / 0.5)),
+    "hum": (sine(), sine() / 5.0 + 0.5 * np.sin(2 * np.pi * 50.0 * np.arange(6000) * TS_S)),
+}
+
+
+@pytest.mark.parametrize("case", list(ORDINARY))
+@pytest.mark.parametrize("noise_um", [0.0, 0.01])
+def test_steps_corners_ringing_coarse_steps_and_hum_are_no_faults(case, noise_um):
+    u, y = ORDINARY[case]
+    run = Record("run", np.arange(6000) * TS_S, u, noisy(y, noise_um), ts_s=TS_S)
+    assert kinds(looked(run)) == []
+
+
+def test_a_sensor_that_drops_out_is_left_out_with_a_margin():
+    run = record(sine())
+    y = run.y_um.copy()
+    y[1000:1050] = 0.0
+    found = looked(changed(run, y))
+    assert kinds(found) == ["dropout"]
+    left_out = np.flatnonzero(~found.dataset.records[0].error_mask)
+    assert left_out[0] in range(995, 1001)
+    assert left_out[-1] in range(1049, 1055)
+
+
+@pytest.mark.parametrize("step_um", [0.0, 0.05])
+def test_a_frozen_displacement_is_left_out(step_um):
+    run = record(sine())
+    y = run.y_um.copy()
+    y[1000:1100] = y[1000]
+    if step_um:
+        y = step_um * np.round(y / step_um)
+    found = looked(changed(run, y))
+    assert kinds(found) == ["frozen"]
+    assert not found.dataset.records[0].error_mask[1002:1098].any()
+
+
+def test_a_stage_that_rests_behind_a_coarse_converter_is_not_frozen():
+    u = np.repeat([0.0, 10.0, -10.0, 5.0], 1500)
+    run = record(u)
+    assert kinds(looked(changed(run, 0.1 * np.round(run.y_um / 0.1)))) == []
+
+
+def test_a_stage_with_lost_motion_and_no_noise_is_not_frozen():
+    u = sine()
+    y = u.copy()
+    for k in range(1, y.size):
+        y[k] = min(max(y[k - 1], u[k] - 4.0), u[k] + 4.0)
+    assert kinds(looked(Record("gap", np.arange(6000) * TS_S, u, y, ts_s=TS_S))) == []
+
+
+@pytest.mark.parametrize("upper", [True, False])
+def test_a_converter_that_clips_is_left_out(upper):
+    run = record(sine())
+    rail = 20.0 if upper else -20.0
+    y = np.minimum(run.y_um, rail) if upper else np.maximum(run.y_um, rail)
+    found = looked(changed(run, y))
+    assert kinds(found) == ["clipped output"]
+    assert not found.dataset.records[0].error_mask[y == rail].any()
+    assert found.dataset.records[0].error_mask.sum() > 0.7 * y.size
+
+
+def test_an_amplifier_that_saturates_is_no_converter():
+    clipped = np.clip(sine(), -15.0, 15.0)
+    run = record(clipped)
+    assert kinds(looked(changed(run, u=sine()))) == []
+
+
+def test_a_command_that_was_clipped_in_the_recorder_is_left_out():
+    run = record(sine())
+    recorded = np.clip(run.u_V, -15.0, 15.0)
+    found = looked(changed(run, u=recorded))
+    assert kinds(found) == ["clipped input"]
+    assert np.array_equal(~found.dataset.records[0].error_mask, np.abs(recorded) == 15.0)
+
+
+def test_a_command_that_rests_at_its_extreme_is_not_clipped():
+    trapezium = np.clip(sine(), -15.0, 15.0)
+    run = record(trapezium)
+    assert kinds(looked(run)) == []
+    # the stage creeps on, and rings
+    creeping = Plant(replace(named_plant("P10"), effects=(rg.effects["creep"](0.03),)), TS_S)
+    assert kinds(looked(changed(run, noisy(creeping.simulate(trapezium))))) == []
+    ringing = Plant(
+        replace(named_plant("P10"), effects=(rg.effects["resonance"](60.0, 0.05),)), TS_S
+    )
+    assert kinds(looked(changed(run, noisy(ringing.simulate(trapezium))))) == []
+
+
+def shifted(data, samples):
+    return replace(
+        Dataset(data.title, data.records),
+        records=tuple(replace(r, y_um=np.roll(r.y_um, samples)) for r in data.records),
+    )
+
+
+def test_a_displacement_that_leads_by_a_sample_is_moved(protocols):
+    for data in protocols:
+        found = inspect(shifted(data, -1))
+        assert [(f.kind, f.sentence[:8]) for f in found.findings] == [("clock", "1 sample")]
+        for truth, record in zip(data.records, found.dataset.records, strict=True):
+            if not record.is_quiet:
+                assert np.array_equal(truth.y_um[1:], record.y_um[1:])
+                assert not record.error_mask[0]
+
+
+def test_one_record_with_another_clock_is_moved_alone():
+    runs = [record(sine(frequency_hz=f), name) for f, name in ((1.0, "a"), (2.0, "b"))]
+    runs[1] = changed(runs[1], np.roll(runs[1].y_um, -3))
+    found = looked(*runs)
+    assert [(f.kind, f.record) for f in found.findings] == [("clock", "b")]
+    assert found.findings[0].sentence.startswith("3 samples")
+
+
+def test_what_is_late_by_a_sample_in_every_record_is_no_delay(protocols):
+    found = inspect(shifted(protocols[0], 1))
+    assert kinds(found) == ["clock"]
+    assert "late in every record" in found.findings[0].sentence
+    assert all(r.error_mask.all() for r in found.dataset.records)
+
+
+@pytest.mark.parametrize("effect", ["delay", "sensor_lag", "actuator_lag"])
+def test_what_the_plant_lags_is_no_clock(effect):
+    assert inspect(rg.simulate("P10", hide=effect, seed=4)).findings == ()
+
+
+def test_a_record_that_begins_in_motion_is_said_and_still_counts():
+    running = record(sine(8000))
+    cut = slice(1700, None)
+    run = Record("run", running.t_s[cut], running.u_V[cut], running.y_um[cut], ts_s=TS_S)
+    found = looked(run)
+    assert kinds(found) == ["in motion"]
+    assert found.dataset.records[0].error_mask.all()
+    opening = found.openings["run"]
+    assert 250 < opening.sum() <= 500
+    assert opening[: int(opening.sum())].all()
+
+
+def test_a_record_that_begins_at_rest_is_not_in_motion():
+    assert kinds(looked(record(sine()))) == []
+    turned_on = 25.0 * np.cos(2 * np.pi * 2.0 * np.arange(6000) * TS_S + 0.8)
+    assert kinds(looked(record(turned_on))) == []
+
+
+def test_what_one_record_cannot_tell_is_said():
+    said = " ".join(limits(Dataset("one", (record(sine()),))))
+    for words in ("1 record", "1 frequency (2 Hz)", "1 amplitude", "No rest", "No small signals"):
+        assert words in said
+    assert "No repetition" not in said
+    assert "300 samples" in " ".join(limits(Dataset("short", (record(sine(400)),))))
