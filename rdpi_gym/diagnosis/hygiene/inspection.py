@@ -70,7 +70,7 @@ def inspect(dataset: Dataset) -> Inspected:
     >>> y[[100, 900, 2222]] += 5.0
     >>> found = inspect(Dataset("run", (Record("run", t, u, y, ts_s=1e-3),)))
     >>> print(found.findings[0].sentence)
-    3 samples (0.075 %) of run stand alone, up to 73 times the noise from their neighbours: outliers, left out.
+    3 samples (0.075 %) of run stand alone, up to 85 times the noise from their neighbours: outliers, left out.
     >>> int(found.dataset.records[0].error_mask.sum())
     3997
     """

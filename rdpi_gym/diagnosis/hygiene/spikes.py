@@ -17,16 +17,17 @@ _WIDTHS = (1, 2)  # samples
 _ROUNDS = 3
 _MOST = 0.1  # of a record: more is no outlier
 _BEFORE, _AFTER = 20, 2  # samples around a corner of the command
+_AROUND, _CALM = 6, 0.8  # samples to either side; of the excursion, how much they may range
 _GAUSSIAN = 0.6744897501960817 * np.sqrt(20.0)
 
 
 def spikes(record: Record) -> tuple[BoolArray, float]:
     """Find single samples, or pairs, that stand out from those before and after.
 
-    A sample counts where it lies on the same side of the level and of the slope of its three
-    neighbours before it and of its three after it, by more than the local noise explains. A step
-    agrees with one side's level, a corner with one side's slope, and a round crest lies below
-    the slopes; what the command's own corners can excite is left alone.
+    A sample counts where it lies on the same side of the way from its three neighbours before it
+    to its three after it, and of the slopes of both, by more than the local noise explains. A step
+    and a corner agree with one side's slope, and a round crest lies above the way and below the
+    slopes; what the command's own corners can excite is left alone, and so is ringing.
 
     Parameters
     ----------
@@ -72,9 +73,28 @@ def spikes(record: Record) -> tuple[BoolArray, float]:
             break
         found |= new
         clean = bridged(y, found)
-    if found.mean() > _MOST:
+    found &= _alone(y, found)
+    if not found.any() or found.mean() > _MOST:
         return np.zeros_like(found), 0.0
     return found, farthest
+
+
+def _alone(y: Array, found: BoolArray) -> BoolArray:
+    """Whether what lies around each of them is calm: a burst of ringing is no outlier."""
+    at = np.flatnonzero(found)
+    alone = np.zeros_like(found)
+    x = np.arange(-_AROUND, _AROUND + 1)
+    near = np.clip(at[:, None] + x, 0, y.size - 1)
+    weight = (~found[near]).astype(np.float64)
+    values = y[near] - np.median(y[near], axis=1, keepdims=True)
+    powers = np.stack([(x / _AROUND) ** n for n in range(3)], axis=1)
+    gram = np.einsum("kj,ja,jb->kab", weight, powers, powers) + 1e-9 * np.eye(3)
+    right = np.einsum("kj,ja,kj->ka", weight, powers, values)
+    course = np.linalg.solve(gram, right[..., None])[..., 0] @ powers.T
+    apart = values - course
+    around = np.where(weight > 0.0, apart, 0.0)
+    alone[at] = np.abs(apart[:, _AROUND]) > np.ptp(around, axis=1) / _CALM
+    return alone
 
 
 def _outstanding(y: Array, width: int) -> Array:
@@ -82,13 +102,16 @@ def _outstanding(y: Array, width: int) -> Array:
     size = y.size - width - 5
     before = [y[2 - j : 2 - j + size] for j in range(3)]  # nearest first
     after = [y[3 + width + j : 3 + width + j + size] for j in range(3)]
+    levels = [np.median(np.stack(side), axis=0) for side in (before, after)]
+    # both levels are carried along the way from the one to the other
+    tilt = (levels[1] - levels[0]) / (width + 3)
     apart = []
     for i in range(width):
         here = y[3 + i : 3 + i + size]
+        apart += [here - (levels[0] + (i + 2) * tilt)]
         for side, distance in ((before, i + 2), (after, width - i + 1)):
-            level = np.median(np.stack(side), axis=0)
             slope = 0.5 * (side[0] - side[2])
-            apart += [here - level, here - (sum(side) / 3.0 + distance * slope)]
+            apart += [here - (sum(side) / 3.0 + distance * slope)]
     stacked = np.stack(apart)
     found = np.zeros(y.size)
     found[3 : 3 + size] = np.maximum(np.maximum(stacked.min(axis=0), (-stacked).min(axis=0)), 0.0)
@@ -104,7 +127,8 @@ def _local_noise(y: Array) -> Array:
     padded = np.pad(levels, 1, mode="edge")
     wide = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
     of_sample = np.minimum(np.arange(y.size) // size, blocks - 1)
-    return np.asarray(wide[of_sample])
+    # a stretch that stands still tells nothing of the noise
+    return np.asarray(np.maximum(wide[of_sample], 0.5 * float(np.median(levels))))
 
 
 def _excited(u: Array, gain_um_V: float) -> Array:
