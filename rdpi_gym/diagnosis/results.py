@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
 from rdpi_gym.diagnosis.words import headline, sized
+from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -249,6 +250,9 @@ class SearchResult:
         Time taken.
     notes
         What else was decided on the way: a sentence each.
+    quantities
+        What was measured: sentences use its words and units, and numbers named ``_um`` are in the
+        unit of its output.
     """
 
     kind: Kind
@@ -274,6 +278,7 @@ class SearchResult:
     views: tuple[View, ...]
     seconds: float
     notes: tuple[str, ...] = ()
+    quantities: Quantities = field(default_factory=Quantities)
 
     @property
     def added(self) -> tuple[Candidate, ...]:
@@ -292,7 +297,7 @@ class SearchResult:
         removal = self.kind == "removal"
         names = self.removed if removal else [c.effect for c in self.added]
         before = self.given if removal and self.given is not None else self.base
-        return headline(
+        said = headline(
             self.kind,
             [sized(known[name]) if name in known else name for name in names],
             (before.validation_rmse_um, self.final.validation_rmse_um),
@@ -301,6 +306,7 @@ class SearchResult:
             self.undecided,
             self.sampling,
         )
+        return self.quantities.said(said)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``diagnosis.json``, ``add.json``, ``discovery.json``."""
@@ -309,7 +315,7 @@ class SearchResult:
             "format": names[self.kind],
             "version": VERSION,
             "title": self.title,
-            "units": {"error": "um"},
+            "units": {"error": "um"} if self.quantities.are_standard else self.quantities.units,
             "noise_floor": self.noise_floor_um,
             "noise_origin": self.noise_origin,
             "numerical_floor": self.numerical_floor_um,
@@ -338,6 +344,8 @@ class SearchResult:
             document["before"], document["after"] = document.pop("base"), {}
             document |= steps.pop()
             document["after"] = {key: document.pop(key) for key in self.base.to_dict()}
+        if not self.quantities.are_standard:
+            document["quantities"] = self.quantities.to_dict()
         return document | {
             "steps": steps,
             "removed": list(self.removed),
@@ -424,6 +432,9 @@ class SearchResult:
             views=(),
             seconds=fields.number("seconds"),
             notes=fields.texts("notes"),
+            quantities=Quantities.from_fields(fields.inner("quantities"))
+            if "quantities" in document
+            else Quantities(),
         )
 
 

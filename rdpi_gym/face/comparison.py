@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from rdpi_gym import diagnosis, measurement
 from rdpi_gym.face.catalogues import HasPlant, as_plant
-from rdpi_gym.face.data import as_dataset
+from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checked import checked
@@ -62,7 +62,10 @@ class Comparison(Shown, diagnosis.Comparison):
 
     def overview(self) -> pd.DataFrame:
         """Return the errors record by record, with the columns that matter most."""
-        return self.records[list(_COLUMNS)].rename(columns=_COLUMNS)
+        return self._told_table(self.records[list(_COLUMNS)].rename(columns=_COLUMNS))
+
+    def _names(self) -> Sequence[str]:
+        return (self.title, self.model.name, *(trace.name for trace in self.traces))
 
     def _draw(self, figure: Figure) -> Any:
         from rdpi_gym.report.comparison.picture import draw_comparison
@@ -114,4 +117,6 @@ def compare(
     >>> rg.compare(data, "P5").to_dataframe()["name"].nunique()
     15
     """
-    return Comparison.of(diagnosis.compare(as_dataset(data), as_plant(model)))
+    dataset = as_dataset(data)
+    with in_words_of(dataset):
+        return Comparison.of(diagnosis.compare(dataset, as_plant(model)))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
 from os import PathLike
@@ -101,7 +102,7 @@ class Dataset(Shown, measurement.Dataset):
         """Return the records, one a row: samples, sampling time, duration, ranges."""
         import pandas as pd
 
-        return pd.DataFrame(
+        table = pd.DataFrame(
             [
                 {
                     "record": r.name,
@@ -115,6 +116,11 @@ class Dataset(Shown, measurement.Dataset):
                 for r in self.records
             ]
         )
+        return self._told_table(table)
+
+    def _names(self) -> Sequence[str]:
+        notes = (record.note for record in self.records)
+        return (self.title, self.quantities.words, *(r.name for r in self.records), *notes)
 
     def _draw(self, figure: Figure) -> Any:
         from rdpi_gym.report.measurement.picture import draw_records
@@ -191,6 +197,38 @@ def as_dataset(data: measurement.Dataset | PathLike[str] | str) -> Dataset:
         return data
     found = data if isinstance(data, measurement.Dataset) else measurement.load(Path(data))
     return Dataset.of(found)
+
+
+@contextmanager
+def in_words_of(data: measurement.Dataset) -> Iterator[None]:
+    """Turn the line of an error into the quantities of a data set.
+
+    Parameters
+    ----------
+    data
+        The data set.
+
+    Raises
+    ------
+    InputError
+        What is raised within.
+
+    Examples
+    --------
+    >>> force = measurement.Quantities(output=measurement.Quantity("force", "F", "kN"))
+    >>> with in_words_of(measurement.Dataset("a damper", (), quantities=force)):
+    ...     raise InputError("the displacement never changes: it is 3 µm")
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: the force never changes: it is 3 kN
+    """
+    try:
+        yield
+    except InputError as error:
+        if data.quantities.are_standard:
+            raise
+        names = (data.title, *(record.name for record in data.records))
+        raise InputError(data.quantities.said(str(error), names)) from error
 
 
 @with_options(DataOptions)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from rdpi_gym import identification, measurement
-from rdpi_gym.face.data import as_dataset
+from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.identification import interval_95
 from rdpi_gym.support.checked import checked
@@ -84,11 +84,14 @@ class FitResult(Shown, identification.FitResult):
                     "standard_error": self.standard_errors[name],
                     "low": intervals[name][0],
                     "high": intervals[name][1],
-                    "unit": _SYMBOLS.get(name, ("", "µm/V"))[1],
+                    "unit": self._said()(_SYMBOLS.get(name, ("", "µm/V"))[1]),
                 }
                 for name, value in self.parameters.items()
             ]
         )
+
+    def _names(self) -> Sequence[str]:
+        return (self.plant.name, *self.rmse_um)
 
     def overview(self) -> pd.DataFrame:
         """Return parameters, offsets and extrema with their standard errors and intervals."""
@@ -120,7 +123,7 @@ class FitResult(Shown, identification.FitResult):
                     "value": f"{value:.5g}",
                     "standard error": f"{error:.2g}" if math.isfinite(error) else "not determined",
                     "95 % interval": f"{low:.5g} to {high:.5g}" if math.isfinite(error) else "",
-                    "unit": unit,
+                    "unit": self._said()(unit),
                 }
                 for name, unit, value, error, (low, high) in rows
             ]
@@ -189,12 +192,14 @@ def fit(
     >>> round(rg.fit(data, plays=5).parameters["delta1_V"], 2)
     1.75
     """
-    found = identification.fit(
-        as_dataset(data),
-        plays,
-        rate_bandwidth_hz=rate_bandwidth_hz,
-        free_memory=free_memory,
-        name=name,
-        progress=progress,
-    )
+    dataset = as_dataset(data)
+    with in_words_of(dataset):
+        found = identification.fit(
+            dataset,
+            plays,
+            rate_bandwidth_hz=rate_bandwidth_hz,
+            free_memory=free_memory,
+            name=name,
+            progress=progress,
+        )
     return FitResult.of(found)

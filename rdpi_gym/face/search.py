@@ -15,7 +15,7 @@ from rdpi_gym import measurement
 from rdpi_gym.diagnosis import results
 from rdpi_gym.diagnosis.search import discover as searches
 from rdpi_gym.face.catalogues import HasPlant, as_plant
-from rdpi_gym.face.data import Dataset, as_dataset
+from rdpi_gym.face.data import Dataset, as_dataset, in_words_of
 from rdpi_gym.face.options import CandidateOptions, SearchOptions
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.plant import PlantModel
@@ -117,7 +117,8 @@ class SearchResult(Shown, results.SearchResult):
         InputError
             The model has no such effect.
         """
-        found = searches.remove_effect(self.data, self.plant, effect)
+        with in_words_of(self.data):
+            found = searches.remove_effect(self.data, self.plant, effect)
         return SearchResult.of(found, self.data, self.own)
 
     def _lines(self) -> Sequence[str]:
@@ -165,7 +166,7 @@ class SearchResult(Shown, results.SearchResult):
     def overview_title(self) -> str:
         """What :meth:`overview` shows."""
         if self.kind == "diagnosis":
-            without = micrometres(self.base.validation_rmse_um)
+            without = self._said()(micrometres(self.base.validation_rmse_um))
             return f"Candidates, refitted; without one {without}"
         return "Error, step by step"
 
@@ -183,9 +184,9 @@ class SearchResult(Shown, results.SearchResult):
                 }
                 for c in self.candidates
             ]
-            return pd.DataFrame(rows)
+            return self._told_table(pd.DataFrame(rows), "validation")
         floor = self.noise_floor_um
-        return pd.DataFrame(
+        table = pd.DataFrame(
             [
                 {
                     "model": name,
@@ -199,6 +200,10 @@ class SearchResult(Shown, results.SearchResult):
                 for name, errors in staircase(self)
             ]
         )
+        return self._told_table(table, "training", "validation")
+
+    def _names(self) -> Sequence[str]:
+        return (self.title, *(record.name for record in self.data.records))
 
     def _draw(self, figure: Figure) -> Any:
         from rdpi_gym.report.discovery.picture import draw_search
@@ -289,15 +294,16 @@ def _search(
     catalogue = candidates_of(own)
     given = _given(options)
     dataset = as_dataset(data)
-    found = function(
-        dataset,
-        given,
-        catalogue=catalogue,
-        jobs=options.jobs,
-        seed=options.seed,
-        progress=options.progress,
-        checkpoint=None if options.resume is None else Path(options.resume),
-    )
+    with in_words_of(dataset):
+        found = function(
+            dataset,
+            given,
+            catalogue=catalogue,
+            jobs=options.jobs,
+            seed=options.seed,
+            progress=options.progress,
+            checkpoint=None if options.resume is None else Path(options.resume),
+        )
     return SearchResult.of(found, dataset, own)
 
 
@@ -431,15 +437,16 @@ def _add(
     if given is None:
         raise InputError("add needs the model that the effect is added to; give it with --model")
     dataset = as_dataset(data)
-    found = searches.add_effect(
-        dataset,
-        given,
-        kind,
-        jobs=options.jobs,
-        seed=options.seed,
-        progress=options.progress,
-        checkpoint=None if options.resume is None else Path(options.resume),
-    )
+    with in_words_of(dataset):
+        found = searches.add_effect(
+            dataset,
+            given,
+            kind,
+            jobs=options.jobs,
+            seed=options.seed,
+            progress=options.progress,
+            checkpoint=None if options.resume is None else Path(options.resume),
+        )
     if kind.name not in CATALOGUE and kind not in own:
         own = (*own, kind)
     return SearchResult.of(found, dataset, own)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from rdpi_gym.measurement import Quantities
 from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,11 +43,23 @@ class Shown:
         """Draw into an empty figure and return its axes."""
         raise NotImplementedError
 
+    def _said(self) -> Callable[[str], str]:
+        """Return what turns a text made for V and µm into the quantities of the result."""
+        return partial(self._quantities().said, keep=self._names())
+
+    def _quantities(self) -> Quantities:
+        found = getattr(self, "quantities", None)
+        return found if isinstance(found, Quantities) else Quantities()
+
+    def _names(self) -> Sequence[str]:
+        """Name a user's own words, which stay in every quantity."""
+        return ()
+
     def __repr__(self) -> str:
-        return "\n".join(self._lines())
+        return "\n".join(map(self._said(), self._lines()))
 
     def _repr_html_(self) -> str:
-        first, *rest = self._lines()
+        first, *rest = map(self._said(), self._lines())
         parts = [f"<p><strong>{escape(first)}</strong></p>"]
         if rest:
             parts.append(f"<pre>{escape(chr(10).join(rest))}</pre>")
@@ -63,7 +77,7 @@ class Shown:
         style: Any = matplotlib_style()
         with rc_context(style):
             figure = Figure(figsize=self.figure_inches, layout="constrained")
-            self._draw(figure)
+            self._draw_told(figure)
             stream = io.BytesIO()
             figure.savefig(stream, format="png", dpi=100)
         return stream.getvalue()
@@ -83,7 +97,27 @@ class Shown:
 
         style: Any = matplotlib_style()
         with plt.rc_context(style):
-            return self._draw(plt.figure(figsize=self.figure_inches, layout="constrained"))
+            return self._draw_told(plt.figure(figsize=self.figure_inches, layout="constrained"))
+
+    def _draw_told(self, figure: Figure) -> Any:
+        """Draw, and turn what stands on the axes into the quantities of the result."""
+        axes = self._draw(figure)
+        if not self._quantities().are_standard:
+            say = self._said()
+            for each in figure.axes:
+                for axis in (each.xaxis, each.yaxis):
+                    axis.set_label_text(say(axis.get_label_text()))
+                legend = each.get_legend()
+                for text in [*each.texts, *(legend.get_texts() if legend else ())]:
+                    text.set_text(say(text.get_text()))
+        return axes
+
+    def _told_table(self, frame: pd.DataFrame, *columns: str) -> pd.DataFrame:
+        """Turn the headings of a table, and the cells of columns, into the quantities of the result."""
+        say = self._said()
+        for name in columns:
+            frame[name] = [say(cell) for cell in frame[name]]
+        return frame.rename(columns={name: say(str(name)) for name in frame.columns})
 
     def save(self, path: Path | str) -> Path:
         """Write the result to one file: arrays, and JSON for everything else.

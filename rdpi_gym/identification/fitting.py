@@ -19,7 +19,7 @@ from rdpi_gym.identification.result import FitResult, finite
 from rdpi_gym.identification.search import search
 from rdpi_gym.identification.stack import Stack, stack_records
 from rdpi_gym.identification.uncertainty import Z95, correlation_length, standard_errors
-from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -100,6 +100,7 @@ def fit(
     SIAM J. Numer. Anal. 10 (1973).
     """
     started = time.perf_counter()
+    quantities = data.quantities if isinstance(data, Dataset) else Quantities()
     train, validation, title = _records(data)
     _check(train, n, rate_bandwidth_hz, min_motion)
     stack, means_um = stack_records(train, rate_bandwidth_hz)
@@ -127,7 +128,7 @@ def fit(
     delta2_s = float(point.theta[1])
     determined = not spread.alike and delta2_s > Z95 * uncertainty.theta[1]
     warnings = (
-        *plausibility_warnings(trained, delta2_s if determined else None),
+        *plausibility_warnings(trained, delta2_s if determined else None, quantities),
         *delta2_warnings(point, uncertainty, spread, bounds),
         *bound_warnings(
             point,
@@ -154,7 +155,8 @@ def fit(
         rmse_um=_by_record(trained, validated),
         train_rmse_um=pooled_rmse(trained),
         validation_rmse_um=pooled_rmse(validated) if validated else None,
-        warnings=warnings,
+        warnings=tuple(quantities.said(w, [r.name for r in train]) for w in warnings),
+        quantities=quantities,
         seconds=time.perf_counter() - started,
         evaluations=evaluations,
     )
@@ -268,5 +270,7 @@ def _documented(result: FitResult, title: str, spread: RateSpread) -> PlantModel
         "validation_rmse_um": result.validation_rmse_um,
         "warnings": list(result.warnings),
     }
+    if not result.quantities.are_standard:
+        identification["quantities"] = result.quantities.to_dict()
     note = " ".join([f"identified from {title}.", *(f"{w}." for w in result.warnings[:1])])
     return replace(result.plant, note=note, identification=identification)

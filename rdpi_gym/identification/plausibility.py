@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.identification.residuals import RecordResidual
-from rdpi_gym.measurement import Record
+from rdpi_gym.measurement import Quantities, Record
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import digits, micrometres
@@ -79,13 +79,15 @@ def check_motion(records: Sequence[Record]) -> None:
         )
 
 
-def check_scale(records: Sequence[Record]) -> None:
+def check_scale(records: Sequence[Record], quantities: Quantities | None = None) -> None:
     """Refuse strokes so far from any stage that searches over several effects lose their digits.
 
     Parameters
     ----------
     records
         Those to fit.
+    quantities
+        What was measured, by default a voltage and a displacement.
 
     Raises
     ------
@@ -94,12 +96,21 @@ def check_scale(records: Sequence[Record]) -> None:
     """
     low, high = STROKES_UM
     said = _stroke(records, (low / _BEYOND, high * _BEYOND))
-    if said is not None:
-        raise InputError(said)
+    if said is None:
+        return
+    if quantities is not None and not quantities.are_piezo:
+        unit = quantities.output.unit
+        raise InputError(
+            f"a {quantities.output.name} in {unit} of this size loses its digits; "
+            f"give it in a unit in which it spans {low:g} to {high:g}"
+        )
+    raise InputError(said)
 
 
 def plausibility_warnings(
-    left: Sequence[RecordResidual], delta2_s: float | None = None
+    left: Sequence[RecordResidual],
+    delta2_s: float | None = None,
+    quantities: Quantities | None = None,
 ) -> list[str]:
     """Say where records or the fit to them are out of all proportion to known stages.
 
@@ -109,6 +120,9 @@ def plausibility_warnings(
         What the fit leaves of each record.
     delta2_s
         δ2 of Eq. 8, where the data determine it (s).
+    quantities
+        What was measured, by default a voltage and a displacement; of others no size is out of
+        proportion.
 
     Returns
     -------
@@ -117,9 +131,10 @@ def plausibility_warnings(
     """
     records = [each.record for each in left]
     explained = _explained(left)
-    found = [_little(left, explained), _turning(left, explained), _stroke(records)]
-    found += _command(records)
-    found.append(_pace(records, delta2_s))
+    is_piezo = quantities is None or quantities.are_piezo
+    found = [_little(left, explained), _turning(left, explained, is_piezo)]
+    if is_piezo:
+        found += [_stroke(records), *_command(records), _pace(records, delta2_s)]
     return [sentence for sentence in found if sentence is not None]
 
 
@@ -182,7 +197,7 @@ def linear_share(records: Sequence[Record]) -> float:
     return coherent / power if power > 0.0 else 0.0
 
 
-def _turning(left: Sequence[RecordResidual], explained: float) -> str | None:
+def _turning(left: Sequence[RecordResidual], explained: float, is_piezo: bool) -> str | None:
     """Judge the sense of the loops by their area: the integral of u dy, positive where y lags."""
     if explained < _WELL:  # what is not hysteresis turns as it likes
         return None
@@ -197,8 +212,10 @@ def _turning(left: Sequence[RecordResidual], explained: float) -> str | None:
         variance += (2.0 * each.rmse_um) ** 2 * float(du @ du)
     if size == 0.0 or area > -_OPENING * size or area > -_CERTAIN * math.sqrt(variance):
         return None
+    who = "a piezo's" if is_piezo else "that of play operators"
     return (
-        "the loops turn the wrong way: the displacement leads the voltage, where a piezo's lags. "
+        "the loops turn the wrong way: the displacement leads the voltage, where "
+        f"{who} lags. "
         "u and y swapped? Check --columns; or one of them was recorded late"
     )
 

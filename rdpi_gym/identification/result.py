@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from rdpi_gym.identification.uncertainty import Z95
+from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import PlantModel
 
 
@@ -39,6 +40,9 @@ class FitResult:
         Time taken (s).
     evaluations
         Passes of the search over the data.
+    quantities
+        What was measured, by default a voltage in V and a displacement in µm; numbers named ``_V``
+        and ``_um`` are in the units of its input and output.
 
     Examples
     --------
@@ -67,6 +71,7 @@ class FitResult:
     warnings: tuple[str, ...]
     seconds: float
     evaluations: int
+    quantities: Quantities = field(default_factory=Quantities)
 
     @property
     def intervals_95(self) -> dict[str, tuple[float, float]]:

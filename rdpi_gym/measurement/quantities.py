@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 from rdpi_gym.measurement.units import measured_by, ratio, shown_unit
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.words import quoted
 
 SIDES: Mapping[str, str] = {"input": "u", "output": "y"}
@@ -43,7 +44,7 @@ STANDARD: Mapping[str, Quantity] = {
 
 @dataclass(frozen=True)
 class Quantities:
-    """Input and output of a data set.
+    r"""Input and output of a data set.
 
     The records and models keep the names of their fields, ``u_V`` and ``y_um``, whatever the numbers
     in them are; what is printed uses the quantities.
@@ -57,7 +58,7 @@ class Quantities:
     --------
     >>> damper = Quantities(Quantity("displacement", "x", "mm"), Quantity("force", "F", "kN"))
     >>> damper.said("The displacement moves by 3 µm, 2.5 µm/V, as the voltage passes 0 V.")
-    'The force moves by 3 kN, 2.5 kN/mm, as the displacement passes 0 mm.'
+    'The force moves by 3 kN, 2.5 kN/mm, as the\xa0displacement passes 0 mm.'
     >>> Quantities().said("3 µm"), damper.said("Displacement (µm)"), damper.said("V/s")
     ('3 µm', 'Force (kN)', 'mm/s')
     """
@@ -92,17 +93,27 @@ class Quantities:
             found |= {old: new, old.capitalize(): new[:1].upper() + new[1:]}
         return found
 
-    def said(self, text: str) -> str:
+    def said(self, text: str, keep: Iterable[str] = ()) -> str:
         """Turn a sentence, a heading or the caption of an axis into these quantities.
 
         Parameters
         ----------
         text
-            Made for a voltage in V and a displacement in µm; it is turned once.
+            Made for a voltage in V and a displacement in µm.
+        keep
+            A user's own words in it, which stay: titles, names of records.
         """
         if self.are_standard:
             return text
-        return _WORDS.sub(lambda found: self._words[found[0]], text)
+        own = [re.escape(words) for words in sorted(set(keep), key=len, reverse=True) if words]
+        parts = re.split(f"({'|'.join(own)})", text) if own else [text]
+        return "".join(p if k % 2 else _WORDS.sub(self._word, p) for k, p in enumerate(parts))
+
+    def _word(self, found: re.Match[str]) -> str:
+        before, word = found[1], found[2]
+        new = self._words[word]
+        # a sentence may come here again inside another one: behind such a blank it is left alone
+        return f"{_DONE if before and _WORDS.search(f' {new}') else before}{new}"
 
     @property
     def words(self) -> str:
@@ -123,12 +134,33 @@ class Quantities:
 
     @property
     def units(self) -> dict[str, str]:
-        """Units as the JSON files name them: of input and output."""
-        return {"input": self.input.unit, "output": self.output.unit}
+        """Units of what results hold, as the JSON files name them."""
+        return {"error": self.output.unit, "command": self.input.unit}
+
+    def to_dict(self) -> dict[str, dict[str, str]]:
+        """Return them as a JSON object."""
+        return {"input": dict(vars(self.input)), "output": dict(vars(self.output))}
+
+    @classmethod
+    def from_fields(cls, fields: Fields) -> Quantities:
+        """Build them from the JSON object.
+
+        Raises
+        ------
+        InputError
+            A text is missing.
+        """
+        found = [
+            Quantity(side.text("name"), side.text("symbol"), side.text("unit"))
+            for side in (fields.inner("input"), fields.inner("output"))
+        ]
+        return cls(found[0], found[1])
 
 
+_DONE = "\N{NO-BREAK SPACE}"
 _WORDS = re.compile(
-    r"\bu \(V\)|\by \(µm\)|µm/V\b|1/µm|1/V\b|µm|\bV\b|\b[vV]oltage(?=s?\b)|\b[dD]isplacement(?=s?\b)"
+    rf"(?<!{_DONE})( ?)(\bu \(V\)|\by \(µm\)|µm/V\b|1/µm|1/V\b|µm|\bV\b"
+    r"|\b[vV]oltage(?=s?\b)|\b[dD]isplacement(?=s?\b))"
 )
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from itertools import count
 from pathlib import Path
@@ -12,9 +13,13 @@ from typing import Any
 import pandas as pd
 from plotly.offline import get_plotlyjs
 
+from rdpi_gym.measurement import Quantities
 from rdpi_gym.report.assets import CSS, SCRIPT
-from rdpi_gym.report.tables import table_html
+from rdpi_gym.report.tables import table_html, told_table
 from rdpi_gym.support.files import write_atomic
+
+VOLTS_AND_MICROMETRES = Quantities()
+"""For which every text of this room is written."""
 
 # The browser is told to fetch nothing, whatever a figure may ask for.
 _POLICY = (
@@ -53,7 +58,14 @@ class Section:
     table: pd.DataFrame | None = None
 
 
-def write_page(path: Path | str, title: str, summary: str, sections: Sequence[Section]) -> Path:
+def write_page(
+    path: Path | str,
+    title: str,
+    summary: str,
+    sections: Sequence[Section],
+    quantities: Quantities = VOLTS_AND_MICROMETRES,
+    keep: Sequence[str] = (),
+) -> Path:
     """Write a self-contained page, whole or not at all; it opens without a network.
 
     Parameters
@@ -64,6 +76,11 @@ def write_page(path: Path | str, title: str, summary: str, sections: Sequence[Se
         Heading and opening words (as :class:`Section`'s text).
     sections
         In order.
+    quantities
+        What was measured: words, captions, headings and figures made for V and µm are turned into
+        them.
+    keep
+        A user's own words, which stay: titles, names of records.
 
     Returns
     -------
@@ -84,6 +101,8 @@ def write_page(path: Path | str, title: str, summary: str, sections: Sequence[Se
     True
     """
     numbers = count(1)
+    say = partial(quantities.said, keep=keep)
+    summary, sections = say(summary), [_told(section, quantities, say) for section in sections]
     parts = [_section_html(f"s{i}", s, numbers) for i, s in enumerate(sections, start=1)]
     contents = "".join(
         f'<li><a href="#s{i}">{escape(s.title)}</a></li>' for i, s in enumerate(sections, start=1)
@@ -113,6 +132,35 @@ def write_page(path: Path | str, title: str, summary: str, sections: Sequence[Se
 </html>
 """
     return write_atomic(path, document)
+
+
+def _told(section: Section, quantities: Quantities, say: Callable[[str], str]) -> Section:
+    """Return a section in other quantities than V and µm."""
+    if quantities.are_standard:
+        return section
+
+    def drawn(figure: Any) -> Any:
+        return type(figure)(_said(figure.to_plotly_json(), say))
+
+    figure, table = section.figure, section.table
+    if isinstance(figure, Mapping):
+        figure = {name: drawn(each) for name, each in figure.items()}
+    elif isinstance(figure, Sequence):
+        figure = [drawn(each) for each in figure]
+    elif figure is not None:
+        figure = drawn(figure)
+    return Section(say(section.title), say(section.text), figure, told_table(table, say))
+
+
+def _said(value: Any, say: Callable[[str], str]) -> Any:
+    """Turn every text of a figure."""
+    if isinstance(value, str):
+        return say(value)
+    if isinstance(value, dict):
+        return {key: each if key == "bdata" else _said(each, say) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_said(each, say) for each in value]
+    return value
 
 
 def _section_html(name: str, section: Section, numbers: Iterator[int]) -> str:

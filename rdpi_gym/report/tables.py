@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from html import escape
 from typing import Any
 
@@ -18,6 +19,7 @@ _UNITS = {
     "um": "µm", "V": "V", "s": "s", "ms": "ms", "hz": "Hz", "percent": "%", "V_s": "V/s",
     "um_V": "µm/V", "V_per_s": "V/s",
 }  # fmt: skip
+_TURNED = {"unit", "meaning"}  # columns whose cells are captions
 _WORDS = {"rmse": "RMSE", "nrmse": "NRMSE", "ts": "Ts", "rms": "RMS"}
 
 
@@ -43,6 +45,35 @@ def heading(name: str) -> str:
     words = [_WORDS.get(word, word) for word in stem.split("_")]
     text = " ".join(words)
     return text[:1].upper() + text[1:] + unit
+
+
+def told_table(frame: Any, say: Callable[[str], str]) -> Any:
+    """Return a table, or nothing, in other quantities: its headings, units and meanings are turned.
+
+    Parameters
+    ----------
+    frame
+        The table, or None.
+    say
+        Turns one text, as :meth:`rdpi_gym.measurement.Quantities.said` does.
+
+    Examples
+    --------
+    >>> frame = pd.DataFrame({"rmse_um": [1.0], "unit": ["µm"], "record": ["run of 3 µm"]})
+    >>> told_table(frame, lambda text: text.replace("µm", "kN")).to_dict("records")
+    [{'RMSE (kN)': 1.0, 'unit': 'kN', 'record': 'run of 3 µm'}]
+    """
+    if frame is None:
+        return None
+    turned = frame.rename(columns={name: _said_heading(str(name), say) for name in frame.columns})
+    for name in _TURNED & set(turned.columns):
+        turned[name] = [say(cell) if isinstance(cell, str) else cell for cell in turned[name]]
+    return turned
+
+
+def _said_heading(name: str, say: Callable[[str], str]) -> str:
+    said = say(heading(name))
+    return name if said == heading(name) else said
 
 
 def format_number(value: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,8 @@ from rdpi_gym.diagnosis.comparison.over_time import (
 from rdpi_gym.diagnosis.comparison.spectrum import spectrum_finding, spectrum_table
 from rdpi_gym.diagnosis.comparison.traces import Trace, fitted_extremum_V, trace
 from rdpi_gym.diagnosis.features.noise import noise_floor
-from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.diagnosis.telling import told
+from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
 
@@ -59,6 +60,8 @@ class Comparison:
     findings
         What each table suggests, by the table's name; ``overall`` and, where there is cause,
         ``far`` and ``range``.
+    quantities
+        What was measured: sentences use its words and units.
     """
 
     title: str
@@ -79,6 +82,7 @@ class Comparison:
     checks: tuple[Check, ...]
     left_out: tuple[str, ...]
     findings: dict[str, str]
+    quantities: Quantities = field(default_factory=Quantities)
 
     def rmse_um(self, role: str | None = None) -> float | None:
         """RMS error (µm) over the records of a role, weighted by samples; None without such."""
@@ -95,7 +99,7 @@ class Comparison:
         return {
             "format": FORMAT,
             "version": VERSION,
-            "units": {"error": "um", "command": "V", "rate": "V/s", "frequency": "Hz"},
+            "units": self._units(),
             "model": {"name": self.model.name, "note": self.model.note},
             "data": {"title": self.title, "records": len({t.name for t in self.traces})},
             "train_rmse_um": self.rmse_um("train"),
@@ -125,6 +129,13 @@ class Comparison:
             "left_out": list(self.left_out),
             "findings": list(self.findings.values()),
         }
+
+    def _units(self) -> dict[str, str]:
+        quantities = self.quantities
+        if quantities.are_standard:
+            return {"error": "um", "command": "V", "rate": "V/s", "frequency": "Hz"}
+        rate = quantities.said("V/s")
+        return {**quantities.units, "rate": rate, "frequency": "Hz"}
 
 
 def compare(dataset: Dataset, model: PlantModel) -> Comparison:
@@ -200,7 +211,7 @@ def compare(dataset: Dataset, model: PlantModel) -> Comparison:
         "spectrum": spectrum_finding(spectrum),
         "plane": findings.command_and_rate(plane),
     }
-    return Comparison(
+    found = Comparison(
         title=dataset.title,
         model=model,
         traces=traces,
@@ -219,7 +230,10 @@ def compare(dataset: Dataset, model: PlantModel) -> Comparison:
         checks=run_checks(dataset),
         left_out=(*_left_out(dataset, samples, plane), *_remembered(records, model)),
         findings={key: text for key, text in sentences.items() if text is not None},
+        quantities=dataset.quantities,
     )
+    names = (dataset.title, model.name, *(record.name for record in dataset.records))
+    return told(found, dataset.quantities, names)
 
 
 def _left_out(dataset: Dataset, samples: pd.DataFrame, plane: Plane) -> tuple[str, ...]:

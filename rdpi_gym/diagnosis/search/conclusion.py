@@ -22,6 +22,7 @@ from rdpi_gym.diagnosis.search.separability import (
     typical_effects,
 )
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
+from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.plausibility import plausibility_warnings
@@ -96,7 +97,8 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     plant = plant_of(laboratory.setting, end.outcome, search.given)
     left = [simulate_record(plant, record) for record in laboratory.setting.train]
     label = f"with {added[0].effect}" if len(added) == 1 else "with effects"
-    return SearchResult(
+    dataset = laboratory.dataset
+    found = SearchResult(
         kind=search.kind,
         title=laboratory.dataset.title,
         plant=plant,
@@ -119,8 +121,14 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         checks=tuple(check.sentence for check in laboratory.checks),
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
         seconds=time.perf_counter() - search.began,
-        notes=(*plausibility_warnings(left), *laboratory.remarks, *search.notes),
+        notes=(
+            *plausibility_warnings(left, quantities=dataset.quantities),
+            *laboratory.remarks,
+            *search.notes,
+        ),
+        quantities=dataset.quantities,
     )
+    return told(found, dataset.quantities, (dataset.title, *(r.name for r in dataset.records)))
 
 
 def _remainder(laboratory: Laboratory, state: State, judgement: Judgement) -> str:

@@ -113,7 +113,7 @@ class Laboratory:
                 f"{len(train)} and {len(validation)} in which the voltage moves"
             )
         check_motion(train)
-        check_scale(train)
+        check_scale(train, dataset.quantities)
         reversed_sign = falls((*train, *validation))
         if reversed_sign:
             dataset = turned(dataset)

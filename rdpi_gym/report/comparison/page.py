@@ -55,7 +55,12 @@ def write_compare_page(path: Path | str, comparison: Comparison) -> Path:
         ]
     )
     return write_page(
-        path, f"Model {comparison.model.name} against measurement", summary, _sections(comparison)
+        path,
+        f"Model {comparison.model.name} against measurement",
+        summary,
+        _sections(comparison),
+        comparison.quantities,
+        (comparison.title, comparison.model.name, *(trace.name for trace in comparison.traces)),
     )
 
 

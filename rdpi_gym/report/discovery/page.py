@@ -74,7 +74,8 @@ def write_discovery_page(
         _left(result),
         Section("How to read this page", _HOW),
     ]
-    return write_page(path, title, _summary(result), sections)
+    names = (result.title, *(view.name for view in result.views))
+    return write_page(path, title, _summary(result), sections, result.quantities, names)
 
 
 def _summary(result: SearchResult) -> str:

@@ -64,7 +64,14 @@ def write_fit_page(
             "What the data do not determine", warnings or "The data determine every parameter."
         ),
     ]
-    return write_page(path, f"Model {result.plant.name}", "\n\n".join(said), sections)
+    return write_page(
+        path,
+        f"Model {result.plant.name}",
+        "\n\n".join(said),
+        sections,
+        result.quantities,
+        (result.plant.name, *result.rmse_um),
+    )
 
 
 def _weights(result: FitResult) -> Any:

@@ -73,7 +73,9 @@ def write_data_page(path: Path | str, dataset: Dataset) -> Path:
         f"{len(dataset.records)} records, {moving} of them with a voltage that moves; "
         f"{len(dataset.train)} to fit, {len(dataset.validation)} to validate on."
     )
-    return write_page(path, dataset.title, summary, sections)
+    names = (dataset.title, dataset.quantities.words, *(r.name for r in dataset.records))
+    notes = (r.note for r in dataset.records)
+    return write_page(path, dataset.title, summary, sections, dataset.quantities, (*names, *notes))
 
 
 def _traces(record: Record, samples: int) -> Any:
