@@ -92,6 +92,60 @@ class Congruency(Effect):
 
 
 @njit(cache=True)
+def congruency_centred_block(
+    x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
+) -> None:
+    """Kernel; rows of ``p``: a_0 (µm/V), c / U² (1/V²), u_c (V). No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            away = u[t, b] - p[2, b]
+            plays = x[t, b] - p[0, b] * u[t, b]
+            y[t, b] = x[t, b] + p[1, b] * away * away * plays
+
+
+@dataclass(frozen=True)
+class AboutTheMiddle(Effect, of=Congruency):
+    """Weights of the plays that grow with the command's distance from the middle of its range.
+
+    Examples
+    --------
+    >>> effect = AboutTheMiddle(coefficient=0.1, span_V=10.0, middle_V=10.0)
+    >>> effect.run([10.0, 15.0], 1e-3, u=[10.0, 0.0]).tolist()
+    [10.0, 16.5]
+    """
+
+    coefficient: float = 0.1
+    span_V: float = 40.0
+    middle_V: float = 0.0
+
+    form = "about the middle of the range"
+    parameters = (
+        *Congruency.parameters,
+        Parameter("middle_V", "V", -1e9, 1e9, (0.0, 40.0), "command u_c at which it is 0", fixed=True),
+    )  # fmt: skip
+    equation = "y = a_0 u + (1 + c ((u - u_c) / U)²) Σ a_i ξ_i"
+    source = "As the simplest form; a drive with one sign of voltage has its range about another."
+    signature = (
+        "Minor loops of the same span differ in area between the middle of the range and its ends, "
+        "alike on both sides."
+    )
+    block = staticmethod(congruency_centred_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, at the measured span about the middle of the commands."""
+        return (cls.within_bounds(coefficient=0.05, span_V=scale.span_V, middle_V=scale.centre_V),)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """a_0 (µm/V), c / U² (1/V²) and u_c (V)."""
+        return [hysteresis.a0, self.coefficient / self.span_V**2, self.middle_V]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None beside the plays' own."""
+        return 0
+
+
+@njit(cache=True)
 def congruency_polynomial_block(
     x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
 ) -> None:

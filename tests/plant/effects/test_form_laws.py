@@ -58,6 +58,10 @@ NESTED = [
         form("rate_law")(0.6, 30.0),
     ),
     (form("slew_limit", "unlike up and down")(4e3, 4e3), form("slew_limit")(4e3)),
+    (
+        form("congruency", "about the middle of the range")(0.2, 30.0, 0.0),
+        form("congruency")(0.2, 30.0),
+    ),
     (form("congruency", "odd and even")(0.0, 0.2, 30.0), form("congruency")(0.2, 30.0)),
     (
         form("congruency", "to the fourth degree")(-0.1, 0.2, 0.0, 0.0, 30.0),
@@ -143,6 +147,15 @@ def test_asymmetry_is_a_polynomial_of_the_displacement_and_congruency_one_of_the
     expected = linear + (1.0 + polynomial(u / span)) * (x - linear)
     y = form("congruency", weighted)(*powers, span).run(x, TS, u, P10.hysteresis)
     np.testing.assert_allclose(y, expected, atol=1e-9 * np.abs(x).max())
+
+
+def test_congruency_about_the_middle_is_alike_on_both_sides_of_it():
+    middle_V, x = 12.0, rough()
+    effect = form("congruency", "about the middle of the range")(0.2, 30.0, middle_V)
+    for u in (middle_V - 15.0, middle_V + 15.0):
+        plays = x - P10.hysteresis.a0 * u
+        y = effect.run(x, TS, np.full(len(x), u), P10.hysteresis)
+        np.testing.assert_allclose(y, x + 0.05 * plays, rtol=1e-12, atol=1e-12)
 
 
 def test_asymmetry_of_the_command_does_not_see_the_displacement():
