@@ -59,7 +59,8 @@ def run_case(
 def said(discovery: SearchResult) -> dict[str, Any]:
     """Return what a result says about what is left, about sampling and about the data, as JSON."""
     document = discovery.to_dict()
-    names = ("left", "numerical_floor_um", "numerical_floor", "findings", "sampling", "undecided")
+    names = ("left", "findings", "sampling", "undecided")
     kept = {name: document[name] for name in names if name in document}
+    kept["numerical_floor_um"] = discovery.numerical_floor_um
     forms = {step["effect"]: step["form"] for step in document.get("steps", []) if step.get("form")}
     return kept | {"forms": forms}

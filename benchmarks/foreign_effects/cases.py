@@ -171,9 +171,10 @@ def _drawn(case: Case, rng: np.random.Generator) -> Prepared:
     references = taken
     if is_closed:
         bench = close_loop(bench, noise)
+    floors: dict[str, float] = {}
     if names:
         forms = [draw_form(name, rng) for name in names]
-        bench = sized(bench, forms, scale_of(bench.taken, plant, is_coarse), rng)
+        bench, floors = sized(bench, forms, scale_of(bench.taken, plant, is_coarse), rng)
         if is_closed:  # around the whole plant
             bench = close_loop(replace(bench, taken=references), noise)
     outside: dict[str, Any] = {}
@@ -191,13 +192,14 @@ def _drawn(case: Case, rng: np.random.Generator) -> Prepared:
     degraded = KINDS[int(rng.integers(len(KINDS)))] if rng.random() < _DEGRADED else ""
     records = degrade(degraded, records, rng)
     dataset = Dataset(f"records of plant {case.number}", tuple(s.record for s in records))
-    between = bench.displacements(between=True)
+    straight = bench.displacements(linear=True)
     excused = {*EXCUSED.get(degraded, ())}
     if bench.history_ratio or taken.in_motion:
         excused.add("initial_memory")
     truth = {
         "hidden": [m.to_dict() for m in bench.hidden],
         "outside": outside,
+        "floors": floors,
         "protocol": protocol,
         "degraded": degraded,
         "noise_um": plant.noise_um,
@@ -212,7 +214,7 @@ def _drawn(case: Case, rng: np.random.Generator) -> Prepared:
         "alike": alike(dataset, bench, names),
         # what the motion between the samples alone makes unknowable from them
         "sampling_um": max(
-            float(np.std(a - b)) for a, b in zip(bench.displacements(), between, strict=True)
+            float(np.std(a - b)) for a, b in zip(bench.displacements(), straight, strict=True)
         ),
     }
     if degraded in CLOCKS:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.foreign_effects.drives import Drive, held
+from benchmarks.foreign_effects.drives import Drive, between, held
 from benchmarks.foreign_effects.forms import (
     CORE,
     TIMED,
@@ -65,7 +65,7 @@ class Bench:
         return starts
 
     def displacements(
-        self, hidden: Sequence[Mechanism] | None = None, between: bool = False
+        self, hidden: Sequence[Mechanism] | None = None, linear: bool = False
     ) -> list[Array]:
         """Displacement at the recorded samples (µm), without noise, by record.
 
@@ -73,12 +73,12 @@ class Bench:
         ----------
         hidden
             In place of what is hidden.
-        between
+        linear
             Take the command as linear between the samples instead of as it truly was.
         """
         chosen = self.hidden if hidden is None else hidden
         return [
-            self._displacement(drive, start, chosen, between)
+            self._displacement(drive, start, chosen, linear)
             for drive, start in zip(self.taken.drives, self.starts_s(), strict=True)
         ]
 
@@ -87,9 +87,9 @@ class Bench:
         return self.displacements(without(self.hidden, TIMED))
 
     def _displacement(
-        self, drive: Drive, start_s: float, hidden: Sequence[Mechanism], between: bool
+        self, drive: Drive, start_s: float, hidden: Sequence[Mechanism], linear: bool
     ) -> Array:
-        x = drive.between() if between else drive.fine_V
+        x = between(drive.command_V, drive.parts) if linear else drive.fine_V
         at = At(start_s + drive.step_s * np.arange(x.size, dtype=np.float64), drive.step_s)
         for m in hidden:
             if m.form.place < CORE and m.form.apply is not None:
@@ -113,11 +113,11 @@ class Bench:
         low = high = u
         if "asymmetry" in changed:
             low, high = envelopes(changed["asymmetry"].numbers, u)
-        # Eq. 5 at every point: the change over one sampling time
-        before = np.concatenate([np.full(drive.parts, u[0]), u[: u.size - drive.parts]])
-        speed = np.abs(u - before) / drive.ts_s
+        # Eq. 5 is of samples; between them its thresholds go on as the command does
+        speed = np.abs(np.diff(u[:: drive.parts], prepend=u[0])) / drive.ts_s
         law = changed.get("rate_law")
         wider = wider_V(law.numbers, speed) if law is not None else p.delta2_s * speed
+        wider = held(wider, drive.parts) if drive.is_held else between(wider, drive.parts)
         if low is u and not np.any(wider):
             plays = plays_by_turning_points(u, p.thresholds_V, p.weights, history)
         else:

@@ -51,15 +51,27 @@ class Drive:
         """From the first to the last sample (s)."""
         return self.ts_s * (len(self.command_V) - 1)
 
-    def between(self) -> Array:
-        """Return the command that is linear between the samples, on the same grid."""
-        u = self.command_V
-        return np.interp(np.arange(len(self.fine_V)) / self.parts, np.arange(len(u)), u)
+    @property
+    def is_held(self) -> bool:
+        """Whether the command is level about every sample, and jumps between."""
+        return bool(np.array_equal(self.fine_V[1 :: self.parts], self.command_V[:-1]))
 
 
 def smooth(curve: Callable[[Array], Array], samples: int, ts_s: float, parts: int) -> Array:
     """Evaluate a command that is a function of time (s) on the fine grid."""
     return curve((ts_s / parts) * np.arange((samples - 1) * parts + 1, dtype=np.float64))
+
+
+def between(values: Array, parts: int) -> Array:
+    """Go from sample to sample in straight lines.
+
+    Examples
+    --------
+    >>> between(np.array([1.0, 2.0]), 4).tolist()
+    [1.0, 1.25, 1.5, 1.75, 2.0]
+    """
+    points = np.arange((len(values) - 1) * parts + 1)
+    return np.interp(points / parts, np.arange(len(values)), values)
 
 
 def held(u_V: Array, parts: int) -> Array:

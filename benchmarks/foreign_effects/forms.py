@@ -27,6 +27,9 @@ CORE = 40
 TIMED = ("gain_drift", "thermal_drift", "mains_hum")
 """Effects that go by the clock and not by the command."""
 _SHORTEST_CREEP_S = 0.02  # the catalogue's shortest time constant is 0.01 s
+# What amplifiers, sensors and rooms do at most, whatever the records would show.
+_LONGEST_LAG_S, _LONGEST_DELAY_S = 0.05, 0.02
+_FASTEST_GAIN_1_S, _FASTEST_DRIFT_UM_S, _SHORTEST_DRIFT_S = 0.02, 0.5, 1.0
 _ELEMENTS = 3.0  # a decade of time, of a spectrum of creep
 
 
@@ -82,10 +85,7 @@ def scale_of(taken: Taken, plant: Foreign, is_coarse: bool) -> Scale:
     """Return the size of an experiment on a plant."""
     steps = [d.ts_s for d in taken.drives]
     durations = [d.duration_s for d in taken.drives]
-    # a held command jumps: its fine grid is level at the samples
-    is_held = any(
-        bool(np.all(d.fine_V[1 : -1 : d.parts] == d.command_V[:-1])) for d in taken.drives
-    )
+    is_held = any(d.is_held for d in taken.drives)
     return Scale(
         taken.centre_V, taken.span_V, plant.stroke_um, fastest_rate_V_s(taken), min(steps), max(steps),
         max(durations), sum(durations), is_held, is_coarse,
@@ -216,7 +216,10 @@ def _soft_slew(scale: Scale, rng: np.random.Generator, size: float) -> dict[str,
 
 
 def _tau(scale: Scale, rng: np.random.Generator, size: float) -> float:
-    return max(0.1 * size * scale.turn_s, scale.least_s * rng.uniform(1.0, 1.5))
+    if 1.5 * scale.least_s > _LONGEST_LAG_S:
+        raise UnfitError("a lag is too fast for these samples")
+    tau = max(0.1 * size * scale.turn_s, scale.least_s * rng.uniform(1.0, 1.5))
+    return min(tau, _LONGEST_LAG_S)
 
 
 def _two_poles(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
@@ -244,6 +247,7 @@ def _through_bessel(x: Array, at: At, n: Numbers) -> Array:
 
 
 def _table(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
+    _check_moves(scale)
     at = np.array([0.0, 0.03, 0.1, 0.25, 0.5, 1.0, 4.0])
     rises = np.diff(at) ** rng.uniform(0.2, 0.6) * rng.uniform(0.6, 1.4, at.size - 1)
     heights = np.concatenate([[0.0], np.cumsum(rises)])
@@ -251,7 +255,13 @@ def _table(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any
     return {"rates_V_s": (scale.rate_V_s * at).tolist(), "wider_V": heights.tolist()}
 
 
+def _check_moves(scale: Scale) -> None:
+    if scale.is_held:
+        raise UnfitError("a command that jumps has no rate")
+
+
 def _arcsinh(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
+    _check_moves(scale)
     knee = rng.uniform(0.02, 0.15)
     height = 0.08 * min(size, 8.0) * scale.span_V / math.asinh(1.0 / knee)
     return {"knee_V_s": knee * scale.rate_V_s, "height_V": height}
@@ -268,7 +278,7 @@ def _past(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]
     return {
         "reach_V": _sign(rng) * scale.span_V * min(0.35 * size, 1.0),
         "ratio": rng.uniform(0.15, 0.5),
-        "turns": int(rng.integers(1, 4)),
+        "turns": int(rng.integers(2, 5)),
     }
 
 
@@ -436,12 +446,18 @@ def _compliant_gap(x: Array, at: At, n: Numbers) -> Array:
     return np.asarray(c * x + (1.0 - c) * gap(x, n["half_width_um"]))
 
 
+_WALK_LINES, _LOWEST = 6, 0.4  # lines of a walk, and periods of the lowest in all records
+_WALK_SLOPE = (
+    2.0 * math.pi * _LOWEST * math.sqrt(_WALK_LINES)
+)  # rms slope of size one, in all records
+
+
 def _walk(rng: np.random.Generator, total_s: float, size: float) -> dict[str, Any]:
-    lines = np.arange(1, 7)
+    lines = np.arange(1, _WALK_LINES + 1)
     return {
         "sizes": (size * rng.normal(size=lines.size) / lines).tolist(),
         "phases_rad": rng.uniform(0.0, 2.0 * math.pi, lines.size).tolist(),
-        "lowest_hz": 0.4 / total_s,
+        "lowest_hz": _LOWEST / total_s,
     }
 
 
@@ -454,8 +470,9 @@ def _walked(t: Array, n: Numbers) -> Array:
 
 
 def _gain_limit(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
-    change = _sign(rng) * min(0.005 * size, 0.5)
-    return {"change": change, "time_constant_s": scale.total_s * rng.uniform(0.15, 0.8)}
+    sign, tau = _sign(rng), scale.total_s * rng.uniform(0.15, 0.8)
+    change = min(0.005 * size, 0.5, _FASTEST_GAIN_1_S * tau)
+    return {"change": sign * change, "time_constant_s": tau}
 
 
 def _gain_to_limit(x: Array, at: At, n: Numbers) -> Array:
@@ -463,7 +480,8 @@ def _gain_to_limit(x: Array, at: At, n: Numbers) -> Array:
 
 
 def _gain_walk(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
-    return _walk(rng, scale.total_s, 0.003 * size)
+    largest = _FASTEST_GAIN_1_S * scale.total_s / _WALK_SLOPE
+    return _walk(rng, scale.total_s, min(0.003 * size, largest))
 
 
 def _wandering_gain(x: Array, at: At, n: Numbers) -> Array:
@@ -471,10 +489,12 @@ def _wandering_gain(x: Array, at: At, n: Numbers) -> Array:
 
 
 def _drift_limit(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
-    first, second = rng.uniform(0.05, 0.2), rng.uniform(0.4, 1.0)
+    first = max(_SHORTEST_DRIFT_S, scale.total_s * rng.uniform(0.05, 0.2))
+    second = max(2.0 * first, scale.total_s * rng.uniform(0.4, 1.0))
+    change = min(0.005 * size * scale.stroke_um, _FASTEST_DRIFT_UM_S * first)
     return {
-        "change_um": _sign(rng) * 0.005 * size * scale.stroke_um, "share": rng.uniform(0.2, 0.6),
-        "first_s": first * scale.total_s, "second_s": second * scale.total_s,
+        "change_um": _sign(rng) * change, "share": rng.uniform(0.2, 0.6),
+        "first_s": first, "second_s": second,
     }  # fmt: skip
 
 
@@ -485,7 +505,8 @@ def _drift_to_limit(x: Array, at: At, n: Numbers) -> Array:
 
 
 def _offset_walk(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
-    return _walk(rng, scale.total_s, 0.003 * size * scale.stroke_um)
+    largest = _FASTEST_DRIFT_UM_S * scale.total_s / _WALK_SLOPE
+    return _walk(rng, scale.total_s, min(0.003 * size * scale.stroke_um, largest))
 
 
 def _wandering(x: Array, at: At, n: Numbers) -> Array:
@@ -493,9 +514,11 @@ def _wandering(x: Array, at: At, n: Numbers) -> Array:
 
 
 def _late(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
-    samples = max(1, round(_tau(scale, rng, size) / scale.ts_s))
-    if scale.is_held:
-        samples = max(1, round(0.4 * size)) * max(1, round(scale.slowest_ts_s / scale.ts_s))
+    step = scale.slowest_ts_s if scale.is_held else scale.ts_s
+    if step > _LONGEST_DELAY_S:
+        raise UnfitError("a delay is too short for these samples")
+    wanted = 0.4 * size * step if scale.is_held else 0.1 * size * scale.turn_s
+    samples = round(step / scale.ts_s) * max(1, round(min(wanted, _LONGEST_DELAY_S) / step))
     return {"delay_s": samples * scale.ts_s, "samples": samples}
 
 

@@ -113,7 +113,7 @@ def _chirp_and_staircase(rng: np.random.Generator) -> tuple[Drive, ...]:
     ts = 1.0 / _choose(rng, 1e3, 2e3, 5e3, 1e4, 2e4, 5e4)
     samples = int(rng.integers(6_000, 12_000))
     duration = samples * ts
-    low, high = 3.0 / duration, rng.uniform(0.01, 0.05) / ts
+    low, high = 3.0 / duration, rng.uniform(0.008, 0.03) / ts
     growth = math.log(high / low)
     level = rng.uniform(0.5, 1.0)
 
@@ -216,7 +216,7 @@ def _sum_of_sines(
 def _multisines(rng: np.random.Generator) -> tuple[Drive, ...]:
     ts = 1.0 / _log(rng, 500.0, 5e4)
     samples = int(rng.integers(5_000, 9_000))
-    low_hz, high_hz = 3.0 / (samples * ts), rng.uniform(0.01, 0.04) / ts
+    low_hz, high_hz = 3.0 / (samples * ts), rng.uniform(0.008, 0.03) / ts
     small = rng.uniform(0.15, 0.5)
 
     def scaled(level: float) -> Callable[[Array], Array]:
@@ -260,7 +260,7 @@ def _nested_and_chirp(rng: np.random.Generator) -> tuple[Drive, ...]:
     slow_ts, ts = 1.0 / _log(rng, 200.0, 2e3), 1.0 / _choose(rng, 2e3, 5e3, 1e4, 2e4)
     slow, samples = int(rng.integers(4_000, 8_000)), int(rng.integers(4_000, 8_000))
     level, duration = rng.uniform(0.2, 0.7), samples * ts
-    low, high = 4.0 / duration, rng.uniform(0.02, 0.06) / ts
+    low, high = 4.0 / duration, rng.uniform(0.01, 0.03) / ts
 
     def chirp(t: Array) -> Array:
         return np.asarray(

@@ -23,11 +23,12 @@ EXPLAINED = 1.3
 """Noise floors of clean error that an explained record may have left."""
 _NOTHING = 0.5  # noise floors: of less no share is asked
 _SAMPLED = 0.5  # noise floors that lie between the samples: from here on sampling matters
+_OF_TRUTH = 2.0  # largest ratio of a numerical floor that is believed
 _FEW_SAMPLES = 4.0  # of the shortest time of what is hidden: with fewer, sampling matters
 _TIMES = ("time_constant_s", "delay_s")
 
 
-def what_is_left(discovery: SearchResult, records: Sequence[Sampled]) -> dict[str, float]:
+def what_is_left(discovery: SearchResult, records: Sequence[Sampled]) -> dict[str, float | None]:
     """Compare a final model with the displacement that no sensor has read, on validation records.
 
     Parameters
@@ -42,7 +43,7 @@ def what_is_left(discovery: SearchResult, records: Sequence[Sampled]) -> dict[st
     dict
         ``clean_um``: root mean square of what the model leaves of the clean displacement;
         ``by_input_um``: of the part that follows from the input, where effects that go by the clock
-        are left out of truth and model alike.
+        are left out of truth and model alike; None where no sample is left to compare.
     """
     plant, by_name = discovery.plant, {s.record.name: s for s in records}
     timed = any(e.name in TIMED for e in plant.effects)
@@ -63,7 +64,7 @@ def what_is_left(discovery: SearchResult, records: Sequence[Sampled]) -> dict[st
         by_input += _square(part, counted)
         count += int(counted.sum())
     if not count:
-        return {"clean_um": math.nan, "by_input_um": math.nan}
+        return {"clean_um": None, "by_input_um": None}
     return {"clean_um": math.sqrt(clean / count), "by_input_um": math.sqrt(by_input / count)}
 
 
@@ -111,14 +112,17 @@ def judge_sentences(row: Mapping[str, Any]) -> dict[str, Any]:
     False
     """
     truth, true_left = row["truth"], row["true_left"]
-    noise, floor = truth["noise_um"], row.get("numerical_floor_um") or 0.0
-    clean, part = true_left["clean_um"], true_left["by_input_um"]
+    noise = truth["noise_um"]
+    # what is stated counts as far as the truth itself moves with what lies between the samples
+    floor = min(row.get("numerical_floor_um") or 0.0, _OF_TRUTH * truth["sampling_um"])
+    clean = math.nan if true_left["clean_um"] is None else true_left["clean_um"]
+    part = math.nan if true_left["by_input_um"] is None else true_left["by_input_um"]
     share = _share(clean, part, floor) if clean > math.hypot(_NOTHING * noise, floor) else None
     left = row.get("left") or {}
     share_true = explained_true = sampling_true = None
     if share is not None and left.get("low") is not None and left.get("high") is not None:
         share_true = bool(left["low"] - MARGIN <= share <= left["high"] + MARGIN)
-    if row["verdict"] in ("explained", "no missing effect"):
+    if row["verdict"] in ("explained", "no missing effect") and not math.isnan(clean):
         explained_true = bool(clean <= EXPLAINED * math.hypot(noise, floor))
     if row.get("sampling"):
         sampling_true = sampling_matters(truth)

@@ -18,7 +18,9 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError
 from rdpi_gym.virtual_lab.visibility import left_over
 
-_LARGER, _ATTEMPTS = 1.5, 14
+_ATTEMPTS = 14
+_WANTED = (3.5, 40.0)  # noise floors, of which one is drawn for each effect
+_STEPS = (1.25, 3.0)  # least and largest factor on a size that is too small
 _LOOKED_AT = 5_000  # samples of all records
 _GROWN = 1.1  # the direction in which another effect may be refitted
 
@@ -46,8 +48,10 @@ def remaining_um(
     return max(left_over(plant, (), span, records, differences, others, every).values())
 
 
-def sized(bench: Bench, forms: Sequence[Form], scale: Scale, rng: np.random.Generator) -> Bench:
-    """Hide forms, each large enough to leave three noise floors beside the others.
+def sized(
+    bench: Bench, forms: Sequence[Form], scale: Scale, rng: np.random.Generator
+) -> tuple[Bench, dict[str, float]]:
+    """Hide forms, each large enough to leave 3 to 40 noise floors beside the others.
 
     Parameters
     ----------
@@ -60,6 +64,13 @@ def sized(bench: Bench, forms: Sequence[Form], scale: Scale, rng: np.random.Gene
     rng
         Where numbers and the first sizes come from.
 
+    Returns
+    -------
+    Bench
+        The plant with the forms hidden.
+    dict
+        What a refit leaves of each, in noise floors, by effect.
+
     Raises
     ------
     MaskedError
@@ -69,7 +80,8 @@ def sized(bench: Bench, forms: Sequence[Form], scale: Scale, rng: np.random.Gene
     """
     seeds = rng.integers(2**31, size=len(forms))
     sizes = np.exp(rng.uniform(np.log(0.7), np.log(3.0), len(forms)))
-    records = blank_records(bench)
+    wanted = np.exp(rng.uniform(np.log(_WANTED[0]), np.log(_WANTED[1]), len(forms)))
+    records, best, before = blank_records(bench), None, np.zeros(len(forms))
     for _ in range(_ATTEMPTS):
         made = [
             mechanism(f, scale, int(s), float(x))
@@ -82,7 +94,7 @@ def sized(bench: Bench, forms: Sequence[Form], scale: Scale, rng: np.random.Gene
             _without_one(trial, full, m, mechanism(f, scale, int(s), float(x) * _GROWN))
             for m, f, s, x in zip(made, forms, seeds, sizes, strict=True)
         ]
-        small = []
+        floors: dict[str, float] = {}
         for k, m in enumerate(made):
             difference = _without_one(trial, full, m, None)
             others = [
@@ -90,13 +102,20 @@ def sized(bench: Bench, forms: Sequence[Form], scale: Scale, rng: np.random.Gene
                 if len(made) > 1 else np.empty((full[r].size, 0))
                 for r in range(len(full))
             ]  # fmt: skip
-            least = VISIBLE * bench.plant.noise_um
-            is_small = max(float(np.std(d)) for d in difference) < least
-            if is_small or remaining_um(bench, records, difference, others) < least:
-                small.append(k)
-        if not small:
-            return trial
-        sizes[small] *= _LARGER
+            noise = bench.plant.noise_um
+            floors[m.effect] = max(float(np.std(d)) for d in difference) / noise
+            if floors[m.effect] >= VISIBLE:  # before a refit; else none can leave it
+                floors[m.effect] = remaining_um(bench, records, difference, others) / noise
+        found = np.array([floors[f.effect] for f in forms])
+        if np.all(found >= VISIBLE):
+            best = trial, floors
+        small = found < wanted
+        if not small.any() or np.all(found[small] <= 1.001 * before[small]):
+            break  # all that is wanted, or all that can be
+        before = found
+        sizes[small] *= np.clip(wanted / np.maximum(found, 1e-9), *_STEPS)[small]
+    if best is not None:
+        return best
     raise MaskedError("no size of the effects shows them all on this experiment")
 
 
