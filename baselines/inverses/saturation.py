@@ -46,7 +46,7 @@ class HardRailsInverse(Inverse):
     --------
     >>> from rdpi_gym.plant import PAPER_IV_B
     >>> from rdpi_gym.plant.effects import load_effect
-    >>> amplifier = load_effect("saturation").forms[0](low_V=-22.0, high_V=19.0)
+    >>> amplifier = load_effect("saturation", "hard rails")(low_V=-22.0, high_V=19.0)
     >>> inverse = HardRailsInverse(amplifier, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
     >>> inverse.run(np.array([[-30.0], [5.0], [20.0]]), np.empty((0, 1)))[:, 0].tolist()
     [-22.0, 5.0, 19.0]

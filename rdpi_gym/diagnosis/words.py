@@ -24,7 +24,7 @@ def sized(effect: Effect) -> str:
     'resonance at 4530 Hz (damping 0.02)'
     >>> sized(load_effect("sensor_lag")(1.5e-4)), sized(load_effect("creep")(0.012))
     ('sensor_lag (time constant 150 µs)', 'creep (gain per decade 0.012)')
-    >>> sized(load_effect("saturation").forms[1](-22.0, 19.0))
+    >>> sized(load_effect("saturation", "hard rails")(-22.0, 19.0))
     'saturation, hard rails (low -22 V, high 19 V)'
     """
     places, sizes = [], []

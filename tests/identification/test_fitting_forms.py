@@ -9,15 +9,15 @@ from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10
-from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
+from rdpi_gym.plant.effects import DataScale, Effect, load_effect
 
 TS = 1e-4
 T = np.arange(6000) * TS
 SCALE = DataScale(0.0, 40.0, 40.0, 3e3, TS, 0.6)
 
 
-def form(name: str, words: str):
-    return next(kind for kind in forms_of(CATALOGUE[name]) if kind.form == words)
+def form(name: str, words: str) -> type[Effect]:
+    return load_effect(name, words)
 
 
 def measured(core, u, *effects):

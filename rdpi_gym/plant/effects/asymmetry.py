@@ -152,13 +152,6 @@ class Cubic(Effect, of=Asymmetry):
         """One start, at the measured stroke."""
         return (cls.within_bounds(coefficient_2=0.01, coefficient_3=0.0, span_um=scale.stroke_um),)
 
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The fitted square."""
-        if not isinstance(simpler, Asymmetry):
-            return cls.starts(scale)
-        return (cls.within_bounds(coefficient_2=simpler.coefficient, span_um=simpler.span_um),)
-
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """1 / Y (1/µm), then the coefficients of the powers."""
         return [1.0 / self.span_um, self.coefficient_2, self.coefficient_3]
@@ -241,11 +234,6 @@ class ToTheFifthDegree(Effect, of=Asymmetry):
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """One start, at the measured stroke."""
         return (cls.within_bounds(coefficient_2=0.01, coefficient_3=0.0, span_um=scale.stroke_um),)
-
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The fitted cubic."""
-        return (cls(**simpler.values),) if isinstance(simpler, Cubic) else cls.starts(scale)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """1 / Y (1/µm), then the coefficients of the powers."""

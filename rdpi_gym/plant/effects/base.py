@@ -387,10 +387,43 @@ def forms_of(kind: type[Effect]) -> tuple[type[Effect], ...]:
     --------
     >>> from rdpi_gym.plant.effects import CATALOGUE
     >>> [form.form for form in forms_of(CATALOGUE["saturation"])]
-    ['', 'soft unlike rails', 'hard rails']
+    ['', 'hard upper rail', 'hard lower rail', 'hard rails', 'soft unlike rails']
     """
     simplest = kind.simplest or kind
     return (simplest, *simplest.forms)
+
+
+def form_named(kind: type[Effect], form: object, source: str) -> type[Effect]:
+    """Return the form of an effect that has a name.
+
+    Parameters
+    ----------
+    kind
+        Any form of the effect.
+    form
+        The name; empty for the simplest.
+    source
+        Named in errors.
+
+    Raises
+    ------
+    InputError
+        The effect has no form of that name.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> form_named(CATALOGUE["creep"], "spectrum", "creep").__name__
+    'Spectrum'
+    """
+    forms = {each.form: each for each in forms_of(kind)}
+    if not isinstance(form, str) or form not in forms:
+        further = ", ".join(filter(None, forms)) or "none"
+        raise InputError(
+            f"{source}: no form is named {shown(form)}; the simplest has no name, further forms are "
+            f"{further}"
+        )
+    return forms[form]
 
 
 def in_chain_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
@@ -445,15 +478,7 @@ def effect_from_dict(
         raise InputError(
             f"{source}: no effect is named {shown(name)}; known are {', '.join(catalogue)}"
         )
-    forms = {kind.form: kind for kind in forms_of(catalogue[name])}
-    form = body.pop("form", "")
-    if not isinstance(form, str) or form not in forms:
-        further = ", ".join(filter(None, forms)) or "none"
-        raise InputError(
-            f"{source}, {name}: no form is named {shown(form)}; without the key it is the simplest, "
-            f"further forms are {further}"
-        )
-    kind = forms[form]
+    kind = form_named(catalogue[name], body.pop("form", ""), f"{source}, {name}")
     known = [f.name for f in fields(kind)]
     for key, value in body.items():
         if key not in known:

@@ -10,7 +10,7 @@ from functools import cached_property
 from importlib.metadata import entry_points
 
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import SLOTS, Effect
+from rdpi_gym.plant.effects.base import SLOTS, Effect, form_named
 from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.members import Members
@@ -82,36 +82,41 @@ def _place(kind: type[Effect]) -> tuple[int, int, str]:
     return SLOTS.index(kind.slot), kind.order, kind.name
 
 
-def load_effect(name: str) -> type[Effect]:
+def load_effect(name: str, form: str = "") -> type[Effect]:
     """Find an effect by its name, or a user's own by ``module:Class``.
 
     Parameters
     ----------
     name
         For example ``creep``, or ``my_effects:Wobble`` in the current folder or on Python's path.
+    form
+        For example ``two time constants``; the simplest by default.
 
     Raises
     ------
     InputError
-        No effect has that name, the module cannot be imported, or what it holds is no effect.
+        No effect or form has that name, the module cannot be imported, or what it holds is no effect.
 
     Examples
     --------
     >>> load_effect("creep")().values
     {'gain_per_decade': 0.015}
+    >>> load_effect("slew_limit", "unlike up and down")().values
+    {'up_V_s': 10000.0, 'down_V_s': 10000.0}
     >>> load_effect("math:pi")
     Traceback (most recent call last):
     ...
     rdpi_gym.support.errors.InputError: effect 'math:pi' is a float; ...
     """
     if ":" in name:
-        return check_effect(load_attribute(name, "effect"), f"effect {name!r}")
+        own = check_effect(load_attribute(name, "effect"), f"effect {name!r}")
+        return form_named(own, form, f"effect {name!r}") if form else own
     if name not in CATALOGUE:
         raise InputError(
             f"no effect is named {shown(name)}; known are {', '.join(CATALOGUE)}, "
             "and module:Class is one of your own"
         )
-    return CATALOGUE[name]
+    return form_named(CATALOGUE[name], form, f"effect {name}") if form else CATALOGUE[name]
 
 
 def check_effect(kind: object, source: str) -> type[Effect]:

@@ -190,14 +190,6 @@ class OddAndEven(Effect, of=Congruency):
         """One start, at the measured span."""
         return (cls.within_bounds(coefficient_1=0.0, coefficient_2=0.05, span_V=scale.span_V),)
 
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The fitted square."""
-        if not isinstance(simpler, Congruency):
-            return cls.starts(scale)
-        values = {"coefficient_1": 0.0, "coefficient_2": simpler.coefficient}
-        return (cls(**values, span_V=simpler.span_V),)
-
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """a_0 (µm/V), 1 / U (1/V), then the coefficients of the powers."""
         return [hysteresis.a0, 1.0 / self.span_V, self.coefficient_1, self.coefficient_2]
@@ -235,11 +227,6 @@ class ToTheFourthDegree(Effect, of=Congruency):
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """One start, at the measured span."""
         return (cls.within_bounds(coefficient_1=0.0, coefficient_2=0.05, span_V=scale.span_V),)
-
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The fitted odd and even part."""
-        return (cls(**simpler.values),) if isinstance(simpler, OddAndEven) else cls.starts(scale)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """a_0 (µm/V), 1 / U (1/V), then the coefficients of the powers."""

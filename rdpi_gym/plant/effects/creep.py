@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -252,10 +252,10 @@ class OneTimeConstant(_Elements, of=Creep):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """Time constants from a small part of the longest record to half of it."""
+        """Time constants of a small and of a large part of the longest record."""
         return tuple(
             cls.within_bounds(gain=0.01, time_constant_s=share * scale.longest_s)
-            for share in (0.005, 0.05, 0.5)
+            for share in (0.01, 0.2)
         )
 
     def elements(self) -> tuple[Sequence[float], Sequence[float]]:
@@ -298,23 +298,11 @@ class BetweenTwoTimes(_Elements, of=Creep):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """A slope that ends within the longest record, and one that begins within it."""
-        return tuple(
+        """One start: three decades up to the longest record."""
+        return (
             cls.within_bounds(
-                gain_per_decade=0.015,
-                shortest_s=first * scale.longest_s,
-                longest_s=last * scale.longest_s,
-            )
-            for first, last in ((1e-4, 0.1), (0.01, 10.0))
-        )
-
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The fitted slope, ended on either side."""
-        if not isinstance(simpler, Creep):
-            return cls.starts(scale)
-        return tuple(
-            replace(start, gain_per_decade=simpler.gain_per_decade) for start in cls.starts(scale)
+                gain_per_decade=0.015, shortest_s=1e-3 * scale.longest_s, longest_s=scale.longest_s
+            ),
         )
 
     def elements(self) -> tuple[Sequence[float], Sequence[float]]:
@@ -485,15 +473,8 @@ class Spectrum(_Elements, of=Creep):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """All gains alike: a constant slope over log t."""
+        """One start, all gains alike: a constant slope over log t."""
         return (cls(),)
-
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The fitted slope over log t."""
-        if not isinstance(simpler, Creep):
-            return cls.starts(scale)
-        return (cls(*[simpler.gain_per_decade] * len(cls.parameters)),)
 
     def elements(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return the gains and the time constants (s)."""

@@ -137,10 +137,8 @@ class LogarithmicRateLaw(Effect, of=RateLaw):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """Growth that slackens near and far below the fastest rate."""
-        return tuple(
-            cls.within_bounds(bend_rate_V_s=share * scale.fastest_V_s) for share in (0.5, 0.03)
-        )
+        """One start: growth that slackens somewhat below the fastest rate."""
+        return (cls.within_bounds(bend_rate_V_s=0.15 * scale.fastest_V_s),)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """v0 (V/s)."""
@@ -218,33 +216,9 @@ class PiecewiseRateLaw(Effect, of=RateLaw):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """Thresholds that grow slower and faster than the rate."""
-        return tuple(
-            cls.within_bounds(
-                exponent_1=p,
-                exponent_2=p,
-                exponent_3=p,
-                exponent_4=p,
-                fastest_V_s=scale.fastest_V_s,
-            )
-            for p in (0.7, 1.3)
-        )
-
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The fitted power in each part, else the exponents of the fitted logarithm there."""
-        if isinstance(simpler, RateLaw):
-            exponents = [simpler.exponent] * 4
-        elif isinstance(simpler, LogarithmicRateLaw):
-            shares = [
-                scale.fastest_V_s / simpler.bend_rate_V_s * 10.0 ** (-(k + 0.5) / _PER_DECADE)
-                for k in range(4)
-            ]
-            exponents = [share / (1.0 + share) / math.log1p(share) for share in shares]
-        else:
-            return cls.starts(scale)
-        values = {f"exponent_{k}": p for k, p in enumerate(exponents, start=1)}
-        return (cls.within_bounds(**values, fastest_V_s=scale.fastest_V_s),)
+        """One start: thresholds that grow a little slower than the rate."""
+        exponents = {f"exponent_{k}": 0.8 for k in range(1, 5)}
+        return (cls.within_bounds(**exponents, fastest_V_s=scale.fastest_V_s),)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """V (V/s), ln of the width of a part, and the exponents of the factor on v."""

@@ -101,6 +101,128 @@ class Saturation(Effect):
         return 0
 
 
+@njit(cache=True)
+def hard_rails_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: lower and upper rail (V). No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = min(max(x[t, b], p[0, b]), p[1, b])
+
+
+_FLAT = "Flat tops: beyond a command the displacement stays where it is."
+_FAR_V = 1e30
+
+
+@dataclass(frozen=True)
+class HardUpperRail(Effect, of=Saturation):
+    """Amplifier or converter that is linear below high_V and clips there.
+
+    Examples
+    --------
+    >>> HardUpperRail(high_V=19.0).run([-30.0, 5.0, 30.0], 1e-3).tolist()
+    [-30.0, 5.0, 19.0]
+    """
+
+    high_V: float = 100.0
+
+    form = "hard upper rail"
+    parameters = (Parameter("high_V", "V", -1e9, 1e9, (60.0, 120.0), "upper rail, u_h"),)
+    equation = "u' = min(u, u_h)"
+    signature = _FLAT
+    block = staticmethod(hard_rails_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """A rail within the measured range: outside of it nothing would draw it in."""
+        return tuple(
+            cls.within_bounds(high_V=scale.centre_V + share * scale.span_V) for share in (0.6, 0.9)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Lower and upper rail (V)."""
+        return [-_FAR_V, self.high_V]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the curve has no memory."""
+        return 0
+
+
+@dataclass(frozen=True)
+class HardLowerRail(Effect, of=Saturation):
+    """Amplifier or converter that is linear above low_V and clips there.
+
+    Examples
+    --------
+    >>> HardLowerRail(low_V=-22.0).run([-30.0, 5.0, 30.0], 1e-3).tolist()
+    [-22.0, 5.0, 30.0]
+    """
+
+    low_V: float = -30.0
+
+    form = "hard lower rail"
+    parameters = (Parameter("low_V", "V", -1e9, 1e9, (-60.0, -20.0), "lower rail, u_l"),)
+    equation = "u' = max(u, u_l)"
+    signature = _FLAT
+    block = staticmethod(hard_rails_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """A rail within the measured range: outside of it nothing would draw it in."""
+        return tuple(
+            cls.within_bounds(low_V=scale.centre_V - share * scale.span_V) for share in (0.6, 0.9)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Lower and upper rail (V)."""
+        return [self.low_V, _FAR_V]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the curve has no memory."""
+        return 0
+
+
+@dataclass(frozen=True)
+class HardRails(Effect, of=Saturation):
+    """Amplifier or converter that is linear between low_V and high_V and clips there.
+
+    Examples
+    --------
+    >>> HardRails(low_V=-22.0, high_V=19.0).run([-30.0, 5.0, 30.0], 1e-3).tolist()
+    [-22.0, 5.0, 19.0]
+    """
+
+    low_V: float = -30.0
+    high_V: float = 100.0
+
+    form = "hard rails"
+    parameters = (
+        Parameter("low_V", "V", -1e9, 1e9, (-60.0, -20.0), "lower rail, u_l"),
+        Parameter("high_V", "V", -1e9, 1e9, (60.0, 120.0), "upper rail, u_h"),
+    )
+    equation = "u' = min(max(u, u_l), u_h)"
+    signature = _FLAT
+    block = staticmethod(hard_rails_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Rails within the measured range: outside of it nothing would draw them in."""
+        return tuple(
+            cls.within_bounds(
+                low_V=scale.centre_V - share * scale.span_V,
+                high_V=scale.centre_V + share * scale.span_V,
+            )
+            for share in (0.6, 0.85)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Lower and upper rail (V)."""
+        return [self.low_V, self.high_V]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the curve has no memory."""
+        return 0
+
+
 @dataclass(frozen=True)
 class SoftUnlikeRails(Effect, of=Saturation):
     """Amplifier that softens towards rails whose middle is not that of the command.
@@ -137,71 +259,9 @@ class SoftUnlikeRails(Effect, of=Saturation):
             for side in (-0.3, 0.3)
         )
 
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The fitted rails moved to either side."""
-        if not isinstance(simpler, Saturation):
-            return cls.starts(scale)
-        return tuple(
-            cls.within_bounds(
-                limit_V=simpler.limit_V, centre_V=simpler.centre_V + side * scale.span_V
-            )
-            for side in (-0.1, 0.1)
-        )
-
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Limit and centre (V)."""
         return [self.limit_V, self.centre_V]
-
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0
-
-
-@njit(cache=True)
-def hard_rails_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: lower and upper rail (V). No state."""
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            y[t, b] = min(max(x[t, b], p[0, b]), p[1, b])
-
-
-@dataclass(frozen=True)
-class HardRails(Effect, of=Saturation):
-    """Amplifier or converter that is linear between low_V and high_V and clips there.
-
-    Examples
-    --------
-    >>> HardRails(low_V=-22.0, high_V=19.0).run([-30.0, 5.0, 30.0], 1e-3).tolist()
-    [-22.0, 5.0, 19.0]
-    """
-
-    low_V: float = -30.0
-    high_V: float = 100.0
-
-    form = "hard rails"
-    parameters = (
-        Parameter("low_V", "V", -1e9, 1e9, (-60.0, -20.0), "lower rail, u_l"),
-        Parameter("high_V", "V", -1e9, 1e9, (60.0, 120.0), "upper rail, u_h"),
-    )
-    equation = "u' = min(max(u, u_l), u_h)"
-    signature = "Flat tops: beyond a command the displacement stays where it is."
-    block = staticmethod(hard_rails_block)
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """Rails within the measured range: outside of it nothing would draw them in."""
-        return tuple(
-            cls.within_bounds(
-                low_V=scale.centre_V - share * scale.span_V,
-                high_V=scale.centre_V + share * scale.span_V,
-            )
-            for share in (0.6, 0.85, 0.95)
-        )
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Lower and upper rail (V)."""
-        return [self.low_V, self.high_V]
 
     def state_rows(self, ts_s: float) -> int:
         """None: the curve has no memory."""

@@ -159,7 +159,7 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
         fastest = scale.fastest_V_s
         return tuple(
             cls.within_bounds(up_V_s=up * fastest, down_V_s=down * fastest)
-            for limit in (0.85, 0.6, 0.35, 0.15)
+            for limit in (0.6, 0.25)
             for up, down in ((limit, limit), (limit, 1.0), (1.0, limit))
         )
 

@@ -162,6 +162,15 @@ def test_an_unknown_effect_is_refused_in_one_line(name, words):
     assert "\n" not in str(refusal.value)
 
 
+def test_a_form_is_found_by_its_name_and_an_unknown_one_refused(own_file):
+    assert load_effect("creep", "two time constants").form == "two time constants"
+    assert load_effect("creep", "") is CATALOGUE["creep"]
+    with pytest.raises(InputError, match=r"^effect creep: no form is named 'x'; .* one time const"):
+        load_effect("creep", "x")
+    with pytest.raises(InputError, match=r"no form is named 'x'; .* further forms are none"):
+        load_effect(own_file(), "x")
+
+
 def test_an_installed_effect_is_found_by_its_entry_point(own_file, monkeypatch):
     target = own_file()
     load_effect(target)  # puts the folder on the path, as an installed package is

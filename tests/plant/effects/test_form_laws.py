@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lsim
 
 from rdpi_gym.plant import P10
-from rdpi_gym.plant.effects import CATALOGUE, Effect, forms_of
+from rdpi_gym.plant.effects import CATALOGUE, Effect, forms_of, load_effect
 from rdpi_gym.plant.effects.creep import TIME_CONSTANTS_S
 
 TS = 1e-3
@@ -13,7 +13,7 @@ FORMS = [kind for simplest in CATALOGUE.values() for kind in forms_of(simplest)[
 
 
 def form(name: str, words: str = "") -> type[Effect]:
-    return next(kind for kind in forms_of(CATALOGUE[name]) if kind.form == words)
+    return load_effect(name, words)
 
 
 def full_name(kind: type[Effect]) -> str:
@@ -47,6 +47,8 @@ NESTED = [
         form("creep", "spectrum")(0.0, 0.01, 0.0, 0.02, 0.0, 0.0),
         form("creep", "two time constants")(0.01, 0.1, 0.02, 10.0),
     ),
+    (form("saturation", "hard rails")(-1e9, 9.0), form("saturation", "hard upper rail")(9.0)),
+    (form("saturation", "hard rails")(-9.0, 1e9), form("saturation", "hard lower rail")(-9.0)),
     (form("saturation", "soft unlike rails")(60.0, 3.0), form("saturation")(60.0, 3.0)),
     (form("asymmetry", "cubic")(0.1, 0.0, 30.0), form("asymmetry")(0.1, 30.0)),
     (
