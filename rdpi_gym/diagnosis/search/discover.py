@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -109,8 +109,8 @@ def discover(
         if laboratory.at_floor(state):
             break
         ranked = laboratory.ranked(state)
-        rounds.append(ranked)
         chosen = laboratory.choose(state, ranked)
+        rounds.append(_chosen_first(chosen, ranked))
         if not chosen:
             break
         have = {effect.name for effect in state.effects}
@@ -150,6 +150,12 @@ def discover(
         notes=(*simpler, *notes),
     )
     return conclude(laboratory, search)
+
+
+def _chosen_first(chosen: Sequence[Ranked], ranked: Sequence[Ranked]) -> list[Ranked]:
+    """Return a ranking with what was chosen on top: held-out error alone does not choose."""
+    names = [r.candidate.effect for r in chosen]
+    return sorted(ranked, key=lambda r: r.candidate.effect not in names)
 
 
 def _moved_on(added: list[Candidate], before: State, after: State) -> list[Candidate]:
