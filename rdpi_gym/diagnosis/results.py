@@ -9,6 +9,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
+from rdpi_gym.diagnosis.hygiene.finding import Finding
 from rdpi_gym.diagnosis.words import headline, sized
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import PlantModel
@@ -242,6 +243,10 @@ class SearchResult:
         needed.
     indistinguishable
         Classes of effects, not in the model, that these records cannot tell apart.
+    findings
+        What was wrong with the records and was left out or mended.
+    limits
+        What these records cannot tell in principle: a sentence each.
     checks
         Tests without a model and of the data: a sentence each.
     views
@@ -274,6 +279,8 @@ class SearchResult:
     remainder: str
     next_experiment: str | None
     indistinguishable: tuple[tuple[str, ...], ...]
+    findings: tuple[Finding, ...]
+    limits: tuple[str, ...]
     checks: tuple[str, ...]
     views: tuple[View, ...]
     seconds: float
@@ -330,6 +337,8 @@ class SearchResult:
             "remainder": self.remainder,
             "next_experiment": self.next_experiment,
             "indistinguishable": [list(group) for group in self.indistinguishable],
+            "findings": [finding.to_dict() for finding in self.findings],
+            "limits": list(self.limits),
             "checks": list(self.checks),
             "seconds": self.seconds,
         }
@@ -428,6 +437,8 @@ class SearchResult:
             remainder=fields.text("remainder"),
             next_experiment=fields.optional_text("next_experiment"),
             indistinguishable=fields.groups("classes" if one else "indistinguishable"),
+            findings=tuple(map(Finding.from_fields, fields.objects("findings"))),
+            limits=fields.texts("limits"),
             checks=fields.texts("checks"),
             views=(),
             seconds=fields.number("seconds"),

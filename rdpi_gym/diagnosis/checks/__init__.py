@@ -24,10 +24,13 @@ from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.diagnosis.features.periods import steady_periods
 from rdpi_gym.diagnosis.features.rests import find_rests
 from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.measurement.record import BoolArray
 
 __all__ = ["Check", "Zone", "run_checks"]
 
 _FEWEST = 16
+# Samples in a row that are left out and do not break a stretch: outliers, which are bridged.
+_HOLE = 4
 
 
 def run_checks(dataset: Dataset) -> tuple[Check, ...]:
@@ -85,10 +88,11 @@ def run_checks(dataset: Dataset) -> tuple[Check, ...]:
 
 
 def _counted(record: Record) -> Record | None:
-    """Longest stretch of a record that counts."""
-    if record.error_mask.all():
+    """Longest stretch of a record that counts, single outliers in it and all."""
+    mask = _closed(record.error_mask)
+    if mask.all():
         return record if record.t_s.size >= _FEWEST else None
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], record.error_mask, [False]])))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
     starts, ends = edges[::2], edges[1::2]
     if not starts.size:
         return None
@@ -101,3 +105,13 @@ def _counted(record: Record) -> Record | None:
         record,
         **{key: values[part] for key in columns if (values := getattr(record, key)) is not None},
     )
+
+
+def _closed(mask: BoolArray) -> BoolArray:
+    """Return a mask of samples that count without its short holes."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], mask, [True]]).astype(np.int8)))
+    whole = mask.copy()
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        if end - start <= _HOLE and start > 0 and end < mask.size:
+            whole[start:end] = True
+    return whole

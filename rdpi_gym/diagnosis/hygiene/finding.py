@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.words import digits
 
 BoolArray = NDArray[np.bool_]
@@ -50,6 +51,17 @@ class Finding:
             "sentence": self.sentence,
             "next_step": self.next_step,
         }
+
+    @classmethod
+    def from_fields(cls, fields: Fields) -> Finding:
+        """Build from the object of the files."""
+        return cls(
+            fields.text("kind"),
+            fields.text("record"),
+            int(fields.number("samples")),
+            fields.text("sentence"),
+            fields.text("next_step"),
+        )
 
 
 def counted(samples: int, record: Record) -> str:

@@ -118,6 +118,8 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         remainder=_remainder(laboratory, end, judgement),
         next_experiment=_next_experiment(laboratory, end, search.last, judgement, groups),
         indistinguishable=groups,
+        findings=tuple(laboratory.findings),
+        limits=laboratory.limits,
         checks=tuple(check.sentence for check in laboratory.checks),
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
         seconds=time.perf_counter() - search.began,

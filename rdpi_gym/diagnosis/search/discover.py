@@ -123,6 +123,10 @@ def discover(
         else:  # a better form belongs to the step that is last
             added = _moved_on(added, before, state)
         added += [replace(r.candidate, errors=state.outcome.errors) for r in new]
+        spared = laboratory.past_openings(state)
+        if spared is not state:
+            added = _moved_on(added, state, spared)
+            base, state = laboratory.again(base), spared
     state, removed = laboratory.eliminate(state, [c.effect for c in added])
     state, simpler = laboratory.simplify(state)
     state, notes = laboratory.on_law(state, given)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.features.noise import noise_floor
+from rdpi_gym.diagnosis.hygiene import inspect, limits
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import (
     Outcome,
@@ -29,6 +30,7 @@ from rdpi_gym.diagnosis.search.forms import (
 )
 from rdpi_gym.diagnosis.search.law import to_threshold_law
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor, numerical_floor
+from rdpi_gym.diagnosis.search.openings import misleading, unknown_past, without_openings
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
@@ -119,6 +121,11 @@ class Laboratory:
             dataset = turned(dataset)
             train, validation = tuple(dataset.train), tuple(dataset.validation)
         self.orientation: tuple[str, ...] = (TURNED,) if reversed_sign else ()
+        inspected = inspect(dataset)
+        dataset, self._openings = inspected.dataset, inspected.openings
+        train, validation = tuple(dataset.train), tuple(dataset.validation)
+        self.findings = inspected.findings
+        self.limits = limits(dataset)
         self.dataset = dataset
         self.catalogue = catalogue
         self.setting = Setting(train, validation, data_scale((*train, *validation)))
@@ -140,11 +147,31 @@ class Laboratory:
         self._progress("base model", 0, 1)
         state = State(refit(self.setting, comb(self.setting.train), present, None))
         self._update_noise(state)
+        state = self.past_openings(state)
         if self._rates_alike:
             bare = typical_effects(self.catalogue, self.setting.scale)
             found = separability(self.setting.train, state.hysteresis, (), bare)
             self._like_rate = found.alike(RATE, _LIKE_RATE)
         self._progress("base model", 1, 1)
+        return state
+
+    def past_openings(self, state: State) -> State:
+        """Leave out the beginnings of records whose unknown history misleads the model.
+
+        Returns the model itself where there are none, else refitted.
+        """
+        bad = misleading(self.setting, state.outcome, self._openings, self.noise_um)
+        if not bad:
+            return state
+        self.setting = without_openings(self.setting, bad)
+        kept = tuple(f for f in self.findings if f.kind != "in motion" or f.record not in bad)
+        self.findings = (*kept, unknown_past(bad))
+        return self.again(state)
+
+    def again(self, state: State) -> State:
+        """Return a model refitted to the samples that count now."""
+        state = State(refit(self.setting, state.hysteresis, state.effects, None))
+        self._update_noise(state)
         return state
 
     def ranked(self, state: State) -> list[Ranked]:

@@ -101,6 +101,13 @@ class Delay(Effect):
     )
     block = staticmethod(delay_block)
 
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """A small delay, and some samples of the fastest record: δ2 takes up what is less."""
+        small = cls.parameters[0].typical[0]
+        sizes = dict.fromkeys((small, scale.shortest_s, 4.0 * scale.shortest_s))
+        return tuple(cls.within_bounds(delay_s=size) for size in sizes)
+
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Whole samples and the rest."""
         whole, part = divmod(self.delay_s / ts_s, 1.0)
