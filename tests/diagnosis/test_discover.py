@@ -99,7 +99,8 @@ def test_a_force_that_nobody_recorded_is_not_renamed():
     found = discover(laboratory_data([], disturbance_um=0.2), catalogue=FEW)
     assert found.verdict == "unexplained"
     assert found.unexplained_rmse_um > 2 * NOISE_UM
-    assert "does not follow from the command" in found.remainder
+    assert "These records cannot tell" in found.remainder
+    assert "predicts 0 % of it" in found.remainder
 
 
 def test_the_sign_of_y_and_the_order_of_records_do_not_matter(lagging):

@@ -10,6 +10,7 @@ import numpy as np
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
 from rdpi_gym.diagnosis.checks.rest_fit import zero_um
 from rdpi_gym.diagnosis.features.periods import Periods
+from rdpi_gym.diagnosis.features.recurrence import same_command, wiped_from
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import digits, pm
@@ -18,7 +19,6 @@ GAIN_PERCENT = 0.1
 """Change of the gain (%)."""
 OFFSET_PERCENT = 0.05
 """Shift of the displacement (% of its peak to peak)."""
-_ALIKE = 5e-3  # of the swing (rms): two commands are the same
 _BLOCKS = 40
 _FEWEST_PERIODS = 6
 _AGAIN = "Repeat the first record at the end of the experiment."
@@ -48,33 +48,6 @@ class Repeat:
     gain: tuple[float, float]
     offset_um: tuple[float, float]
     span_um: float
-
-
-def same_command(records: Sequence[Record]) -> list[tuple[Record, Record]]:
-    """Find records with the same command: the first of each kind with each later one.
-
-    Parameters
-    ----------
-    records
-        Records of one experiment, in any order.
-    """
-    kinds: list[Record] = []
-    pairs = []
-    for record in sorted(records, key=lambda r: float(r.t_s[0])):
-        like = next((other for other in kinds if _same(other, record)), None)
-        if like is None:
-            kinds.append(record)
-        else:
-            pairs.append((like, record))
-    return pairs
-
-
-def _same(a: Record, b: Record) -> bool:
-    size = min(a.u_V.size, b.u_V.size)
-    if abs(a.ts_s - b.ts_s) > 1e-3 * a.ts_s or size < 0.98 * max(a.u_V.size, b.u_V.size):
-        return False
-    span = float(np.ptp(a.u_V))
-    return bool(np.sqrt(np.mean((a.u_V[:size] - b.u_V[:size]) ** 2)) <= _ALIKE * span)
 
 
 def repeats(records: Sequence[Record], stretches: Sequence[Periods]) -> tuple[Check, Check]:
@@ -181,19 +154,3 @@ def _compare(
         first, second, apart_s, (float(solution[1]), float(error[1])),
         (float(solution[0]), float(error[0])), float(np.ptp(a)),
     )  # fmt: skip
-
-
-def wiped_from(u_V: Array) -> int:
-    """First sample at which the largest excursion to either side has been passed.
-
-    What the plays remembered from before is wiped out there, as far as the record ever will.
-
-    Examples
-    --------
-    >>> wiped_from(np.array([0.0, 1.0, 3.0, 1.0, -3.0, 0.0, 2.0, 0.0]))
-    4
-    """
-    margin = 0.01 * float(np.ptp(u_V))
-    high = int(np.argmax(u_V >= u_V.max() - margin))
-    low = int(np.argmax(u_V <= u_V.min() + margin))
-    return max(high, low)

@@ -18,22 +18,31 @@ _PLAYS = 12
 _SPREAD = 1.5  # finer at small thresholds, as the comb of the diagnosis
 # Widths of the memory that fades along the path, as shares of the span.
 _WIDTHS = np.geomspace(0.02, 0.8, 6)
-# Time constants from two of the shortest samples to half of the longest record.
-_TIME_CONSTANTS = 13
-# Oscillators over two decades below half of the highest Nyquist frequency, lightly damped.
-_OSCILLATORS, _DAMPING = 24, 0.05
+# Relays with ramps: functions of some plays that switch about these commands, in shares of the span.
+_SWITCHED, _MIDDLES, _RAMP = slice(0, _PLAYS, 3), np.linspace(-0.75, 0.75, 7), 0.15
+# Time constants from two of the shortest samples to half of the longest record, six decades at most.
+_TIME_CONSTANTS, _FEW_CONSTANTS, _DECADES = 13, 7, 6
+# Oscillators over two decades below half of the highest Nyquist frequency, and their dampings.
+_OSCILLATORS, _DAMPINGS = 24, (0.02, 0.1)
+_SPRUNG, _SPRUNG_DAMPING = 12, 0.1  # of those that a power of the displacement drives
 _FASTEST_RATE = 2.0
+# A layer of random units, always the same, that stands for what no other group multiplies.
+_UNITS, _SEED = 300, 20
 
 FAMILIES: tuple[tuple[str, ...], ...] = (
     ("path", "powers"),
-    ("path", "output"),
-    ("path", "powers", "products", "output"),
     ("output", "time"),
+    ("path", "powers", "products", "output"),
     ("path", "powers", "output", "time"),
-    ("output", "time", "heat"),
-    ("path", "powers", "output", "time", "rate"),
-    ("path", "powers", "products", "mixed", "output", "time", "rate", "heat"),
-)
+    ("output", "time", "heat", "slow"),
+    ("output", "time", "sprung"),
+    ("path", "powers", "relays", "output", "time", "rate"),
+    ("path", "output", "time", "units"),
+    (
+        "path", "powers", "relays", "products", "mixed", "output", "time", "rate", "heat",
+        "slow", "sprung",
+    ),
+)  # fmt: skip
 """Sets of features that a learner may have, from few to all."""
 
 
@@ -59,10 +68,13 @@ def memory_features(
     -------
     dict of float64[N, K]
         ``path`` (rate-independent memory: command, play operators, memory that fades along the
-        path), ``powers`` of these, ``products`` of the fading ones, ``mixed`` with the command,
-        ``output`` (the model's displacement with the command), ``time`` (low-passes and
-        oscillators), ``heat`` (low-passes of the squared rate, as losses warm the stack),
-        ``rate`` (rates times play operators).
+        path), ``powers`` of command, plays and stops, ``relays`` with ramps, ``products`` of the
+        fading ones, ``mixed`` with the command, ``output`` (the model's displacement with the
+        command), ``time`` (low-passes and oscillators), ``heat`` (low-passes of the squared rate,
+        as losses warm the stack), ``slow`` (low-passes of the squared command and of plays),
+        ``sprung`` (oscillators and low-passes that powers of the displacement drive, as a spring
+        does that is not linear), ``rate`` (rates times play operators), ``units`` (a layer of
+        random units over path, rate and low-passes).
 
     Notes
     -----
@@ -83,27 +95,61 @@ def memory_features(
     """
     u = (record.u_V - scale.centre_V) / scale.span_V
     y = output_um / max(scale.stroke_um, 1e-9) - scale.centre_V / scale.span_V
-    plays = _plays(u)[rows]
+    ts = record.ts_s
+    all_plays = _plays(u)
+    plays = all_plays[rows]
     fading = _fading(u)[rows]
-    rate = _rate(u, record.ts_s, scale)[rows]
-    time = [*_low_passes(u, record.ts_s, scale, rows), *_low_passes(y, record.ts_s, scale, rows)]
-    time += _oscillations(y, record.ts_s, scale, rows)
-    heat = _low_passes(_rate(u, record.ts_s, scale) ** 2, record.ts_s, scale, rows)
+    all_rates = _rate(u, ts, scale)
+    rate = all_rates[rows]
+    lags = _low_passes(u, ts, scale, rows, _TIME_CONSTANTS)
+    lags_of_y = _low_passes(y, ts, scale, rows, _TIME_CONSTANTS)
+    ringing = [c for d in _DAMPINGS for c in _oscillations(y, ts, scale, rows, _OSCILLATORS, d)]
+    slow, sprung = [], []
+    for x in (u**2, *all_plays.T[_SWITCHED], *np.abs(all_plays.T[_SWITCHED])):
+        slow += _low_passes(x, ts, scale, rows, _FEW_CONSTANTS)
+    for x in (y**2, y**3):
+        sprung += _oscillations(x, ts, scale, rows, _SPRUNG, _SPRUNG_DAMPING)
+        sprung += _low_passes(x, ts, scale, rows, _FEW_CONSTANTS)
     x, z = u[rows, None], y[rows, None]
     path = np.column_stack([x, plays, fading])
+    stops = x - plays
     sizes = np.column_stack([np.abs(rate), np.sqrt(np.abs(rate))])
     moved = np.column_stack([x, plays])
     remembered = np.column_stack([plays, fading])
+    switched = np.tanh((plays[:, _SWITCHED, None] - _MIDDLES) / _RAMP)
     return {
         "path": path,
-        "powers": np.column_stack([x**2, x**3, x**4, x**5, plays**2, plays**3]),
+        "powers": np.column_stack(
+            [x**2, x**3, x**4, x**5, plays**2, plays**3, stops**2, stops**3, np.abs(stops)]
+        ),
+        "relays": switched.reshape(len(rows), -1),
         "products": np.column_stack([_products(fading, 2), _products(fading, 3)]),
         "mixed": np.column_stack([x * remembered, x**2 * remembered]),
         "output": np.column_stack([z, z**2, z**3, z * x, z**2 * x, z * x**2]),
-        "time": np.column_stack([*time, rate]),
-        "heat": np.column_stack(heat),
-        "rate": np.column_stack([sizes, sizes[:, :1] * moved, sizes[:, 1:] * moved]),
+        "time": np.column_stack([*lags, *lags_of_y, *ringing, rate]),
+        "heat": np.column_stack(_low_passes(all_rates**2, ts, scale, rows, _TIME_CONSTANTS)),
+        "slow": np.column_stack(slow),
+        "sprung": np.column_stack(sprung),
+        "rate": np.column_stack(
+            [
+                rate * np.abs(rate),
+                sizes,
+                sizes[:, :1] * moved,
+                sizes[:, 1:] * moved,
+                rate[:, None] * moved,
+            ]
+        ),
+        "units": _units(np.column_stack([path, rate, *lags[::2]])),
     }
+
+
+def _units(columns: Array) -> Array:
+    """A layer of random sigmoid units: a small neural network of which only the last layer learns."""
+    rng = np.random.default_rng(_SEED)
+    size = columns.shape[1]
+    # few inputs to each, so that some look at little else than two of them
+    weights = rng.standard_normal((size, _UNITS)) * (rng.random((size, _UNITS)) < 4.0 / size)
+    return np.asarray(np.tanh(2.0 * columns @ weights + rng.uniform(-1.0, 1.0, _UNITS)))
 
 
 def _plays(u: Array) -> Array:
@@ -137,17 +183,23 @@ def _rate(u: Array, ts_s: float, scale: DataScale) -> Array:
     return np.clip(steps / fastest, -_FASTEST_RATE, _FASTEST_RATE)
 
 
-def _low_passes(x: Array, ts_s: float, scale: DataScale, rows: NDArray[np.intp]) -> list[Array]:
+def _low_passes(
+    x: Array, ts_s: float, scale: DataScale, rows: NDArray[np.intp], count: int
+) -> list[Array]:
     """What low-passes take away: it is of the size of a lag, not of the stroke."""
-    constants = np.geomspace(2.0 * scale.shortest_s, 0.5 * scale.longest_s, _TIME_CONSTANTS)
+    longest_s = 0.5 * scale.longest_s
+    shortest_s = max(2.0 * scale.shortest_s, longest_s * 10.0**-_DECADES)
+    constants = np.geomspace(shortest_s, longest_s, count)
     return [(x - _filtered(x, -ts_s / constant).real)[rows] for constant in constants]
 
 
-def _oscillations(x: Array, ts_s: float, scale: DataScale, rows: NDArray[np.intp]) -> list[Array]:
+def _oscillations(
+    x: Array, ts_s: float, scale: DataScale, rows: NDArray[np.intp], count: int, damping: float
+) -> list[Array]:
     highest_hz = 0.25 / scale.shortest_s
     columns = []
-    for frequency_hz in np.geomspace(0.01 * highest_hz, highest_hz, _OSCILLATORS):
-        root = 2.0 * np.pi * frequency_hz * complex(-_DAMPING, math.sqrt(1.0 - _DAMPING**2))
+    for frequency_hz in np.geomspace(0.01 * highest_hz, highest_hz, count):
+        root = 2.0 * np.pi * frequency_hz * complex(-damping, math.sqrt(1.0 - damping**2))
         ringing = _filtered(x, root * ts_s)[rows]
         columns += [ringing.real, ringing.imag]
     return columns

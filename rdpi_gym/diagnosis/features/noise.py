@@ -117,10 +117,10 @@ def quiet_noise(record: Record) -> float:
     >>> round(quiet_noise(Record("rest", t, np.zeros(t.size), y + hum, ts_s=5e-4)), 3)
     0.02
     """
-    return float(np.std(_flattened(record), ddof=4))
+    return float(np.std(flattened(record), ddof=4))
 
 
-def _flattened(record: Record) -> Array:
+def flattened(record: Record) -> Array:
     """A quiet record without what drift, creep and the mains leave in it."""
     t = record.t_s[:_MOST] - record.t_s[:_MOST].mean()
     x = t / max(float(np.max(np.abs(t))), 1e-300)
@@ -177,7 +177,7 @@ def noise_floor(
     str
         A sentence.
     """
-    still = [(_flattened(r), r.name) for r in quiet if len(r.y_um) >= _FEWEST]
+    still = [(flattened(r), r.name) for r in quiet if len(r.y_um) >= _FEWEST]
     spreads = [(spread, r.name) for r in records if (spread := _spread(r)) is not None]
     found = [
         _Level(float(np.std(noise, ddof=4)), noise.size, f"the quiet record {name}")

@@ -115,7 +115,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         sampling=judgement.sampling,
         undecided=laboratory.undecided,
         unexplained_rmse_um=math.sqrt(max(end.outcome.mean_square - laboratory.noise_um**2, 0.0)),
-        remainder=_remainder(laboratory, end, judgement),
+        remainder=_remainder(laboratory, end, judgement, numerical.total_um),
         next_experiment=_next_experiment(laboratory, end, search.last, judgement, groups),
         indistinguishable=groups,
         findings=tuple(laboratory.findings),
@@ -133,15 +133,25 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     return told(found, dataset.quantities, (dataset.title, *(r.name for r in dataset.records)))
 
 
-def _remainder(laboratory: Laboratory, state: State, judgement: Judgement) -> str:
-    """Say whether what is left follows from the command."""
+def _remainder(
+    laboratory: Laboratory, state: State, judgement: Judgement, numerical_um: float
+) -> str:
+    """Say whether what is left follows from the input."""
     if judgement.verdict != "unexplained":
         rest = "the noise" if judgement.sampling is None else "motion between the samples"
         return f"What is left is {rest}."
     setting = laboratory.setting
     variant, noise_um = state.fit.variant, laboratory.noise_um
     others = other_inputs(variant, setting.train, setting.validation, noise_um)
-    left = remainder(variant, setting.train, setting.validation, setting.scale, noise_um)
+    left = remainder(
+        variant,
+        setting.train,
+        setting.validation,
+        setting.scale,
+        noise_um,
+        numerical_um,
+        laboratory.dataset.quiet,
+    )
     return f"{said_of(others)} {left.sentence}".strip()
 
 
