@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -94,8 +95,21 @@ def _wanted(path: Path, columns: Mapping[str, str | int]) -> list[str]:
 
 
 def _read(path: Path, read: Read, wanted: Sequence[str], kind: str) -> Variables:
-    try:
+    with reading(path, kind):
         return read(wanted)
+
+
+@contextmanager
+def reading(path: Path, kind: str) -> Iterator[None]:
+    """Turn whatever a library raises on a damaged file into one line.
+
+    Raises
+    ------
+    InputError
+        Naming the file.
+    """
+    try:
+        yield
     except InputError:
         raise
     except Exception as error:  # the libraries raise many kinds on a truncated or foreign file

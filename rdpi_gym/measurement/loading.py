@@ -15,6 +15,7 @@ from rdpi_gym.measurement.options import OTHER, UNITS, DataOptions
 from rdpi_gym.measurement.quantities import Quantities, quantities_of
 from rdpi_gym.measurement.record import Dataset, Record, Role
 from rdpi_gym.measurement.settings import SETTINGS_FILE, RecordSettings, Settings, read_settings
+from rdpi_gym.measurement.stacked import read_stacked, stacked_tags
 from rdpi_gym.measurement.table import Table
 from rdpi_gym.measurement.text import read_text
 from rdpi_gym.measurement.units import plain_unit
@@ -124,7 +125,7 @@ class _Part:
         return [self._record(table, options, quantities) for table in self.tables]
 
     def _record(self, table: Table, options: DataOptions, quantities: Quantities) -> Record:
-        name = table.source.stem
+        name = table.name or table.source.stem
         own = self.settings.records.get(name, RecordSettings())
         said = self.settings.skip_s if own.skip_s is None else own.skip_s
         record = make_record(
@@ -136,6 +137,15 @@ class _Part:
             note=own.note,
             quantities=quantities,
         )
+        if table.settles and record.period is not None:
+            record = replace(
+                record,
+                error_mask=record.error_mask & (record.period > 0),
+                remarks=(
+                    *record.remarks,
+                    "left out of the error, still simulated: the first period",
+                ),
+            )
         return mask_out(record, own.mask_s, f"{self.toml}, [records.{name}] mask_s")
 
     def _remarks(self, table: Table, options: DataOptions) -> list[str]:
@@ -174,7 +184,7 @@ def _part(path: Path | str, options: DataOptions, remarks: list[str]) -> _Part:
         if files != siblings:
             remarks.append(f"{toml} holds for this file too")
     with MatlabReader() as matlab:
-        tables = [_read(file, settings, options, matlab) for file in files]
+        tables = [t for file in files for t in _read(file, settings, options, matlab)]
     return _Part(tables, settings, settings.title or printable(source.resolve().name), toml)
 
 
@@ -212,13 +222,17 @@ def _data_files(folder: Path, remarks: list[str]) -> list[Path]:
     return list(files.values())
 
 
-def _read(file: Path, settings: Settings, options: DataOptions, matlab: MatlabReader) -> Table:
+def _read(
+    file: Path, settings: Settings, options: DataOptions, matlab: MatlabReader
+) -> list[Table]:
     columns = _columns(settings, options)
     time_needed = options.sampling_time_s is None or "t" in columns
     ending = _reader_ending(file)
     if ending == ".mat":
-        return read_matlab(file, columns, time_needed=time_needed, reader=matlab)
-    return _READERS[ending](file, columns, time_needed=time_needed)
+        return [read_matlab(file, columns, time_needed=time_needed, reader=matlab)]
+    if ending == ".npz" and (tags := stacked_tags(file)):
+        return read_stacked(file, tags, columns)
+    return [_READERS[ending](file, columns, time_needed=time_needed)]
 
 
 def _columns(settings: Settings, options: DataOptions) -> dict[str, str | int]:

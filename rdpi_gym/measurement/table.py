@@ -45,6 +45,10 @@ class Table:
         What a reader noticed, one sentence each.
     names, units
         What the header calls a column beside its unit, and that unit, where it carries one.
+    name
+        Of the record, where it is not that of the file.
+    settles
+        Whether the first of its periods is there for a model to settle in.
     """
 
     source: Path
@@ -54,6 +58,8 @@ class Table:
     remarks: tuple[str, ...] = ()
     names: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    name: str = ""
+    settles: bool = False
 
     @property
     def rows(self) -> int:

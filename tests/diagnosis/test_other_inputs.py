@@ -9,8 +9,9 @@ import pytest
 from scipy.signal import lfilter
 
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
+from rdpi_gym.identification import fit
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.measurement import Record
+from rdpi_gym.measurement import DATA_HINT, DataOptions, Record, load, measured_data
 from rdpi_gym.plant import P5, Plant
 
 TS_S, NOISE_UM = 1e-3, 0.01
@@ -78,3 +79,19 @@ def test_records_without_another_channel_have_none_to_test():
     still = Record("still", t, np.sin(t), np.sin(t), ts_s=TS_S, others={"u2": np.ones(500)})
     assert other_inputs(MODEL, [still], [still], 0.0) == ()
     assert said_of(()) == ""
+
+
+def test_on_the_mirror_the_other_inputs_explain_what_is_left():
+    folder = measured_data("fsm")
+    if folder is None:
+        pytest.skip(DATA_HINT)
+    data = load(folder / "fsm_float32.npz", DataOptions(sampling_time_s=1 / 6400, units={"y": "m"}))
+    records = [r for r in data.records if "300mV" in r.name and r.name[-1] in "12"]
+    data = replace(data, records=tuple(records))
+    model = Variant(fit(data, 2).plant.hysteresis, ())
+    both, *alone = other_inputs(model, data.train, data.validation, 2e-3)
+    assert set(both.names) == {"u2", "u3"}
+    assert both.low > 0.6
+    assert all(each.explains for each in alone)
+    assert both.after_um < 0.65 * both.before_um
+    assert said_of([both, *alone]).startswith("The inputs u2 and u3 together explain ")

@@ -69,6 +69,7 @@ def made_discovery():
             "removed": (),
             "noise_floor_um": FLOOR_UM,
             "noise_origin": "noise floor 0.02 µm rms, from a quiet record",
+            "numerical_floor_um": 0.0,
             "base": made_errors(0.8),
             "final": made_errors(0.021),
             "given": made_errors(0.9),
