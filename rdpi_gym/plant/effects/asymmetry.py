@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
@@ -205,6 +206,79 @@ class OfTheCommand(Effect, of=Asymmetry):
     def state_rows(self, ts_s: float) -> int:
         """None: the curve has no memory."""
         return 0
+
+
+@njit(cache=True)
+def unlike_branches_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: c / Y, d / Y (1/µm), r (V). Rows of the state: last command, stop (V)."""
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b], state[1, b] = u[0, b], 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            reach = p[2, b]
+            stop = state[1, b] + u[t, b] - state[0, b]
+            stop = min(max(stop, -reach), reach)
+            state[0, b], state[1, b] = u[t, b], stop
+            y[t, b] = x[t, b] + (p[0, b] + p[1, b] * stop / reach) * x[t, b] * x[t, b]
+
+
+@dataclass(frozen=True)
+class UnlikeBranches(Effect, of=Asymmetry):
+    """Quadratic distortion that is another on the rising than on the falling branch.
+
+    The branch is told by a stop operator of the command, which goes from one to the other within
+    twice its reach after a turn.
+
+    Examples
+    --------
+    >>> effect = UnlikeBranches(0.05, 0.02, reach_V=5.0, span_um=20.0)
+    >>> effect.run([0.0, 20.0, 20.0], 1e-3, u=[0.0, 40.0, 20.0]).round(6).tolist()
+    [0.0, 21.4, 20.6]
+    """
+
+    coefficient: float = 0.03
+    difference: float = 0.01
+    reach_V: float = 10.0
+    span_um: float = 40.0
+
+    form = "unlike branches"
+    parameters = (
+        Asymmetry.parameters[0],
+        Parameter(
+            "difference", "1", -0.4, 0.4, (-0.02, 0.02),
+            "what is more on the rising and less on the falling branch, d", neutral=0.0,
+        ),
+        Parameter("reach_V", "V", 1e-9, 1e9, (5.0, 20.0), "reach r of the stop that tells them"),
+        Asymmetry.parameters[1],
+    )  # fmt: skip
+    equation = "y = y_h + (c + d s / r) y_h² / Y, s = stop of u with |s| <= r"
+    source = (
+        "A stage in the manner of generalised plays, whose branches have envelopes of their own "
+        "(Al Janaideh, Rakheja, Su, 2011)."
+    )
+    signature = "Even harmonics, and branches that are not each other's mirror image."
+    block = staticmethod(unlike_branches_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start: branches that are alike, told by a stop of a fifth of the span."""
+        return (
+            cls.within_bounds(
+                coefficient=0.01,
+                difference=0.0,
+                reach_V=0.2 * scale.span_V,
+                span_um=scale.stroke_um,
+            ),
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Coefficients c / Y and d / Y (1/µm), r (V)."""
+        return [self.coefficient / self.span_um, self.difference / self.span_um, self.reach_V]
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last command and the stop."""
+        return 2
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,7 @@ NESTED = [
     (form("saturation", "hard rails")(-9.0, 1e9), form("saturation", "hard lower rail")(-9.0)),
     (form("saturation", "soft unlike rails")(60.0, 3.0), form("saturation")(60.0, 3.0)),
     (form("asymmetry", "cubic")(0.1, 0.0, 30.0), form("asymmetry")(0.1, 30.0)),
+    (form("asymmetry", "unlike branches")(0.1, 0.0, 5.0, 30.0), form("asymmetry")(0.1, 30.0)),
     (
         form("asymmetry", "to the fifth degree")(0.1, -0.2, 0.0, 0.0, 30.0),
         form("asymmetry", "cubic")(0.1, -0.2, 30.0),
@@ -192,3 +193,15 @@ def test_unlike_slew_limits_turn_round_where_output_and_command_meet():
     np.testing.assert_allclose(y, naive[::512], atol=0.05)
     assert -5.0 - 1e-9 <= np.diff(y).min() < -4.9
     assert 2.9 < np.diff(y).max() <= 3.0 + 1e-9
+
+
+def test_unlike_branches_are_told_by_a_stop_of_the_command():
+    """Beyond twice the reach after a turn each branch has its own parabola."""
+    u = np.concatenate([np.linspace(0.0, 40.0, 81), np.linspace(40.0, -40.0, 161)])
+    effect = form("asymmetry", "unlike branches")(0.1, 0.04, 5.0, 30.0)
+    bent = (effect.run(u, TS, u) - u) * 30.0
+    np.testing.assert_allclose(bent[12:81], 0.14 * u[12:81] ** 2, rtol=1e-9)
+    np.testing.assert_allclose(bent[110:], 0.06 * u[110:] ** 2, rtol=1e-9, atol=1e-12)
+    between = bent[82:101] / u[82:101] ** 2
+    assert np.all(np.diff(between) < 0.0)
+    assert 0.06 < between[-1] < between[0] < 0.14
