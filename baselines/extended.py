@@ -11,7 +11,7 @@ from baselines.classical import ClassicalReferenceRate
 from baselines.feedforward import checked_reference
 from baselines.inverses import Inverse, inverses_of
 from baselines.inverses.chain import followed, run_stages, start_stages
-from baselines.inverses.congruency import congruent_inverse_block, rising_range
+from baselines.inverses.congruency import congruent_inverse_block, growths, rising_range
 from baselines.limits import limit_block
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, pack
@@ -177,7 +177,7 @@ class ExtendedInverse(ClassicalReferenceRate):
         if self.inverses.congruency is None:
             given_rate_block(x, v, parameters, own[:-1], u)
         else:
-            growth = self.inverses.congruency.coefficients(self.layout.ts_s, self.model)[1]
+            growth = growths(self.inverses.congruency, self.layout.ts_s, self.model)
             low, high = rising_range(self.model, growth, self.layout.command_range_V)
             congruent_inverse_block(x, v, growth, parameters, own[:-1], low, high, u)
         own[-1] = x[-1]

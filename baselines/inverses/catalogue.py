@@ -56,6 +56,6 @@ def without_inverse(effect: Effect) -> str:
     >>> without_inverse(load_effect("mains_hum").forms[0]())
     'mains_hum, with harmonics'
     """
-    if effect.name in INVERSES and effect.form:
+    if effect.form and effect.name in INVERSES:
         return f"{effect.full_name()} (the simplest form of {effect.name} has an inverse)"
     return effect.full_name()

@@ -9,9 +9,9 @@ import numpy as np
 
 from baselines.inverses.base import Inverse, Setting
 from baselines.inverses.catalogue import inverse_of, without_inverse
+from baselines.inverses.congruency import UNDONE
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import Effect
-from rdpi_gym.plant.effects.congruency import congruency_block
 from rdpi_gym.support.arrays import Array
 
 
@@ -98,7 +98,7 @@ def inverses_of(
             stage = kinds[effect.name](effect, setting, granted[effect.name])
             stages[place].append(stage)
     followed = tuple(e for e in belief.effects if e.slot == "rate" and not e.state_rows(ts_s))
-    congruency = next((e for e in belief.effects if type(e).block is congruency_block), None)
+    congruency = next((e for e in belief.effects if type(e).block in UNDONE), None)
     dealt_with = {*kinds, *(e.name for e in (*followed, congruency) if e is not None)}
     return Inverses(
         output=tuple(stages["output"]),

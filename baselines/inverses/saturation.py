@@ -27,6 +27,7 @@ class SaturationInverse(Inverse):
     """
 
     effect = "saturation"
+    forms = ("", "soft unlike rails")
 
     def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
         super().__init__(effect, setting, ahead)

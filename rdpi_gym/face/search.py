@@ -262,6 +262,11 @@ def candidates_of(effects: Sequence[str | type[Effect]]) -> Mapping[str, type[Ef
     known = dict(CATALOGUE)
     for effect in effects:
         kind = _effect(effect)
+        if kind.form:
+            raise InputError(
+                f"effect {_named(effect)} is {kind.full_name()}: name {kind.name}, and each of its "
+                "forms is tried"
+            )
         if known.setdefault(kind.name, kind) is not kind:
             raise InputError(
                 f"effect {_named(effect)} is named {kind.name!r}, as another effect is; rename it"

@@ -15,18 +15,26 @@ from typing import TypeAlias
 import torch
 from torch import Tensor
 
-from rdpi_gym.plant.effects.asymmetry import asymmetry_block
+from rdpi_gym.plant.effects.asymmetry import (
+    asymmetry_block,
+    command_polynomial_block,
+    polynomial_block,
+)
 from rdpi_gym.plant.effects.backlash import backlash_block
 from rdpi_gym.plant.effects.base import Block, Effect
-from rdpi_gym.plant.effects.congruency import congruency_block
+from rdpi_gym.plant.effects.congruency import congruency_block, congruency_polynomial_block
 from rdpi_gym.plant.effects.creep import creep_block, weighted_creep_block
 from rdpi_gym.plant.effects.delay import delay_block
 from rdpi_gym.plant.effects.gain_drift import gain_drift_block, gain_to_limit_block
 from rdpi_gym.plant.effects.linear import linear_block
 from rdpi_gym.plant.effects.mains_hum import hum_harmonics_block, mains_hum_block
-from rdpi_gym.plant.effects.rate_law import rate_law_block
+from rdpi_gym.plant.effects.rate_law import (
+    logarithmic_rate_block,
+    piecewise_rate_block,
+    rate_law_block,
+)
 from rdpi_gym.plant.effects.saturation import hard_rails_block, saturation_block
-from rdpi_gym.plant.effects.slew_limit import slew_limit_block
+from rdpi_gym.plant.effects.slew_limit import slew_limit_block, unlike_slew_block
 from rdpi_gym.plant.effects.thermal_drift import (
     knots_block,
     thermal_drift_block,
@@ -121,14 +129,27 @@ def slew_limit(
     x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
 ) -> tuple[Tensor, Tensor]:
     """Twin of :func:`~rdpi_gym.plant.effects.slew_limit.slew_limit_block`."""
-    step = p[0]
+    return _follow(x, p, state, p[0], p[0])
+
+
+def unlike_slew(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.slew_limit.unlike_slew_block`."""
+    return _follow(x, p, state, p[0], p[1])
+
+
+def _follow(x: Tensor, p: Tensor, state: Tensor, up: Tensor, down: Tensor) -> tuple[Tensor, Tensor]:
+    """Follow the input by at most a step `up` or `down` a sample (V)."""
     last, out = _begun(state, x)
     change = x - last
-    ahead = torch.where(change < 0.0, last - out, out - last)
-    back = (ahead / (change.abs() + step)).clamp(max=1.0)
-    turned = out + change.sign() * step * (1.0 - 2.0 * back)
-    followed = torch.clamp(x, out - step, out + step)
-    y = torch.where((change.abs() > step) & (ahead > 0.0), turned, followed)
+    falls = change < 0.0
+    ahead = torch.where(falls, last - out, out - last)
+    towards, against = torch.where(falls, down, up), torch.where(falls, up, down)
+    back = (ahead / (change.abs() + against)).clamp(max=1.0)
+    turned = out + change.sign() * (towards * (1.0 - back) - against * back)
+    followed = torch.minimum(torch.maximum(x, out - down), out + up)
+    y = torch.where((change.abs() > towards) & (ahead > 0.0), turned, followed)
     return y, torch.stack([x, y])
 
 
@@ -137,11 +158,60 @@ def rate_law(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tup
     return x * (x.abs().clamp(min=_SLOWEST_V_S) / p[1]) ** p[0], state
 
 
+def logarithmic_rate(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.rate_law.logarithmic_rate_block`."""
+    return x.sign() * p[0] * torch.log1p(x.abs() / p[0]), state
+
+
+def piecewise_rate(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.rate_law.piecewise_rate_block`."""
+    below = -torch.log(x.abs().clamp(min=_SLOWEST_V_S) / p[0])
+    power = torch.zeros_like(below)
+    for excess in p[2:-1]:
+        part = torch.minimum(below, p[1])
+        power, below = power + excess * part, below - part
+    return x * torch.exp(-(power + p[-1] * below)), state
+
+
 def congruency(
     x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
 ) -> tuple[Tensor, Tensor]:
     """Twin of :func:`~rdpi_gym.plant.effects.congruency.congruency_block`."""
     return x + p[1] * u * u * (x - p[0] * u), state
+
+
+def _powers(share: Tensor, p: Tensor) -> Tensor:
+    """Σ p_k share^(k + 1), by Horner's rule."""
+    total = torch.zeros_like(share)
+    for factor in p.flip(0):
+        total = (total + factor) * share
+    return total
+
+
+def congruency_polynomial(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.congruency.congruency_polynomial_block`."""
+    return x + _powers(u * p[1], p[2:]) * (x - p[0] * u), state
+
+
+def polynomial(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.asymmetry.polynomial_block`."""
+    return x * (1.0 + _powers(x * p[0], p[1:])), state
+
+
+def command_polynomial(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.asymmetry.command_polynomial_block`."""
+    share = u * p[1]
+    return x + p[0] * share * _powers(share, p[2:]), state
 
 
 def asymmetry(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
@@ -222,9 +292,15 @@ TWINS: Mapping[Block, Twin] = {
     saturation_block: saturation,
     hard_rails_block: hard_rails,
     slew_limit_block: slew_limit,
+    unlike_slew_block: unlike_slew,
     rate_law_block: rate_law,
+    logarithmic_rate_block: logarithmic_rate,
+    piecewise_rate_block: piecewise_rate,
     congruency_block: congruency,
+    congruency_polynomial_block: congruency_polynomial,
     asymmetry_block: asymmetry,
+    polynomial_block: polynomial,
+    command_polynomial_block: command_polynomial,
     backlash_block: backlash,
     gain_drift_block: gain_drift,
     thermal_drift_block: thermal_drift,

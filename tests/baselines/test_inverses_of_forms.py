@@ -56,6 +56,9 @@ def test_along_a_parabola_a_linear_form_is_undone_exactly(name, words, values):
 
 
 EXACT = [
+    ("asymmetry", "cubic", {"coefficient_2": 0.06, "coefficient_3": -0.1}),
+    ("asymmetry", "to the fifth degree", {"coefficient_2": -0.06, "coefficient_5": 0.1}),
+    ("saturation", "soft unlike rails", {"limit_V": 60.0, "centre_V": -10.0}),
     ("creep", "one time constant", {"gain": 0.1}),
     ("creep", "between two times", {"gain_per_decade": 0.1}),
     ("creep", "two time constants", {"gain_1": 0.2, "gain_2": 0.1}),
@@ -94,8 +97,8 @@ def test_a_form_is_never_undone_by_the_inverse_of_another(kind):
     found = inverses_of(belief, TS, 40.0, 0.0, shown_ahead=50)
     stages = [*found.output, *found.command]
     assert all(kind.form in stage.forms and stage.effect == kind.name for stage in stages)
-    assert found.congruency is None
-    dealt_with = bool(stages or found.rate) or kind.slot == "memory"
+    assert (found.congruency is not None) == (kind.name == "congruency")
+    dealt_with = bool(stages or found.rate or found.congruency) or kind.slot == "memory"
     assert dealt_with == (not found.passed_over)
     controller = make_controller(
         "extended-inverse", belief, ObservationLayout.for_plant(belief, TS)
@@ -108,6 +111,26 @@ def test_a_form_is_never_undone_by_the_inverse_of_another(kind):
         assert ("has an inverse" in said) == (kind.name in INVERSES)
         assert said in controller.warning()
         assert "\n" not in controller.warning()
+
+
+@pytest.mark.parametrize("words", ["odd and even", "to the fourth degree"])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_congruency_of_any_power_is_undone_with_the_plays(words, sign):
+    kind = BY_FORM["congruency", words]
+    shares = {p.name: sign * 0.1 for p in kind.parameters if p.name.startswith("coefficient")}
+    plant = replace(P10, effects=(kind(**shares, span_V=40.0),))
+    plant = plant.with_hysteresis(plant.hysteresis.static())
+    controller = make_controller("extended-inverse", plant, ObservationLayout.for_plant(plant, TS))
+    r = 25.0 * np.sin(2 * np.pi * 40.0 * TS * np.arange(2000))[:, None]
+    y = Plant(plant, TS).simulate(controller.command_block(r))
+    np.testing.assert_allclose(y[1:], r[1:], atol=1e-9)
+
+
+def test_out_of_reach_stays_at_the_turn():
+    effect = BY_FORM["asymmetry", "cubic"](coefficient_2=0.0, coefficient_3=-1.0, span_um=20.0)
+    found, _ = undo(effect, np.array([0.0, 1e6, -1e6, 0.0]))
+    turn = 20.0 / np.sqrt(3.0)  # 1 - 3 (x / Y)² = 0
+    np.testing.assert_allclose(found, [turn, -turn, 0.0], rtol=1e-9)
 
 
 STRONG = {

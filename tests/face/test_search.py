@@ -3,7 +3,9 @@
 import pytest
 
 import rdpi_gym as rg
+from rdpi_gym.face.search import candidates_of
 from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.support.errors import InputError
 
 
 def names(result):
@@ -72,3 +74,10 @@ def test_bad_options_are_refused_in_one_line(data, call, expected):
         call(data)
     assert expected in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_form_is_no_candidate_of_its_own():
+    with pytest.raises(
+        InputError, match="SoftUnlikeRails is saturation, soft unlike rails: name sat"
+    ):
+        candidates_of([CATALOGUE["saturation"].forms[0]])

@@ -279,6 +279,17 @@ def test_parameters_of_an_unknown_effect_are_listed(made_discovery, tmp_path):
     page_of(made_discovery(steps=(Step((own,)),)), tmp_path)
 
 
+def test_parameters_of_a_form_have_its_own_units_and_bounds(made_discovery):
+    limit = CATALOGUE["gain_drift"].forms[0]()
+    drift = replace(
+        made_discovery().added[0], effect="gain_drift", form=limit.form, parameters=limit.values
+    )
+    found = made_discovery(steps=(Step((drift,)),))
+    rows = candidates.parameter_sections(found, CATALOGUE)[0].table.set_index("parameter")
+    assert rows.loc["time_constant_s", "unit"] == "s"
+    assert rows.loc["rate_per_s", "bounds"] == "-0.1 to 0.1"  # those of the simplest are narrower
+
+
 def creeping(step_V, seconds, ts_s=1e-2):
     """Two opposite steps, displacement going on by 0.1 µm a decade in the direction of each."""
     half = round(seconds / ts_s)

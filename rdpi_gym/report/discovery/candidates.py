@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from rdpi_gym.diagnosis.results import Candidate, SearchResult, Step
-from rdpi_gym.plant.effects import Effect, Parameter
+from rdpi_gym.plant.effects import Effect, Parameter, forms_of
 from rdpi_gym.report.discovery import figures as discovery_figures
 from rdpi_gym.report.page import Section
 from rdpi_gym.support.words import closed, joined, micrometres
@@ -148,7 +148,8 @@ def _parameter_row(
     final: Mapping[str, Mapping[str, float]],
 ) -> dict[str, object]:
     kind = catalogue.get(candidate.effect)
-    stated = {p.name: p for p in kind.parameters} if kind is not None else {}
+    forms = forms_of(kind) if kind is not None else ()
+    stated = {p.name: p for form in forms if form.form == candidate.form for p in form.parameters}
     parameter = stated.get(name)
     return {
         "effect": candidate.effect,
