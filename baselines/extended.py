@@ -11,7 +11,7 @@ from baselines.classical import ClassicalReferenceRate
 from baselines.feedforward import checked_reference
 from baselines.inverses import Inverse, inverses_of
 from baselines.inverses.chain import followed, run_stages, start_stages
-from baselines.inverses.congruency import congruent_inverse_block, growths, rising_range
+from baselines.inverses.congruency import congruent_inverse_block, growth, rising_range
 from baselines.limits import limit_block
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, pack
@@ -177,9 +177,9 @@ class ExtendedInverse(ClassicalReferenceRate):
         if self.inverses.congruency is None:
             given_rate_block(x, v, parameters, own[:-1], u)
         else:
-            growth = growths(self.inverses.congruency, self.layout.ts_s, self.model)
-            low, high = rising_range(self.model, growth, self.layout.command_range_V)
-            congruent_inverse_block(x, v, growth, parameters, own[:-1], low, high, u)
+            powers = growth(self.inverses.congruency, self.layout.ts_s, self.model)
+            low, high = rising_range(self.model, powers, self.layout.command_range_V)
+            congruent_inverse_block(x, v, powers, parameters, own[:-1], low, high, u)
         own[-1] = x[-1]
         u = np.ascontiguousarray(run_stages(self._stages["command"], u, state, begins))
         limit_block(u, own[0], *self.limits)

@@ -54,12 +54,12 @@ class HardRailsInverse(Inverse):
     """
 
     effect = "saturation"
-    forms = ("hard rails",)
+    forms = ("hard upper rail", "hard lower rail", "hard rails")
 
     def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
         super().__init__(effect, setting, ahead)
-        self._rails_V = effect.values["low_V"], effect.values["high_V"]
+        self._low_V, self._high_V = effect.coefficients(setting.ts_s, setting.hysteresis)
 
     def run(self, y: Array, state: Array) -> Array:
         """Clip; see :meth:`Inverse.run`."""
-        return np.asarray(np.clip(y, *self._rails_V), dtype=np.float64)
+        return np.asarray(np.clip(y, self._low_V, self._high_V), dtype=np.float64)

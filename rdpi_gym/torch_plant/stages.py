@@ -22,7 +22,11 @@ from rdpi_gym.plant.effects.asymmetry import (
 )
 from rdpi_gym.plant.effects.backlash import backlash_block
 from rdpi_gym.plant.effects.base import Block, Effect
-from rdpi_gym.plant.effects.congruency import congruency_block, congruency_polynomial_block
+from rdpi_gym.plant.effects.congruency import (
+    congruency_block,
+    congruency_centred_block,
+    congruency_polynomial_block,
+)
 from rdpi_gym.plant.effects.creep import creep_block, weighted_creep_block
 from rdpi_gym.plant.effects.delay import delay_block
 from rdpi_gym.plant.effects.gain_drift import gain_drift_block, gain_to_limit_block
@@ -184,6 +188,14 @@ def congruency(
     return x + p[1] * u * u * (x - p[0] * u), state
 
 
+def congruency_centred(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.congruency.congruency_centred_block`."""
+    away = u - p[2]
+    return x + p[1] * away * away * (x - p[0] * u), state
+
+
 def _powers(share: Tensor, p: Tensor) -> Tensor:
     """Σ p_k share^(k + 1), by Horner's rule."""
     total = torch.zeros_like(share)
@@ -297,6 +309,7 @@ TWINS: Mapping[Block, Twin] = {
     logarithmic_rate_block: logarithmic_rate,
     piecewise_rate_block: piecewise_rate,
     congruency_block: congruency,
+    congruency_centred_block: congruency_centred,
     congruency_polynomial_block: congruency_polynomial,
     asymmetry_block: asymmetry,
     polynomial_block: polynomial,

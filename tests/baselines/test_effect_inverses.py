@@ -102,7 +102,7 @@ def test_congruency_is_inverted_with_the_plays(c, seed):
     plain = np.empty_like(u)
     given_rate_block(u, v, p, state.copy(), plain)
     y = plain + growth * u**2 * (plain - p[0] * u)
-    powers = np.array([0.0, growth])
+    powers = np.array([1.0, 0.0, growth])
     low, high = rising_range(P10.hysteresis, powers, (-80.0, 80.0))
     congruent_inverse_block(y, v, powers, p, state, low, high, found)
     again = np.empty_like(u)

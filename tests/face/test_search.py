@@ -4,8 +4,7 @@ import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.face.search import candidates_of
-from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.plant.effects import CATALOGUE, load_effect
 
 
 def names(result):
@@ -77,7 +76,5 @@ def test_bad_options_are_refused_in_one_line(data, call, expected):
 
 
 def test_a_form_is_no_candidate_of_its_own():
-    with pytest.raises(
-        InputError, match="SoftUnlikeRails is saturation, soft unlike rails: name sat"
-    ):
-        candidates_of([CATALOGUE["saturation"].forms[0]])
+    with pytest.raises(rg.InputError, match="HardRails is saturation, hard rails: name saturation"):
+        candidates_of([load_effect("saturation", "hard rails")])

@@ -1,15 +1,16 @@
 """The pages of the laboratory: every result can be drawn, and says in words what it shows."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import plotly.graph_objects as go
 import pytest
 
 from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
-from rdpi_gym.diagnosis.results import Step, View, steps_of
+from rdpi_gym.diagnosis.results import Candidate, Errors, Step, View, steps_of
 from rdpi_gym.plant import P5
-from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects import CATALOGUE, load_effect
 from rdpi_gym.report.discovery import candidates, view_figures
 from rdpi_gym.report.discovery import figures as discovery_figures
 from rdpi_gym.report.discovery.page import write_discovery_page
@@ -279,12 +280,13 @@ def test_parameters_of_an_unknown_effect_are_listed(made_discovery, tmp_path):
     page_of(made_discovery(steps=(Step((own,)),)), tmp_path)
 
 
-def test_parameters_of_a_form_have_its_own_units_and_bounds(made_discovery):
-    limit = CATALOGUE["gain_drift"].forms[0]()
-    drift = replace(
-        made_discovery().added[0], effect="gain_drift", form=limit.form, parameters=limit.values
-    )
-    found = made_discovery(steps=(Step((drift,)),))
+def test_parameters_of_a_form_have_its_own_units_and_bounds():
+    kind = load_effect("gain_drift", "to a limit")
+    errors = Errors(0.1, 0.1, 0.1, {})
+    drift = Candidate(
+        "gain_drift", errors, kind().values, {}, 1.0, 1.0, (), "", form="to a limit"
+    )  # fmt: skip
+    found = SimpleNamespace(kind="diagnosis", candidates=(drift,))
     rows = candidates.parameter_sections(found, CATALOGUE)[0].table.set_index("parameter")
     assert rows.loc["time_constant_s", "unit"] == "s"
     assert rows.loc["rate_per_s", "bounds"] == "-0.1 to 0.1"  # those of the simplest are narrower
