@@ -109,8 +109,9 @@ def simulate_effects(variants: Sequence[Variant], record: Record) -> Array:
     float64[T, B]
         Displacement (µm) without offset.
     """
-    u, v, parameters, state = _front(variants, record)
-    return _behind(variants, record, u, v, parameters, state)
+    whole = record.with_history
+    u, v, parameters, state = _front(variants, whole)
+    return _behind(variants, whole, u, v, parameters, state)[record.before_V.size :]
 
 
 def _behind(
@@ -145,6 +146,7 @@ def simulate_between(variant: Variant, record: Record, parts: int) -> Array:
     float64[T]
         Displacement (µm) without offset, at the samples of the record.
     """
+    early, record = record.before_V.size, record.with_history
     samples = np.arange(len(record.u_V))
     places = np.arange((len(samples) - 1) * parts + 1) / parts
     fine = Record(
@@ -158,7 +160,8 @@ def simulate_between(variant: Variant, record: Record, parts: int) -> Array:
     rated = replace(variant, effects=tuple(e for e in variant.effects if e.slot != "input"))
     _, v, _, _ = _front([rated], replace(record, u_V=u[::parts, 0]))
     speed = np.interp(places, samples, np.abs(v[:, 0]))
-    return _behind([variant], fine, u, speed[:, None], parameters, state)[::parts, 0]
+    y = _behind([variant], fine, u, speed[:, None], parameters, state)[::parts, 0]
+    return y[early:]
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
@@ -232,6 +235,7 @@ def jacobian_rows(
         Derivatives by a_0 ... a_n and by the changed numbers; last the measured displacement less
         that of the plant (µm), without offset.
     """
+    kept, record = kept + record.before_V.size, record.with_history
     ahead = [v for v in changed if _changes_front(base, v)]
     behind = [v for v in changed if not _changes_front(base, v)]
     u, v, parameters, state = _front([base, *ahead], record)
@@ -290,6 +294,7 @@ def change_rows(
     float64[T', K + 1]
         Derivatives by the changed numbers; last what the plant leaves (µm).
     """
+    kept, record = kept + record.before_V.size, record.with_history
     ahead = [v for v in changed if _changes_front(base, v)]
     behind = [v for v in changed if not _changes_front(base, v)]
     u, v, parameters, state = _front([base, *ahead], record)

@@ -80,7 +80,7 @@ def simulate_record(
     plant = Plant(model, record.ts_s)
     if extremum_V is not None:
         plant.reset(memory=settled_memory(model.hysteresis.thresholds_V, [extremum_V]))
-    simulated = plant.simulate(record.u_V)
+    simulated = plant.simulate(record.with_history.u_V)[record.before_V.size :]
     difference = record.y_um - simulated
     offset = float(difference[mask].mean())
     error = difference - offset

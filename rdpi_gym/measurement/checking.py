@@ -16,6 +16,8 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
 _LARGEST, _LAST_PERIOD = 1e100, 2.0**53
+# A displacement beyond all others by this part of their range, of a voltage so far within its own.
+_BEYOND, _INSIDE = 0.03, 0.1
 MIN_SAMPLES = 16
 """Fewest samples of a record, and fewest that count in its error."""
 
@@ -97,6 +99,7 @@ def make_record(
             f"{table.where('t', first)}: {int(grid.measured.sum())} samples are left at the median "
             f"step of {grid.ts_s:g} s; give {MIN_SAMPLES} or more, evenly sampled"
         )
+    before_V, opened = _history(t_s, columns, first, grid.t_s[0], grid.ts_s)
     skipped = (f"left out: the first {skip_s:g} s ({first} samples)",) if first else ()
     period = grid.columns.get("period")
     return Record(
@@ -111,13 +114,45 @@ def make_record(
         error_mask=grid.measured,
         note=note,
         source=str(table.source),
-        remarks=skipped + table.remarks + grid.remarks,
+        remarks=skipped + opened + table.remarks + grid.remarks,
         others={
             key.removeprefix(OTHER): values
             for key, values in grid.columns.items()
             if key.startswith(OTHER)
         },
+        before_V=before_V,
     )
+
+
+def _history(
+    t_s: Array, columns: Mapping[str, Array], first: int, begin_s: float, ts_s: float
+) -> tuple[Array, tuple[str, ...]]:
+    """Voltage (V) before the first sample that is kept, as far as the file knows it, and a remark.
+
+    Where the file begins with a plant that still stands at 0 V, that is one sample more.
+    """
+    u, y = columns["u"], columns["y"]
+    early = int(round((begin_s - float(t_s[0])) / ts_s))
+    if early < 1 or not (np.isfinite(u).all() and np.isfinite(y).all()):
+        return np.zeros(0), ()
+    before_V: Array = np.interp(begin_s + ts_s * np.arange(-early, 0), t_s, u)
+    if not _stood_at_zero(u, y, first):
+        return before_V, ()
+    remark = "it begins with a step from 0 V, where the first displacement still is"
+    return np.concatenate([[0.0], before_V]), (remark,)
+
+
+def _stood_at_zero(u: Array, y: Array, first: int) -> bool:
+    """Whether the first displacement lies beyond all others, where 0 V would have put it."""
+    swing, stroke = float(np.ptp(u)), float(np.ptp(y[first:]))
+    rising = 1.0 if float(np.cov(u[first:], y[first:])[0, 1]) > 0.0 else -1.0
+    for side in (1.0, -1.0):
+        command, moved = side * u, side * rising * y
+        lowest = float(command.min())
+        beyond = moved[0] < float(moved[first:].min()) - _BEYOND * stroke
+        if beyond and command[0] > lowest + _INSIDE * swing and 0.0 <= lowest + _BEYOND * swing:
+            return True
+    return False
 
 
 def mask_out(record: Record, stretches_s: Sequence[tuple[float, float]], where: str) -> Record:

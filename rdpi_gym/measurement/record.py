@@ -51,6 +51,9 @@ class Record:
     others
         Further inputs by name, each (N,) in the unit of the file: what a model with one input does
         not see.
+    before_V
+        Voltage (V) of the M samples before the first one, (M,): simulated for the memory that it
+        leaves, never compared. None by default.
 
     Raises
     ------
@@ -79,6 +82,7 @@ class Record:
     source: str = ""
     remarks: tuple[str, ...] = ()
     others: Mapping[str, Array] = field(default_factory=dict)
+    before_V: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         samples = self.t_s.size
@@ -100,6 +104,30 @@ class Record:
             raise InputError(
                 f"record {self.name}: role {self.role!r} is unknown; give {', '.join(ROLES)}"
             )
+
+    @property
+    def with_history(self) -> Record:
+        """The record with the voltage before it; those samples do not count, and repeat `y_um[0]`.
+
+        Examples
+        --------
+        >>> t = np.arange(50) * 0.1
+        >>> late = Record("late", t, t, t, ts_s=0.1, before_V=np.array([-0.2, -0.1]))
+        >>> late.with_history.u_V[:3].tolist(), late.with_history.error_mask[:3].tolist()
+        ([-0.2, -0.1, 0.0], [False, False, True])
+        """
+        early = self.before_V.size
+        if not early:
+            return self
+        return Record(
+            self.name,
+            np.concatenate([self.t_s[0] + self.ts_s * np.arange(-early, 0), self.t_s]),
+            np.concatenate([self.before_V, self.u_V]),
+            np.concatenate([np.full(early, self.y_um[0]), self.y_um]),
+            ts_s=self.ts_s,
+            role=self.role,
+            error_mask=np.concatenate([np.zeros(early, dtype=np.bool_), self.error_mask]),
+        )
 
     @property
     def is_quiet(self) -> bool:

@@ -33,7 +33,11 @@ def test_picma_records(picma) -> None:
         assert record.error_mask.all()
         assert record.u_V.min() >= 0
         assert record.u_V.max() <= 3.61
-        assert record.remarks == ("left out: the first 1 s (200 samples)",)
+        assert record.remarks == (
+            "left out: the first 1 s (200 samples)",
+            "it begins with a step from 0 V, where the first displacement still is",
+        )
+        assert record.before_V.size == 201
     assert data.describe().count("left out: the first 1 s (200 samples)") == 2
     assert "PICMA" in data.title
 
