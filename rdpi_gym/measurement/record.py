@@ -16,6 +16,7 @@ from rdpi_gym.support.errors import InputError
 BoolArray = NDArray[np.bool_]
 Role = Literal["train", "validation", "test"]
 ROLES: tuple[Role, ...] = get_args(Role)
+_COLUMNS = ("t_s", "u_V", "y_um", "reference_um", "temperature_C", "period", "error_mask")
 _CONSTANT_U_V = 1e-9  # below this a voltage is constant: no amplifier moves by a nanovolt
 
 
@@ -88,8 +89,7 @@ class Record:
         samples = self.t_s.size
         if self.error_mask.size == 0:
             object.__setattr__(self, "error_mask", np.ones(samples, dtype=np.bool_))
-        keys = ("t_s", "u_V", "y_um", "reference_um", "temperature_C", "period", "error_mask")
-        columns = {key: getattr(self, key) for key in keys} | dict(self.others)
+        columns = {key: getattr(self, key) for key in _COLUMNS} | dict(self.others)
         for key, column in columns.items():
             if column is not None and column.shape != (samples,):
                 raise InputError(
@@ -104,6 +104,22 @@ class Record:
             raise InputError(
                 f"record {self.name}: role {self.role!r} is unknown; give {', '.join(ROLES)}"
             )
+
+    def cut(self, part: slice) -> Record:
+        """Return a stretch of the record, every column of it.
+
+        Examples
+        --------
+        >>> t = np.arange(50) * 0.1
+        >>> Record("run", t, t, t, ts_s=0.1, others={"u2": 2 * t}).cut(slice(10, 30)).others["u2"].size
+        20
+        """
+        columns = {key: getattr(self, key) for key in _COLUMNS}
+        return replace(
+            self,
+            **{key: values[part] for key, values in columns.items() if values is not None},
+            others={name: values[part] for name, values in self.others.items()},
+        )
 
     @property
     def with_history(self) -> Record:

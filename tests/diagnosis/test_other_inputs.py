@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from rdpi_gym.diagnosis.search.discover import add_effect
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
 from rdpi_gym.identification import fit
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.measurement import DATA_HINT, DataOptions, Record, load, measured_data
+from rdpi_gym.measurement import DATA_HINT, DataOptions, Dataset, Record, load, measured_data
 from rdpi_gym.plant import P5, Plant
+from rdpi_gym.plant.effects import load_effect
 
 TS_S, NOISE_UM = 1e-3, 0.01
 MODEL = Variant(P5.hysteresis, ())
@@ -95,3 +97,13 @@ def test_on_the_mirror_the_other_inputs_explain_what_is_left():
     assert all(each.explains for each in alone)
     assert both.after_um < 0.65 * both.before_um
     assert said_of([both, *alone]).startswith("The inputs u2 and u3 together explain ")
+
+
+def test_a_search_says_which_other_input_explains_the_remainder():
+    """From records to the sentence, masked stretches and all."""
+    records = [record(1, gain=0.3), record(2, gain=0.3), record(3, "validation", gain=0.3)]
+    for each in records:
+        each.error_mask[2000:2300] = False
+    found = add_effect(Dataset("two inputs", tuple(records)), P5, load_effect("sensor_lag"))
+    assert "u2" in found.remainder
+    assert " % of what is left (" in found.remainder

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from rdpi_gym.diagnosis.checks.acquisition import clipping, clocks, feedback, resolution
@@ -100,11 +98,7 @@ def _counted(record: Record) -> Record | None:
     part = slice(int(starts[longest]), int(ends[longest]))
     if part.stop - part.start < _FEWEST:
         return None
-    columns = ("t_s", "u_V", "y_um", "reference_um", "temperature_C", "period", "error_mask")
-    return replace(
-        record,
-        **{key: values[part] for key in columns if (values := getattr(record, key)) is not None},
-    )
+    return record.cut(part)
 
 
 def _closed(mask: BoolArray) -> BoolArray:

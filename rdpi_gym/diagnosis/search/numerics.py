@@ -101,6 +101,7 @@ def _held(variant: Variant, record: Record) -> Array:
         ts_s=record.ts_s / _HELD_PARTS,
         reference_um=None,
         temperature_C=None,
+        others={},
         period=None,
         error_mask=np.repeat(record.error_mask, _HELD_PARTS),
     )
