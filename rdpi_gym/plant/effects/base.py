@@ -387,7 +387,7 @@ def forms_of(kind: type[Effect]) -> tuple[type[Effect], ...]:
     --------
     >>> from rdpi_gym.plant.effects import CATALOGUE
     >>> [form.form for form in forms_of(CATALOGUE["saturation"])]
-    ['', 'hard upper rail', 'hard lower rail', 'hard rails', 'soft unlike rails']
+    ['', 'hard upper rail', 'hard lower rail', 'hard rails', 'soft unlike rails', 'rails with a knee']
     """
     simplest = kind.simplest or kind
     return (simplest, *simplest.forms)

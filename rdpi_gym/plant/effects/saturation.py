@@ -266,3 +266,59 @@ class SoftUnlikeRails(Effect, of=Saturation):
     def state_rows(self, ts_s: float) -> int:
         """None: the curve has no memory."""
         return 0
+
+
+@njit(cache=True)
+def knee_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: limit, centre (V), sharpness. No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            limit, centre, power = p[0, b], p[1, b], p[2, b]
+            swing = x[t, b] - centre
+            share = abs(swing) / limit
+            if share <= 1.0:
+                gain = (1.0 + share**power) ** (-1.0 / power)
+            else:  # the same, without a power that overflows
+                gain = (1.0 + share**-power) ** (-1.0 / power) / share
+            y[t, b] = centre + swing * gain
+
+
+@dataclass(frozen=True)
+class RailsWithAKnee(Effect, of=Saturation):
+    """Amplifier that is linear up to a knee of any sharpness in front of its rails.
+
+    Examples
+    --------
+    >>> amplifier = RailsWithAKnee(100.0, 0.0, sharpness=4.0)
+    >>> amplifier.run([10.0, 50.0, 100.0, 1000.0], 1e-3).round(2).tolist()
+    [10.0, 49.25, 84.09, 100.0]
+    """
+
+    limit_V: float = 100.0
+    centre_V: float = 0.0
+    sharpness: float = 3.0
+
+    form = "rails with a knee"
+    parameters = (
+        *SoftUnlikeRails.parameters,
+        Parameter("sharpness", "1", 1.0, 50.0, (2.0, 6.0), "sharpness of the knee, p"),
+    )
+    equation = "u' = u_c + (u - u_c) / (1 + |(u - u_c) / u_s|^p)^(1/p)"
+    source = "Rapp's model of amplifiers: soft for a small p, hard rails for a large one."
+    signature = SoftUnlikeRails.signature
+    block = staticmethod(knee_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, rails a little beyond the measured command."""
+        return (
+            cls.within_bounds(limit_V=1.1 * scale.span_V, centre_V=scale.centre_V, sharpness=3.0),
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Limit, centre (V), sharpness."""
+        return [self.limit_V, self.centre_V, self.sharpness]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None: the curve has no memory."""
+        return 0

@@ -205,3 +205,15 @@ def test_unlike_branches_are_told_by_a_stop_of_the_command():
     between = bent[82:101] / u[82:101] ** 2
     assert np.all(np.diff(between) < 0.0)
     assert 0.06 < between[-1] < between[0] < 0.14
+
+
+@pytest.mark.parametrize("sharpness", [1.0, 3.0, 50.0])
+def test_rails_with_a_knee_are_linear_at_the_centre_and_end_at_the_rails(sharpness):
+    effect = form("saturation", "rails with a knee")(20.0, 5.0, sharpness)
+    u = 5.0 + np.concatenate([-np.geomspace(1e12, 1e-3, 400), np.geomspace(1e-3, 1e12, 400)])
+    y = effect.run(u, TS)
+    assert np.all(np.diff(y) >= -1e-12)
+    np.testing.assert_allclose(y[[0, -1]], [-15.0, 25.0], rtol=1e-9)
+    assert np.diff(y)[399] / np.diff(u)[399] == pytest.approx(1.0, rel=1e-4)
+    at_knees = effect.run([-15.0, 25.0], TS)
+    np.testing.assert_allclose(at_knees, 5.0 + np.array([-20.0, 20.0]) * 0.5 ** (1 / sharpness))
