@@ -150,7 +150,7 @@ def _stood_at_zero(u: Array, y: Array, first: int) -> bool:
         command, moved = side * u, side * rising * y
         lowest = float(command.min())
         beyond = moved[0] < float(moved[first:].min()) - _BEYOND * stroke
-        if beyond and command[0] > lowest + _INSIDE * swing and 0.0 <= lowest + _BEYOND * swing:
+        if beyond and command[0] > lowest + _INSIDE * swing and lowest + _BEYOND * swing >= 0.0:
             return True
     return False
 

@@ -19,6 +19,7 @@ from rdpi_gym.plant.effects.asymmetry import (
     asymmetry_block,
     command_polynomial_block,
     polynomial_block,
+    unlike_branches_block,
 )
 from rdpi_gym.plant.effects.backlash import backlash_block
 from rdpi_gym.plant.effects.base import Block, Effect
@@ -37,7 +38,7 @@ from rdpi_gym.plant.effects.rate_law import (
     piecewise_rate_block,
     rate_law_block,
 )
-from rdpi_gym.plant.effects.saturation import hard_rails_block, saturation_block
+from rdpi_gym.plant.effects.saturation import hard_rails_block, knee_block, saturation_block
 from rdpi_gym.plant.effects.slew_limit import slew_limit_block, unlike_slew_block
 from rdpi_gym.plant.effects.thermal_drift import (
     knots_block,
@@ -120,6 +121,15 @@ def saturation(
     """Twin of :func:`~rdpi_gym.plant.effects.saturation.saturation_block`."""
     limit, centre = p
     return centre + limit * torch.tanh((x - centre) / limit), state
+
+
+def knee(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.saturation.knee_block`."""
+    limit, centre, power = p
+    share = ((x - centre) / limit).abs()
+    below = (1.0 + share.clamp(max=1.0) ** power) ** (-1.0 / power)
+    above = (1.0 + share.clamp(min=1.0) ** -power) ** (-1.0 / power) / share.clamp(min=1.0)
+    return centre + (x - centre) * torch.where(share <= 1.0, below, above), state
 
 
 def hard_rails(
@@ -226,6 +236,15 @@ def command_polynomial(
     return x + p[0] * share * _powers(share, p[2:]), state
 
 
+def unlike_branches(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.asymmetry.unlike_branches_block`."""
+    last, stop = _begun(state, torch.stack([u, torch.zeros_like(u)]))
+    stop = torch.clamp(stop + u - last, -p[2], p[2])
+    return x + (p[0] + p[1] * stop / p[2]) * x * x, torch.stack([u, stop])
+
+
 def asymmetry(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
     """Twin of :func:`~rdpi_gym.plant.effects.asymmetry.asymmetry_block`."""
     return x + p[0] * x * x, state
@@ -302,6 +321,7 @@ TWINS: Mapping[Block, Twin] = {
     weighted_creep_block: weighted_creep,
     delay_block: delay,
     saturation_block: saturation,
+    knee_block: knee,
     hard_rails_block: hard_rails,
     slew_limit_block: slew_limit,
     unlike_slew_block: unlike_slew,
@@ -312,6 +332,7 @@ TWINS: Mapping[Block, Twin] = {
     congruency_centred_block: congruency_centred,
     congruency_polynomial_block: congruency_polynomial,
     asymmetry_block: asymmetry,
+    unlike_branches_block: unlike_branches,
     polynomial_block: polynomial,
     command_polynomial_block: command_polynomial,
     backlash_block: backlash,

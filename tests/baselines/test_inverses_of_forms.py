@@ -56,6 +56,11 @@ def test_along_a_parabola_a_linear_form_is_undone_exactly(name, words, values):
 
 
 EXACT = [
+    (
+        "saturation",
+        "rails with a knee",
+        {"limit_V": 60.0, "centre_V": -10.0, "sharpness": 2.5},
+    ),
     ("saturation", "hard upper rail", {"high_V": 90.0}),
     ("saturation", "hard lower rail", {"low_V": -90.0}),
     ("asymmetry", "cubic", {"coefficient_2": 0.06, "coefficient_3": -0.1}),

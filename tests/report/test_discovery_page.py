@@ -289,7 +289,9 @@ def test_parameters_of_a_form_have_its_own_units_and_bounds():
     found = SimpleNamespace(kind="diagnosis", candidates=(drift,))
     rows = candidates.parameter_sections(found, CATALOGUE)[0].table.set_index("parameter")
     assert rows.loc["time_constant_s", "unit"] == "s"
-    assert rows.loc["rate_per_s", "bounds"] == "\u22120.1 to 0.1"  # those of the simplest are narrower
+    assert (
+        rows.loc["rate_per_s", "bounds"] == "\u22120.1 to 0.1"
+    )  # those of the simplest are narrower
 
 
 def creeping(step_V, seconds, ts_s=1e-2):
