@@ -19,6 +19,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.npz import open_npz
 
 Read = Callable[[Sequence[str]], Variables]
+_MOST_CHANNELS = 99
 
 
 def read_matlab(
@@ -96,7 +97,20 @@ def _wanted(path: Path, columns: Mapping[str, str | int]) -> list[str]:
 
 def _read(path: Path, read: Read, wanted: Sequence[str], kind: str) -> Variables:
     with reading(path, kind):
-        return read(wanted)
+        return _channels(read(list(dict.fromkeys((*wanted, "u")))))
+
+
+def _channels(variables: Variables) -> Variables:
+    """Part a ``u`` of several channels, the longer side its samples, into u1, u2, ..."""
+    u = variables.values.get("u")
+    if u is None or u.ndim != 2 or not 1 < min(u.shape) <= _MOST_CHANNELS:
+        return variables
+    each = u if u.shape[1] > u.shape[0] else u.T
+    parts = {f"u{k}": channel for k, channel in enumerate(each, 1)}
+    return Variables(
+        [name for name in variables.names if name != "u"] + list(parts),
+        {name: x for name, x in variables.values.items() if name != "u"} | parts,
+    )
 
 
 @contextmanager

@@ -126,13 +126,12 @@ def select(
     {'t': 't', 'u': 'u', 'y': 'disp'}
     """
     chosen: dict[str, str | int] = {}
-    meanings = _MEANING | dict.fromkeys(columns.keys() - _MEANING.keys(), "a further input")
     numbered = _numbered(names)
     own = columns.get("u", numbered[0] if numbered else "u")
     if own in numbered:
         others = {OTHER + other: other for other in numbered if other != own}
         columns = {**others, **columns, "u": own}
-        meanings |= dict.fromkeys(columns.keys() - meanings.keys(), "a further input")
+    meanings = _MEANING | {name: "a further input" for name in columns if name not in _MEANING}
     for name, meaning in meanings.items():
         source = columns.get(name, name)
         if isinstance(source, str) and source not in names:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import rdpi_gym as rg
 from rdpi_gym.measurement import DataOptions, Quantities, Quantity, load, parse_units
@@ -167,3 +168,18 @@ def test_what_is_written_is_read_back_with_its_quantities(write, tmp_path) -> No
     ):
         assert again.quantities == DAMPER
         np.testing.assert_allclose(again.records[0].others["u2"], 5 * SINE, rtol=1e-8)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("kind", ["npz", "mat"])
+def test_a_variable_of_several_channels_holds_several_inputs(tmp_path, kind, turned) -> None:
+    u = np.column_stack((SINE, 5 * SINE, -SINE))
+    save = {"npz": np.savez, "mat": lambda path, **columns: savemat(path, columns)}[kind]
+    path = tmp_path / f"run.{kind}"
+    save(path, t=0.01 * np.arange(60), u=u.T if turned else u, y=2 * SINE)
+    (record,) = load(path).records
+    np.testing.assert_allclose(record.u_V, SINE)
+    assert list(record.others) == ["u2", "u3"]
+    (record,) = load(path, DataOptions(input="u2")).records
+    np.testing.assert_allclose(record.u_V, 5 * SINE)
+    np.testing.assert_allclose(record.others["u3"], -SINE)
