@@ -111,7 +111,7 @@ class Dataset(Shown, measurement.Dataset):
                     "Ts (s)": r.ts_s,
                     "duration (s)": float(r.t_s[-1] - r.t_s[0]),
                     "u (V)": f"{np.min(r.u_V):.4g} to {np.max(r.u_V):.4g}",
-                    "y (µm)": f"{np.min(r.y_um):.4g} to {np.max(r.y_um):.4g}",
+                    "y (µm)": f"{r.y_range_um[0]:.4g} to {r.y_range_um[1]:.4g}",
                 }
                 for r in self.records
             ]
@@ -254,12 +254,12 @@ def load(
         Units in the file where they are not s, V and µm: ``{"t": "ms", "y": "nm"}``. One of another
         quantity, as ``"kN"``, is not converted but shown.
     sampling_time_s
-        Sampling time (s) of records without a time column.
+        Sampling time (s) of records without a time column, or whose times are rounded.
     validate
         Pattern of the names of validation records, as in ``"run3*"``; by default those named
         ``validation...``, else the last quarter of each record.
     skip_s
-        Seconds left out at the start of each record.
+        Seconds at the start of each record that are simulated and left out of the error.
 
     Returns
     -------

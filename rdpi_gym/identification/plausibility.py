@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.identification.residuals import RecordResidual
-from rdpi_gym.measurement import Quantities, Record
+from rdpi_gym.measurement import Quantities, Record, longest_counted
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import digits, micrometres
@@ -185,7 +185,7 @@ def linear_share(records: Sequence[Record]) -> float:
     from scipy.signal import csd, welch
 
     coherent = power = 0.0
-    for record in records:
+    for record in filter(None, map(longest_counted, records)):
         window = min(max(record.u_V.size // _SEGMENTS, 16), record.u_V.size)
         chance = 1.0 / max(2 * record.u_V.size // window - 1, 1)
         _, uu = welch(record.u_V, nperseg=window)
@@ -263,7 +263,7 @@ def _pace(records: Sequence[Record], delta2_s: float | None) -> str | None:
             f"δ2 is {digits(delta2_s, 3)} s, out of proportion: thresholds grow by δ2 times the rate, "
             "and known stages have 0.4 to 35 ms; time in ms? Then give --units t=ms"
         )
-    for record in records:
+    for record in filter(None, map(longest_counted, records)):
         speeds = np.abs(np.diff(record.y_um)) / record.ts_s
         if 1e-6 * float(speeds.max()) <= FASTEST_M_S:
             continue

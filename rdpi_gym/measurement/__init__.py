@@ -5,7 +5,7 @@ from rdpi_gym.measurement.loading import load
 from rdpi_gym.measurement.options import COLUMNS, UNITS, DataOptions, parse_columns, parse_units
 from rdpi_gym.measurement.published import DATA_HINT, measured_data
 from rdpi_gym.measurement.quantities import Quantities, Quantity
-from rdpi_gym.measurement.record import Dataset, Record, Role, hold_out_quarter
+from rdpi_gym.measurement.record import Dataset, Record, Role, hold_out_quarter, longest_counted
 from rdpi_gym.measurement.sampling import JITTER
 from rdpi_gym.measurement.writing import other_name, write_csv
 
@@ -23,6 +23,7 @@ __all__ = [
     "Role",
     "hold_out_quarter",
     "load",
+    "longest_counted",
     "measured_data",
     "other_name",
     "parse_columns",

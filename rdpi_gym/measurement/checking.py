@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from rdpi_gym.measurement.missing import bridge, filled_times, unknown_times
 from rdpi_gym.measurement.options import OTHER, unit_factor
 from rdpi_gym.measurement.quantities import Quantities
-from rdpi_gym.measurement.record import Record
-from rdpi_gym.measurement.sampling import JITTER, to_uniform
+from rdpi_gym.measurement.record import BoolArray, Record
+from rdpi_gym.measurement.sampling import JITTER, rounding, to_uniform
 from rdpi_gym.measurement.table import Table
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -28,6 +29,7 @@ def make_record(
     *,
     units: Mapping[str, str],
     sampling_time_s: float | None = None,
+    sampling_said: str = "--sampling-time",
     skip_s: float = 0.0,
     note: str = "",
     quantities: Quantities | None = None,
@@ -43,9 +45,11 @@ def make_record(
     units
         Unit of a column in the file, by our name; s, V, µm, °C by default.
     sampling_time_s
-        Sampling time (s) where the file has no time column.
+        Sampling time (s) where the file has no time column, or times that are rounded.
+    sampling_said
+        Who says so, for the error line.
     skip_s
-        Seconds left out at the start.
+        Seconds at the start that are simulated and left out of the error.
     note
         What the experimenter wrote about it.
     quantities
@@ -54,8 +58,9 @@ def make_record(
     Raises
     ------
     InputError
-        NaN or infinity, time that does not increase, fewer than 16 samples, a sampling time that
-        contradicts the time column, a period that is no whole number: file, line and column.
+        More than a fifth of the samples missing, time that runs back, fewer than 16 samples, a
+        sampling time that contradicts the time column, a period that is no whole number: file,
+        line and column.
 
     Examples
     --------
@@ -80,7 +85,7 @@ def make_record(
         else values
         for key, values in table.columns.items()
     }
-    t_s = _times(table, columns.pop("t", None), sampling_time_s)
+    t_s, unknown = _times(table, columns.pop("t", None), sampling_time_s, sampling_said)
     step = float(t_s[-1] - t_s[0]) / (table.rows - 1)
     # a thousandth of a step keeps rounding from moving the first sample that is kept
     first = int(np.searchsorted(t_s, t_s[0] + skip_s - 1e-3 * step))
@@ -89,11 +94,12 @@ def make_record(
             f"{table.where('u', table.rows - 1)}: {table.rows - first} samples are left after the "
             f"first {skip_s:g} s of {t_s[-1] - t_s[0]:g} s; skip less, {MIN_SAMPLES} are needed"
         )
+    columns, missing, said = bridge(table, columns, unknown, first)
     _check_finite(table, columns, first)
     if "period" in columns:
         _check_whole(table, columns["period"], first)
     kept = {key: values[first:] for key, values in columns.items()}
-    grid = to_uniform(t_s[first:], kept, str(table.source))
+    grid = to_uniform(t_s[first:], kept, str(table.source), ~missing[first:], sampling_time_s)
     if grid.measured.sum() < MIN_SAMPLES:
         raise InputError(
             f"{table.where('t', first)}: {int(grid.measured.sum())} samples are left at the median "
@@ -114,7 +120,7 @@ def make_record(
         error_mask=grid.measured,
         note=note,
         source=str(table.source),
-        remarks=skipped + opened + table.remarks + grid.remarks,
+        remarks=skipped + opened + said + table.remarks + grid.remarks,
         others={
             key.removeprefix(OTHER): values
             for key, values in grid.columns.items()
@@ -132,7 +138,7 @@ def _history(
     Where the file begins with a plant that still stands at 0 V, that is one sample more.
     """
     u, y = columns["u"], columns["y"]
-    early = int(round((begin_s - float(t_s[0])) / ts_s))
+    early = round((begin_s - float(t_s[0])) / ts_s)
     if early < 1 or not (np.isfinite(u).all() and np.isfinite(y).all()):
         return np.zeros(0), ()
     before_V: Array = np.interp(begin_s + ts_s * np.arange(-early, 0), t_s, u)
@@ -202,13 +208,26 @@ def mask_out(record: Record, stretches_s: Sequence[tuple[float, float]], where: 
     return replace(record, error_mask=mask, remarks=remarks)
 
 
-def _times(table: Table, t_s: Array | None, sampling_time_s: float | None) -> Array:
+def _times(
+    table: Table, t_s: Array | None, sampling_time_s: float | None, said: str
+) -> tuple[Array, BoolArray]:
+    """Return the times (s), and where the file does not say them."""
+    nowhere = np.zeros(table.rows, dtype=np.bool_)
     if t_s is None:
         if sampling_time_s is None:
             raise InputError(f"{table.at(0)}: no time column; give --sampling-time 5e-3")
-        return sampling_time_s * np.arange(table.rows, dtype=np.float64)
-    _check_finite(table, {"t": t_s}, 0)
-    back = np.flatnonzero(np.diff(t_s) <= 0)
+        return sampling_time_s * np.arange(table.rows, dtype=np.float64), nowhere
+    _check_finite(table, {"t": np.nan_to_num(t_s, posinf=np.inf, neginf=-np.inf)}, 0)
+    unknown = nowhere if rounding(t_s) else unknown_times(t_s)
+    if np.sum(~unknown) < MIN_SAMPLES:
+        row = int(np.argmax(unknown))
+        raise InputError(
+            f"{table.where('t', row)}: {int(unknown.sum())} of {table.rows} times are missing or "
+            "stand there twice; give a time for each sample, or leave the column out with --sampling-time"
+        )
+    if unknown.any():
+        t_s = filled_times(t_s, unknown)
+    back = np.flatnonzero(np.diff(t_s) < 0)
     if back.size:
         row = int(back[0]) + 1
         raise InputError(
@@ -218,10 +237,10 @@ def _times(table: Table, t_s: Array | None, sampling_time_s: float | None) -> Ar
     mean = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
     if sampling_time_s is not None and abs(mean / sampling_time_s - 1) > JITTER:
         raise InputError(
-            f"{table.where('t', 0)}: time steps by {mean:.6g} s on average where --sampling-time "
-            f"says {sampling_time_s:g} s; leave the option out or correct it"
+            f"{table.where('t', 0)}: time steps by {mean:.6g} s on average where {said} "
+            f"says {sampling_time_s:g} s; leave it out or correct it"
         )
-    return t_s
+    return t_s, unknown
 
 
 def _check_finite(table: Table, columns: Mapping[str, Array], first: int) -> None:

@@ -132,7 +132,12 @@ class _Part:
             replace(table, remarks=(*table.remarks, *self._remarks(table, options))),
             name,
             units=self.units(table, options),
-            sampling_time_s=options.sampling_time_s,
+            sampling_time_s=_sampling_time(name, self.settings, options),
+            sampling_said=(
+                "--sampling-time"
+                if options.sampling_time_s is not None
+                else f"{self.toml.name}, [records.{name}] ts_s,"
+            ),
             skip_s=said if options.skip_s is None else options.skip_s,
             note=own.note,
             quantities=quantities,
@@ -226,13 +231,20 @@ def _read(
     file: Path, settings: Settings, options: DataOptions, matlab: MatlabReader
 ) -> list[Table]:
     columns = _columns(settings, options)
-    time_needed = options.sampling_time_s is None or "t" in columns
+    time_needed = _sampling_time(file.stem, settings, options) is None or "t" in columns
     ending = _reader_ending(file)
     if ending == ".mat":
         return [read_matlab(file, columns, time_needed=time_needed, reader=matlab)]
     if ending == ".npz" and (tags := stacked_tags(file)):
         return read_stacked(file, tags, columns)
     return [_READERS[ending](file, columns, time_needed=time_needed)]
+
+
+def _sampling_time(record: str, settings: Settings, options: DataOptions) -> float | None:
+    """Sampling time (s) that the user says, or else the folder of this record."""
+    if options.sampling_time_s is not None:
+        return options.sampling_time_s
+    return settings.records.get(record, RecordSettings()).ts_s
 
 
 def _columns(settings: Settings, options: DataOptions) -> dict[str, str | int]:

@@ -190,12 +190,12 @@ class DataOptions:
         Units in the file: s, ms, us; V, mV, kV; m, mm, um, nm. By default s, V, um. A unit of another
         quantity, as y=kN, is not converted but shown.
     sampling_time_s
-        Sampling time of records without time column.
+        Sampling time of records without time column, or whose times are rounded.
     validate
         Records for validation, as in 'run3*'; by default those named validation..., else the last
         quarter of each.
     skip_s
-        Left out at the start of each record.
+        At the start of each record: simulated, and left out of the error.
 
     Raises
     ------

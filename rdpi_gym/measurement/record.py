@@ -19,6 +19,8 @@ ROLES: tuple[Role, ...] = get_args(Role)
 _COLUMNS = ("t_s", "u_V", "y_um", "reference_um", "temperature_C", "period", "error_mask")
 _CONSTANT_U_V = 1e-9  # below this a voltage is constant: no amplifier moves by a nanovolt
 
+_SHORT_GAP = 8  # samples
+
 
 def _empty_mask() -> BoolArray:
     return np.ones(0, dtype=np.bool_)
@@ -157,6 +159,44 @@ class Record:
         """
         largest = float(np.max(np.abs(self.u_V), initial=1.0))
         return bool(np.ptp(self.u_V) <= _CONSTANT_U_V * largest)
+
+    @property
+    def y_range_um(self) -> tuple[float, float]:
+        """Smallest and largest displacement (µm) of the samples that count, or of all."""
+        y = self.y_um[self.error_mask] if self.error_mask.any() else self.y_um
+        return float(np.min(y)), float(np.max(y))
+
+
+def longest_counted(record: Record) -> Record | None:
+    """Return the longest stretch of a record that counts; None where no sample does.
+
+    Single samples and short runs that do not count, as outliers are, do not end a stretch: the
+    displacement is carried across them in a straight line.
+
+    Examples
+    --------
+    >>> t = np.arange(100) * 1e-3
+    >>> mask = np.arange(100) >= 10
+    >>> mask[50] = False
+    >>> counted = longest_counted(Record("run", t, t, t, ts_s=1e-3, error_mask=mask))
+    >>> counted.t_s.size, bool(counted.error_mask.all())
+    (90, True)
+    """
+    mask = record.error_mask
+    if mask.all():
+        return record
+    if not mask.any():
+        return None
+    known = np.flatnonzero(mask)
+    breaks = np.flatnonzero(np.diff(known) > _SHORT_GAP + 1)
+    starts = np.concatenate([[known[0]], known[breaks + 1]])
+    ends = np.concatenate([known[breaks], [known[-1]]]) + 1
+    longest = int(np.argmax(ends - starts))
+    kept = record.cut(slice(int(starts[longest]), int(ends[longest])))
+    k, here = np.arange(kept.t_s.size), kept.error_mask
+    y = kept.y_um.copy()
+    y[~here] = np.interp(k[~here], k[here], kept.y_um[here])
+    return replace(kept, y_um=y, error_mask=np.ones_like(here))
 
 
 def hold_out_quarter(record: Record) -> tuple[Record, Record]:

@@ -15,7 +15,11 @@ JITTER = 0.01
 """Largest deviation of a time step from the mean step, over it, that counts as uniform."""
 _WORTH_SAYING = 1e-4
 _GAP_STEPS = 5.0  # a longer step is a hole in the record, not jitter
+_DECIMALS = 12
+_FEWEST, _BOTH = 16, 0.05  # samples; share of the steps that the rarer length has
+_EXACT = 1e-3  # of a decimal: so far a time may be off it by the arithmetic of a converted unit
 _LARGEST_GROWTH = 10
+_NEARLY = 0.9  # of an interpolated sample is made of samples that count
 
 
 @dataclass(frozen=True)
@@ -43,12 +47,53 @@ class Grid:
     remarks: tuple[str, ...]
 
 
-def to_uniform(t_s: Array, columns: Mapping[str, Array], where: str) -> Grid:
+def rounding(t_s: Array) -> float:
+    """Return the decimal to which the times of an even clock were rounded (s), or 0.
+
+    Its steps are two neighbouring multiples of the decimal, or one, and no time is farther from
+    the even grid than rounding puts it.
+
+    Examples
+    --------
+    >>> rounding(np.round(3.328e-4 * np.arange(1000), 4)), rounding(1e-3 * np.arange(1000))
+    (0.0001, 0.0)
+    """
+    if t_s.size < _FEWEST or not np.isfinite(t_s).all() or t_s[-1] <= t_s[0]:
+        return 0.0
+    span, mean = float(t_s[-1] - t_s[0]), float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    even = np.linspace(t_s[0], t_s[-1], t_s.size)
+    for decimals in range(-3, _DECIMALS):
+        decimal = 10.0**-decimals
+        if decimal < JITTER * mean:
+            return 0.0
+        if decimal > span:
+            continue
+        ticks = t_s / decimal
+        whole = np.round(ticks)
+        if np.max(np.abs(ticks - whole)) > max(_EXACT, 1e-15 * float(np.max(np.abs(ticks)))):
+            continue
+        steps = np.diff(whole)
+        longer = float(np.mean(steps > steps.min()))
+        near = float(np.max(np.abs(t_s - even))) <= 1.01 * decimal
+        # of a few steps that are longer, each is a sample that was lost
+        both = steps.max() - steps.min() == 1 and _BOTH < longer < 1.0 - _BOTH
+        return decimal if steps.min() >= 0 and both and near else 0.0
+    return 0.0
+
+
+def to_uniform(
+    t_s: Array,
+    columns: Mapping[str, Array],
+    where: str,
+    scored: BoolArray | None = None,
+    sampling_time_s: float | None = None,
+) -> Grid:
     """Put a record on uniform times.
 
-    Where every step is within 1 % of the mean step, the samples stay as they are and the times
-    become the uniform grid between the first and the last one. Else the columns are interpolated
-    linearly at the median step (``period`` keeps its last value).
+    Where every step is within 1 % of the mean step, or the times are those of an even clock that
+    were rounded, the samples stay as they are and the times become the uniform grid between the
+    first and the last one. Else the columns are interpolated linearly at the median step
+    (``period`` keeps its last value).
 
     Parameters
     ----------
@@ -58,6 +103,10 @@ def to_uniform(t_s: Array, columns: Mapping[str, Array], where: str) -> Grid:
         Other columns by our name, each (N,).
     where
         File, for the error line.
+    scored
+        (N,) bool, where a sample counts; everywhere by default.
+    sampling_time_s
+        What the user says of the step (s): it holds where the times were rounded.
 
     Raises
     ------
@@ -76,11 +125,20 @@ def to_uniform(t_s: Array, columns: Mapping[str, Array], where: str) -> Grid:
     even = np.linspace(t_s[0], t_s[-1], samples)
     ts_s = float(t_s[-1] - t_s[0]) / (samples - 1)
     jitter = float(np.max(np.abs(steps - ts_s))) / ts_s
+    counts = np.ones(samples, dtype=np.bool_) if scored is None else scored
+    if decimal := rounding(t_s):
+        said = (
+            f"times are rounded to {decimal:g} s: taken as even, {ts_s:.6g} s apart, which is the "
+            "mean step"
+        )
+        if sampling_time_s is not None:
+            ts_s, even = sampling_time_s, t_s[0] + sampling_time_s * np.arange(samples)
+            said = f"times are rounded to {decimal:g} s: taken as {ts_s:.6g} s apart, as was said"
+        return Grid(even, ts_s, columns, counts, (said,))
     # small deviations of one sign would add up to a clock that is wrong by whole samples
     if jitter <= JITTER and np.max(np.abs(t_s - even)) <= ts_s / 2:
         said = f"time steps jitter by up to {100 * jitter:.2g} % of the mean step: taken as even"
-        everywhere = np.ones(samples, dtype=np.bool_)
-        return Grid(even, ts_s, columns, everywhere, (said,) if jitter > _WORTH_SAYING else ())
+        return Grid(even, ts_s, columns, counts, (said,) if jitter > _WORTH_SAYING else ())
 
     length = (t_s[-1] - t_s[0]) / median
     if length > _LARGEST_GROWTH * samples:
@@ -109,4 +167,6 @@ def to_uniform(t_s: Array, columns: Mapping[str, Array], where: str) -> Grid:
         else np.interp(grid, t_s, values)
         for name, values in columns.items()
     }
-    return Grid(grid, median, resampled, measured, remarks)
+    # what lies beside a sample that does not count is made of it
+    beside = np.interp(grid, t_s, counts.astype(np.float64))
+    return Grid(grid, median, resampled, measured & (beside > _NEARLY), remarks)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ _BLANKS = str.maketrans("\t\r\n", "   ")
 _KEYS = ("title", "skip_s", "columns", "units", "quantities", "records")
 _QUANTITY_KEYS = ("name", "symbol", "unit")
 _LONGEST = 30  # characters of a name or a unit
-_RECORD_KEYS = ("role", "skip_s", "mask_s", "note")
+_RECORD_KEYS = ("role", "skip_s", "mask_s", "ts_s", "note")
 
 
 @dataclass(frozen=True)
@@ -33,9 +34,12 @@ class RecordSettings:
     role
         ``train``, ``validation``, ``test``, or None: by its name.
     skip_s
-        Seconds left out at its start, or None: as the folder says.
+        Seconds at its start that are simulated and left out of the error, or None: as the folder
+        says.
     mask_s
         Stretches (s, from and to) left out of the error, still simulated.
+    ts_s
+        Sampling time (s) where its file has no time column, or times that are rounded.
     note
         What the experimenter wrote about it.
     """
@@ -43,6 +47,7 @@ class RecordSettings:
     role: Role | None = None
     skip_s: float | None = None
     mask_s: tuple[tuple[float, float], ...] = ()
+    ts_s: float | None = None
     note: str = ""
 
 
@@ -55,7 +60,7 @@ class Settings:
     title
         What the data set is.
     skip_s
-        Seconds left out at the start of each record.
+        Seconds at the start of each record that are simulated and left out of the error.
     columns, units
         As `DataOptions` has them.
     inputs
@@ -183,6 +188,7 @@ def _record(entry: Mapping[str, Any], where: str) -> RecordSettings:
         role=role,
         skip_s=_skip(entry, where),
         mask_s=tuple((float(start), float(end)) for start, end in pairs),
+        ts_s=_sampling_time(entry, where),
         note=_text(entry, "note", where),
     )
 
@@ -221,4 +227,15 @@ def _skip(document: Mapping[str, Any], where: str) -> float | None:
     if not _is_number(value):
         raise InputError(f"{where}: skip_s = {quoted(value)}; give seconds, as in skip_s = 1.0")
     check_skip(value, f"{where}: skip_s")
+    return float(value)
+
+
+def _sampling_time(document: Mapping[str, Any], where: str) -> float | None:
+    value = document.get("ts_s")
+    if value is None:
+        return None
+    if not _is_number(value) or not 0.0 < value < math.inf:
+        raise InputError(
+            f"{where}: ts_s = {quoted(value)}; give seconds above 0, as in ts_s = 5e-3"
+        )
     return float(value)

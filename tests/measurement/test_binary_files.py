@@ -97,12 +97,12 @@ def test_lengths_that_differ(tmp_path, refusal, name) -> None:
 
 
 @every_format
-def test_not_a_number(tmp_path, refusal, name) -> None:
+def test_not_a_finite_number(tmp_path, refusal, name) -> None:
     broken = 8 * U
-    broken[17] = np.nan
+    broken[17] = np.inf
     save(tmp_path / name, {**COLUMNS, "y": broken})
     line = refusal(tmp_path / name)
-    assert f"{name}, element 17 (counted from 0), variable y: nan is no finite number" in line
+    assert f"{name}, element 17 (counted from 0), variable y: inf is no finite number" in line
 
 
 @every_format

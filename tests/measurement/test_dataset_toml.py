@@ -112,6 +112,8 @@ def test_a_mask_before_what_was_kept_is_no_mistake(folder, write) -> None:
         ("[records.one]\nrole = 'learn'", ", [records.one]: role = 'learn'; give train, valid"),
         ("[records.one]\nskip_s = -1", ", [records.one]: skip_s is -1; give seconds, 0 or above"),
         ("[records.one]\nskip_s = '1'", ", [records.one]: skip_s = '1'; give seconds"),
+        ("[records.one]\nts_s = 0", ", [records.one]: ts_s = 0; give seconds above 0, as in"),
+        ("[records.one]\nts_s = 'x'", ", [records.one]: ts_s = 'x'; give seconds above 0"),
         ("[records.one]\nnote = 1", ", [records.one]: note = 1; give text"),
         ("[records.one]\nmask_s = [1, 2]", ", [records.one]: mask_s = [1, 2]; give stretches"),
         ("[records.one]\nmask_s = 3", ", [records.one]: mask_s = 3; give stretches"),
@@ -159,3 +161,21 @@ def test_two_files_of_one_name(folder, write, refusal) -> None:
 def test_one_file_does_not_care_for_its_neighbours(folder, write) -> None:
     write("one.dat", "")
     assert [r.name for r in load(folder / "two.csv").records] == ["two"]
+
+
+def test_each_record_may_have_a_sampling_time_of_its_own(tmp_path, write, sine_lines) -> None:
+    without = [line.partition(",")[2] for line in sine_lines()]
+    for name in ("slow", "fast"):
+        write(f"{name}.csv", "\n".join(without))
+    write("dataset.toml", "[records.slow]\nts_s = 0.5\n[records.fast]\nts_s = 0.01\n")
+    data = load(tmp_path)
+    assert {r.name: r.ts_s for r in data.records} == {"slow": 0.5, "fast": 0.01}
+    assert {r.ts_s for r in load(tmp_path, DataOptions(sampling_time_s=0.2)).records} == {0.2}
+
+
+def test_a_sampling_time_that_the_times_contradict(folder, write, refusal) -> None:
+    write("dataset.toml", "[records.one]\nts_s = 0.1\n")
+    line = refusal(folder)
+    assert (
+        "one.csv, line 2, column t: time steps by 0.02 s on average where dataset.toml, [re" in line
+    )

@@ -68,6 +68,31 @@ def test_a_gap_is_bridged_but_does_not_count() -> None:
     assert grid.remarks[1].startswith("left out of the error: 20 samples interpolated across 1 gap")
 
 
+@pytest.mark.parametrize(("ts_s", "decimals"), [(3.328e-4, 4), (1.95e-3, 3), (3e-5, 4)])
+def test_times_that_were_rounded_are_taken_as_even(ts_s, decimals) -> None:
+    k = np.arange(5000)
+    u = np.sin(0.01 * k)
+    grid = to_uniform(np.round(ts_s * k, decimals), {"u": u}, "run.csv")
+    assert grid.columns["u"] is u
+    assert grid.ts_s == pytest.approx(ts_s, rel=0.5 * 10**-decimals / (ts_s * 4999) + 1e-12)
+    assert grid.remarks[0].startswith(f"times are rounded to {10**-decimals:g} s: taken as even")
+
+
+def test_the_step_that_the_user_gives_holds_for_rounded_times() -> None:
+    k = np.arange(5000)
+    t = np.round(3.328e-4 * k, 4)
+    grid = to_uniform(t, {"u": np.sin(k)}, "run.csv", sampling_time_s=3.328e-4)
+    np.testing.assert_allclose(grid.t_s, 3.328e-4 * k, atol=1e-12)
+
+
+def test_samples_that_were_lost_are_no_rounding() -> None:
+    """One millisecond that is missing is a gap, and a clock that wanders is not even."""
+    lost = np.delete(np.arange(1000), 500) * 1e-3
+    assert "resampled" in to_uniform(lost, {"u": lost}, "run.csv").remarks[0]
+    wandering = np.cumsum(np.random.default_rng(0).choice([1e-3, 2e-3], 1000))
+    assert "resampled" in to_uniform(wandering, {"u": wandering}, "run.csv").remarks[0]
+
+
 def test_records_may_differ_in_sampling_time(tmp_path) -> None:
     from rdpi_gym.measurement import load
 

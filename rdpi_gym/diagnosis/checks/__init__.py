@@ -21,14 +21,11 @@ from rdpi_gym.diagnosis.features.half_cycles import half_cycles
 from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.diagnosis.features.periods import steady_periods
 from rdpi_gym.diagnosis.features.rests import find_rests
-from rdpi_gym.measurement import Dataset, Record
-from rdpi_gym.measurement.record import BoolArray
+from rdpi_gym.measurement import Dataset, Record, longest_counted
 
 __all__ = ["Check", "Zone", "run_checks"]
 
 _FEWEST = 16
-# Samples in a row that are left out and do not break a stretch: outliers, which are bridged.
-_HOLE = 4
 
 
 def run_checks(dataset: Dataset) -> tuple[Check, ...]:
@@ -86,26 +83,6 @@ def run_checks(dataset: Dataset) -> tuple[Check, ...]:
 
 
 def _counted(record: Record) -> Record | None:
-    """Longest stretch of a record that counts, single outliers in it and all."""
-    mask = _closed(record.error_mask)
-    if mask.all():
-        return record if record.t_s.size >= _FEWEST else None
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
-    starts, ends = edges[::2], edges[1::2]
-    if not starts.size:
-        return None
-    longest = int(np.argmax(ends - starts))
-    part = slice(int(starts[longest]), int(ends[longest]))
-    if part.stop - part.start < _FEWEST:
-        return None
-    return record.cut(part)
-
-
-def _closed(mask: BoolArray) -> BoolArray:
-    """Return a mask of samples that count without its short holes."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], mask, [True]]).astype(np.int8)))
-    whole = mask.copy()
-    for start, end in zip(edges[::2], edges[1::2], strict=True):
-        if end - start <= _HOLE and start > 0 and end < mask.size:
-            whole[start:end] = True
-    return whole
+    """Longest stretch of a record that counts."""
+    kept = longest_counted(record)
+    return kept if kept is not None and kept.t_s.size >= _FEWEST else None

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from rdpi_gym.diagnosis.comparison.traces import Trace
-from rdpi_gym.diagnosis.features.periods import Periods, harmonics, steady_periods
+from rdpi_gym.diagnosis.features.periods import Periods, counted_periods, harmonics, steady_periods
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import digits, micrometres
@@ -30,7 +30,7 @@ _MEANING = {
 
 
 def distortion_table(traces: Sequence[Trace]) -> pd.DataFrame:
-    """Take the error under steady periods apart; one row a record that has three of them.
+    """Take the error under steady periods apart; one row a record with three that count.
 
     `gain_um` and `width_um` are at the frequencies of the command, in step with the model's
     displacement and a quarter of a period from it; `odd_um` and `even_um` are at other odd and
@@ -45,7 +45,9 @@ def distortion_table(traces: Sequence[Trace]) -> pd.DataFrame:
     for each in traces:
         record = Record(each.name, each.t_s, each.u_V, each.measured_um, ts_s=each.ts_s)
         periods = steady_periods(record, each.cycles)
-        if periods is not None and each.counted[periods.part].all():
+        if periods is not None:
+            periods = counted_periods(periods, each.counted)
+        if periods is not None:
             rows.append(_row(each, periods))
     columns = ["name", "role", "frequency_hz", "periods", *PARTS]
     return pd.DataFrame(rows, columns=columns)

@@ -10,7 +10,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.features.half_cycles import half_cycles
 from rdpi_gym.diagnosis.features.periods import steady_periods
-from rdpi_gym.measurement import Record
+from rdpi_gym.measurement import Record, longest_counted
 from rdpi_gym.support.arrays import Array
 
 _FEWEST = 64
@@ -19,6 +19,7 @@ _CYCLES = 20.0
 _COLOURED = 1.1
 _ALIKE = 1.05
 _MOST = 40_000
+_UNLIKE = 5.0  # times what repetitions usually differ by
 
 
 def rough_part(x: Array) -> float:
@@ -81,9 +82,18 @@ def _spread(record: Record) -> Array | None:
     rows = _repetitions(record)
     if rows is None:
         return None
+    if len(rows) > 2:
+        # a repetition that is unlike all the others, a sensor that settles, tells no noise
+        apart = np.std(_apart(rows, np.median(rows, axis=0)), axis=1)
+        rows = rows[apart <= _UNLIKE * np.median(apart)]
+    return _apart(rows, rows.mean(axis=0)) if len(rows) > 1 else None
+
+
+def _apart(rows: Array, usual: Array) -> Array:
+    """What repetitions differ by from the usual one, offset and slope taken out."""
     x = np.linspace(-1.0, 1.0, rows.shape[1])
-    differ = rows - rows.mean(axis=0)
-    differ -= differ.mean(axis=1, keepdims=True)
+    differ = rows - usual
+    differ = differ - differ.mean(axis=1, keepdims=True)
     return np.asarray(differ - np.outer(differ @ x / (x @ x), x))
 
 
@@ -122,9 +132,10 @@ def quiet_noise(record: Record) -> float:
 
 def flattened(record: Record) -> Array:
     """A quiet record without what drift, creep and the mains leave in it."""
-    t = record.t_s[:_MOST] - record.t_s[:_MOST].mean()
+    counted = longest_counted(record) or record
+    t = counted.t_s[:_MOST] - counted.t_s[:_MOST].mean()
     x = t / max(float(np.max(np.abs(t))), 1e-300)
-    measured = record.y_um[:_MOST]
+    measured = counted.y_um[:_MOST]
     slow = np.polynomial.polynomial.polyfit(x, measured, 3)
     y = measured - np.polynomial.polynomial.polyval(x, slow)
     duration = 2.0 * float(np.max(np.abs(t)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from rdpi_gym.support.arrays import Array
 _ALIKE = 2e-3  # of the power: two periods differ by no more
 _APART = 0.3  # of the power: a lag has left the neighbourhood of zero
 _SHORTEST = 16
+_COUNT = 0.9  # of a period's samples
 _CYCLES_ALIKE = 0.015  # of a cycle's span and length
 _MAINS_HZ = (50.0, 60.0)
 
@@ -97,6 +98,38 @@ def steady_periods(record: Record, cycles: HalfCycles) -> Periods | None:
             count = record.u_V.size // int(length)
         return Periods(record, 0, length, count) if count >= 3 else None
     return _equal_loops(record, cycles)
+
+
+def counted_periods(periods: Periods, counted: NDArray[np.bool_]) -> Periods | None:
+    """Return the longest run of periods that count; None with fewer than three.
+
+    Parameters
+    ----------
+    periods
+        Steady periods.
+    counted
+        Samples of their record that count, ``(N,)``; a few in a period may not.
+
+    Examples
+    --------
+    >>> t = np.arange(1000) * 1e-3
+    >>> record = Record("sine", t, np.sin(2 * np.pi * 10.0 * t), t, ts_s=1e-3)
+    >>> found = counted_periods(Periods(record, 0, 100.0, 10), t >= 0.25)
+    >>> found.first, found.count
+    (300, 7)
+    """
+    edges = periods.first + np.round(periods.length * np.arange(periods.count + 1)).astype(np.intp)
+    shares = np.add.reduceat(counted.astype(np.float64), edges[:-1]) / np.diff(edges)
+    if edges[-1] < counted.size:  # the last piece ran on to the end of the record
+        shares[-1] = float(counted[edges[-2] : edges[-1]].mean())
+    changes = np.flatnonzero(np.diff(np.concatenate([[False], shares > _COUNT, [False]])))
+    if not changes.size:
+        return None
+    starts, ends = changes[::2], changes[1::2]
+    longest = int(np.argmax(ends - starts))
+    count = int(ends[longest] - starts[longest])
+    first = int(edges[starts[longest]])
+    return replace(periods, first=first, count=count) if count >= 3 else None
 
 
 def _period(u: Array) -> float | None:

@@ -48,8 +48,8 @@ def write_data_page(path: Path | str, dataset: Dataset) -> Path:
                 "duration_s": float(r.t_s[-1] - r.t_s[0]),
                 "lowest_u_V": float(np.min(r.u_V)),
                 "highest_u_V": float(np.max(r.u_V)),
-                "lowest_y_um": float(np.min(r.y_um)),
-                "highest_y_um": float(np.max(r.y_um)),
+                "lowest_y_um": r.y_range_um[0],
+                "highest_y_um": r.y_range_um[1],
                 "note": r.note,
             }
             for r in dataset.records
