@@ -97,7 +97,11 @@ def _wanted(path: Path, columns: Mapping[str, str | int]) -> list[str]:
 
 def _read(path: Path, read: Read, wanted: Sequence[str], kind: str) -> Variables:
     with reading(path, kind):
-        return _channels(read(list(dict.fromkeys((*wanted, "u")))))
+        variables = read(wanted)
+        if wanted[0] not in variables.values:  # perhaps a channel of u
+            with_u = read(["u", *(name for name in wanted if name != "u")])
+            variables = with_u if "u" in with_u.values else variables
+        return _channels(variables)
 
 
 def _channels(variables: Variables) -> Variables:
