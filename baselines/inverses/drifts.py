@@ -28,7 +28,7 @@ class GainDriftInverse(Inverse):
     """
 
     effect = "gain_drift"
-    forms: ClassVar[tuple[str, ...]] = ("", "to a limit")
+    forms: ClassVar[tuple[str, ...]] = ("", "to a limit", "piecewise linear")
     rows = 1
 
     def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:

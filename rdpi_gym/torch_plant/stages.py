@@ -30,7 +30,11 @@ from rdpi_gym.plant.effects.congruency import (
 )
 from rdpi_gym.plant.effects.creep import creep_block, weighted_creep_block
 from rdpi_gym.plant.effects.delay import delay_block
-from rdpi_gym.plant.effects.gain_drift import gain_drift_block, gain_to_limit_block
+from rdpi_gym.plant.effects.gain_drift import (
+    gain_drift_block,
+    gain_knots_block,
+    gain_to_limit_block,
+)
 from rdpi_gym.plant.effects.linear import linear_block
 from rdpi_gym.plant.effects.mains_hum import hum_harmonics_block, mains_hum_block
 from rdpi_gym.plant.effects.rate_law import (
@@ -289,13 +293,25 @@ def two_warmings(
     return x - (rate * tau * torch.expm1(-clock * ts_s / tau)).sum(0), clock + 1.0
 
 
+def _along_knots(time_s: Tensor, p: Tensor) -> Tensor:
+    """Straight lines from 0 through p[1:] every p[0] s, at times ``float64[1, B]``."""
+    steps = p[1:] - torch.cat([torch.zeros_like(p[:1]), p[1:-1]])
+    before = torch.arange(len(steps), dtype=p.dtype, device=p.device)[:, None]
+    return ((time_s / p[0] - before).clamp(0.0, 1.0) * steps).sum(0)
+
+
 def knots(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
     """Twin of :func:`~rdpi_gym.plant.effects.thermal_drift.knots_block`."""
     clock = _clock(state)
-    steps = p[1:] - torch.cat([torch.zeros_like(p[:1]), p[1:-1]])
-    before = torch.arange(len(steps), dtype=p.dtype, device=p.device)[:, None]
-    share = (clock * ts_s / p[0] - before).clamp(0.0, 1.0)
-    return x + (share * steps).sum(0), clock + 1.0
+    return x + _along_knots(clock * ts_s, p), clock + 1.0
+
+
+def gain_knots(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.gain_drift.gain_knots_block`."""
+    clock = _clock(state)
+    return x + _along_knots(clock * ts_s, p) * x, clock + 1.0
 
 
 def mains_hum(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
@@ -341,6 +357,7 @@ TWINS: Mapping[Block, Twin] = {
     gain_to_limit_block: gain_to_limit,
     two_warmings_block: two_warmings,
     knots_block: knots,
+    gain_knots_block: gain_knots,
     mains_hum_block: mains_hum,
     hum_harmonics_block: hum_harmonics,
 }

@@ -74,6 +74,7 @@ EXACT = [
     ("gain_drift", "to a limit", {"rate_per_s": 0.05, "time_constant_s": 3.0}),
     ("thermal_drift", "two time constants", {"rate_um_s": 0.5, "second_rate_um_s": -0.3}),
     ("thermal_drift", "piecewise linear", {"duration_s": 3.0}),
+    ("gain_drift", "piecewise linear", {"duration_s": 3.0}),
     ("saturation", "hard rails", {"low_V": -100.0, "high_V": 90.0}),
 ]
 
@@ -144,7 +145,7 @@ def test_out_of_reach_stays_at_the_turn():
 
 
 STRONG = {
-    "gain_drift": {"rate_per_s": 0.05},
+    "gain_drift": {"rate_per_s": 0.05, "duration_s": 0.3},
     "thermal_drift": {"rate_um_s": 1.0, "duration_s": 0.3},
     "delay": {"samples": 2.0},
     "saturation": {"low_V": -21.0, "high_V": 19.0},

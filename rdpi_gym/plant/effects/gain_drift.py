@@ -11,6 +11,7 @@ from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.thermal_drift import along_knots
 from rdpi_gym.support.arrays import Array
 
 
@@ -169,6 +170,92 @@ class GainDriftToLimit(Effect, of=GainDrift):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Relative rate (1/s) and time constant (s)."""
         return [self.rate_per_s, self.time_constant_s]
+
+    def state_rows(self, ts_s: float) -> int:
+        """The clock."""
+        return 1
+
+
+@njit(cache=True)
+def gain_knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: time between knots (s), changes of the gain at the knots after t = 0.
+
+    Row of the state: samples since t = 0.
+    """
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] + along_knots(state[0, b] * ts, p, b) * x[t, b]
+            state[0, b] += 1.0
+
+
+@dataclass(frozen=True)
+class GainByKnots(Effect, of=GainDrift):
+    """Displacement multiplied by a gain along straight lines between seven times, one at t = 0.
+
+    Examples
+    --------
+    >>> wander = GainByKnots(duration_s=60.0, at_1=0.1, at_2=-0.1)
+    >>> wander.run([10.0] * 5, 5.0).round(3).tolist()
+    [10.0, 10.5, 11.0, 10.0, 9.0]
+    """
+
+    duration_s: float = 600.0
+    at_1: float = 0.002
+    at_2: float = 0.004
+    at_3: float = 0.005
+    at_4: float = 0.006
+    at_5: float = 0.006
+    at_6: float = 0.007
+
+    form = "piecewise linear"
+    parameters = (
+        Parameter(
+            "duration_s", "s", 1e-3, 1e7, (600.0, 600.0), "time of the last knot, D", fixed=True
+        ),
+        *(
+            Parameter(
+                f"at_{k}", "1", -0.9, 9.0, (0.001, 0.01),
+                f"relative change of the gain at the time {k} D / 6, z{k}", neutral=0.0,
+            )
+            for k in range(1, 7)
+        ),
+    )  # fmt: skip
+    equation = "y = (1 + z(t)) y_m, z linear between z(k D / 6) = zk, z(0) = 0, constant from D on"
+    source = "A slow random walk at the resolution of seven knots; sizes are an estimate."
+    cause = (
+        "Temperature, poling and load wander with the room and with what the stage did: no law is "
+        "behind it, so that only its pace is stated."
+    )
+    signature = (
+        "Residual proportional to the displacement, by a factor that wanders with the experiment's "
+        "clock."
+    )
+    block = staticmethod(gain_knots_block)
+    clocked = True
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """No drift over the whole experiment: the knots' values act linearly."""
+        return (cls.within_bounds(**dict.fromkeys(cls._knots(), 0.0), duration_s=scale.lasts_s),)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """Knots on the drift of the simpler form."""
+        gain = simpler.run(np.ones(7), scale.lasts_s / 6.0) - 1.0
+        knots = dict(zip(cls._knots(), gain[1:].tolist(), strict=True))
+        return (cls.within_bounds(**knots, duration_s=scale.lasts_s),)
+
+    @classmethod
+    def _knots(cls) -> list[str]:
+        return [p.name for p in cls.parameters if not p.fixed]
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Time between knots (s), then the changes of the gain there."""
+        duration, *knots = self.values.values()
+        return [duration / len(knots), *knots]
 
     def state_rows(self, ts_s: float) -> int:
         """The clock."""

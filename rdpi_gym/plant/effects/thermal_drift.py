@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -139,7 +138,13 @@ class TwoWarmings(Effect, of=ThermalDrift):
     parameters = (
         *ThermalDrift.parameters,
         Parameter(
-            "second_rate_um_s", "µm/s", -1.0, 1.0, (1e-3, 1e-2), "drift of the second at t = 0, d2"
+            "second_rate_um_s",
+            "µm/s",
+            -1.0,
+            1.0,
+            (1e-3, 1e-2),
+            "drift of the second at t = 0, d2",
+            neutral=0.0,
         ),
         Parameter("second_time_constant_s", "s", 1.0, 1e5, (300.0, 3e3), "its time constant, τ2"),
     )
@@ -182,25 +187,30 @@ class TwoWarmings(Effect, of=ThermalDrift):
         return 1
 
 
+@njit(inline="always")
+def along_knots(time: float, p: Array, b: int) -> float:
+    """Value at a time (s): straight lines from 0 at t = 0 through p[1:] every p[0] s, then level."""
+    last = p.shape[0] - 1
+    place = time / p[0, b]
+    if place >= last:
+        return float(p[last, b])
+    k = int(place)
+    before = p[k, b] if k > 0 else 0.0
+    return float(before + (place - k) * (p[k + 1, b] - before))
+
+
 @njit(cache=True)
 def knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel; rows of ``p``: time between knots (s), values at the knots after t = 0 (µm).
 
     Row of the state: samples since t = 0.
     """
-    last = p.shape[0] - 1
     for b in range(x.shape[1]):
         if np.isnan(state[0, b]):
             state[0, b] = 0.0
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
-            place = state[0, b] * ts / p[0, b]
-            if place >= last:
-                y[t, b] = x[t, b] + p[last, b]
-            else:
-                k = int(place)
-                before = p[k, b] if k > 0 else 0.0
-                y[t, b] = x[t, b] + before + (place - k) * (p[k + 1, b] - before)
+            y[t, b] = x[t, b] + along_knots(state[0, b] * ts, p, b)
             state[0, b] += 1.0
 
 
@@ -230,7 +240,13 @@ class DriftByKnots(Effect, of=ThermalDrift):
         ),
         *(
             Parameter(
-                f"at_{k}_um", "µm", -1e4, 1e4, (0.01, 0.1), f"drift at the time {k} D / 6, z{k}"
+                f"at_{k}_um",
+                "µm",
+                -1e4,
+                1e4,
+                (0.01, 0.1),
+                f"drift at the time {k} D / 6, z{k}",
+                neutral=0.0,
             )
             for k in range(1, 7)
         ),
@@ -252,19 +268,18 @@ class DriftByKnots(Effect, of=ThermalDrift):
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """No drift over the whole experiment: the knots' values act linearly."""
-        return (cls._along(scale, lambda _: 0.0),)
+        return (cls.within_bounds(**dict.fromkeys(cls._knots(), 0.0), duration_s=scale.lasts_s),)
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
         """Knots on the drift of the simpler form."""
-        step = scale.lasts_s / 6.0
-        drift = simpler.run(np.zeros(7), step)
-        return (cls._along(scale, lambda k: float(drift[k])),)
+        drift = simpler.run(np.zeros(7), scale.lasts_s / 6.0)
+        knots = dict(zip(cls._knots(), drift[1:].tolist(), strict=True))
+        return (cls.within_bounds(**knots, duration_s=scale.lasts_s),)
 
     @classmethod
-    def _along(cls, scale: DataScale, drift_um: Callable[[int], float]) -> Self:
-        knots = {f"at_{k}_um": drift_um(k) for k in range(1, 7)}
-        return cls.within_bounds(duration_s=scale.lasts_s, **knots)
+    def _knots(cls) -> list[str]:
+        return [p.name for p in cls.parameters if not p.fixed]
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Time between knots (s), then their values (µm)."""

@@ -170,6 +170,8 @@ def test_straight_lines_between_knots_are_any_polyline_and_stay_where_they_end()
     t = 0.37 * np.arange(300)
     expected = np.interp(t, 10.0 * np.arange(7), [0.0, *knots])
     np.testing.assert_allclose(wander.run(np.full(300, 5.0), 0.37), 5.0 + expected, atol=1e-12)
+    gain = form("gain_drift", "piecewise linear")(60.0, *knots)
+    np.testing.assert_allclose(gain.run(np.full(300, 5.0), 0.37), 5.0 * (1 + expected), atol=1e-12)
 
 
 def test_hum_with_harmonics_is_a_sum_of_sines():
@@ -189,6 +191,7 @@ STARTED = {
     ("resonance", "with a zero"): {"f0_hz": 600.0, "damping": 0.05},
     ("resonance", "two modes"): {"f0_hz": 600.0, "damping": 0.05},
     ("gain_drift", "to a limit"): {"rate_per_s": 2e-4},
+    ("gain_drift", "piecewise linear"): {"rate_per_s": 2e-4},
     ("thermal_drift", "two time constants"): {"rate_um_s": 0.01, "time_constant_s": 30.0},
     ("thermal_drift", "piecewise linear"): {"rate_um_s": 0.01, "time_constant_s": 30.0},
     ("mains_hum", "with harmonics"): {"amplitude_um": 0.5, "phase_rad": 0.3},
