@@ -10,6 +10,23 @@ import pandas as pd
 from benchmarks.foreign_effects.sentences import judge_sentences
 from rdpi_gym.support.store import Row
 
+# Kinds of findings that say what was done to a record.
+_NOTICED_AS: Mapping[str, tuple[str, ...]] = {
+    "spikes": ("spikes",),
+    "dropouts": ("dropout", "frozen"),
+    "clipped output": ("clipped output",),
+    "clipped input": ("clipped input",),
+    "one sample apart": ("clock",),
+    "clock skew": ("clock",),
+}
+
+
+def _between_samples(truth: Mapping[str, Any]) -> str:
+    if not truth:
+        return ""
+    floors = truth["sampling_um"] / truth["noise_um"]
+    return "below half" if floors < 0.5 else "half to twice" if floors < 2.0 else "above twice"
+
 
 def judge(row: Row) -> dict[str, Any]:
     """Judge one row.
@@ -26,7 +43,9 @@ def judge(row: Row) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``study, subject, number, seed, status``, ``protocol, degraded, noise_um``; ``first`` (the
+        ``study, subject, number, seed, status``, ``protocol, degraded, noise_um``;
+        ``between_samples`` (what lies there against the noise), ``findings`` and ``noticed`` (kinds
+        of findings about the data, and whether the degradation is among them); ``first`` (the
         effect ranked first that is not excused), ``first_exact, first_by_class``; ``found_exact``
         (all that is hidden was added), ``found_by_class`` (a member of the class for at least one);
         ``additions`` (effects added that are neither), ``steps``; ``verdict``, ``ratio`` (validation
@@ -52,6 +71,7 @@ def judge(row: Row) -> dict[str, Any]:
     ranking = [c["effect"] for c in row.get("ranking", []) if c["effect"] not in excused]
     steps = [c["effect"] for c in row.get("steps", [])]
     done = row["status"] == "done"
+    findings = {finding["kind"] for finding in row.get("findings") or ()}
     first = ranking[0] if ranking else ""
     exact = first in subject
     missing, by_class, additions = list(subject), 0, 0
@@ -73,6 +93,9 @@ def judge(row: Row) -> dict[str, Any]:
         "protocol": truth.get("protocol", ""),
         "degraded": truth.get("degraded", "") or "none",
         "noise_um": row.get("noise_um"),
+        "between_samples": _between_samples(truth),
+        "findings": "+".join(sorted(findings)),
+        "noticed": bool(findings & set(_NOTICED_AS.get(truth.get("degraded", ""), ()))),
         "first": first,
         "first_exact": exact,
         "first_by_class": not exact and any(first in alike.get(s, []) for s in subject),

@@ -25,6 +25,7 @@ _NOTHING = 0.5  # noise floors: of less no share is asked
 _SAMPLED = 0.5  # noise floors that lie between the samples: from here on sampling matters
 _OF_TRUTH = 2.0  # largest ratio of a numerical floor that is believed
 _FEW_SAMPLES = 4.0  # of the shortest time of what is hidden: with fewer, sampling matters
+_MOST_MOVED = 4  # samples
 _TIMES = ("time_constant_s", "delay_s")
 
 
@@ -52,9 +53,10 @@ def what_is_left(discovery: SearchResult, records: Sequence[Sampled]) -> dict[st
         if view.role != "validation" or view.name not in by_name:
             continue
         s = by_name[view.name]
-        t = s.record.t_s
+        t = s.record.t_s - s.record.ts_s * _moved_samples(view, s)
         sound = np.interp(view.t_s, t, s.is_sound.astype(np.float64)) > 0.99
-        counted = (view.counted > 0.5) & sound
+        known = (view.t_s > t[0] - 0.1 * s.record.ts_s) & (view.t_s < t[-1] + 0.1 * s.record.ts_s)
+        counted = (view.counted > 0.5) & sound & known
         if not counted.any():
             continue
         model = view.models_um[list(view.models_um)[-1]]
@@ -66,6 +68,22 @@ def what_is_left(discovery: SearchResult, records: Sequence[Sampled]) -> dict[st
     if not count:
         return {"clean_um": None, "by_input_um": None}
     return {"clean_um": math.sqrt(clean / count), "by_input_um": math.sqrt(by_input / count)}
+
+
+def _moved_samples(view: View, s: Sampled) -> float:
+    """By how many samples y was moved ahead where the records were looked through, u left alone."""
+    counted = view.counted > 0.5
+    given = np.interp(view.t_s, s.record.t_s, s.record.y_um)
+    if not counted.any() or np.allclose(view.y_um[counted], given[counted]):
+        return 0.0
+    shifts = np.linspace(-_MOST_MOVED, _MOST_MOVED, 20 * _MOST_MOVED + 1)
+    left = [
+        _square(
+            view.y_um - np.interp(view.t_s + d * s.record.ts_s, s.record.t_s, s.clean_um), counted
+        )
+        for d in shifts
+    ]
+    return float(shifts[int(np.argmin(left))])
 
 
 def _by_clock(plant: PlantModel, view: View, ts_s: float) -> Array:
@@ -98,6 +116,7 @@ def judge_sentences(row: Mapping[str, Any]) -> dict[str, Any]:
         ``clean_ratio`` (clean error over the noise), ``true_share`` (of what is left beyond the
         noise and the numerical floor, what follows from the input; None where less than half a
         noise floor is left), ``share_true`` (whether the interval has it; None without either),
+        ``hidden_true`` (whether what follows is no more than what is said could hide),
         ``explained_true``, ``sampling_true`` (None where not said), ``all_true``.
 
     Examples
@@ -119,18 +138,22 @@ def judge_sentences(row: Mapping[str, Any]) -> dict[str, Any]:
     part = math.nan if true_left["by_input_um"] is None else true_left["by_input_um"]
     share = _share(clean, part, floor) if clean > math.hypot(_NOTHING * noise, floor) else None
     left = row.get("left") or {}
-    share_true = explained_true = sampling_true = None
+    share_true = hidden_true = explained_true = sampling_true = None
     if share is not None and left.get("low") is not None and left.get("high") is not None:
         share_true = bool(left["low"] - MARGIN <= share <= left["high"] + MARGIN)
+    if share is not None and left.get("hidden_um") is not None:
+        most = (1.0 + MARGIN) * math.hypot(left["hidden_um"], floor, _NOTHING * noise)
+        hidden_true = bool(part <= most)
     if row["verdict"] in ("explained", "no missing effect") and not math.isnan(clean):
         explained_true = bool(clean <= EXPLAINED * math.hypot(noise, floor))
     if row.get("sampling"):
         sampling_true = sampling_matters(truth)
-    said = [x for x in (share_true, explained_true, sampling_true) if x is not None]
+    said = [x for x in (share_true, hidden_true, explained_true, sampling_true) if x is not None]
     return {
         "clean_ratio": clean / noise,
         "true_share": share,
         "share_true": share_true,
+        "hidden_true": hidden_true,
         "explained_true": explained_true,
         "sampling_true": sampling_true,
         "all_true": all(said),

@@ -166,12 +166,30 @@ def sentence_table(j: pd.DataFrame) -> pd.DataFrame:
     lines = []
     for column, name in (
         ("share_true", f"the interval has the true share, ± {MARGIN:g}"),
+        ("hidden_true", "what follows from the input is no more than what could hide"),
         ("explained_true", f"explained, at most {EXPLAINED:g} noise floors of clean error left"),
         ("sampling_true", "sample faster, where sampling matters"),
     ):
         said = j[column].dropna() if column in j else pd.Series(dtype=bool)
         true = int((said == True).sum())  # noqa: E712
         lines.append({"sentence": name, "said": len(said), "true": true})
+    return pd.DataFrame(lines)
+
+
+def noticed_table(j: pd.DataFrame) -> pd.DataFrame:
+    """Count, for each degradation, how often it was found in the data, and what else was."""
+    lines: list[dict[str, object]] = []
+    for degraded, part in j[j["status"] == "done"].groupby("degraded", sort=False):
+        kinds = part["findings"].str.split("+").explode()
+        counts = kinds[kinds != ""].value_counts()
+        lines.append(
+            {
+                "degraded": degraded,
+                "cases": len(part),
+                "noticed": int(part["noticed"].sum()),
+                "findings": ", ".join(f"{kind} {count}" for kind, count in counts.items()),
+            }
+        )
     return pd.DataFrame(lines)
 
 
@@ -214,6 +232,13 @@ def as_markdown(rows: Sequence[Row]) -> str:
             parts += ["## Outside the catalogue", frame_table(shares(outside, ["subject"]))]
         parts += ["## By protocol", frame_table(shares(j, ["protocol"]))]
         parts += ["## By degradation", frame_table(shares(j, ["degraded"]))]
+        parts += ["## What was noticed about the data", frame_table(noticed_table(j))]
+        parts += [
+            "## By what lies between the samples",
+            "Against the noise: what the displacement at the samples changes where the command is "
+            "taken as linear between them.",
+            frame_table(shares(j, ["between_samples"])),
+        ]
     if masked:
         parts.append(f"Cases that no draw shows, {len(masked)} in all: {', '.join(masked)}.")
     return "\n\n".join(parts) + "\n"

@@ -3,7 +3,7 @@
 import json
 import math
 from collections import Counter
-from dataclasses import replace
+from dataclasses import MISSING, fields, replace
 
 import numpy as np
 import pandas as pd
@@ -256,6 +256,23 @@ def test_the_share_that_follows_from_the_input(clean, part, left, true):
     assert judged["all_true"] is (true is not False)
 
 
+def test_what_could_hide_is_an_upper_limit():
+    true_left = {"clean_um": 0.05, "by_input_um": 0.04}
+    said = {"low": 0.0, "high": 1.0, "hidden_um": 0.05}
+    found = row([], verdict="unexplained", true_left=true_left, left=said)
+    assert judge_sentences(found)["hidden_true"] is True
+    found["left"] = said | {"hidden_um": 0.02}
+    assert judge_sentences(found)["all_true"] is False
+
+
+def test_findings_are_set_beside_what_was_done_to_the_data():
+    found = row([], study="none", findings=[{"kind": "frozen"}, {"kind": "clock"}])
+    found["truth"]["degraded"] = "dropouts"
+    assert (judge(found)["noticed"], judge(found)["findings"]) == (True, "clock+frozen")
+    found["truth"]["degraded"] = "spikes"
+    assert judge(found)["noticed"] is False
+
+
 def test_explained_is_false_with_error_left_unless_it_lies_between_the_samples():
     much = {"clean_um": 0.02, "by_input_um": 0.02}
     assert judge_sentences(row([], true_left=much))["explained_true"] is False
@@ -278,13 +295,16 @@ def test_sample_faster_is_true_where_something_lies_between_the_samples():
 def discovery(names, views=(), effects=(), verdict="explained"):
     errors = Errors(0.01, 0.01, 0.1, {})
     added = [Candidate(n, errors, {}, {}, 0.9, 0.9, (), "") for n in names]
-    return SearchResult(
-        kind="discovery", title="", plant=replace(P10, effects=tuple(effects)), steps=steps_of(added),
-        rounds=(tuple(added),), removed=(), noise_floor_um=0.01, noise_origin="", numerical_floor_um=0.0,
-        base=errors, final=errors, given=None, verdict=verdict, sampling=None, undecided=None,
-        unexplained_rmse_um=0.0, remainder="", next_experiment=None, indistinguishable=(), checks=(),
-        views=tuple(views), seconds=1.0,
-    )  # fmt: skip
+    said = {
+        "kind": "discovery", "title": "", "plant": replace(P10, effects=tuple(effects)),
+        "steps": steps_of(added), "rounds": (tuple(added),), "noise_floor_um": 0.01, "noise_origin": "",
+        "numerical_floor_um": 0.0, "base": errors, "final": errors, "verdict": verdict,
+        "unexplained_rmse_um": 0.0, "remainder": "", "views": tuple(views), "seconds": 1.0,
+    }  # fmt: skip
+    for entry in fields(SearchResult):  # nothing else was found
+        if entry.name not in said and entry.default is MISSING and entry.default_factory is MISSING:
+            said[entry.name] = () if "tuple" in str(entry.type) else None
+    return SearchResult(**said)
 
 
 def test_what_is_left_is_divided_between_the_input_and_the_clock():
@@ -309,6 +329,17 @@ def test_what_is_left_is_divided_between_the_input_and_the_clock():
     missing = left(1.9 * u + hum, [CATALOGUE["mains_hum"](0.3, 50.0, 0.0)])
     assert missing["by_input_um"] == pytest.approx(np.std(0.1 * u), rel=1e-3)
     assert what_is_left(discovery([]), [sampled]) == {"clean_um": None, "by_input_um": None}
+
+
+def test_a_record_whose_channels_were_moved_back_is_compared_where_they_are():
+    t = np.arange(2000) * 1e-3
+    u = 10.0 * np.sin(6.0 * t)
+    late = np.concatenate([u[:1], u[:-1]])  # y came a sample after u, and was moved back
+    record = Record("wave", t, u, late, ts_s=1e-3, role="validation")
+    sampled = Sampled(record, late, late, np.ones(t.size, dtype=bool))
+    view = View("wave", "validation", t, u, u, {"end": u}, np.ones(t.size))
+    found = what_is_left(discovery([], [view]), [sampled])
+    assert found["clean_um"] == pytest.approx(0.0, abs=1e-9)
 
 
 def silent(dataset, seed):
