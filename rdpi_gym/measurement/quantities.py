@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from rdpi_gym.measurement.units import measured_by, ratio, shown_unit
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.words import quoted
 
+_LONGEST = 30  # characters of a header's name that serves as the name of a quantity
 SIDES: Mapping[str, str] = {"input": "u", "output": "y"}
 """The quantities by the column that each is in."""
 
@@ -223,12 +224,13 @@ def _quantity(
         )
     own = standard.name if ratio(shown, standard.unit) is not None else measured_by(shown)
     # what a file calls a column in another unit than ours is a better name than a guess by its unit
-    word = name if len(name) > 2 and not is_standard else ""
+    is_word = 2 < len(name) <= _LONGEST and printable(name) == name
+    word = name if is_word and not is_standard else ""
     named = said.get("name") or word or own
     if not named:
         raise InputError(
             f"{where}: the {side} in {quoted(shown)} has no name; give it one, as in "
             f'{side} = {{ name = "force", unit = "kN" }}'
         )
-    letter = name if 0 < len(name) <= 2 and not is_standard else standard.symbol
+    letter = name if 0 < len(name) <= 2 and name.isalnum() and not is_standard else standard.symbol
     return Quantity(named, said.get("symbol") or letter, shown_unit(shown))

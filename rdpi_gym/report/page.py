@@ -13,8 +13,9 @@ from typing import Any
 import pandas as pd
 from plotly.offline import get_plotlyjs
 
-from rdpi_gym.measurement import Quantities
+from rdpi_gym.measurement import Quantities, Quantity
 from rdpi_gym.report.assets import CSS, SCRIPT
+from rdpi_gym.report.style import figure_text
 from rdpi_gym.report.tables import table_html, told_table
 from rdpi_gym.support.files import write_atomic
 
@@ -102,7 +103,9 @@ def write_page(
     """
     numbers = count(1)
     say = partial(quantities.said, keep=keep)
-    summary, sections = say(summary), [_told(section, quantities, say) for section in sections]
+    drawn = partial(_in_figures(quantities).said, keep=[*keep, *map(figure_text, keep)])
+    if not quantities.are_standard:
+        summary, sections = say(summary), [_told(section, say, drawn) for section in sections]
     parts = [_section_html(f"s{i}", s, numbers) for i, s in enumerate(sections, start=1)]
     contents = "".join(
         f'<li><a href="#s{i}">{escape(s.title)}</a></li>' for i, s in enumerate(sections, start=1)
@@ -134,21 +137,25 @@ def write_page(
     return write_atomic(path, document)
 
 
-def _told(section: Section, quantities: Quantities, say: Callable[[str], str]) -> Section:
-    """Return a section in other quantities than V and µm."""
-    if quantities.are_standard:
-        return section
+def _in_figures(quantities: Quantities) -> Quantities:
+    """Return the quantities as a figure takes words that come from a user."""
+    sides = (quantities.input, quantities.output)
+    return Quantities(*(Quantity(*map(figure_text, vars(side).values())) for side in sides))
 
-    def drawn(figure: Any) -> Any:
-        return type(figure)(_said(figure.to_plotly_json(), say))
+
+def _told(section: Section, say: Callable[[str], str], drawn: Callable[[str], str]) -> Section:
+    """Return a section in other quantities than V and µm."""
+
+    def redrawn(figure: Any) -> Any:
+        return type(figure)(_said(figure.to_plotly_json(), drawn))
 
     figure, table = section.figure, section.table
     if isinstance(figure, Mapping):
-        figure = {name: drawn(each) for name, each in figure.items()}
+        figure = {name: redrawn(each) for name, each in figure.items()}
     elif isinstance(figure, Sequence):
-        figure = [drawn(each) for each in figure]
+        figure = [redrawn(each) for each in figure]
     elif figure is not None:
-        figure = drawn(figure)
+        figure = redrawn(figure)
     return Section(say(section.title), say(section.text), figure, told_table(table, say))
 
 

@@ -121,3 +121,13 @@ def test_a_sentence_that_comes_twice_is_turned_once():
     assert once.replace("\N{NO-BREAK SPACE}", " ") == plain
     assert sensor.said(once) == once
     assert Quantities().said(plain) == plain
+
+
+def test_words_of_a_file_are_no_markup_on_its_page(damper, tmp_path):
+    data = rg.load(damper)
+    evil = Quantities(data.quantities.input, Quantity("<b>force</b>", "F", "<i>kN</i>"))
+    page = rg.compare(replace(data, quantities=evil), "P5").page(tmp_path / "page.html")
+    text = page.read_text(encoding="utf-8")
+    text = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
+    assert "&lt;i&gt;kN" in text
+    assert not re.search(r"(<|\\u003c)[bi](>|\\u003e)", text)

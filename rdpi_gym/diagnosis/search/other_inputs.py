@@ -58,17 +58,6 @@ class OtherInput:
         """Whether it explains anything."""
         return self.low >= EXPLAINS
 
-    def to_dict(self) -> dict[str, object]:
-        """Return the object of the files."""
-        return {
-            "names": list(self.names),
-            "share": self.share,
-            "low": self.low,
-            "high": self.high,
-            "before": self.before_um,
-            "after": self.after_um,
-        }
-
 
 def other_inputs(
     variant: Variant, train: Sequence[Record], validation: Sequence[Record], noise_um: float
