@@ -85,8 +85,7 @@ def _front(variants: Sequence[Variant], record: Record) -> tuple[Array, Array, A
     for lane, variant in enumerate(variants):
         for effect in variant.effects:
             if effect.slot == "memory":
-                extremum = effect.values["extremum_V"]
-                state[2:, lane] = variant.hysteresis.settled(extremum)
+                state[2:, lane] = variant.hysteresis.settled(effect.turns_V)
     links = _links(variants, record, FRONT) | core_links(
         variants[0].hysteresis, parameters, state, record.ts_s
     )

@@ -113,10 +113,9 @@ class PlantModel(Generic[AnyCore]):
         object.__setattr__(self, "effects", in_chain_order(self.effects))
 
     @property
-    def initial_extremum_V(self) -> float | None:
-        """Command (V) at which the plant last turned before a record; None: it never moved."""
-        extrema = [e.values["extremum_V"] for e in self.effects if e.slot == "memory"]
-        return extrema[0] if extrema else None
+    def initial_turns_V(self) -> tuple[float, ...]:
+        """Commands (V) at which the plant turned before a record, in order; empty: it never moved."""
+        return tuple(turn for e in self.effects for turn in e.turns_V)
 
     def with_hysteresis(
         self, hysteresis: OtherCore, name: str | None = None

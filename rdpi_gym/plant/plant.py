@@ -123,8 +123,8 @@ class Plant:
         xi = np.zeros((self.n, self.lanes))
         if memory is None:
             for lane, model in enumerate(self.models):
-                if model.initial_extremum_V is not None:
-                    xi[:, lane] = model.hysteresis.settled(model.initial_extremum_V)
+                if model.initial_turns_V:
+                    xi[:, lane] = model.hysteresis.settled(model.initial_turns_V)
         else:
             given = np.asarray(memory, dtype=np.float64)
             xi += given[:, None] if given.ndim == 1 else given

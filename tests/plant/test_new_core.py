@@ -64,9 +64,10 @@ class Duhem(Core):
     def coefficients(self):
         return [self.gain, self.width]
 
-    def settled(self, extremum_V):
-        h = self.width * np.sign(extremum_V) * (1.0 - np.exp(-abs(extremum_V)))
-        return np.array([h, extremum_V])
+    def settled(self, turns_V):
+        last = turns_V[-1]
+        h = self.width * np.sign(last) * (1.0 - np.exp(-abs(last)))
+        return np.array([h, last])
 
     def resting(self, memory, u0_V):
         return np.stack([memory[0], u0_V])
@@ -118,7 +119,7 @@ def test_a_plant_runs_it_in_blocks_in_steps_in_lanes_and_with_effects(model):
         lanes = Plant(plant, TS_S, lanes=3).simulate(np.repeat(u[:, None], 3, axis=1))
         np.testing.assert_allclose(lanes, whole[:, None] * np.ones(3), rtol=1e-13)
     settled = Plant(replace(model, effects=(CATALOGUE["initial_memory"](extremum_V=9.0),)), TS_S)
-    np.testing.assert_allclose(settled.memory[:, 0], model.hysteresis.settled(9.0))
+    np.testing.assert_allclose(settled.memory[:, 0], model.hysteresis.settled((9.0,)))
     settled.reset(u0_V=4.0)
     assert settled.memory[1, 0] == 4.0
 

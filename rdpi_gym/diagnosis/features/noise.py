@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.features.half_cycles import half_cycles
 from rdpi_gym.diagnosis.features.periods import steady_periods
@@ -18,6 +19,12 @@ _MAINS_HZ = (50.0, 60.0)
 _CYCLES = 20.0
 _COLOURED = 1.1
 _ALIKE = 1.05
+# Of what repetitions differ by, what their commands may differ by.
+_SAME_COMMAND = 0.3
+# A level between spectral lines counts where it is this much lower than that of differences.
+_LINES = 0.8
+# Noise is slower than white where differences over more samples grow, ever less, to a level.
+_STRIDES, _GROWS, _LEVEL, _SLOWEST = (1, 2, 4, 8), 1.05, 1.06, 2.0
 _MOST = 40_000
 _UNLIKE = 5.0  # times what repetitions usually differ by
 
@@ -45,10 +52,44 @@ def rough_part(x: Array) -> float:
     Notes
     -----
     Third differences, the weights 1, -3, 3, -1: a cubic leaves none (von Neumann's estimator,
-    carried to a higher difference). The median keeps jumps out.
+    carried to a higher difference). The median keeps jumps out. Lines, such as those of the mains
+    at a low sampling rate, are rough too: where the level between the lines of the upper half of
+    the spectrum is clearly lower, that is the noise.
     """
-    third = np.diff(x, 3)
+    third = _third(x, 1)
+    between = _between_lines(x)
+    return between if between < _LINES * third else third
+
+
+def _third(x: Array, stride: int) -> float:
+    """Standard deviation of white noise that has such third differences over a stride."""
+    third = x[3 * stride :] - 3.0 * x[2 * stride : -stride] + 3.0 * x[stride : -2 * stride]
+    third = third - x[: -3 * stride]
     return float(np.median(np.abs(third)) / 0.6744897501960817 / math.sqrt(20.0))
+
+
+def _between_lines(x: Array) -> float:
+    """Standard deviation of white noise with the median of the upper half of a spectrum."""
+    if x.size < _FEWEST:
+        return math.inf
+    window = np.hanning(x.size)
+    power = np.abs(np.fft.rfft((x - x.mean()) * window)) ** 2 / float(window @ window)
+    upper = power[power.size // 2 :]
+    return math.sqrt(float(np.median(upper)) / math.log(2.0))
+
+
+def _growth(x: Array) -> float:
+    """How much slower than white noise is, by differences over ever more samples; 1 where not."""
+    if x.size < _FEWEST:
+        return 1.0
+    levels = np.array([_third(x, stride) for stride in _STRIDES])
+    if levels[0] <= 0.0:
+        return 1.0
+    ratios = levels[1:] / levels[:-1]
+    saturates = ratios[0] > ratios[1] > ratios[2] and ratios[2] < _LEVEL
+    if ratios[0] < _GROWS or not saturates:
+        return 1.0
+    return min(float(levels[-1] / levels[0]), _SLOWEST)
 
 
 def repeat_noise(record: Record) -> float | None:
@@ -78,15 +119,27 @@ def repeat_noise(record: Record) -> float | None:
 
 
 def _spread(record: Record) -> Array | None:
-    """What repetitions differ by, ``(K, M)``."""
-    rows = _repetitions(record)
-    if rows is None:
+    """What repetitions differ by, ``(K, M)``; None where their commands differ as much."""
+    found = _repetitions(record)
+    if found is None:
         return None
-    if len(rows) > 2:
+    starts, length = found
+    measured, commands = (
+        np.stack([x[start : start + length] for start in starts])
+        for x in (record.y_um, record.u_V)
+    )
+    if len(measured) > 2:
         # a repetition that is unlike all the others, a sensor that settles, tells no noise
-        apart = np.std(_apart(rows, np.median(rows, axis=0)), axis=1)
-        rows = rows[apart <= _UNLIKE * np.median(apart)]
-    return _apart(rows, rows.mean(axis=0)) if len(rows) > 1 else None
+        apart = np.std(_apart(measured, np.median(measured, axis=0)), axis=1)
+        alike = apart <= _UNLIKE * np.median(apart)
+        measured, commands = measured[alike], commands[alike]
+    if len(measured) < 2:
+        return None
+    spread = _apart(measured, measured.mean(axis=0))
+    # a slow chirp has periods that are nearly alike: what they differ by is no noise
+    gain = float(np.std(record.y_um)) / max(float(np.std(record.u_V)), 1e-300)
+    of_command = float(np.std(_apart(commands, commands.mean(axis=0))))
+    return None if gain * of_command > _SAME_COMMAND * float(np.std(spread)) else spread
 
 
 def _apart(rows: Array, usual: Array) -> Array:
@@ -97,7 +150,7 @@ def _apart(rows: Array, usual: Array) -> Array:
     return np.asarray(differ - np.outer(differ @ x / (x @ x), x))
 
 
-def _repetitions(record: Record) -> Array | None:
+def _repetitions(record: Record) -> tuple[NDArray[np.intp], int] | None:
     if record.period is None:
         found = steady_periods(record, half_cycles(record.u_V, record.ts_s))
         if found is None or found.length < _FEWEST:
@@ -113,7 +166,7 @@ def _repetitions(record: Record) -> Array | None:
         length = min(map(len, runs))
     if len(starts) < 2 or length < _FEWEST:
         return None
-    return np.stack([record.y_um[start : start + length] for start in starts])
+    return starts, length
 
 
 def quiet_noise(record: Record) -> float:
@@ -184,7 +237,8 @@ def noise_floor(
         The smallest of what quiet records, repetitions and the residuals' rough part say (drift,
         creep and an imperfect model make each of them too large), and the mean of those that agree
         with it. Noise that is slower than white makes the rough part too small: it is scaled by
-        what it misses in quiet records, or else in repetitions.
+        what it misses in quiet records, or else in repetitions, or else by the growth of differences
+        over more samples, where that comes to an end.
     str
         A sentence.
     """
@@ -197,6 +251,7 @@ def noise_floor(
     found += [_Level(_rms(s), s.size, f"the repetitions in {name}") for s, name in spreads]
     colours = [_slowness(noise) for noise, _ in still]
     colours = colours or [_slowness(spread.ravel()) for spread, _ in spreads]
+    colours = colours or [_growth(e) for e in residuals]
     colour = max(1.0, float(np.median(colours))) if colours else 1.0
     rough = [(rough_part(e), len(e)) for e in residuals if len(e) >= _FEWEST]
     if rough:

@@ -46,7 +46,7 @@ class Column(NamedTuple):
     p: Array  # float64[P]: as rdpi_gym.plant.packing packs it
     gaps_V: Array  # float64[n]: between neighbouring thresholds
     stage_p: Array  # float64[P']
-    extremum_V: float  # command at which it turned before the episode; NaN: none
+    turns_V: Array  # float64[K]: commands at which it turned before the episode, in order
     offset_um: float  # behind its effects
     noise_um: float
     resolution_um: float
@@ -164,15 +164,15 @@ def place_sines(low_hz: float, high_hz: float, table: Array, drawn: Drawn, fresh
 
 
 @njit(cache=True)
-def settle(rest_V: float, extrema_V: Array, fresh: Lanes, u: Array) -> None:
-    """Set the play states that a rest at `rest_V` leaves of earlier extrema (V), and the command.
+def settle(rest_V: float, turns_V: Array, fresh: Lanes, u: Array) -> None:
+    """Set the play states that a rest at `rest_V` leaves of earlier turns (V), and the command.
 
     Parameters
     ----------
     rest_V
         Command (V).
-    extrema_V : float64[m]
-        Command at which each lane turned last; NaN: it never moved.
+    turns_V : float64[K, m]
+        Commands at which each lane turned, in order.
     fresh
         One block.
     u : float64[W]
@@ -184,8 +184,9 @@ def settle(rest_V: float, extrema_V: Array, fresh: Lanes, u: Array) -> None:
         u[b] = rest_V
         for i in range(n):
             r, x = p[n + 1 + i, b], 0.0
-            if b < len(extrema_V) and not np.isnan(extrema_V[b]):
-                x = max(extrema_V[b] - r, min(extrema_V[b] + r, x))
+            if b < turns_V.shape[1]:
+                for turn in turns_V[:, b]:
+                    x = max(turn - r, min(turn + r, x))
             state[2 + i, b] = max(rest_V - r, min(rest_V + r, x))
 
 

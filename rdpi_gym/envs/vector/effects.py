@@ -109,7 +109,7 @@ class EffectStages:
         return self._packed([model.effects[i] for i in self._stages], model.hysteresis)
 
     def draw(
-        self, levels: Integers, fresh: Lanes, bandwidth_hz: float | None, extrema_V: Array
+        self, levels: Integers, fresh: Lanes, bandwidth_hz: float | None, turns_V: Array
     ) -> Array:
         """Put the parameters at the levels that lanes have drawn into a block that begins.
 
@@ -121,12 +121,12 @@ class EffectStages:
             One block, whose RDPI parameters stand.
         bandwidth_hz
             Cut-off of the rate (Hz) in these plants.
-        extrema_V : float64[m]
-            Command at which the plant turned before its episodes.
+        turns_V : float64[K, m]
+            Commands at which the plant turned before its episodes.
 
         Returns
         -------
-        float64[m]
+        float64[K, m]
             The same in these lanes.
         """
         for lane, at in enumerate(levels.tolist()):
@@ -139,8 +139,8 @@ class EffectStages:
                 fresh.stage_p[0, first:end, lane] = column
             for effect in effects:
                 if effect.slot == "memory":
-                    extrema_V[lane] = effect.values["extremum_V"]
-        return extrema_V
+                    turns_V[:, lane] = effect.turns_V
+        return turns_V
 
     def run(self, lanes: Lanes, n: int, work: Array) -> int:
         """Advance block `n` as :func:`rdpi_gym.envs.vector.chain.run_chain`, any kernel, from Python."""

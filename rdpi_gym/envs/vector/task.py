@@ -183,11 +183,11 @@ class VectorTask:
         work = aligned((WORK, fresh.state.shape[2]))
         place_plants(self.step, self._rest_V, column, drawn, fresh)
         place_sines(*offer.bounds_hz, offer.table, drawn, fresh)
-        extrema = np.full(count, column.extremum_V)
+        turns = np.repeat(column.turns_V[:, None], count, axis=1)
         if drawing and self._draws_effects:
             bandwidth_hz = truths.nominal.hysteresis.rate_bandwidth_hz
-            extrema = self._effects.draw(drawn.levels, fresh, bandwidth_hz, extrema)
-        settle(self._rest_V, extrema, fresh, work[0])
+            turns = self._effects.draw(drawn.levels, fresh, bandwidth_hz, turns)
+        settle(self._rest_V, turns, fresh, work[0])
         tables = self._references.begin(self.step, indices, offer, drawn, fresh)
         noise = self._noise.begin(self.step, indices, column.noise_um, drawn.noise_seed)
         sources = Sources(self._effects.table, self._references.rises, tables, noise)
@@ -288,7 +288,6 @@ class VectorTask:
                 f"the converter of plant {model.name} holds another number of samples than the lanes of "
                 "this environment; make an environment of that plant instead"
             )
-        extremum = model.initial_extremum_V
         # Behind the plays an effect sees the displacement without its offset.
         inside, behind = (
             (0.0, model.offset_um) if len(self._effects.table) else (model.offset_um, 0.0)
@@ -297,7 +296,7 @@ class VectorTask:
             p=pack([hysteresis], self._layout.ts_s, [inside])[:, 0].copy(),
             gaps_V=np.diff(hysteresis.thresholds_V, prepend=0.0),
             stage_p=self._effects.column(model),
-            extremum_V=np.nan if extremum is None else extremum,
+            turns_V=np.array(model.initial_turns_V),
             offset_um=behind,
             noise_um=float(model.sensor.noise_um),
             resolution_um=float(model.sensor.resolution_um),

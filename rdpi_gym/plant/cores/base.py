@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Self, TypeAlias
 
 from rdpi_gym.support.arrays import Array
@@ -69,8 +69,8 @@ class Core(ABC):
         """Return what the kernel reads of the parameters."""
 
     @abstractmethod
-    def settled(self, extremum_V: float) -> Array:
-        """Return the memory after a slow walk from rest to a command (V), ``float64[n]``."""
+    def settled(self, turns_V: Sequence[float]) -> Array:
+        """Return the memory after a slow walk from rest through commands (V), ``float64[n]``."""
 
     @abstractmethod
     def resting(self, memory: Array, u0_V: Array) -> Array:

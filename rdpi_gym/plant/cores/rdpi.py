@@ -165,9 +165,9 @@ class RDPI(Core):
         """Weights (µm/V), thresholds at rest (V), δ2 (s)."""
         return [*self.weights, *self.thresholds_V, self.delta2_s]
 
-    def settled(self, extremum_V: float) -> Array:
-        """Play states ξ_i (V) after a slow walk from rest to a command (V)."""
-        return settled_memory(self.thresholds_V, [extremum_V])
+    def settled(self, turns_V: Sequence[float]) -> Array:
+        """Play states ξ_i (V) after a slow walk from rest through commands (V)."""
+        return settled_memory(self.thresholds_V, turns_V)
 
     def resting(self, memory: Array, u0_V: Array) -> Array:
         """Play states within their thresholds of the command."""

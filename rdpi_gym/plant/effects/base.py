@@ -335,6 +335,11 @@ class Effect(ABC):
         return f"{cls.name}, {cls.form}" if cls.form else cls.name
 
     @property
+    def turns_V(self) -> tuple[float, ...]:
+        """Commands (V) at which the plant turned before a record, in order; of slot ``memory``."""
+        return ()
+
+    @property
     def values(self) -> dict[str, float]:
         """The parameters by name."""
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}

@@ -11,6 +11,9 @@ from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
+TURNS = 6
+"""Turns of a decaying history."""
+
 
 @njit(cache=True)
 def identity_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
@@ -84,9 +87,72 @@ class InitialMemory(Effect):
         sizes = (0.08, 0.25, 0.6, -0.08, -0.25, -0.6)
         return tuple(cls.within_bounds(extremum_V=k * scale.span_V) for k in sizes)
 
+    @property
+    def turns_V(self) -> tuple[float, ...]:
+        """The extremum (V)."""
+        return (self.extremum_V,)
+
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """The extremum (V); the kernel does not read it."""
         return [self.extremum_V]
+
+    def state_rows(self, ts_s: float) -> int:
+        """None beside the plays' own."""
+        return 0
+
+
+@dataclass(frozen=True)
+class DecayingHistory(Effect, of=InitialMemory):
+    """Play states left by a motion to and fro that decayed before the record starts.
+
+    Examples
+    --------
+    >>> DecayingHistory(extremum_V=16.0, ratio=0.5).turns_V
+    (16.0, -8.0, 4.0, -2.0, 1.0, -0.5)
+    """
+
+    extremum_V: float = 20.0
+    ratio: float = 0.5
+
+    form = "decaying history"
+    parameters = (
+        *InitialMemory.parameters,
+        Parameter(
+            "ratio", "1", -1.0, 0.98, (0.3, 0.8),
+            "size of a turn over that of the turn before, on the other side, q", neutral=-1.0,
+        ),
+    )  # fmt: skip
+    equation = "ξ_i(0) after turns at u_e, -q u_e, q² u_e, ..., six of them"
+    cause = (
+        "A controller that settles, a relaxation after power-up or a sine that was faded out leaves "
+        "nested memory, from the outermost turn inwards."
+    )
+    block = staticmethod(identity_block)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The same outermost turn, and turns back of two sizes."""
+        here = simpler.values["extremum_V"]
+        outer = 0.6 * scale.span_V
+        return tuple(
+            cls.within_bounds(extremum_V=turn, ratio=q)
+            for turn in (here, outer, -outer)
+            for q in (0.3, 0.7)
+        )
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Outermost turns on either side."""
+        return cls.from_simpler(InitialMemory.within_bounds(extremum_V=0.25 * scale.span_V), scale)
+
+    @property
+    def turns_V(self) -> tuple[float, ...]:
+        """Turns (V), in order."""
+        return tuple(self.extremum_V * (-self.ratio) ** k for k in range(TURNS))
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Outermost turn (V) and ratio; the kernel does not read them."""
+        return [self.extremum_V, self.ratio]
 
     def state_rows(self, ts_s: float) -> int:
         """None beside the plays' own."""
