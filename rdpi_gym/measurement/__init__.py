@@ -5,7 +5,14 @@ from rdpi_gym.measurement.loading import load
 from rdpi_gym.measurement.options import COLUMNS, UNITS, DataOptions, parse_columns, parse_units
 from rdpi_gym.measurement.published import DATA_HINT, measured_data
 from rdpi_gym.measurement.quantities import Quantities, Quantity
-from rdpi_gym.measurement.record import Dataset, Record, Role, hold_out_quarter, longest_counted
+from rdpi_gym.measurement.record import (
+    Dataset,
+    Record,
+    Role,
+    hold_out_blocks,
+    hold_out_quarter,
+    longest_counted,
+)
 from rdpi_gym.measurement.sampling import JITTER
 from rdpi_gym.measurement.writing import other_name, write_csv
 
@@ -21,6 +28,7 @@ __all__ = [
     "Quantity",
     "Record",
     "Role",
+    "hold_out_blocks",
     "hold_out_quarter",
     "load",
     "longest_counted",

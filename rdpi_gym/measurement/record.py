@@ -228,6 +228,41 @@ def hold_out_quarter(record: Record) -> tuple[Record, Record]:
     )
 
 
+def hold_out_blocks(record: Record, blocks: int = 16, every: int = 4) -> tuple[Record, Record]:
+    """Split one record into blocks of time, some held out, each part still simulated whole.
+
+    What changes slowly over a record, as a drift does, is then judged within what was fitted and
+    not beyond it; the last block is held out too.
+
+    Parameters
+    ----------
+    record
+        The record.
+    blocks, every
+        Blocks of samples that count, and how many to one that is held out.
+
+    Returns
+    -------
+    tuple of Record
+        The training part and the validation part, as :func:`hold_out_quarter`.
+
+    Examples
+    --------
+    >>> t = np.arange(160) * 1e-3
+    >>> train, validation = hold_out_blocks(Record("sine", t, np.sin(t), np.sin(t), ts_s=1e-3))
+    >>> np.flatnonzero(validation.error_mask)[:11].tolist()
+    [30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 70]
+    """
+    counted = np.flatnonzero(record.error_mask)
+    held_out = np.concatenate(np.array_split(counted, blocks)[every - 1 :: every])
+    validation = np.zeros_like(record.error_mask)
+    validation[held_out] = True
+    return (
+        replace(record, role="train", error_mask=record.error_mask & ~validation),
+        replace(record, role="validation", error_mask=validation),
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Dataset:
     """Records that were measured on one plant.

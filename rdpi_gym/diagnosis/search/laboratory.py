@@ -54,13 +54,15 @@ from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.identification.plausibility import check_motion, check_scale
 from rdpi_gym.identification.rates import rate_spread
 from rdpi_gym.identification.stack import stack_records
-from rdpi_gym.measurement import Dataset
+from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 
 _NOMINEES = 4
+# Samples to fit from which on blocks of them are held out, and not their end.
+_BLOCKS = 64
 # Rivals of an effect in each split of the records.
 _SPLIT_RIVALS = 2
 # Rivals that are tried once more in the end: by the gain of the effect chosen, or by the noise.
@@ -123,7 +125,7 @@ class Laboratory:
         self.orientation: tuple[str, ...] = (TURNED,) if reversed_sign else ()
         inspected = inspect(dataset)
         dataset, self._openings = inspected.dataset, inspected.openings
-        train, validation = tuple(dataset.train), tuple(dataset.validation)
+        train, validation = _parts(dataset)
         self.findings = inspected.findings
         self.limits = limits(dataset)
         self.dataset = dataset
@@ -434,6 +436,15 @@ class Laboratory:
         floor, origin = noise_floor(self.dataset.quiet, records, residuals)
         if not self.noise_um <= floor:
             self.noise_um, self.noise_origin = floor, origin
+
+
+def _parts(dataset: Dataset) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
+    """Records to fit and to judge; without any for the latter, blocks of the former in turn."""
+    if not dataset.holds_out_quarters or min(r.error_mask.sum() for r in dataset.train) < _BLOCKS:
+        return tuple(dataset.train), tuple(dataset.validation)
+    whole = [r for r in dataset.records if r.role == "train" and not r.is_quiet]
+    parts = [hold_out_blocks(record) for record in whole]
+    return tuple(train for train, _ in parts), tuple(held for _, held in parts)
 
 
 def fitted(outcome: Outcome) -> Effect:

@@ -109,7 +109,7 @@ def test_a_plant_with_a_form_survives_its_file(kind, tmp_path):
 
 def test_an_effect_without_further_forms_says_so():
     with pytest.raises(InputError, match=r"no form is named 7; .* further forms are none"):
-        effect_from_dict(CATALOGUE, {"effect": "initial_memory", "form": 7}, "plant.json")
+        effect_from_dict(CATALOGUE, {"effect": "backlash", "form": 7}, "plant.json")
 
 
 @pytest.mark.parametrize("scale", SCALES.values(), ids=SCALES)
