@@ -125,8 +125,7 @@ def _spread(record: Record) -> Array | None:
         return None
     starts, length = found
     measured, commands = (
-        np.stack([x[start : start + length] for start in starts])
-        for x in (record.y_um, record.u_V)
+        np.stack([x[start : start + length] for start in starts]) for x in (record.y_um, record.u_V)
     )
     if len(measured) > 2:
         # a repetition that is unlike all the others, a sensor that settles, tells no noise
