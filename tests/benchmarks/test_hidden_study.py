@@ -38,8 +38,11 @@ def discovery(steps, verdict="explained", excess_um=0.0, ranking=None, floor_um=
     base = Errors(0.4, 0.4, 1.0, {})
     ranking = steps if ranking is None else ranking
     return SearchResult(
-        "discovery", "", P10, steps_of(steps), (tuple(ranking),) if ranking else (), (), floor_um, "", base, base, None,
-        verdict, None, None, excess_um, "", None, (), (), (), 1.0,
+        kind="discovery", title="", plant=P10, steps=steps_of(steps),
+        rounds=(tuple(ranking),) if ranking else (), removed=(), noise_floor_um=floor_um, noise_origin="",
+        numerical_floor_um=0.0, base=base, final=base, given=None, verdict=verdict, sampling=None,
+        undecided=None, unexplained_rmse_um=excess_um, remainder="", next_experiment=None,
+        indistinguishable=(), findings=(), limits=(), checks=(), views=(), seconds=1.0,
     )  # fmt: skip
 
 
