@@ -23,7 +23,7 @@ _LARGEST_FACTOR = math.log(4.0)
 _LARGEST_DAMPING = 1e6
 # Steps between two passes that take the derivatives by the weights anew.
 _LIGHT_PASSES = 4
-_SMALLEST_A0 = 1e-6  # of the largest gain that the data show
+_SMALLEST_A0 = 1e-6  # of the gain that the data show
 
 
 @dataclass(frozen=True)
@@ -203,6 +203,12 @@ class _Pass:
     columns: Sequence[Array]  # derivatives by the weights, by record
     squares: Sequence[Array]  # their Gram matrices
 
+    @property
+    def smallest_a0(self) -> float:
+        """Lower bound of a_0 (µm/V): a share of the gain that a_0 alone would have."""
+        gain = abs(float(self.rhs[0])) / max(float(self.gram[0, 0]), 1e-300)
+        return max(_SMALLEST_A0 * gain, 1e-300)
+
     def cost(self, x: Array) -> float:
         return float(self.total - 2 * x @ self.rhs + x @ self.gram @ x)
 
@@ -290,7 +296,7 @@ def _solve(at: _Pass, n_weights: int, damping: float, ways: Sequence[tuple[bool,
     rhs = at.rhs[index] * signs
     up, down = np.array(ways, dtype=bool).reshape(-1, 2).T
     allowed = np.concatenate([at.motion[:n_weights] >= MIN_MOTION, up, down])
-    x, _ = bounded_least_squares(gram, rhs, allowed, _SMALLEST_A0)
+    x, _ = bounded_least_squares(gram, rhs, allowed, at.smallest_a0)
     step = x[n_weights : n_weights + moves] - x[n_weights + moves :]
     return np.concatenate([x[:n_weights], step])
 
@@ -434,7 +440,7 @@ def _least(at: _Pass, n_weights: int) -> float:
 def _weights_alone(at: _Pass, n_weights: int) -> Array:
     gram = np.ascontiguousarray(at.gram[:n_weights, :n_weights])
     allowed = at.motion[:n_weights] >= MIN_MOTION
-    x, _ = bounded_least_squares(gram, at.rhs[:n_weights].copy(), allowed, _SMALLEST_A0)
+    x, _ = bounded_least_squares(gram, at.rhs[:n_weights].copy(), allowed, at.smallest_a0)
     weights: Array = x
     return weights
 

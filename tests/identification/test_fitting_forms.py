@@ -79,3 +79,28 @@ def test_two_time_constants_are_found_from_one():
     fits = [fit_joint([record], P10.hysteresis, (s,)) for s in two.from_simpler(simpler, SCALE)]
     found = min(fits, key=lambda fit: fit.train_rmse_um).variant.effects[0]
     assert found.values == pytest.approx(hidden.values, rel=0.02)
+
+
+@pytest.mark.parametrize(("volt", "second", "micrometre"), [(1e-4, 1e3, 1e3), (1e3, 1e-3, 1e-3)])
+def test_a_refit_is_the_same_in_any_unit(volt, second, micrometre):
+    """Kilonewtons by the hour, or metres over millivolts: no size is built in."""
+
+    def left(volt: float, second: float, micrometre: float) -> float:
+        h, noise = P10.hysteresis, np.random.default_rng(2).normal(0.0, 0.01, len(T))
+        core = replace(
+            h,
+            weights=tuple(a * micrometre / volt for a in h.weights),
+            thresholds_V=tuple(r * volt for r in h.thresholds_V),
+            delta2_s=h.delta2_s * second,
+        )
+        u = 40.0 * volt * np.exp(-2.0 * T) * np.sin(2 * np.pi * 10.0 * T)
+        bare = Record("made", T * second, u, u, ts_s=TS * second)
+        bent = form("asymmetry", "cubic")(0.1, -0.05, 40.0 * micrometre)
+        y = simulate_effects([Variant(core, (bent,))], bare)[:, 0] + micrometre * noise
+        scale = DataScale(0.0, 40.0 * volt, 40.0 * micrometre, 2e3 * volt / second, TS, 0.6)
+        record = replace(bare, y_um=y)
+        fit = fit_joint([record], core, form("asymmetry", "cubic").starts(scale))
+        return fit.train_rmse_um / micrometre
+
+    assert left(1.0, 1.0, 1.0) == pytest.approx(0.01, rel=0.05)
+    assert left(volt, second, micrometre) == pytest.approx(left(1.0, 1.0, 1.0), rel=1e-4)
