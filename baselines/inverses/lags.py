@@ -20,7 +20,7 @@ class SensorLagInverse(LinearInverse):
     """
 
     effect = "sensor_lag"
-    forms = ("", "second order")
+    forms = ("", "second order", "third order")
     urgency = 2
 
     @classmethod

@@ -33,6 +33,8 @@ def undo(effect, y, ts_s=TS, ahead=500, rest=0.0):
 DERIVATIVES = [
     ("sensor_lag", "second order", {"time_constant_s": 2e-3, "second_ratio": 0.6}),
     ("actuator_lag", "second order", {"time_constant_s": 3e-4, "second_ratio": 1.0}),
+    ("sensor_lag", "third order", {"time_constant_s": 1e-3}),
+    ("actuator_lag", "third order", {"time_constant_s": 1e-3, "third_share": 0.0}),
     ("resonance", "with a zero", {"f0_hz": 300.0, "damping": 0.05, "static_share": 0.2}),
     (
         "resonance",

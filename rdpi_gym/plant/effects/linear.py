@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numba import njit
 
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
 from rdpi_gym.support.arrays import Array
+
+# Shares of a filter's higher orders below this are none: their poles are out of sight.
+_NONE = 1e-6
 
 
 def lag_step(time_constant_s: float, ts_s: float) -> tuple[float, float, float]:
@@ -132,6 +139,61 @@ def pack_two_lags(first_s: float, second_s: float, ts_s: float) -> list[float]:
     return [slow, 0.0, passed, fast, before, rest, after, ramp, 0.0, 1.0, 0.0, 1.0, 1.0]
 
 
+def pack_filter(slow_s: float, second: float, third: float, ts_s: float) -> list[float]:
+    """Pack the low-pass c d T³ d³y/dt³ + c T² d²y/dt² + T dy/dt + y = u for :func:`linear_block`.
+
+    Parameters
+    ----------
+    slow_s
+        Delay of slow signals T (s); zero is no filter.
+    second, third
+        c and d; without the second there is no third, and below a millionth none.
+    ts_s
+        Sampling time (s).
+
+    Returns
+    -------
+    list of float
+        The states are y and its derivatives times T and T², as many as the filter has.
+
+    Examples
+    --------
+    >>> np.round(pack_filter(1e-3, 0.0, 0.0, 1e-3)[:3], 4).tolist()  # a lag
+    [0.3679, 0.0, 0.0]
+
+    Notes
+    -----
+    Van Loan's block exponential of [a b 0; 0 0 1/Ts; 0 0 0] Ts, by a Taylor series and squaring:
+    coefficients, unlike poles, go smoothly from real poles to pairs.
+    """
+    f, before, after, rest = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0])
+    if slow_s <= 1e-12 * ts_s:
+        return [*f.ravel(), *before, *rest, *rest, 0.0, *rest]
+    order = 1 if second < _NONE else 2 if third < _NONE else 3
+    h, powers = ts_s / slow_s, (1.0, 1.0, second, second * third)
+    block = np.zeros((5, 5))
+    for i in range(order - 1):
+        block[i, i + 1] = h
+    block[order - 1, :order] = [-h * power / powers[order] for power in powers[:order]]
+    block[order - 1, 3], block[3, 4] = h / powers[order], 1.0
+    step = _exponential(block)
+    f[:order, :order], after[:order] = step[:order, :order], step[:order, 4]
+    before = rest - f @ rest - after  # what rests stays there
+    return [*f.ravel(), *before, *after, *rest, 0.0, *rest]
+
+
+def _exponential(a: Array) -> Array:
+    """Matrix exponential of a few rows: solvers spread over threads what takes microseconds."""
+    halvings = max(0, math.frexp(float(np.abs(a).sum(axis=1).max()))[1] + 2)
+    part, one = a / 2.0**halvings, np.eye(len(a))
+    total = one
+    for k in range(12, 0, -1):
+        total = one + part @ total / k
+    for _ in range(halvings):
+        total = total @ total
+    return np.asarray(total, dtype=np.float64)
+
+
 @njit(cache=True)
 def linear_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Run a linear stage; the state is the last input and m states, NaN before the first sample.
@@ -176,3 +238,54 @@ def linear_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
             for b in range(lanes):
                 state[1 + i, b] = new[i, b]
                 y[t, b] += p[c + i, b] * new[i, b]
+
+
+@dataclass(frozen=True)
+class ThirdOrderLag(Effect):
+    """Low-pass of up to third order, with real poles or a pair, in either place of a lag."""
+
+    time_constant_s: float = 2e-4
+    second_share: float = 0.4
+    third_share: float = 0.2
+
+    form = "third order"
+    parameters = (
+        Parameter(
+            "time_constant_s", "s", 0.0, 0.1, (3e-5, 1e-3), "delay of slow signals, T", neutral=0.0
+        ),
+        Parameter("second_share", "1", 0.0, 1.0, (0.2, 0.5), "of the second order, c", neutral=0.0),
+        Parameter("third_share", "1", 0.0, 0.8, (0.1, 0.3), "of the third order, d", neutral=0.0),
+    )
+    equation = "c d T³ d³y/dt³ + c T² d²y/dt² + T dy/dt + y = y_m"
+    source = (
+        "Filters of Bessel have c = 1/3 (second order), 0.4 and d = 1/6 (third); of Butterworth "
+        "c = 0.5 and d = 1/4. The cut-off is an estimate."
+    )
+    cause = (
+        "A filter in front of a converter, which seldom is of first order, or some lags in a row."
+    )
+    block = staticmethod(linear_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """A small delay of a filter of Bessel's kind."""
+        return (cls(cls.parameters[0].typical[0], 0.4, 0.17),)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The same delay of slow signals, with the poles that were found and of a filter."""
+        ratio = simpler.values.get("second_ratio", 0.0)
+        slow_s = simpler.values["time_constant_s"] * (1.0 + ratio)
+        found = max(0.1, ratio / (1.0 + ratio) ** 2)
+        return tuple(
+            cls.within_bounds(time_constant_s=slow_s, second_share=c, third_share=d)
+            for c, d in ((found, 0.05), (0.4, 0.17))
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """As :func:`linear_block` reads them."""
+        return pack_filter(self.time_constant_s, self.second_share, self.third_share, ts_s)
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input and three states."""
+        return 4

@@ -7,7 +7,7 @@ from typing import Self
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
-from rdpi_gym.plant.effects.linear import linear_block, pack_lag, pack_two_lags
+from rdpi_gym.plant.effects.linear import ThirdOrderLag, linear_block, pack_lag, pack_two_lags
 
 
 @dataclass(frozen=True)
@@ -121,3 +121,14 @@ class SecondOrderSensorLag(Effect, of=SensorLag):
     def state_rows(self, ts_s: float) -> int:
         """Last input and what leaves each lag."""
         return 3
+
+
+@dataclass(frozen=True)
+class ThirdOrderSensorLag(ThirdOrderLag, of=SensorLag):
+    """Low-pass of third order, with real poles or a pair.
+
+    Examples
+    --------
+    >>> ThirdOrderSensorLag(1e-3, 0.4, 1 / 6).run([0.0, 1.0, 2.0, 3.0], 1e-3).round(3).tolist()
+    [0.0, 0.189, 0.998, 1.999]
+    """

@@ -45,6 +45,18 @@ LINEAR = {
         for name in ("actuator_lag", "sensor_lag")
         for ratio in (1e-3, 0.4, 0.999, 0.9999999, 1.0)
     },
+    **{
+        (name, "third order", (c, d)): (
+            {"time_constant_s": 7e-4, "second_share": c, "third_share": d},
+            ([1.0], [c * d * 7e-4**3, c * 7e-4**2, 7e-4, 1.0]),
+        )
+        for name, c, d in (
+            ("sensor_lag", 0.4, 1 / 6),  # of Bessel
+            ("sensor_lag", 0.5, 1 / 4),  # of Butterworth
+            ("sensor_lag", 1 / 3, 1 / 9),  # three equal poles
+            ("actuator_lag", 0.2, 0.01),
+        )
+    },
     ("resonance", "with a zero", 0.25): (
         {"f0_hz": 700.0, "damping": 0.03, "static_share": 0.25},
         side_by_side((0.75, mode(700.0, 0.03)), (0.25, None)),
@@ -113,6 +125,10 @@ def test_two_lags_stay_lags_at_any_ratio_of_their_times(ratio, ts):
 NESTED = {
     ("actuator_lag", "second order"): ({"time_constant_s": 4e-4}, {"second_ratio": 0.0}),
     ("sensor_lag", "second order"): ({"time_constant_s": 4e-4}, {"second_ratio": 0.0}),
+    ("sensor_lag", "third order"): (
+        {"time_constant_s": 4e-4},
+        {"second_share": 0.0, "third_share": 0.3},
+    ),
     ("resonance", "with a zero"): ({"f0_hz": 700.0, "damping": 0.03}, {"static_share": 0.0}),
     ("resonance", "two modes"): (
         {"f0_hz": 700.0, "damping": 0.03},
@@ -139,6 +155,16 @@ def test_the_simpler_form_is_one_of_the_richer(case):
         form(*case)(**own, **neutral).run(x, 1e-4),
     )
     np.testing.assert_allclose(rich, simple, atol=1e-12 * np.abs(x).max())
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.02, 0.5, 1.0])
+@pytest.mark.parametrize("ts", [1e-6, 1e-4, 1e-2])
+def test_two_lags_are_a_filter_without_its_third_order(ratio, ts):
+    x = rough(500)
+    two = form("actuator_lag", "second order")(4e-4, ratio)
+    shares = {"second_share": ratio / (1 + ratio) ** 2, "third_share": 0.0}
+    one = form("actuator_lag", "third order")(4e-4 * (1 + ratio), **shares)
+    np.testing.assert_allclose(one.run(x, ts), two.run(x, ts), atol=1e-10 * np.abs(x).max())
 
 
 @pytest.mark.parametrize("ts", [1e-4, 3e-3])
@@ -188,6 +214,7 @@ def test_hum_with_harmonics_is_a_sum_of_sines():
 STARTED = {
     ("sensor_lag", "second order"): {"time_constant_s": 3e-4},
     ("actuator_lag", "second order"): {"time_constant_s": 3e-4},
+    ("sensor_lag", "third order"): {"time_constant_s": 3e-4},
     ("resonance", "with a zero"): {"f0_hz": 600.0, "damping": 0.05},
     ("resonance", "two modes"): {"f0_hz": 600.0, "damping": 0.05},
     ("gain_drift", "to a limit"): {"rate_per_s": 2e-4},
