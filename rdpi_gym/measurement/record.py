@@ -121,6 +121,7 @@ class Record:
             self,
             **{key: values[part] for key, values in columns.items() if values is not None},
             others={name: values[part] for name, values in self.others.items()},
+            before_V=np.concatenate([self.before_V, self.u_V[: part.indices(self.u_V.size)[0]]]),
         )
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.results import Errors
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
+from rdpi_gym.diagnosis.search.scale import comb, on_comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.measurement import Record
@@ -20,6 +21,9 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 
+# Price of uneven weights that few data are fitted with too, starts of a candidate that are, and what
+# is left at most of the mean square on the other records for it to be kept.
+_SMOOTHNESS, _SMOOTHED, _SMOOTHER = 0.004, 2, 0.96
 # Pieces that a validation record is cut into: what the spread of an improvement is judged by.
 PIECES = 8
 # Samples in the squares of a search: a thousand for each number; the errors are of all samples.
@@ -157,7 +161,8 @@ def refit(
         Of the start with the smallest training error.
     """
     if kind is None:
-        return assess(setting, "", fit_joint(setting.train, hysteresis, present))
+        plain = assess(setting, "", fit_joint(setting.train, hysteresis, present))
+        return _or_smooth(setting, plain, hysteresis, [present])
     troubles: list[str] = []
     held = frozenset() if kind.kinked is None else frozenset({f"{kind.name}.{kind.kinked}"})
 
@@ -204,7 +209,32 @@ def refit(
         best = fit_joint(
             setting.train, best.variant.hysteresis, best.variant.effects, samples=SEARCH_SAMPLES
         )
-    return assess(setting, kind.name, best)
+    begins = [in_chain_order([*present, place]) for place in places]
+    return _or_smooth(setting, assess(setting, kind.name, best), hysteresis, begins)
+
+
+def _or_smooth(
+    setting: Setting, plain: Outcome, hysteresis: RDPI, begins: Sequence[Sequence[Effect]]
+) -> Outcome:
+    """Return a refit, or one with smooth weights where few data are told better by it.
+
+    Where loops of one size are all there is, free weights follow whatever else bends a loop, and
+    the effects with them: other records show it.
+    """
+    if sum(int(r.error_mask.sum()) for r in setting.train) > SEARCH_SAMPLES:
+        return plain
+    whole = on_comb(hysteresis, comb(setting.train))
+    fits: list[JointFit] = []
+    for effects in begins[:_SMOOTHED]:
+        try:
+            fits.append(fit_joint(setting.train, whole, effects, smoothness=_SMOOTHNESS))
+        except Exception:  # a user's effect may raise anything; the refit without it stands
+            continue
+    fits = [fit for fit in fits if math.isfinite(fit.train_rmse_um)]
+    if not fits:
+        return plain
+    smooth = assess(setting, plain.effect, min(fits, key=lambda fit: fit.train_rmse_um))
+    return smooth if smooth.mean_square < _SMOOTHER * plain.mean_square else plain
 
 
 def _own(fit: JointFit, name: str) -> Effect:

@@ -94,6 +94,7 @@ class Checkpoint:
             dict(row["standard_errors"]),
             row["passes"],
             row["converged"],
+            row.get("smoothness", 0.0),
         )
 
     def put(
@@ -125,6 +126,7 @@ class Checkpoint:
             "standard_errors": dict(fit.standard_errors),
             "passes": fit.passes,
             "converged": fit.converged,
+            "smoothness": fit.smoothness,
         }
         self._store.append([row])
 

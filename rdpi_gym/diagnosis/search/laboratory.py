@@ -290,7 +290,7 @@ class Laboratory:
         if fit is None:
             return state
         whole = on_comb(fit.variant.hysteresis, comb(self.setting.train))
-        again = fit_joint(self.setting.train, whole, fit.variant.effects)
+        again = fit_joint(self.setting.train, whole, fit.variant.effects, smoothness=fit.smoothness)
         return State(assess(self.setting, "", again))
 
     def need(self, state: State, ranked: Sequence[Ranked], kind: type[Effect]) -> None:
@@ -306,7 +306,7 @@ class Laboratory:
         for name in added if len(added) > 1 else ():
             self._progress("backward elimination", len(removed), len(added))
             kept = in_chain_order(e for e in state.effects if e.name != name)
-            fit = fit_joint(self.setting.train, state.hysteresis, kept)
+            fit = self._fitted(state, kept)
             without = assess(self.setting, name, fit)
             loss = without.mean_square - state.outcome.mean_square
             if loss < 0.5 * LEAST_GAIN * self.noise_um**2:
@@ -374,9 +374,7 @@ class Laboratory:
             most = state.outcome.errors.train_rmse_um * (1.0 + SETTLED_GAIN)
             outcomes = [o for o in outcomes if o.errors.train_rmse_um <= most]
             own = replace(state.outcome, effect=step.effect, form=step.form)
-            without = assess(
-                self.setting, "", fit_joint(self.setting.train, state.hysteresis, others)
-            )
+            without = assess(self.setting, "", self._fitted(state, others))
             ranked = rank(
                 without, [own, *outcomes], [*kinds, self.catalogue[step.effect]], self.noise_um,
                 self._seed, SETTLED_GAIN,
@@ -398,8 +396,14 @@ class Laboratory:
     def without(self, state: State, names: Sequence[str]) -> State:
         """Return the model without some effects, refitted."""
         kept = in_chain_order(e for e in state.effects if e.name not in names)
-        fit = fit_joint(self.setting.train, state.hysteresis, kept)
+        fit = self._fitted(state, kept)
         return State(assess(self.setting, "", fit))
+
+    def _fitted(self, state: State, effects: tuple[Effect, ...]) -> JointFit:
+        """Fit other effects to the weights of a model, as smooth as they were."""
+        return fit_joint(
+            self.setting.train, state.hysteresis, effects, smoothness=state.fit.smoothness
+        )
 
     def contribution(self, state: State, step: Candidate) -> Candidate:
         """Return a step with the error that all the others leave without it."""

@@ -135,22 +135,27 @@ def stability(
         Of each key of `rivals`, 0 to 1.
     """
     assert outcome.fit is not None
-    variant = outcome.fit.variant
+    variant, smoothness = outcome.fit.variant, outcome.fit.smoothness
     ways = splits(setting, quarters)
     won: dict[str, list[float]] = {name: [] for name in rivals}
     rng = np.random.default_rng(seed)
     for done, split in enumerate(ways):
         report(done, len(ways))
         here = replace(setting, train=split.train, validation=split.validation)
-        full = _quick(here, variant.hysteresis, variant.effects)
+        full = _quick(here, variant.hysteresis, variant.effects, smoothness)
         for name, others in rivals.items():
             kept = tuple(e for e in variant.effects if e.name != name)
             fields = [kept, *(in_chain_order([*kept, rival]) for rival in others)]
-            shares = [beats(_quick(here, variant.hysteresis, f), full, rng) for f in fields]
+            quick = (_quick(here, variant.hysteresis, f, smoothness) for f in fields)
+            shares = [beats(outcome, full, rng) for outcome in quick]
             won[name].append(min(shares))
     return {name: float(np.mean(shares)) for name, shares in won.items()}
 
 
-def _quick(setting: Setting, hysteresis: RDPI, effects: Sequence[Effect]) -> Outcome:
-    fit = fit_joint(setting.train, hysteresis, effects, _PASSES, samples=_SAMPLES)
+def _quick(
+    setting: Setting, hysteresis: RDPI, effects: Sequence[Effect], smoothness: float
+) -> Outcome:
+    fit = fit_joint(
+        setting.train, hysteresis, effects, _PASSES, samples=_SAMPLES, smoothness=smoothness
+    )
     return assess(setting, "", fit)
