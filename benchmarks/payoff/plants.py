@@ -41,12 +41,13 @@ class HiddenPlant:
     @property
     def name(self) -> str:
         """What tables call it."""
-        return f"{self.base.name} with {' and '.join(effect.name for effect in self.hidden)}"
+        return f"{self.base.name} with {' and '.join(effect.full_name() for effect in self.hidden)}"
 
     @property
     def slug(self) -> str:
         """What its files are called."""
-        return "-".join([self.base.name.lower(), *(effect.name for effect in self.hidden)])
+        words = [self.base.name.lower(), *(effect.full_name() for effect in self.hidden)]
+        return "-".join(words).replace(", ", "-").replace(" ", "-")
 
     def stamp(self, seed: int) -> str:
         """Return a hash of all that its records depend on, the code aside."""

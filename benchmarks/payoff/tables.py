@@ -133,7 +133,7 @@ def _hidden_view(plants: tuple[HiddenPlant, ...]) -> pd.DataFrame:
         [
             {
                 "plant": hidden.name,
-                "effect": effect.name,
+                "effect": effect.full_name(),
                 "parameters": ", ".join(f"{k} {v:g}" for k, v in effect.values.items()),
                 "equation": effect.equation,
             }

@@ -13,13 +13,14 @@ import pytest
 from benchmarks.payoff import __main__ as command
 from benchmarks.payoff import beliefs, scores
 from benchmarks.payoff.beliefs import BELIEFS, make_beliefs, stored_beliefs
-from benchmarks.payoff.plants import HIDDEN_PLANTS
+from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
 from benchmarks.payoff.tables import payoff_part, payoff_summary, payoff_text, summary_view
 from benchmarks.tracking import selection
 from benchmarks.tracking.leaderboard import COLUMNS
 from rdpi_gym.cli import main
 from rdpi_gym.face import benchmarking
 from rdpi_gym.plant import P10
+from rdpi_gym.plant.effects import CATALOGUE, forms_of
 from rdpi_gym.report.payoff.figures import payoff_section
 from rdpi_gym.report.payoff.picture import payoff_picture
 from rdpi_gym.support.errors import InputError
@@ -192,3 +193,9 @@ def test_bad_input_is_one_line_and_status_2(arguments, said, capsys):
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1
+
+
+def test_a_plant_with_another_form_has_a_name_and_files_of_its_own():
+    lags = [HiddenPlant((kind(),)) for kind in forms_of(CATALOGUE["sensor_lag"])]
+    assert len({lag.slug for lag in lags}) == len({lag.name for lag in lags}) == len(lags)
+    assert lags[1].slug == "p10-sensor_lag-second-order"

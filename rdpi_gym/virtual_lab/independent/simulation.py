@@ -113,7 +113,7 @@ def _chain(
         if form:
             raise InputError(
                 f"{name} in the form {form!r} is not in the independent formulation; "
-                "hide its simplest form"
+                "give its simplest form"
             )
         try:
             if isinstance(twin, MaterialTwin):
