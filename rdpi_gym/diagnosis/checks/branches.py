@@ -19,6 +19,8 @@ THRESHOLD_PERCENT = 0.5
 _WIDE = 0.7  # of the widest swing: branches that count
 _FIFTHS = 5
 _FEWEST = 8  # samples in a fifth
+_BACK, _NOISY = 0.01, 8.0  # of the way; times the roughness of a measured command
+_AS_LONG = 0.9  # of the time of an earlier fifth: the last is no faster
 _EXPERIMENT = "Take a slow triangle over the full range, and over a half of it."
 
 
@@ -98,9 +100,19 @@ def _slopes(
 
 
 def _by_fifth(u: Array, y: Array) -> tuple[Array, Array] | None:
-    """Slope in each fifth of the way, and the inverse of the sum of squares that it rests on."""
+    """Slope in each fifth of the way, and the inverse of the sum of squares that it rests on.
+
+    None where the command comes back in between, or is faster in the last fifth: thresholds that
+    grow with the rate let the gain fall there.
+    """
     way = (u - u[0]) / (u[-1] - u[0])
+    slack = _BACK + _NOISY * rough_part(way)
+    if float(np.max(np.maximum.accumulate(way) - way)) > slack:
+        return None
     fifth = np.clip((way * _FIFTHS).astype(np.intp), 0, _FIFTHS - 1)
+    taken = np.bincount(fifth, minlength=_FIFTHS)
+    if taken[4] < _AS_LONG * max(taken[2], taken[3]):
+        return None
     slope, inverse = np.empty(_FIFTHS), np.empty(_FIFTHS)
     for i in range(_FIFTHS):
         here = fifth == i

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from rdpi_gym.diagnosis.checks.check import Check, Zone, cannot_tell, zone_of
-from rdpi_gym.diagnosis.checks.rest_fit import RestFit, fit_rests
+from rdpi_gym.diagnosis.checks.rest_fit import RestFit, fit_rests, later
 from rdpi_gym.diagnosis.features.rests import Rest
 from rdpi_gym.support.words import digits, pm
 
@@ -16,6 +16,11 @@ DRIFT_PERCENT_MIN = 0.02
 """Drift (% of the stroke a minute)."""
 GAIN_DRIFT_PERCENT_MIN = 0.06
 """Change of the gain (% a minute)."""
+MOST_CREEP_PERCENT = 10.0
+"""No stack creeps more (% of a step a decade): what does is a lag."""
+DRIFT_S = 1.0
+"""A rest is so long before a drift by the minute may be read from it (s)."""
+_GOES_ON = 0.5  # of the creep: so much of it is there in the later part of the rests
 _LEAK = 0.25  # of the other's contribution: what may be mistaken for a drift
 _CREEP_LEAK = 0.08  # a minute, of the creep of a decade
 _STAIRS = (
@@ -46,15 +51,22 @@ def holds(rests: Sequence[Rest], stroke_um: float) -> tuple[Check, Check, Check]
         text = "The command never rests, so creep and drift cannot be watched at constant command."
         creep, drift, gain = (cannot_tell(name, text, _STAIRS) for name in _NAMES)
         return creep, drift, gain
-    return _creep(found), _drift(found, stroke_um), _gain_drift(found)
+    return _creep(found, fit_rests(later(rests))), _drift(found, stroke_um), _gain_drift(found)
 
 
-def _creep(found: RestFit) -> Check:
+def _creep(found: RestFit, late: RestFit | None) -> Check:
     value, error = (100.0 * number for number in found.creep_per_decade)
     zone = zone_of(value, error, CREEP_PERCENT)
     if zone == "yes" and value < 0:
         zone = "cannot tell"
     where = _where(found)
+    if zone == "yes" and (value > MOST_CREEP_PERCENT or not _goes_on(found, late)):
+        text = (
+            f"{where}, of up to {digits(found.longest_s)} s, the displacement goes on by "
+            f"{digits(value)} % of each step a decade of time, but not as creep does: a lag that is "
+            "not over when the command stops."
+        )
+        return _check(0, value, CREEP_PERCENT, "%/decade", "cannot tell", text, _STAIRS, "creep")
     text = {
         "yes": f"{where} the displacement goes on by {digits(value)} % of each step a decade of "
         "time, in the step's direction: creep.",
@@ -64,6 +76,14 @@ def _creep(found: RestFit) -> Check:
         "uncertain, or against the step.",
     }[zone]
     return _check(0, value, CREEP_PERCENT, "%/decade", zone, text, _STAIRS, "creep")
+
+
+def _goes_on(found: RestFit, late: RestFit | None) -> bool:
+    """Whether creep goes on in the later part of the rests, as far as they tell."""
+    if late is None:
+        return True
+    value, error = late.creep_per_decade
+    return not value + 3.0 * error < _GOES_ON * found.creep_per_decade[0]
 
 
 def _drift(found: RestFit, stroke_um: float) -> Check:
@@ -103,7 +123,12 @@ def _gain_drift(found: RestFit) -> Check:
 
 
 def _beyond(zone: Zone, value: float, leak: float, found: RestFit) -> Zone:
-    """Take back a yes that another course, or creep that is not quite lg(t), may feign."""
+    """Take back a yes that another course, or creep that is not quite lg(t), may feign.
+
+    A rest of a fraction of a second says nothing of what happens in a minute.
+    """
+    if zone == "yes" and found.longest_s < DRIFT_S:
+        return "cannot tell"
     creep = _CREEP_LEAK * 100.0 * abs(found.creep_per_decade[0])
     return "cannot tell" if zone == "yes" and abs(value) < leak + creep else zone
 

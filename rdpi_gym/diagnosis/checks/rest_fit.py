@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
 
 _BINS = 24
+_EARLIER = 0.2  # of a rest
 _FEWEST = 10
 _PASSES = 3
 _AFTER_CORNER = 3  # samples: what follows a corner within them is no creep
@@ -34,6 +35,8 @@ class RestFit:
         How many rests, and how many decades of time the longest covers.
     level_um
         How far from zero they stand (µm, rms).
+    longest_s
+        How long the longest lasts (s).
     """
 
     creep_per_decade: tuple[float, float]
@@ -42,6 +45,7 @@ class RestFit:
     rests: int
     decades: float
     level_um: float
+    longest_s: float
 
 
 def fit_rests(rests: Sequence[Rest]) -> RestFit | None:
@@ -63,6 +67,7 @@ def fit_rests(rests: Sequence[Rest]) -> RestFit | None:
     command did in between, so moves need not be steps.
     """
     records = {rest.record.name: rest.record for rest in rests}
+    longest_s = max((rest.duration_s for rest in rests), default=0.0)
     zeros = {name: zero_um(record) for name, record in records.items()}
     found: RestFit | None = None
     courses = {name: _creep_course(record.y_um) for name, record in records.items()}
@@ -70,7 +75,7 @@ def fit_rests(rests: Sequence[Rest]) -> RestFit | None:
         blocks = [
             _block(rest, courses[rest.record.name], zeros[rest.record.name]) for rest in rests
         ]
-        found = _regress([block for block in blocks if block is not None])
+        found = _regress([block for block in blocks if block is not None], longest_s)
         if found is None:
             return None
         for name, record in records.items():  # what has crept so far does not creep again
@@ -79,7 +84,16 @@ def fit_rests(rests: Sequence[Rest]) -> RestFit | None:
     return found
 
 
-def _regress(blocks: Sequence[_Block]) -> RestFit | None:
+def later(rests: Sequence[Rest]) -> list[Rest]:
+    """Return the later part of each rest, in which a lag is over and creep goes on."""
+    return [
+        replace(rest, first=rest.first + int(_EARLIER * (rest.last - rest.first)))
+        for rest in rests
+        if rest.first > 0
+    ]
+
+
+def _regress(blocks: Sequence[_Block], longest_s: float) -> RestFit | None:
     if not blocks:
         return None
     rows = [np.column_stack([b.creep, b.clock_s, b.level_um * b.clock_s]) for b in blocks]
@@ -100,7 +114,9 @@ def _regress(blocks: Sequence[_Block]) -> RestFit | None:
         error[seen] = np.sqrt(np.diag(np.linalg.inv(scaled.T @ scaled)) * variance) / scale
     creep, drift, gain = zip(values.tolist(), error.tolist(), strict=True)
     level = float(np.sqrt(np.mean([b.level_um**2 for b in blocks])))
-    return RestFit(creep, drift, gain, len(blocks), max(b.decades for b in blocks), level)
+    return RestFit(
+        creep, drift, gain, len(blocks), max(b.decades for b in blocks), level, longest_s
+    )
 
 
 def _independent(columns: Array) -> list[int]:

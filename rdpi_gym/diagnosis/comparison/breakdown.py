@@ -20,6 +20,7 @@ AMPLITUDE_STEPS = 8
 """Amplitudes are sorted into so many classes of equal width, the largest in the middle of the last."""
 COMMAND_STEPS = 20
 PLANE_STEPS = 24
+_PASSES = 2.0  # half-cycles through a cell, on average
 _RATE_SHARE = 99.5  # per cent of the samples that the plane's rate axis reaches
 
 
@@ -39,7 +40,7 @@ class Plane:
         Samples whose rate is beyond the edges.
     explained_percent
         Share of the residual's variance that the cell means account for, corrected for the
-        number of cells; None where there are too few samples to tell.
+        number of cells; None where there are too few samples, or passes through a cell, to tell.
     """
 
     command_edges_V: Array
@@ -164,6 +165,10 @@ def plane(samples: pd.DataFrame) -> Plane:
     cells = PLANE_STEPS * PLANE_STEPS
     count = np.bincount(cell, minlength=cells)
     total = np.bincount(cell, weights=residual[inside], minlength=cells)
+    # a cell that was passed once says nothing of what repeats
+    cycle = samples["cycle"].to_numpy()[inside]
+    visits = np.unique(cell * (int(samples["cycle"].max()) + 1) + cycle).size
+    passes = visits / max(int(np.count_nonzero(count)), 1)
     mean = np.divide(total, count, out=np.full(cells, np.nan), where=count > 0)
     return Plane(
         command_edges,
@@ -171,7 +176,9 @@ def plane(samples: pd.DataFrame) -> Plane:
         mean.reshape(PLANE_STEPS, PLANE_STEPS),
         count.reshape(PLANE_STEPS, PLANE_STEPS).astype(np.intp),
         int(np.count_nonzero(~inside)),
-        _explained_percent(residual[inside], mean[cell], int(np.count_nonzero(count))),
+        _explained_percent(residual[inside], mean[cell], int(np.count_nonzero(count)))
+        if passes >= _PASSES
+        else None,
     )
 
 

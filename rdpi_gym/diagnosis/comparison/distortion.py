@@ -18,6 +18,8 @@ PARTS = ("gain_um", "width_um", "odd_um", "even_um", "other_um")
 """Columns whose squares add up to the squared error of the periods."""
 _EXCITED = 0.02  # of the command's strongest line
 _MARKED = 2.0  # times the noise
+EVEN_PERCENT = 0.15
+"""Even harmonics count from this share of the displacement on (%), of a command that has none."""
 _MEANING = {
     "gain_um": "at the command's frequencies and in step with the model: a gain that is off",
     "width_um": "at the command's frequencies and a quarter of a period out of step: the loop's "
@@ -35,6 +37,8 @@ def distortion_table(traces: Sequence[Trace]) -> pd.DataFrame:
     `gain_um` and `width_um` are at the frequencies of the command, in step with the model's
     displacement and a quarter of a period from it; `odd_um` and `even_um` are at other odd and
     even multiples of the period's frequency; `other_um` differs from period to period (all rms).
+    `odd_command` says whether the command has no even harmonics, `measured_um` is the displacement
+    (rms).
 
     Parameters
     ----------
@@ -49,7 +53,7 @@ def distortion_table(traces: Sequence[Trace]) -> pd.DataFrame:
             periods = counted_periods(periods, each.counted)
         if periods is not None:
             rows.append(_row(each, periods))
-    columns = ["name", "role", "frequency_hz", "periods", *PARTS]
+    columns = ["name", "role", "frequency_hz", "periods", *PARTS, "odd_command", "measured_um"]
     return pd.DataFrame(rows, columns=columns)
 
 
@@ -64,6 +68,8 @@ def _row(each: Trace, periods: Periods) -> dict[str, Any]:
         np.abs(model) > 0, residual * np.conj(model) / np.maximum(np.abs(model), 1e-300), 0.0
     )
     rest = (order > 0) & ~excited
+    even = order % 2 == 0
+    size[0] = 0.0
     total = float(np.var(periods.folded(each.residual_um)[1:]))
     parts = {
         "gain_um": _rms(turned[excited].real),
@@ -78,6 +84,8 @@ def _row(each: Trace, periods: Periods) -> dict[str, Any]:
         "frequency_hz": periods.frequency_hz,
         "periods": periods.count,
         **parts,
+        "odd_command": bool(_rms(size[even]) < EVEN_PERCENT / 100.0 * _rms(size[~even])),
+        "measured_um": float(np.std(each.measured_um[periods.part])),
         "other_um": float(np.sqrt(max(total - known, 0.0))),
     }
 
@@ -105,7 +113,15 @@ def distortion_finding(table: pd.DataFrame, noise_um: float) -> str:
         return "Under steady periods the error is not much more than noise in any record."
     part = max(PARTS, key=lambda name: float(row[name]))
     share = 100.0 * float(row[part]) ** 2 / total
+    meaning = _MEANING[part]
+    if part == "even_um" and not row["odd_command"]:
+        meaning = "in even harmonics, which the command has too: that need not be asymmetry"
+    elif part == "even_um" and row["even_um"] < EVEN_PERCENT / 100.0 * row["measured_um"]:
+        meaning = (
+            f"in even harmonics, less than {EVEN_PERCENT:g} % of the displacement: too little to "
+            "lay it to the actuator"
+        )
     return (
         f"In {row['name']} ({digits(float(row['frequency_hz']), 3)} Hz) {share:.0f} % of the squared "
-        f"error ({micrometres(float(row[part]))} rms) is {_MEANING[part]}."
+        f"error ({micrometres(float(row[part]))} rms) is {meaning}."
     )

@@ -306,7 +306,7 @@ def command_and_rate(found: Plane) -> str:
     """Say how much of the error follows from command and rate alone."""
     share = found.explained_percent
     if share is None:
-        return "There are too few samples to tell how much of the error follows from command and rate alone."
+        return "There are too few samples, or passes through the same command at the same rate, to tell how much of the error follows from command and rate alone."
     text = (
         f"Command and rate alone account for {share:.0f} % of the residual's variance (cell means)"
     )

@@ -22,6 +22,8 @@ _FEW = 20  # samples
 _PIECES = 8  # of a record
 _GOES_ON = 0.5  # of the error in rests: a course that is worth a sentence
 _MARKED = 0.25  # of the error: a drift that is worth a sentence
+_STEADY = 0.3  # of the mean slope over lg(t): what creep has at least in its later half
+_SURE = 4.0  # standard errors that a drift within one record is away from nothing
 _STRAIGHT = 0.5  # share of the moves that a straight line accounts for
 
 
@@ -140,6 +142,12 @@ def since_rest_finding(table: pd.DataFrame, noise_um: float) -> str:
     error_um = float(np.sqrt(np.average(rows["rmse_um"] ** 2, weights=rows["samples"])))
     if abs(way) < max(_GOES_ON * error_um, noise_um):
         return f"{facts}: no marked creep is missing."
+    half = len(moved) // 2
+    later = (
+        float(np.polyfit(decades[half:], moved[half:], 1)[0]) if len(moved) - half > 1 else slope
+    )
+    if way > 0 and later < _STEADY * slope:
+        return f"{facts}, but hardly any more in the later half of that: a lag that is not over when the command stops, rather than creep."
     if way > 0:
         return f"{facts} in the direction of the move ({micrometres(abs(slope))} a decade): creep is missing."
     return f"{facts}, against the direction of the move: the model creeps too much, or something drifts."
@@ -167,6 +175,7 @@ def clock_table(traces: Sequence[Trace]) -> pd.DataFrame:
                     "name": each.name,
                     "role": each.role,
                     "t_s": float(each.t_s[piece].mean()),
+                    "command_V": float(each.u_V[piece].mean()),
                     "mean_um": float(each.residual_um[piece].mean()) + offset,
                     "samples": piece.size,
                     "common_clock": common,
@@ -208,12 +217,30 @@ def clock_finding(table: pd.DataFrame, rmse_um: float) -> str:
     centred, fitted = (x - np.average(x, weights=weight**2) for x in (mean, line))
     power = float(np.sum((weight * centred) ** 2))
     share = float(np.sum((weight * fitted) ** 2)) / power if power > 0.0 else 0.0
+    sure = _sureness(t, mean, table["command_V"].to_numpy(), weight)
     facts = (
         f"Over the {digits(float(np.ptp(t)), 3)} s of the experiment the mean of measured minus model "
         f"{'rises' if way > 0 else 'falls'} by {micrometres(abs(way))}"
     )
     if abs(way) < _MARKED * rmse_um:
         return f"{facts}: no marked drift."
+    if not several and (sure < _SURE or share < _STRAIGHT):
+        return f"{facts}, which is not safely more than what it moves by from piece to piece and with the command: a drift cannot be told."
     if share < _STRAIGHT:
         return f"{facts}, but jumps from record to record more than that: offsets that differ, or memory from before a record, rather than drift."
-    return f"{facts}, with {100 * share:.0f} % of its moves on a straight line: drift."
+    return f"{facts}, with {100 * share:.0f} % of its moves on a straight line: drift, or creep that still goes on."
+
+
+def _sureness(t: Array, mean: Array, command: Array, weight: Array) -> float:
+    """Slope of a mean over time beside that over the command, in times of its standard error."""
+    columns = [np.ones_like(t), (t - t.mean()) / max(float(np.ptp(t)), 1e-300)]
+    if float(np.ptp(command)) > 0.0:
+        columns.append((command - command.mean()) / float(np.ptp(command)))
+    rows = np.column_stack(columns) * weight[:, None]
+    freedom = len(t) - len(columns)
+    if freedom < 1:
+        return 0.0
+    solution = np.linalg.lstsq(rows, mean * weight, rcond=None)[0]
+    left = mean * weight - rows @ solution
+    spread = np.linalg.pinv(rows.T @ rows) * float(left @ left) / freedom
+    return float(abs(solution[1]) / max(np.sqrt(spread[1, 1]), 1e-300))

@@ -145,6 +145,12 @@ def spectrum_finding(table: pd.DataFrame) -> str:
     high = float(table["high_hz"].iloc[int(np.argmax(middle >= 0.9))])
     share = float((table["coherent_percent"].to_numpy() * power).sum() / power.sum())
     worst = int(np.argmax(power))
+    if worst == 0:
+        edge = float(table["high_hz"].iloc[0])
+        return (
+            f"Most of what is more than noise lies below {digits(edge)} Hz, slower than a spectrum "
+            "of these records resolves: what of it follows the command cannot be told from it."
+        )
     facts = (
         f"Most of what is more than noise lies between {digits(low)} and {digits(high)} Hz, the most "
         f"near {digits(float(table['frequency_hz'].iloc[worst]))} Hz "

@@ -16,6 +16,7 @@ _FLAT = 1e-4  # of the command's widest swing: a rest stays within it
 _NOISY = 8.0  # times the roughness of a measured command
 _FEWEST = 20
 _BEFORE = 20.0  # times the tolerance: a move that ends in a rest is so large
+_STOPS, _FEWEST_BEFORE = 4, 5  # of the rest's length; samples: within this it comes so far
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ def _flat_runs(u: Array, tolerance: float, fewest: int) -> NDArray[np.intp]:
 
 
 def find_rests(record: Record, span_V: float) -> list[Rest]:
-    """Find where a record's command rests; the crest of a slow wave is no rest.
+    """Find where a record's command rests; the crest of a slow wave is no rest, nor its shoulder.
 
     Parameters
     ----------
@@ -85,7 +86,8 @@ def find_rests(record: Record, span_V: float) -> list[Rest]:
     tolerance = max(_FLAT * span_V, _NOISY * rough_part(u))
     rests: list[Rest] = []
     for first, last in _flat_runs(np.ascontiguousarray(u), tolerance, _FEWEST):
-        before = u[max(0, 2 * first - last) : first]
+        # a move that ends in a rest stops; a shoulder of a wave, however flat, does not
+        before = u[max(0, first - max((last - first) // _STOPS, _FEWEST_BEFORE)) : first]
         far = before.size > 0 and float(np.max(np.abs(before - u[first]))) > _BEFORE * tolerance
         if first == 0 or far:
             end = rests[-1].last - 1 if rests else 0
