@@ -31,7 +31,10 @@ _NOTHING = 0.33
 FOLLOWS = 0.3
 """Share of the excess from which on it may not be said that it does not follow from the input."""
 _FOUND = 0.05  # share above which something was found
+_UNSURE = 0.1  # a lower end so far below what was predicted is no answer yet
 _QUIET_PIECES, _FEWEST_QUIET = 8, 64
+# The noise may be so many times its estimate before what exceeds it is called a disturbance.
+_DOUBT = 1.1
 # Degrees of what is taken to follow the clock: one for every four strokes of the command.
 _STROKES, _MOST_DEGREES = 4, 3
 # Lines of the mains, in records of so many cycles, and of a command with less of its power there.
@@ -130,8 +133,8 @@ def remainder(
     ]
     parts, whole = _parts(traces, outputs_um, scale)
     held_out = learn_across(parts)
-    squares = np.array([float(whole[k][rows] @ whole[k][rows]) for k, rows in held_out.rows])
-    counts = np.array([float(rows.stop - rows.start) for _, rows in held_out.rows])
+    squares = np.array([float(whole[k][rows] @ whole[k][rows]) for k, rows in held_out.blocks])
+    counts = np.array([float(rows.stop - rows.start) for _, rows in held_out.blocks])
     excess = float(squares.sum() / counts.sum()) - floor_um2
     draws = _draws(len(counts))
     excesses = draws @ squares / (draws @ counts) - floor_um2
@@ -181,7 +184,7 @@ def _have_other_inputs(records: Sequence[tuple[Record, NDArray[np.bool_]]]) -> b
 
 
 def _parts_of_one(a: Record, b: Record) -> bool:
-    return np.array_equal(a.t_s, b.t_s) and np.array_equal(a.y_um, b.y_um)
+    return np.array_equal(a.t_s, b.t_s) and np.array_equal(a.y_um, b.y_um, equal_nan=True)
 
 
 def _mains(record: Record, left_um: Array) -> Array:
@@ -287,6 +290,7 @@ def _disturbed(
     pieces = [float(np.mean(p**2)) for y in still for p in np.array_split(y, _QUIET_PIECES)]
     tests.append((np.array(pieces), "the stage moves while the input rests"))
     excess, most = excess_um2
+    noise_um2 *= _DOUBT**2
     surely = [(0.0, "")]
     for found, where in tests:
         value, error = _mean(found)
@@ -312,6 +316,8 @@ def _sentence(found: Remainder, learned: float, little: bool, origin: str) -> st
         return "What is left is the noise."
     left = f"what is left ({micrometres(found.left_um)} rms over the noise)"
     seen = f"a learner with memory predicts {_percent(learned)} % of it on data it has not seen"
+    if found.low < _FOUND and learned > found.low + _UNSURE:
+        seen += f", too unevenly to be sure of more than {_percent(found.low)} %"
     if found.repeats is not None:
         seen += (
             f", and {_percent(found.repeats)} % of the error beyond the noise repeats where the "
