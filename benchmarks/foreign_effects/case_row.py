@@ -52,7 +52,7 @@ def run_case(
         | {"status": "done", "seconds": seconds}
         | found(discovery)
         | said(discovery)
-        | {"true_left": what_is_left(discovery, prepared.records)}
+        | {"true_left": what_is_left(discovery, prepared.records, case.subject)}
     )
 
 

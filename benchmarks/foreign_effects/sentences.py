@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,11 +25,14 @@ _NOTHING = 0.5  # noise floors: of less no share is asked
 _SAMPLED = 0.5  # noise floors that lie between the samples: from here on sampling matters
 _OF_TRUTH = 2.0  # largest ratio of a numerical floor that is believed
 _FEW_SAMPLES = 4.0  # of the shortest time of what is hidden: with fewer, sampling matters
+_GAIN = "gain_drift"
 _MOST_MOVED = 4  # samples
 _TIMES = ("time_constant_s", "delay_s")
 
 
-def what_is_left(discovery: SearchResult, records: Sequence[Sampled]) -> dict[str, float | None]:
+def what_is_left(
+    discovery: SearchResult, records: Sequence[Sampled], hidden: Collection[str] = ()
+) -> dict[str, float | None]:
     """Compare a final model with the displacement that no sensor has read, on validation records.
 
     Parameters
@@ -38,6 +41,8 @@ def what_is_left(discovery: SearchResult, records: Sequence[Sampled]) -> dict[st
         With its views.
     records
         With what is true at every sample.
+    hidden
+        Names of the effects that are.
 
     Returns
     -------
@@ -60,10 +65,12 @@ def what_is_left(discovery: SearchResult, records: Sequence[Sampled]) -> dict[st
         if not counted.any():
             continue
         model = view.models_um[list(view.models_um)[-1]]
-        by_clock = _by_clock(plant, view, s.record.ts_s) if timed else np.zeros_like(model)
-        clean += _square(np.interp(view.t_s, t, s.clean_um) - model, counted)
-        part = np.interp(view.t_s, t, s.by_input_um) - (model - by_clock)
-        by_input += _square(part, counted)
+        truth, part = (np.interp(view.t_s, t, y) for y in (s.clean_um, s.by_input_um))
+        clean += _square(truth - model, counted)
+        if _GAIN in hidden:
+            part = _at_mean_gain(truth, part, counted)
+        by_clock = _by_clock(plant, view, s.record.ts_s, counted) if timed else np.zeros_like(model)
+        by_input += _square(part - (model - by_clock), counted)
         count += int(counted.sum())
     if not count:
         return {"clean_um": None, "by_input_um": None}
@@ -86,13 +93,27 @@ def _moved_samples(view: View, s: Sampled) -> float:
     return float(shifts[int(np.argmin(left))])
 
 
-def _by_clock(plant: PlantModel, view: View, ts_s: float) -> Array:
+def _by_clock(plant: PlantModel, view: View, ts_s: float, counted: BoolArray) -> Array:
     """What the effects of a model that go by the clock add to its displacement (µm)."""
     record = Record(view.name, view.t_s, view.u_V, view.y_um, ts_s=ts_s)
-    still = tuple(e for e in plant.effects if e.name not in TIMED)
-    both = (Variant(plant.hysteresis, effects) for effects in (plant.effects, still))
-    whole, part = (simulate_effects([variant], record)[:, 0] for variant in both)
-    return np.asarray(whole - part)
+
+    def simulated(left_out: Sequence[str]) -> Array:
+        effects = tuple(e for e in plant.effects if e.name not in left_out)
+        return np.asarray(simulate_effects([Variant(plant.hysteresis, effects)], record)[:, 0])
+
+    still = simulated(TIMED)
+    if any(e.name == _GAIN for e in plant.effects):
+        still = _at_mean_gain(simulated([name for name in TIMED if name != _GAIN]), still, counted)
+    return np.asarray(simulated(()) - still)
+
+
+def _at_mean_gain(whole: Array, still: Array, counted: BoolArray) -> Array:
+    """Displacement without a drift of the gain, at the gain that it has in the middle of a record.
+
+    Without it, a gain that has drifted before the record would count as a function of the clock.
+    """
+    x, y = still[counted] - still[counted].mean(), whole[counted] - whole[counted].mean()
+    return np.asarray(still * float(x @ y) / max(float(x @ x), 1e-300))
 
 
 def _square(error: Array, counted: BoolArray) -> float:

@@ -328,6 +328,12 @@ def test_what_is_left_is_divided_between_the_input_and_the_clock():
     assert whole == pytest.approx({"clean_um": 0.0, "by_input_um": 0.0}, abs=1e-9)
     missing = left(1.9 * u + hum, [CATALOGUE["mains_hum"](0.3, 50.0, 0.0)])
     assert missing["by_input_um"] == pytest.approx(np.std(0.1 * u), rel=1e-3)
+    # a drift of the gain is none of the input's doing, whatever it has become by then
+    drifting = 1.0 + 0.05 * (4.0 + t)
+    sampled = Sampled(record, drifting * by_input, by_input, np.ones(t.size, dtype=bool))
+    view = View("wave", "validation", t, u, record.y_um, {"end": 1.25 * by_input}, np.ones(t.size))
+    found = what_is_left(discovery([], [view]), [sampled], ["gain_drift"])
+    assert found["by_input_um"] ** 2 < 0.01 * found["clean_um"] ** 2
     assert what_is_left(discovery([]), [sampled]) == {"clean_um": None, "by_input_um": None}
 
 
