@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numba import njit
@@ -141,6 +141,17 @@ def hum_harmonics_block(x: Array, u: Array, p: Array, state: Array, ts: float, y
             state[0, b] += 1.0
 
 
+def _line(k: int, name: str) -> tuple[Parameter, Parameter]:
+    sine, cosine = (
+        Parameter(
+            f"{name}_{part}_um", "µm", -10.0, 10.0, (-0.02, 0.02),
+            f"{part} part of the {name} harmonic at t = 0, {symbol}{k}", neutral=0.0,
+        )
+        for part, symbol in (("sine", "a"), ("cosine", "b"))
+    )  # fmt: skip
+    return sine, cosine
+
+
 @dataclass(frozen=True)
 class HumWithHarmonics(Effect, of=MainsHum):
     """Line of the mains with lines at twice and three times its frequency.
@@ -160,17 +171,11 @@ class HumWithHarmonics(Effect, of=MainsHum):
     third_cosine_um: float = 0.0
 
     form = "with harmonics"
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         *MainsHum.parameters,
-        *(
-            Parameter(
-                f"{name}_{part}_um", "µm", -10.0, 10.0, (-0.02, 0.02),
-                f"{part} part of the {name} harmonic at t = 0, {symbol}{k}",
-            )
-            for k, name in ((2, "second"), (3, "third"))
-            for part, symbol in (("sine", "a"), ("cosine", "b"))
-        ),
-    )  # fmt: skip
+        *_line(2, "second"),
+        *_line(3, "third"),
+    )
     equation = "y = y_m + h sin(2π f t + φ) + Σ_k ak sin(2π k f t) + bk cos(2π k f t), k = 2, 3"
     cause = (
         "Rectifiers, dimmers and saturated transformers distort the mains; transformers and motors "
@@ -200,9 +205,32 @@ class HumWithHarmonics(Effect, of=MainsHum):
             2.0 * math.pi * self.frequency_hz,
             self.amplitude_um * math.cos(self.phase_rad),
             self.amplitude_um * math.sin(self.phase_rad),
-            self.second_sine_um, self.second_cosine_um, self.third_sine_um, self.third_cosine_um,
-        ]  # fmt: skip
+            *list(self.values.values())[len(MainsHum.parameters) :],
+        ]
 
     def state_rows(self, ts_s: float) -> int:
         """The clock and the phasor."""
         return 3
+
+
+@dataclass(frozen=True)
+class HumToTheFifth(HumWithHarmonics, of=MainsHum):
+    """Line of the mains with lines at twice to five times its frequency.
+
+    Examples
+    --------
+    >>> hum = HumToTheFifth(0.0, 50.0, 0.0, fifth_sine_um=0.01)
+    >>> hum.run([0.0] * 5, 1e-3).round(3).tolist()
+    [0.0, 0.01, 0.0, -0.01, -0.0]
+    """
+
+    fourth_sine_um: float = 0.0
+    fourth_cosine_um: float = 0.0
+    fifth_sine_um: float = 0.0
+    fifth_cosine_um: float = 0.0
+
+    form = "with harmonics to the fifth"
+    parameters = (*HumWithHarmonics.parameters, *_line(4, "fourth"), *_line(5, "fifth"))
+    equation = "y = y_m + h sin(2π f t + φ) + Σ_k ak sin(2π k f t) + bk cos(2π k f t), k = 2 ... 5"
+    cause = HumWithHarmonics.cause
+    signature = HumWithHarmonics.signature

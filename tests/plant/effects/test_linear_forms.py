@@ -209,6 +209,11 @@ def test_hum_with_harmonics_is_a_sum_of_sines():
     expected = 0.05 * np.sin(angle + 0.4) + 0.03 * np.sin(2 * angle) - 0.02 * np.cos(2 * angle)
     expected += -0.01 * np.sin(3 * angle) + 0.04 * np.cos(3 * angle)
     np.testing.assert_allclose(hum.run(np.zeros(30000), 1e-4), expected, atol=1e-11)
+    fifth = form("mains_hum", "with harmonics to the fifth")
+    more = fifth(**hum.values, fourth_cosine_um=0.02, fifth_sine_um=-0.03)
+    expected += 0.02 * np.cos(4 * angle) - 0.03 * np.sin(5 * angle)
+    np.testing.assert_allclose(more.run(np.zeros(30000), 1e-4), expected, atol=1e-11)
+    assert fifth.from_simpler(hum, SCALE) == (fifth(**hum.values),)
 
 
 STARTED = {
