@@ -133,7 +133,7 @@ def degrade(kind: str, records: list[Sampled], rng: np.random.Generator) -> list
 
 
 def through_files(kind: str, dataset: Dataset, rng: np.random.Generator) -> Dataset:
-    """Write records with stamps that are rounded or jitter, or with rows missing, and read them.
+    """Write records to files whose stamps or rows are not sound, and read them.
 
     Raises
     ------
@@ -145,14 +145,16 @@ def through_files(kind: str, dataset: Dataset, rng: np.random.Generator) -> Data
         roles = "".join(f'[records."{r.name}"]\nrole = "{r.role}"\n' for r in dataset.records)
         write_atomic(folder / "dataset.toml", roles)
         for r in dataset.records:
-            t, kept = r.t_s.copy(), np.ones(r.t_s.size, dtype=np.bool_)
+            t, y, kept = r.t_s.copy(), r.y_um.copy(), np.ones(r.t_s.size, dtype=np.bool_)
             if kind == "jittered stamps":
                 t[1:-1] += rng.uniform(-0.1, 0.1, t.size - 2) * r.ts_s
             if kind == "missing rows":
-                kept[rng.integers(10, t.size - 10, max(3, t.size // 500))] = False
-            # a fifth of a step, of stamps that are rounded
-            digits = int(np.ceil(-np.log10(0.2 * r.ts_s))) if kind == "rounded stamps" else 9
-            columns = zip(t[kept], r.u_V[kept], r.y_um[kept], strict=True)
+                bad = rng.integers(10, t.size - 10, max(4, t.size // 400))
+                kept[bad[::2]] = False
+                y[bad[1::2]] = np.nan
+            # rounded stamps have the fewest digits of which no two are the same
+            digits = int(np.ceil(-np.log10(r.ts_s) - 1e-9)) if kind == "rounded stamps" else 9
+            columns = zip(t[kept], r.u_V[kept], y[kept], strict=True)
             rows = [f"{a:.{digits}f},{b:.9g},{c:.9g}" for a, b, c in columns]
             write_atomic(folder / f"{r.name}.csv", "\n".join(["t,u,y", *rows, ""]))
         return replace(load(folder), title=dataset.title)

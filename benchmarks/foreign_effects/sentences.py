@@ -58,7 +58,8 @@ def what_is_left(
         if view.role != "validation" or view.name not in by_name:
             continue
         s = by_name[view.name]
-        t = s.record.t_s - s.record.ts_s * _moved_samples(view, s)
+        clock = _clock(view, s)
+        t = clock - s.record.ts_s * _moved_samples(view, s, clock)
         sound = np.interp(view.t_s, t, s.is_sound.astype(np.float64)) > 0.99
         known = (view.t_s > t[0] - 0.1 * s.record.ts_s) & (view.t_s < t[-1] + 0.1 * s.record.ts_s)
         counted = (view.counted > 0.5) & sound & known
@@ -77,17 +78,20 @@ def what_is_left(
     return {"clean_um": math.sqrt(clean / count), "by_input_um": math.sqrt(by_input / count)}
 
 
-def _moved_samples(view: View, s: Sampled) -> float:
+def _clock(view: View, s: Sampled) -> Array:
+    """Times of the samples as the result counts them (s): stamps that were rounded run otherwise."""
+    return view.t_s if view.t_s.size == s.record.t_s.size else s.record.t_s
+
+
+def _moved_samples(view: View, s: Sampled, clock: Array) -> float:
     """By how many samples y was moved ahead where the records were looked through, u left alone."""
     counted = view.counted > 0.5
-    given = np.interp(view.t_s, s.record.t_s, s.record.y_um)
+    given = np.interp(view.t_s, clock, s.record.y_um)
     if not counted.any() or np.allclose(view.y_um[counted], given[counted]):
         return 0.0
     shifts = np.linspace(-_MOST_MOVED, _MOST_MOVED, 20 * _MOST_MOVED + 1)
     left = [
-        _square(
-            view.y_um - np.interp(view.t_s + d * s.record.ts_s, s.record.t_s, s.clean_um), counted
-        )
+        _square(view.y_um - np.interp(view.t_s + d * s.record.ts_s, clock, s.clean_um), counted)
         for d in shifts
     ]
     return float(shifts[int(np.argmin(left))])

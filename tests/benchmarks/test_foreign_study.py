@@ -346,6 +346,11 @@ def test_a_record_whose_channels_were_moved_back_is_compared_where_they_are():
     view = View("wave", "validation", t, u, u, {"end": u}, np.ones(t.size))
     found = what_is_left(discovery([], [view]), [sampled])
     assert found["clean_um"] == pytest.approx(0.0, abs=1e-9)
+    # and a clock that was rounded runs as the result says, sample by sample
+    view = View("wave", "validation", 1.001 * t, u, late, {"end": late}, np.ones(t.size))
+    assert what_is_left(discovery([], [view]), [sampled])["clean_um"] == pytest.approx(
+        0.0, abs=1e-9
+    )
 
 
 def silent(dataset, seed):
