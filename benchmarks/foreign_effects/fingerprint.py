@@ -14,6 +14,8 @@ _STUDY = (
     "protocols", "sentences", "visible",
 )  # fmt: skip
 
+_OF_THE_FIRST = ("case_row", "outside")  # what is taken from the first study
+
 
 @cache
 def study_fingerprint() -> str:
@@ -26,4 +28,5 @@ def study_fingerprint() -> str:
     """
     here = Path(__file__).parent
     own = [here / f"{name}.py" for name in _STUDY]
+    own += [here.parent / "hidden_effects" / f"{name}.py" for name in _OF_THE_FIRST]
     return fingerprint(code_parts([*room_files(*_ROOMS), *own]))

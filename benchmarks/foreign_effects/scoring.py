@@ -43,7 +43,7 @@ def judge(row: Row) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``study, subject, number, seed, status``, ``protocol, degraded, noise_um``;
+        ``study, subject, form, number, seed, status``, ``protocol, degraded, noise_um``;
         ``between_samples`` (what lies there against the noise), ``findings`` and ``noticed`` (kinds
         of findings about the data, and whether the degradation is among them); ``first`` (the
         effect ranked first that is not excused), ``first_exact, first_by_class``; ``found_exact``
@@ -87,6 +87,7 @@ def judge(row: Row) -> dict[str, Any]:
     judged = {
         "study": row["study"],
         "subject": "+".join(row["subject"]) or "nothing",
+        "form": "+".join(hidden["form"] for hidden in truth.get("hidden", []) if "form" in hidden),
         "number": row["number"],
         "seed": row["seed"],
         "status": row["status"],

@@ -227,6 +227,7 @@ def as_markdown(rows: Sequence[Row]) -> str:
         parts += ["## What is said about what is left", frame_table(sentence_table(j))]
         if not single.empty:
             parts += ["## Single effects", frame_table(shares(single, ["subject"]))]
+            parts += ["## Single effects by form", frame_table(shares(single, ["subject", "form"]))]
         outside = j[j["study"] == "outside"]
         if not outside.empty:
             parts += ["## Outside the catalogue", frame_table(shares(outside, ["subject"]))]
