@@ -23,6 +23,7 @@ from rdpi_gym.diagnosis.comparison.over_time import (
 from rdpi_gym.diagnosis.comparison.spectrum import spectrum_finding, spectrum_table
 from rdpi_gym.diagnosis.comparison.traces import Trace, fitted_extremum_V, trace
 from rdpi_gym.diagnosis.features.noise import noise_floor
+from rdpi_gym.diagnosis.hygiene import Finding, inspect
 from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import PlantModel
@@ -142,8 +143,9 @@ def compare(dataset: Dataset, model: PlantModel) -> Comparison:
     """Compare a model with a measurement, one free offset a record.
 
     Every record is simulated whole, from its first sample, without memory of what came before
-    unless the model's fit has found it; its error counts where its mask says so. Records of
-    constant voltage are left out.
+    unless the model's fit has found it; its error counts where its mask says so, and where it is
+    a measurement: outliers, dropouts and clipped samples are left out. Records of constant voltage
+    are too.
 
     Parameters
     ----------
@@ -171,6 +173,8 @@ def compare(dataset: Dataset, model: PlantModel) -> Comparison:
     >>> result.by_frequency["frequency_hz"].round(2).tolist()
     [5.0]
     """
+    inspected = inspect(dataset)
+    dataset = inspected.dataset
     records = [*dataset.train, *dataset.validation, *dataset.test]
     counting = [r for r in records if r.error_mask.any()]
     if not counting:
@@ -228,7 +232,11 @@ def compare(dataset: Dataset, model: PlantModel) -> Comparison:
         noise_floor_um=floor,
         noise_origin=origin,
         checks=run_checks(dataset),
-        left_out=(*_left_out(dataset, samples, plane), *_remembered(records, model)),
+        left_out=(
+            *_left_out(dataset, samples, plane),
+            *_of_hygiene(inspected.findings),
+            *_remembered(records, model),
+        ),
         findings={key: text for key, text in sentences.items() if text is not None},
         quantities=dataset.quantities,
     )
@@ -252,6 +260,11 @@ def _left_out(dataset: Dataset, samples: pd.DataFrame, plane: Plane) -> tuple[st
             f"{plane.outside} samples at the largest rates are off the plane of command and rate"
         )
     return tuple(lines)
+
+
+def _of_hygiene(findings: Sequence[Finding]) -> list[str]:
+    # an opening of unknown history counts all the same
+    return [finding.sentence for finding in findings if finding.kind != "in motion"]
 
 
 def _remembered(records: Sequence[Record], model: PlantModel) -> list[str]:

@@ -228,7 +228,7 @@ def clock_finding(table: pd.DataFrame, rmse_um: float) -> str:
         return f"{facts}, which is not safely more than what it moves by from piece to piece and with the command: a drift cannot be told."
     if share < _STRAIGHT:
         return f"{facts}, but jumps from record to record more than that: offsets that differ, or memory from before a record, rather than drift."
-    return f"{facts}, with {100 * share:.0f} % of its moves on a straight line: drift, or creep that still goes on."
+    return f"{facts}, with {100 * share:.0f} % of its moves on a straight line: {'' if several else 'creep that still goes on, or '}drift."
 
 
 def _sureness(t: Array, mean: Array, command: Array, weight: Array) -> float:

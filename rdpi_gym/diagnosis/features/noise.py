@@ -27,6 +27,7 @@ _LINES = 0.8
 _STRIDES, _GROWS, _LEVEL, _SLOWEST = (1, 2, 4, 8), 1.05, 1.06, 2.0
 _MOST = 40_000
 _UNLIKE = 5.0  # times what repetitions usually differ by
+_EXACT = 1e-6  # of the stroke: so little is no difference
 
 
 def rough_part(x: Array) -> float:
@@ -130,7 +131,7 @@ def _spread(record: Record) -> Array | None:
     if len(measured) > 2:
         # a repetition that is unlike all the others, a sensor that settles, tells no noise
         apart = np.std(_apart(measured, np.median(measured, axis=0)), axis=1)
-        alike = apart <= _UNLIKE * np.median(apart)
+        alike = apart <= max(_UNLIKE * float(np.median(apart)), _EXACT * float(np.ptp(measured)))
         measured, commands = measured[alike], commands[alike]
     if len(measured) < 2:
         return None

@@ -32,7 +32,8 @@ def limits(dataset: Dataset) -> tuple[str, ...]:
     --------
     >>> t = np.arange(1000) * 1e-3
     >>> u = np.sin(2 * np.pi * 10.0 * t)
-    >>> for line in limits(Dataset("one sine", (Record("sine", t, u, u, ts_s=1e-3),))):
+    >>> y = u + np.random.default_rng(0).normal(0.0, 0.01, t.size)
+    >>> for line in limits(Dataset("one sine", (Record("sine", t, u, y, ts_s=1e-3),))):
     ...     print(line)
     1 record: nothing is held out but a part of it, so what differs between experiments cannot be told.
     1 frequency (10 Hz): a lag, a delay, a resonance and the rate law look alike.

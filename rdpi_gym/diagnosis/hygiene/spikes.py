@@ -15,6 +15,7 @@ _LEAST = 1e-4  # of the swing, where there is no noise
 _BLOCK = 64
 _WIDTHS = (1, 2)  # samples
 _ROUNDS = 3
+_END = 0.5  # of what stands out at an end, where one side alone says so
 _MOST = 0.1  # of a record: more is no outlier
 _BEFORE, _AFTER = 20, 2  # samples around a corner of the command
 _AROUND, _CALM = 6, 0.8  # samples to either side; of the excursion, how much they may range
@@ -115,7 +116,19 @@ def _outstanding(y: Array, width: int) -> Array:
     stacked = np.stack(apart)
     found = np.zeros(y.size)
     found[3 : 3 + size] = np.maximum(np.maximum(stacked.min(axis=0), (-stacked).min(axis=0)), 0.0)
+    if width == 1:
+        for x, ends in ((y[:6], found[:3]), (y[::-1][:6], found[::-1][:3])):
+            ends[:] = [_END * _at_end(x, k) for k in range(3)]
     return found
+
+
+def _at_end(x: Array, k: int) -> float:
+    """How far a sample at an end, k from it, stands out from the level and slope of those inside."""
+    inside = x[k + 1 : k + 4]
+    level = float(np.median(inside))
+    line = float(inside.mean()) + (inside[0] - inside[2])
+    above, below = min(x[k] - level, x[k] - line), min(level - x[k], line - x[k])
+    return max(float(above), float(below), 0.0)
 
 
 def _local_noise(y: Array) -> Array:
