@@ -21,8 +21,9 @@ _DELAYS, _DENSER = 24, 1.5
 _APART = 0.9  # of that history: times so far apart in one record are two
 _ALIKE = 0.01  # of the record's swing (rms): two histories agree
 _NOISY = 3.0  # times the roughness of a measured command
-_SHORTEST = 8  # samples of a history
-_QUERIES = 2000
+_SHORTEST, _SHARE = 64, 100  # a history without a period: samples, and one in so many of a record
+_MOVES = 4.0  # times that tolerance: the command moves within a history
+_QUERIES = 1000
 _BLOCKS = 16
 _FEWEST = 64  # samples of a repetition, or of a stretch at rest
 _PIECES = 4  # of a repetition, so that two of them have a spread
@@ -142,6 +143,8 @@ class _Pool:
 
         own = np.flatnonzero((self.owners == owner) & np.isin(self.places, wanted))
         swing = max(_ALIKE * float(np.ptp(record.u_V)), _NOISY * rough_part(record.u_V))
+        # while the command rests every sample is like every other, and nothing recurs
+        own = own[np.ptp(self.vectors[own], axis=1) > _MOVES * swing]
         near = cKDTree(self.vectors).query_ball_point(self.vectors[own], swing * math.sqrt(_DELAYS))
         apart = _APART * span_s / record.ts_s
         found = []
@@ -182,8 +185,9 @@ def _cycle(record: Record) -> int:
     periods = steady_periods(record, cycles)
     if periods is not None:
         return round(periods.length)
-    strokes = max(1, len(cycles.rising))
-    return max(_SHORTEST, min(record.u_V.size, 4 * record.u_V.size // strokes))
+    # of a command without a period, more than a few samples: too many stretches are like those
+    size, strokes = record.u_V.size, max(1, len(cycles.rising))
+    return min(size, max(_SHORTEST, size // _SHARE, 4 * size // strokes))
 
 
 def _levelled(trace: Trace, length: int) -> Array:
