@@ -185,7 +185,7 @@ def linear_share(records: Sequence[Record]) -> float:
     from scipy.signal import csd, welch
 
     coherent = power = 0.0
-    for record in filter(None, map(longest_counted, records)):
+    for record in records:
         window = min(max(record.u_V.size // _SEGMENTS, 16), record.u_V.size)
         chance = 1.0 / max(2 * record.u_V.size // window - 1, 1)
         _, uu = welch(record.u_V, nperseg=window)

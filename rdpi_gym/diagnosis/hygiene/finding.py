@@ -122,6 +122,8 @@ def bridged(x: Array, bad: BoolArray) -> Array:
 
 def smallest_step(x: Array) -> float:
     """Return the smallest change from sample to sample: the step of a recorder that is coarse."""
+    if x.size < 2:
+        return 0.0
     steps = np.abs(np.diff(x))
     moved = steps[steps > 1e-9 * max(float(np.ptp(x)), 1e-300)]
     return float(moved.min()) if moved.size else 0.0

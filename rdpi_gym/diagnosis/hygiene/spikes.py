@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rdpi_gym.diagnosis.hygiene.finding import BoolArray, bridged, gain, smallest_step
+from rdpi_gym.diagnosis.hygiene.finding import BoolArray, bridged, smallest_step
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
 
@@ -55,7 +55,8 @@ def spikes(record: Record) -> tuple[BoolArray, float]:
     found = np.zeros(y.size, dtype=np.bool_)
     if y.size < _BLOCK:
         return found, 0.0
-    excited = _excited(record.u_V, abs(gain(record.u_V, y)))
+    swing = float(np.ptp(record.u_V))
+    excited = _excited(record.u_V, float(np.ptp(y)) / swing if swing > 0.0 else 0.0)
     low, high = np.quantile(y, (0.01, 0.99))
     least = max(_STEPS * smallest_step(y), _LEAST * float(high - low))
     farthest, clean = 0.0, y
