@@ -11,16 +11,13 @@ import numpy as np
 
 from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, SearchResult, View, steps_of
 from rdpi_gym.diagnosis.search.candidates import assess
+from rdpi_gym.diagnosis.search.experiments import what_to_measure
 from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.law import plant_of
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.diagnosis.search.remainder import remainder
-from rdpi_gym.diagnosis.search.separability import (
-    next_experiment,
-    separability,
-    typical_effects,
-)
+from rdpi_gym.diagnosis.search.separability import separability, typical_effects
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
 from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
@@ -166,20 +163,18 @@ def _next_experiment(
     if laboratory.undecided is not None:
         return _STANDARD_PROTOCOL
     scale = laboratory.setting.scale
-    effects = {e.name: e for e in state.effects}
-    typical = typical_effects(laboratory.catalogue, scale)
-    pairs = [
-        (effects[r.candidate.effect], typical[rival])
-        for r in chosen
-        for rival in r.candidate.indistinguishable
-        if r.candidate.effect in effects and rival in typical
-    ]
-    if not pairs and judgement.verdict == "unexplained":
-        alike = [[typical[n] for n in g if n in typical] for g in groups]
-        pairs = [(group[0], group[1]) for group in alike if len(group) > 1]
-    if not pairs:
-        return None
-    return next_experiment(*pairs[0], state.hysteresis, scale)
+    return what_to_measure(
+        [r.candidate for r in chosen],
+        state.effects,
+        typical_effects(laboratory.catalogue, scale),
+        groups,
+        state.hysteresis,
+        scale,
+        judgement.sampling,
+        laboratory.findings,
+        laboratory.limits,
+        judgement.verdict != "unexplained",
+    )
 
 
 def _groups(laboratory: Laboratory, state: State) -> Groups:

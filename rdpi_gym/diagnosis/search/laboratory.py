@@ -354,7 +354,14 @@ class Laboratory:
             self.setting, state.outcome, judged, self.dataset.holds_out_quarters, self._seed,
             lambda done, total: self._progress("splits of the records", done, total),
         )  # fmt: skip
-        return [replace(c, confidence=found[c.effect]) for c in added]
+        return [
+            replace(
+                c,
+                confidence=found[c.effect].confidence,
+                without_um=found[c.effect].without_um,
+            )
+            for c in added
+        ]
 
     def settle(
         self, state: State, steps: Sequence[Candidate], rivals: Mapping[str, Sequence[Effect]]
@@ -404,11 +411,6 @@ class Laboratory:
         return fit_joint(
             self.setting.train, state.hysteresis, effects, smoothness=state.fit.smoothness
         )
-
-    def contribution(self, state: State, step: Candidate) -> Candidate:
-        """Return a step with the error that all the others leave without it."""
-        alone = self.without(state, [step.effect]).outcome.errors.validation_rmse_um
-        return replace(step, without_um=alone)
 
     def final(self, state: State, step: Candidate) -> Candidate:
         """Return a step with the parameters of the final model."""

@@ -23,6 +23,22 @@ LEAST_STABLE = 0.5
 
 
 @dataclass(frozen=True)
+class Standing:
+    """How an effect stands in a model.
+
+    Parameters
+    ----------
+    confidence
+        How sure it is: the mean over the splits of how often it wins there, 0 to 1.
+    without_um
+        Validation error (µm rms) of all the others without it, as the records are given.
+    """
+
+    confidence: float
+    without_um: float
+
+
+@dataclass(frozen=True)
 class Split:
     """One way to fit and to judge.
 
@@ -111,8 +127,8 @@ def stability(
     quarters: bool,
     seed: int,
     report: Callable[[int, int], None],
-) -> dict[str, float]:
-    """Return how sure each effect is: the mean over the splits of how often it wins there.
+) -> dict[str, Standing]:
+    """Return how each effect stands: how often it wins in splits, and what is missed without it.
 
     Parameters
     ----------
@@ -131,13 +147,14 @@ def stability(
 
     Returns
     -------
-    dict of str, float
-        Of each key of `rivals`, 0 to 1.
+    dict of str, Standing
+        Of each key of `rivals`.
     """
     assert outcome.fit is not None
     variant, smoothness = outcome.fit.variant, outcome.fit.smoothness
     ways = splits(setting, quarters)
     won: dict[str, list[float]] = {name: [] for name in rivals}
+    without_um: dict[str, float] = {}
     rng = np.random.default_rng(seed)
     for done, split in enumerate(ways):
         report(done, len(ways))
@@ -146,10 +163,11 @@ def stability(
         for name, others in rivals.items():
             kept = tuple(e for e in variant.effects if e.name != name)
             fields = [kept, *(in_chain_order([*kept, rival]) for rival in others)]
-            quick = (_quick(here, variant.hysteresis, f, smoothness) for f in fields)
-            shares = [beats(outcome, full, rng) for outcome in quick]
-            won[name].append(min(shares))
-    return {name: float(np.mean(shares)) for name, shares in won.items()}
+            outcomes = [_quick(here, variant.hysteresis, f, smoothness) for f in fields]
+            won[name].append(min(beats(outcome, full, rng) for outcome in outcomes))
+            if split is ways[0]:
+                without_um[name] = outcomes[0].errors.validation_rmse_um
+    return {name: Standing(float(np.mean(won[name])), without_um[name]) for name in rivals}
 
 
 def _quick(

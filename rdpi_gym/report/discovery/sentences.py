@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult
-from rdpi_gym.support.words import closed, joined
+from rdpi_gym.support.words import closed, joined, micrometres
 
 AS_GIVEN = "model as given"
 """Name of the model that a search started from, in the list of models."""
@@ -20,7 +20,10 @@ def staircase(result: SearchResult) -> list[tuple[str, Errors]]:
 
 def candidate_sentence(candidate: Candidate) -> str:
     """State how sure an effect is, its rivals, what speaks for it and what speaks against it."""
-    sure = f"{candidate.effect}: confidence {100 * candidate.confidence:.0f} %"
+    form = f", {candidate.form}" if candidate.form else ""
+    sure = f"{candidate.effect}{form}: confidence {100 * candidate.confidence:.0f} %"
+    if candidate.without_um is not None:
+        sure += f"; without it, with all else refitted, {micrometres(candidate.without_um)}"
     if candidate.indistinguishable:
         sure += f", indistinguishable from {joined(candidate.indistinguishable)} on these records"
     text = closed(sure)
@@ -41,6 +44,8 @@ def lines(result: SearchResult) -> list[str]:
         result.sampling,
         "" if undecided else result.remainder,
         confounded_sentence(result),
+        *(finding.sentence for finding in result.findings),
+        *(f"Cannot be told: {sentence}" for sentence in result.limits),
         next_experiment,
     ]
     return [closed(sentence) for sentence in said if sentence]

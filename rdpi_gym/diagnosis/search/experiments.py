@@ -1,0 +1,96 @@
+"""The next experiment: what would settle what these records leave open, in the order of worth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rdpi_gym.diagnosis.hygiene import Finding
+from rdpi_gym.diagnosis.results import Candidate
+from rdpi_gym.diagnosis.search.separability import next_experiment
+from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.effects.base import DataScale, Effect
+
+# By what a limit of the records is about: what lifts it.
+_LIFTS = (
+    (
+        "samples to fit",
+        "Record longer, or faster: a few thousand samples while the command moves.",
+    ),
+    (
+        "half-cycles",
+        "Record a slow triangle that decays from the full range to zero in twenty turns.",
+    ),
+    (
+        "frequency",
+        "Record sines at four rates, up to ten times this one, their amplitude lower in proportion "
+        "as they are faster.",
+    ),
+    ("amplitude", "Record a slow triangle that decays from the full range, and loops at three biases."),
+    ("No rest", "Record steps up and down with holds from 0.05 to 50 s."),
+    ("small signals", "Record a small multisine, below the first threshold, where every play sticks."),
+    ("No repetition", "Record the same thing twice, at the beginning and at the end."),
+    ("1 record", "Record another kind of motion in a second file, to be held out."),
+)  # fmt: skip
+
+
+def what_to_measure(
+    chosen: Sequence[Candidate],
+    effects: Sequence[Effect],
+    typical: Mapping[str, Effect],
+    groups: Sequence[Sequence[str]],
+    hysteresis: RDPI,
+    scale: DataScale,
+    sampling: str | None,
+    findings: Sequence[Finding],
+    limits: Sequence[str],
+    is_settled: bool,
+) -> str | None:
+    """Name the experiment that would decide what these data cannot.
+
+    Parameters
+    ----------
+    chosen
+        What was added last, with what it is indistinguishable from.
+    effects
+        Of the model.
+    typical
+        Effects at a typical size, by name.
+    groups
+        Classes of effects, not in the model, that the records cannot tell apart.
+    hysteresis, scale
+        Of the model and of the data.
+    sampling
+        A sentence where the records are sampled too slowly: then nothing else comes first.
+    findings
+        What is wrong with the records.
+    limits
+        What the records cannot tell in principle.
+    is_settled
+        Whether the model explains the records.
+
+    Returns
+    -------
+    str or None
+        A sentence; None where nothing is left open.
+    """
+    if sampling is not None:
+        return "Record the same motion again, sampled faster."
+    own = {effect.name: effect for effect in effects}
+    pairs = [
+        (own[c.effect], typical[rival])
+        for c in chosen
+        for rival in c.indistinguishable
+        if c.effect in own and rival in typical
+    ]
+    if not pairs and not is_settled:
+        alike = [[typical[n] for n in group if n in typical] for group in groups]
+        pairs = [(group[0], group[1]) for group in alike if len(group) > 1]
+    if pairs and (found := next_experiment(*pairs[0], hysteresis, scale)) is not None:
+        return found
+    if is_settled and not effects:
+        return None
+    steps = [finding.next_step for finding in findings if finding.next_step]
+    lifted = [text for about, text in _LIFTS for limit in limits if about in limit]
+    if is_settled:
+        return lifted[0] if lifted else None
+    return next(iter((*lifted, *steps)), None)
