@@ -1,0 +1,128 @@
+"""What a verdict stands on: splits of the records, the numerical floor, tests that deny, openings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rdpi_gym.diagnosis.checks import run_checks
+from rdpi_gym.diagnosis.search.candidates import Setting, refit
+from rdpi_gym.diagnosis.search.numerics import numerical_floor
+from rdpi_gym.diagnosis.search.openings import misleading, unknown_past, without_openings
+from rdpi_gym.diagnosis.search.scale import comb, data_scale
+from rdpi_gym.diagnosis.search.stability import splits, stability
+from rdpi_gym.diagnosis.search.vetoes import hear
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
+from rdpi_gym.plant import P10
+from rdpi_gym.plant.effects import CATALOGUE
+
+NOISE_UM = 0.012
+BARE = Variant(P10.hysteresis, ())
+BENT = Variant(P10.hysteresis, (CATALOGUE["asymmetry"](0.02, 40.0),))
+
+
+def record(name, variant, u, ts_s=1e-3, seed=0, role="train", t0=0.0):
+    t = t0 + np.arange(u.size) * ts_s
+    still = Record(name, t, u, np.zeros_like(u), ts_s=ts_s, role=role)
+    noise = NOISE_UM * np.random.default_rng(seed).standard_normal(u.size)
+    return replace(still, y_um=simulate_effects([variant], still)[:, 0] + noise)
+
+
+def sine(amplitude_V, frequency_hz, samples=2000, ts_s=1e-3, phase=0.0):
+    return amplitude_V * np.sin(2 * np.pi * frequency_hz * np.arange(samples) * ts_s + phase)
+
+
+def setting_of(variant, seed=0):
+    train = (
+        record("one", variant, sine(40.0, 3.0), seed=seed),
+        record("two", variant, sine(15.0, 7.0), seed=seed + 1),
+    )
+    validation = (record("three", variant, sine(30.0, 2.0), seed=seed + 2, role="validation"),)
+    return Setting(train, validation, data_scale((*train, *validation)))
+
+
+def test_splits_never_fit_what_they_judge():
+    setting = setting_of(BARE)
+    for split in splits(setting, quarters=False)[1:]:
+        fitted = {r.name: r.error_mask for r in split.train}
+        for held in split.validation:
+            if held.name in fitted:
+                assert not (fitted[held.name] & held.error_mask).any()
+            assert held.error_mask.any()
+    whole = setting.train[0]
+    train, held = hold_out_blocks(whole)
+    turns = splits(Setting((train,), (held,), setting.scale), quarters=True)[1:]
+    assert len(turns) == 3
+    for turn in turns:
+        fit, judged = turn.train[0].error_mask, turn.validation[0].error_mask
+        np.testing.assert_array_equal(fit ^ judged, whole.error_mask)
+        assert judged.sum() == pytest.approx(whole.error_mask.sum() / 4, abs=1)
+
+
+def quiet_report(done: int, total: int) -> None:
+    assert 0 <= done < total
+
+
+def test_an_effect_that_is_there_is_chosen_in_every_split_and_one_that_is_not_in_few():
+    setting = setting_of(BENT)
+    start = comb(setting.train)
+    fit = refit(setting, start, (), CATALOGUE["asymmetry"])
+    both = refit(setting, fit.fit.variant.hysteresis, fit.fit.variant.effects, CATALOGUE["creep"])
+    found = stability(setting, both, {"asymmetry": (), "creep": ()}, False, 0, quiet_report)
+    assert found["asymmetry"].confidence > 0.99
+    assert found["asymmetry"].without_um > 5.0 * NOISE_UM
+    assert found["creep"].confidence < 0.8
+    assert found["creep"].without_um < 1.05 * NOISE_UM
+
+
+def test_the_numerical_floor_falls_with_the_square_of_the_sampling_time():
+    mode = Variant(P10.hysteresis, (CATALOGUE["resonance"](60.0, 0.1),))
+    floors = [
+        numerical_floor(mode, [record("run", mode, sine(30.0, 9.0, n, ts), ts)])
+        for n, ts in ((1000, 2e-3), (4000, 5e-4))
+    ]
+    assert floors[0].step_um / floors[1].step_um == pytest.approx(16.0, rel=0.25)
+    assert floors[0].needed_hz(0.01 * floors[0].total_um) > 500.0
+    assert numerical_floor(BARE, [record("run", BARE, sine(30.0, 9.0))]).total_um == 0.0
+
+
+def test_a_test_without_a_model_vetoes_what_it_denies():
+    data = Dataset("symmetric", (record("one", BARE, sine(40.0, 5.0, 4000)),))
+    checks = run_checks(data)
+    denied = hear(data, checks, BENT, "asymmetry", NOISE_UM, 0)
+    assert denied.veto is not None
+    assert "no asymmetry" in denied.veto
+    bent = Dataset("bent", (record("one", BENT, sine(40.0, 5.0, 4000)),))
+    heard = hear(bent, run_checks(bent), BENT, "asymmetry", NOISE_UM, 0)
+    assert (heard.veto, heard.seen) == (None, True)
+
+
+def cut(whole, start):
+    part = slice(start, None)
+    return replace(
+        whole, t_s=whole.t_s[part], u_V=whole.u_V[part], y_um=whole.y_um[part],
+        error_mask=whole.error_mask[part],
+    )  # fmt: skip
+
+
+def test_an_opening_of_unknown_history_is_left_out_and_one_that_is_known_is_not():
+    known, unknown = [], []
+    for name, reach in (("up", 40.0), ("down", -40.0)):
+        past = np.concatenate([np.linspace(0.0, reach, 200), np.linspace(reach, 0.0, 200)])
+        whole = record(name, BARE, np.concatenate([past, sine(30.0, 2.0, 3000)]))
+        known.append(whole)
+        unknown.append(cut(whole, 400))
+    for pair, is_bad in ((known, False), (unknown, True)):
+        parts = [hold_out_blocks(r) for r in pair]
+        setting = Setting(
+            tuple(fit for fit, _ in parts), tuple(held for _, held in parts), data_scale(pair)
+        )
+        outcome = refit(setting, comb(setting.train), (), None)
+        openings = {r.name: np.arange(r.u_V.size) < 400 for r in pair}
+        bad = misleading(setting, outcome, openings, NOISE_UM)
+        assert bool(bad) is is_bad
+        if bad:
+            spared = without_openings(setting, bad)
+            assert not any(r.error_mask[:400].any() for r in spared.train if r.name in bad)
+            assert "history that nobody recorded" in unknown_past(bad).sentence

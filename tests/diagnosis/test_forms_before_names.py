@@ -1,0 +1,130 @@
+"""A better form of an effect comes before another name, and pays for its freedom."""
+
+import math
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from rdpi_gym.diagnosis.results import Errors
+from rdpi_gym.diagnosis.search.candidates import PIECES, Outcome
+from rdpi_gym.diagnosis.search.discover import discover
+from rdpi_gym.diagnosis.search.forms import better_forms, in_best_form
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant import P10
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects.base import DataScale, forms_of
+from rdpi_gym.signals import DecayingSine, Sine
+from rdpi_gym.signals.experiments import polyline
+from rdpi_gym.virtual_lab.independent import simulate_truth
+
+NOISE_UM = 0.012
+SCALE = DataScale(0.0, 40.0, 40.0, 1e4, 1e-4, 10.0)
+
+
+def outcome(effect: str, form: str, rmse_um: float) -> Outcome:
+    kind = next(k for k in forms_of(CATALOGUE[effect]) if k.form == form)
+    fit = JointFit(Variant(P10.hysteresis, (kind(),)), rmse_um, (), {}, 1, True)
+    errors = Errors(rmse_um, rmse_um, 1.0, {})
+    return Outcome(effect, fit, errors, np.full((1, PIECES), rmse_um**2), form=form)
+
+
+def test_a_form_must_pay_for_its_freedom():
+    simple = outcome("creep", "", 0.0150)
+    little = outcome("creep", "two time constants", 0.0149)
+    (best,) = in_best_form([little, simple], 0.012)
+    assert best.form == ""
+    (best,) = in_best_form([outcome("creep", "two time constants", 0.0122), simple], 0.012)
+    assert best.form == "two time constants"
+
+
+def test_one_refit_for_each_name_best_first():
+    outcomes = [outcome("delay", "", 0.02), outcome("creep", "", 0.015)]
+    assert [o.effect for o in in_best_form(outcomes, 0.012)] == ["creep", "delay"]
+
+
+def test_only_further_forms_of_what_is_there_are_tried_without_it_beside_them():
+    creep, delay = CATALOGUE["creep"](), CATALOGUE["delay"]()
+    trials = better_forms((creep, delay), SCALE)
+    forms = [t.kind.form for t in trials if t.kind.name == "creep"]
+    assert forms == [k.form for k in forms_of(CATALOGUE["creep"])[1:]]
+    assert all(t.present == (delay,) for t in trials if t.kind.name == "creep")
+    last = forms_of(CATALOGUE["creep"])[-1]()
+    assert not [t for t in better_forms((last,), SCALE) if t.kind.name == "creep"]
+
+
+def records(signals, effects=(), through=lambda u: u) -> Dataset:
+    rng, found, clock = np.random.default_rng(0), [], 0.0
+    for name, (signal, ts, duration) in signals.items():
+        t = np.arange(round(duration / ts)) * ts
+        u = np.asarray(signal(t))
+        y = simulate_truth(asdict(P10.hysteresis), list(effects), t + clock, through(u))
+        role = "validation" if name.startswith("validation") else "train"
+        y = y + NOISE_UM * rng.standard_normal(t.size)
+        found.append(Record(name, t + clock, u, y, ts_s=ts, role=role))
+        clock += duration + 1.0
+    return Dataset("records", tuple(found))
+
+
+FAST = {
+    "walk": (polyline([0.0, 40.0, -40.0, 30.0, -20.0, 12.0, -8.0, 3.0, 0.0], 400.0), 1e-3, 0.8),
+    "sine": (Sine(amplitude_um=40.0, frequency_hz=20.0), 2e-4, 0.3),
+    "validation-sine": (DecayingSine(amplitude_um=39.0, frequency_hz=9.0, decay_s=0.3), 4e-4, 0.8),
+}
+
+
+def few(*names):
+    return {name: CATALOGUE[name] for name in names}
+
+
+def test_a_command_clipped_at_unlike_rails_is_saturation_and_nothing_else():
+    data = records(FAST, through=lambda u: np.clip(u, -22.0, 19.0))
+    found = discover(
+        data, catalogue=few("saturation", "congruency", "asymmetry", "gain_drift", "creep")
+    )
+    assert [(c.effect, c.form) for c in found.added] == [("saturation", "hard rails")]
+    assert found.added[0].parameters["low_V"] == pytest.approx(-22.0, abs=0.01)
+    assert found.added[0].parameters["high_V"] == pytest.approx(19.0, abs=0.01)
+    assert found.verdict == "explained"
+    assert found.headline.startswith("Missing: saturation, hard rails (")
+
+
+def steps(levels, holds):
+    corners, now = [(0.0, 0.0)], 0.0
+    for level, hold in zip(levels, holds, strict=True):
+        corners += [(now + 0.02, level), (now + hold, level)]
+        now += hold
+    times, values = zip(*corners, strict=True)
+    return lambda t: np.interp(t, times, values)
+
+
+SLOW = {
+    "stairs": (steps((20.0, 40.0, -10.0, -40.0, 15.0), (1.0, 6.0, 12.0, 3.0, 20.0)), 1e-2, 42.0),
+    "sine": (Sine(amplitude_um=40.0, frequency_hz=2.0), 2e-3, 2.0),
+    "validation-stairs": (steps((-30.0, 10.0, 35.0, -15.0), (8.0, 2.0, 15.0, 5.0)), 1e-2, 30.0),
+}
+
+
+def test_creep_of_two_time_constants_is_one_effect_in_a_better_form():
+    data = records(SLOW)
+    rng = np.random.default_rng(3)
+    creeping = []
+    for record in data.records:
+        y = simulate_truth(asdict(P10.hysteresis), [], record.t_s, record.u_V)
+        for gain, tau in ((0.02, 0.3), (0.03, 4.0)):
+            z, decay = np.empty_like(y), math.exp(-record.ts_s / tau)
+            z[0] = y[0]
+            for k in range(1, y.size):  # y linear from sample to sample
+                slope = (y[k] - y[k - 1]) / record.ts_s
+                z[k] = y[k] - slope * tau + (z[k - 1] - y[k - 1] + slope * tau) * decay
+            creeping.append((gain, z))
+        y = y + sum(gain * z for gain, z in creeping[-2:])
+        creeping.append(replace(record, y_um=y + NOISE_UM * rng.standard_normal(y.size)))
+    data = replace(data, records=tuple(r for r in creeping if isinstance(r, Record)))
+    found = discover(data, catalogue=few("creep", "rate_law", "thermal_drift", "delay"))
+    assert [(c.effect, c.form) for c in found.added] == [("creep", "two time constants")]
+    taus = sorted(v for k, v in found.added[0].parameters.items() if k.startswith("time"))
+    assert taus == pytest.approx([0.3, 4.0], rel=0.1)
+    assert found.final.validation_rmse_um < 1.15 * NOISE_UM
