@@ -11,7 +11,6 @@ import numpy as np
 
 from rdpi_gym.diagnosis.results import Errors
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
-from rdpi_gym.diagnosis.search.scale import comb, on_comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.measurement import Record
@@ -21,9 +20,6 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 
-# Price of uneven weights that few data are fitted with too, starts of a candidate that are, and what
-# is left at most of the mean square on the other records for it to be kept.
-_SMOOTHNESS, _SMOOTHED, _SMOOTHER = 0.004, 2, 0.96
 # Pieces that a validation record is cut into: what the spread of an improvement is judged by.
 PIECES = 8
 # Samples in the squares of a search: a thousand for each number; the errors are of all samples.
@@ -104,11 +100,36 @@ class Setting:
         Records to fit and to judge by.
     scale
         Size of the data.
+    smoothness
+        Price of uneven weights, as :func:`~rdpi_gym.identification.joint.fit_joint` has it.
     """
 
     train: tuple[Record, ...]
     validation: tuple[Record, ...]
     scale: DataScale
+    smoothness: float = 0.0
+
+    def fit(
+        self,
+        hysteresis: RDPI,
+        effects: Sequence[Effect] = (),
+        passes: int = 30,
+        held: frozenset[str] = frozenset(),
+        samples: int | None = None,
+    ) -> JointFit:
+        """Fit a model to the training records, as ``fit_joint`` does.
+
+        Parameters
+        ----------
+        hysteresis, effects
+            Where it begins.
+        passes, held, samples
+            As there.
+        """
+        return fit_joint(
+            self.train, hysteresis, effects, passes, held=held, samples=samples,
+            smoothness=self.smoothness,
+        )  # fmt: skip
 
 
 def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
@@ -161,8 +182,7 @@ def refit(
         Of the start with the smallest training error.
     """
     if kind is None:
-        plain = assess(setting, "", fit_joint(setting.train, hysteresis, present))
-        return _or_smooth(setting, plain, hysteresis, [present])
+        return assess(setting, "", setting.fit(hysteresis, present))
     troubles: list[str] = []
     held = frozenset() if kind.kinked is None else frozenset({f"{kind.name}.{kind.kinked}"})
 
@@ -171,9 +191,7 @@ def refit(
         for place in places:
             effects = in_chain_order([*present, place])
             try:
-                fit = fit_joint(
-                    setting.train, hysteresis, effects, passes, held=held, samples=SEARCH_SAMPLES
-                )
+                fit = setting.fit(hysteresis, effects, passes, held=held, samples=SEARCH_SAMPLES)
             except Exception as error:  # a user's effect may raise anything; the others go on
                 troubles.append(f"{type(error).__name__}: {error}".splitlines()[0])
                 continue
@@ -200,41 +218,14 @@ def refit(
         )  # fmt: skip
     best = first[0]
     if kind.kinked is not None:
-        without = fit_joint(
-            setting.train, hysteresis, present, _FIRST_PASSES, samples=SEARCH_SAMPLES
+        without = setting.fit(
+            hysteresis, present, _FIRST_PASSES, samples=SEARCH_SAMPLES
         ).train_rmse_um
         if best.train_rmse_um < _CUSP_SHOWS * without:
             best = _along_cusp(setting, best, kind.name, kind.kinked)
     if held or not best.converged:
-        best = fit_joint(
-            setting.train, best.variant.hysteresis, best.variant.effects, samples=SEARCH_SAMPLES
-        )
-    begins = [in_chain_order([*present, place]) for place in places]
-    return _or_smooth(setting, assess(setting, kind.name, best), hysteresis, begins)
-
-
-def _or_smooth(
-    setting: Setting, plain: Outcome, hysteresis: RDPI, begins: Sequence[Sequence[Effect]]
-) -> Outcome:
-    """Return a refit, or one with smooth weights where few data are told better by it.
-
-    Where loops of one size are all there is, free weights follow whatever else bends a loop, and
-    the effects with them: other records show it.
-    """
-    if sum(int(r.error_mask.sum()) for r in setting.train) > SEARCH_SAMPLES:
-        return plain
-    whole = on_comb(hysteresis, comb(setting.train))
-    fits: list[JointFit] = []
-    for effects in begins[:_SMOOTHED]:
-        try:
-            fits.append(fit_joint(setting.train, whole, effects, smoothness=_SMOOTHNESS))
-        except Exception:  # a user's effect may raise anything; the refit without it stands
-            continue
-    fits = [fit for fit in fits if math.isfinite(fit.train_rmse_um)]
-    if not fits:
-        return plain
-    smooth = assess(setting, plain.effect, min(fits, key=lambda fit: fit.train_rmse_um))
-    return smooth if smooth.mean_square < _SMOOTHER * plain.mean_square else plain
+        best = setting.fit(best.variant.hysteresis, best.variant.effects, samples=SEARCH_SAMPLES)
+    return assess(setting, kind.name, best)
 
 
 def _own(fit: JointFit, name: str) -> Effect:
@@ -261,9 +252,7 @@ def past_cusps(setting: Setting, outcome: Outcome, present: Sequence[Effect]) ->
         before = fit.train_rmse_um
         for name, parameter in kinked:
             fit = _along_cusp(setting, fit, name, parameter)
-        fit = fit_joint(
-            setting.train, fit.variant.hysteresis, fit.variant.effects, samples=SEARCH_SAMPLES
-        )
+        fit = setting.fit(fit.variant.hysteresis, fit.variant.effects, samples=SEARCH_SAMPLES)
         if fit.train_rmse_um > _CUSP_ENDS * before:
             break
     return assess(setting, outcome.effect, fit)
@@ -280,8 +269,7 @@ def _along_cusp(setting: Setting, fit: JointFit, effect: str, parameter: str) ->
             e.with_values({parameter: math.exp(log_value)}) if e.name == effect else e
             for e in best.variant.effects
         ]
-        trial = fit_joint(
-            setting.train, best.variant.hysteresis, effects, _CUSP_PASSES, held=held,
+        trial = setting.fit(best.variant.hysteresis, effects, _CUSP_PASSES, held=held,
             samples=SEARCH_SAMPLES,
         )  # fmt: skip
         if trial.train_rmse_um < best.train_rmse_um:
@@ -350,7 +338,9 @@ def refit_all(
     outcomes: list[Outcome] = []
     unfinished: list[Trial] = []
     for trial in trials:
-        fit = checkpoint.get(hysteresis, trial.present, trial.kind, trial.starts)
+        fit = checkpoint.get(
+            hysteresis, trial.present, trial.kind, trial.starts, setting.smoothness
+        )
         if fit is None:
             unfinished.append(trial)
         else:

@@ -62,6 +62,7 @@ class Checkpoint:
         present: Sequence[Effect],
         kind: type[Effect],
         starts: Sequence[Effect] | None = None,
+        smoothness: float = 0.0,
     ) -> JointFit | None:
         """Return a finished refit, or None.
 
@@ -73,10 +74,12 @@ class Checkpoint:
             The candidate.
         starts
             Where it began; None: at the starts of its own.
+        smoothness
+            That was asked of the weights.
         """
         if self._store is None:
             return None
-        row = self._store.rows.get(self._key(hysteresis, present, kind, starts))
+        row = self._store.rows.get(self._key(hysteresis, present, kind, starts, smoothness))
         if row is None:
             return None
         kinds = {e.name: type(e) for e in present} | {kind.name: kind}
@@ -116,7 +119,7 @@ class Checkpoint:
             return
         found = fit.variant.hysteresis
         row = {
-            "key": self._key(hysteresis, present, kind, starts),
+            "key": self._key(hysteresis, present, kind, starts, fit.smoothness),
             "weights": found.weights,
             "thresholds_V": found.thresholds_V,
             "delta2_s": found.delta2_s,
@@ -136,8 +139,9 @@ class Checkpoint:
         present: Sequence[Effect],
         kind: type[Effect],
         starts: Sequence[Effect] | None,
+        smoothness: float,
     ) -> str:
-        start = [hysteresis.weights, hysteresis.thresholds_V, hysteresis.delta2_s]
+        start = [hysteresis.weights, hysteresis.thresholds_V, hysteresis.delta2_s, smoothness]
         effects = [effect.to_dict() for effect in (*present, *(starts or ()))]
         numbers = json.dumps(_rounded([*start, *effects]))
         sources = [_source(each) for each in (*map(type, present), kind)]

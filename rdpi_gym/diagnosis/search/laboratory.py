@@ -13,6 +13,7 @@ from rdpi_gym.diagnosis.features.noise import noise_floor
 from rdpi_gym.diagnosis.hygiene import inspect, limits
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import (
+    SEARCH_SAMPLES,
     Outcome,
     Setting,
     Trial,
@@ -39,18 +40,18 @@ from rdpi_gym.diagnosis.search.ranking import (
     of_effect,
     rank,
 )
-from rdpi_gym.diagnosis.search.scale import comb, data_scale, on_comb, pruned
+from rdpi_gym.diagnosis.search.scale import comb, data_scale, on_comb, one_size, pruned
 from rdpi_gym.diagnosis.search.separability import (
     RATE,
     separability,
     typical_effects,
 )
-from rdpi_gym.diagnosis.search.stability import stability
+from rdpi_gym.diagnosis.search.stability import exchanged, stability
 from rdpi_gym.diagnosis.search.suitability import TURNED, falls, turned, unrelated
 from rdpi_gym.diagnosis.search.verdict import EXPLAINED
 from rdpi_gym.diagnosis.search.vetoes import hear
 from rdpi_gym.identification.jacobian import simulate_effects
-from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.plausibility import check_motion, check_scale
 from rdpi_gym.identification.rates import rate_spread
 from rdpi_gym.identification.stack import stack_records
@@ -63,6 +64,12 @@ from rdpi_gym.support.progress import Progress
 _NOMINEES = 4
 # Samples to fit from which on blocks of them are held out, and not their end.
 _BLOCKS = 64
+# Price of uneven weights where loops of one size are all there is to fit.
+_SMOOTHNESS = 0.004
+# Of the training error's excess, what a candidate takes that is judged with exchanged roles too.
+_ASKED = 0.2
+# Largest confidence in one member of a class that records of one rate do not tell apart.
+_ONE_CLASS = 0.5
 # Rivals of an effect in each split of the records.
 _SPLIT_RIVALS = 2
 # Rivals that are tried once more in the end: by the gain of the effect chosen, or by the noise.
@@ -150,6 +157,9 @@ class Laboratory:
         state = State(refit(self.setting, comb(self.setting.train), present, None))
         self._update_noise(state)
         state = self.past_openings(state)
+        if one_size(self.setting.train) and not self._is_explained(state):
+            self.setting = replace(self.setting, smoothness=_SMOOTHNESS)
+            state = self.again(state)
         if self._rates_alike:
             bare = typical_effects(self.catalogue, self.setting.scale)
             found = separability(self.setting.train, state.hysteresis, (), bare)
@@ -201,8 +211,10 @@ class Laboratory:
         ranked = rank(state.outcome, outcomes, tried, self.noise_um, self._seed)
         if not self._rates_alike:
             return ranked
-        barred = set(self._like_rate) - have
-        return [_like_rate(r) if r.candidate.effect in barred else r for r in ranked]
+        alike = set(self._like_rate) - have
+        return [
+            _like_rate(r, self._like_rate) if r.candidate.effect in alike else r for r in ranked
+        ]
 
     def _refit(self, state: State, trials: Sequence[Trial], task: str) -> list[Outcome]:
         return refit_all(
@@ -231,9 +243,27 @@ class Laboratory:
                     ),
                 )
             ]  # fmt: skip
-        if self.noise_um * EXPLAINED >= state.outcome.errors.validation_rmse_um:
+        if self._is_explained(state):
             return []
-        return self._pair(state, ranked)
+        return self._both_ways(state, ranked) or self._pair(state, ranked)
+
+    def _both_ways(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
+        """Judge what the records to fit ask for with the roles of the records exchanged too."""
+        here = exchanged(self.setting, self.dataset.holds_out_quarters)
+        if here is None:
+            return []
+        asked = [r for r in ranked if r.train_share >= _ASKED and r.candidate.share > 0.0]
+        now = assess(here, "", here.fit(state.hysteresis, state.effects, samples=SEARCH_SAMPLES))
+        for r in self._heard([r for r in asked if not r.worse]):
+            assert r.outcome.fit is not None
+            start = r.outcome.fit.variant
+            fit = here.fit(start.hysteresis, start.effects, samples=SEARCH_SAMPLES)
+            turned_round = assess(here, r.candidate.effect, fit)
+            kinds = [type(fitted(r.outcome))]
+            again = rank(now, [turned_round], kinds, self.noise_um, self._seed)[0]
+            if again.earned:
+                return [r]
+        return []
 
     def _heard(self, earned: Sequence[Ranked]) -> list[Ranked]:
         """Leave out what a test without a model denies."""
@@ -253,11 +283,7 @@ class Laboratory:
     def _pair(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Try pairs of nominees: effects may help only together."""
         have = {effect.name for effect in state.effects}
-        usable = [
-            r
-            for r in ranked
-            if r.outcome.fit is not None and not r.barred and r.candidate.effect not in have
-        ]
+        usable = [r for r in ranked if r.outcome.fit is not None and r.candidate.effect not in have]
         by_train = sorted(usable, key=lambda r: r.outcome.errors.train_rmse_um)
         nominees = {r.candidate.effect: r for r in (*usable[:2], *by_train[:_NOMINEES])}
         best: tuple[float, Outcome, list[str]] | None = None
@@ -290,8 +316,18 @@ class Laboratory:
         if fit is None:
             return state
         whole = on_comb(fit.variant.hysteresis, comb(self.setting.train))
-        again = fit_joint(self.setting.train, whole, fit.variant.effects, smoothness=fit.smoothness)
-        return State(assess(self.setting, "", again))
+        again = State(assess(self.setting, "", self.setting.fit(whole, fit.variant.effects)))
+        if self.setting.smoothness == 0.0 or self._is_explained(again):
+            return again
+        plain = replace(self.setting, smoothness=0.0)
+        free = State(assess(plain, "", plain.fit(again.hysteresis, again.effects)))
+        if not self._is_explained(free):
+            return again
+        self.setting = plain
+        return free
+
+    def _is_explained(self, state: State) -> bool:
+        return state.outcome.errors.validation_rmse_um <= EXPLAINED * self.noise_um
 
     def need(self, state: State, ranked: Sequence[Ranked], kind: type[Effect]) -> None:
         """Refuse where an effect that was asked for is there already or cannot be fitted."""
@@ -306,7 +342,7 @@ class Laboratory:
         for name in added if len(added) > 1 else ():
             self._progress("backward elimination", len(removed), len(added))
             kept = in_chain_order(e for e in state.effects if e.name != name)
-            fit = self._fitted(state, kept)
+            fit = self.setting.fit(state.hysteresis, kept)
             without = assess(self.setting, name, fit)
             loss = without.mean_square - state.outcome.mean_square
             if loss < 0.5 * LEAST_GAIN * self.noise_um**2:
@@ -357,7 +393,9 @@ class Laboratory:
         return [
             replace(
                 c,
-                confidence=found[c.effect].confidence,
+                confidence=min(
+                    found[c.effect].confidence, _ONE_CLASS if c.effect in self._like_rate else 1.0
+                ),
                 without_um=found[c.effect].without_um,
             )
             for c in added
@@ -381,7 +419,7 @@ class Laboratory:
             most = state.outcome.errors.train_rmse_um * (1.0 + SETTLED_GAIN)
             outcomes = [o for o in outcomes if o.errors.train_rmse_um <= most]
             own = replace(state.outcome, effect=step.effect, form=step.form)
-            without = assess(self.setting, "", self._fitted(state, others))
+            without = assess(self.setting, "", self.setting.fit(state.hysteresis, others))
             ranked = rank(
                 without, [own, *outcomes], [*kinds, self.catalogue[step.effect]], self.noise_um,
                 self._seed, SETTLED_GAIN,
@@ -403,14 +441,8 @@ class Laboratory:
     def without(self, state: State, names: Sequence[str]) -> State:
         """Return the model without some effects, refitted."""
         kept = in_chain_order(e for e in state.effects if e.name not in names)
-        fit = self._fitted(state, kept)
+        fit = self.setting.fit(state.hysteresis, kept)
         return State(assess(self.setting, "", fit))
-
-    def _fitted(self, state: State, effects: tuple[Effect, ...]) -> JointFit:
-        """Fit other effects to the weights of a model, as smooth as they were."""
-        return fit_joint(
-            self.setting.train, state.hysteresis, effects, smoothness=state.fit.smoothness
-        )
 
     def final(self, state: State, step: Candidate) -> Candidate:
         """Return a step with the parameters of the final model."""
@@ -463,8 +495,16 @@ def _bounds_hit(ranked: Ranked) -> int:
     return 0 if ranked.outcome.fit is None else len(ranked.outcome.fit.at_bound)
 
 
-def _like_rate(ranked: Ranked) -> Ranked:
-    """Return a candidate that records of one rate cannot tell from δ2: not to be added."""
-    remark = "indistinguishable from δ2: all rates are alike"
-    candidate = replace(ranked.candidate, remarks=(*ranked.candidate.remarks, remark))
-    return replace(ranked, candidate=candidate, earned=False, barred=True)
+def _like_rate(ranked: Ranked, alike: Sequence[str]) -> Ranked:
+    """Return a candidate that records of one rate cannot tell from others that lag."""
+    others = (*ranked.candidate.indistinguishable, *alike)
+    name = ranked.candidate.effect
+    same = tuple(dict.fromkeys(other for other in others if other != name))
+    remark = "one class with them and with δ2: all rates are alike"
+    candidate = replace(
+        ranked.candidate,
+        indistinguishable=same,
+        remarks=(*ranked.candidate.remarks, remark),
+        confidence=min(ranked.candidate.confidence, _ONE_CLASS),
+    )
+    return replace(ranked, candidate=candidate)

@@ -46,15 +46,18 @@ class Ranked:
     worth
         Share of the excess that it takes away from training and from validation records: the
         smaller of the two.
-    barred
-        Whether these data cannot tell it from the base model, whatever it does to the error.
+    train_share
+        Share of the excess that it takes away from the records to fit alone.
+    worse
+        Whether a held-out record becomes clearly worse.
     """
 
     outcome: Outcome
     candidate: Candidate
     earned: bool
     worth: float = 0.0
-    barred: bool = False
+    train_share: float = 0.0
+    worse: bool = False
 
 
 def rank(
@@ -123,7 +126,14 @@ def rank(
         )
         candidate = of_effect(candidate, outcome.fit, outcome.effect)
         ranked.append(
-            Ranked(outcome, candidate, enough and helps and not worse, min(share, train_share))
+            Ranked(
+                outcome,
+                candidate,
+                enough and helps and not worse,
+                min(share, train_share),
+                train_share,
+                bool(worse),
+            )
         )
     failed = [o for o in outcomes if o.fit is None]
     return ranked + [Ranked(o, _failed(o), False) for o in failed]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rdpi_gym.diagnosis.features.half_cycles import half_cycles
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects.base import DataScale
@@ -13,6 +14,8 @@ from rdpi_gym.support.arrays import Array
 
 # Thresholds of the comb: enough that a play between two of them is not missed.
 COMB = 60
+# Loops are of another size by this share of the usual one; fewer are how a record begins and ends.
+_OTHER_SIZE, _FEWEST_OTHERS = 0.1, 3
 _SPREAD = 1.5  # finer at small thresholds, where the small loops are
 
 
@@ -52,6 +55,30 @@ def _fastest_V_s(records: Sequence[Record]) -> float:
     moves = [(np.abs(np.diff(r.u_V)), r.ts_s) for r in records]
     usual = max(float(np.quantile(change, 0.99)) / ts for change, ts in moves)
     return usual or max(float(np.max(change)) / ts for change, ts in moves)
+
+
+def one_size(records: Sequence[Record]) -> bool:
+    """Whether loops of one size are all that records hold: they do not tell weights apart.
+
+    Parameters
+    ----------
+    records
+        Records of one plant.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) * 1e-3
+    >>> wave = np.sin(2 * np.pi * t)
+    >>> one = Record("one", t, wave, wave, ts_s=1e-3)
+    >>> one_size([one]), one_size([one, Record("small", t, 0.5 * wave, wave, ts_s=1e-3)])
+    (True, False)
+    """
+    cycles = [half_cycles(r.u_V, r.ts_s) for r in records]
+    sizes = np.concatenate([c.amplitude_V[c.whole] for c in cycles])
+    if not sizes.size:
+        return False
+    others = np.abs(sizes - np.median(sizes)) > _OTHER_SIZE * np.median(sizes)
+    return int(others.sum()) < _FEWEST_OTHERS
 
 
 def comb(records: Sequence[Record], thresholds: int = COMB) -> RDPI:

@@ -90,6 +90,21 @@ def splits(setting: Setting, quarters: bool) -> tuple[Split, ...]:
     )
 
 
+def exchanged(setting: Setting, quarters: bool) -> Setting | None:
+    """Return a data set with the roles of its records exchanged; None where they are the same ones.
+
+    Parameters
+    ----------
+    setting
+        As it is given.
+    quarters
+        As :func:`splits`.
+    """
+    if quarters:
+        return None
+    return replace(setting, train=setting.validation, validation=setting.train)
+
+
 def _without_opening(record: Record) -> Record:
     counted = np.flatnonzero(record.error_mask)
     mask = record.error_mask.copy()
