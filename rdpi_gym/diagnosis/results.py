@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
@@ -176,6 +176,47 @@ def steps_of(added: Iterable[Candidate]) -> tuple[Step, ...]:
 
 
 @dataclass(frozen=True)
+class Left:
+    """How much of what a model leaves follows from the input.
+
+    Parameters
+    ----------
+    share, low, high
+        Share of the mean square of the excess over noise and numerical floor, and its 95 %
+        interval.
+    repeats
+        Share that repeats where the input's history recurs; None where it never does.
+    hidden_um
+        An effect of the input smaller than this could hide (µm rms).
+    left_um
+        What is left over the noise and the numerical floor (µm rms).
+    """
+
+    share: float
+    low: float
+    high: float
+    repeats: float | None
+    hidden_um: float
+    left_um: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the object of the files."""
+        return asdict(self)
+
+    @classmethod
+    def from_fields(cls, fields: Fields) -> Left:
+        """Build from the object of the files."""
+        return cls(
+            fields.number("share"),
+            fields.number("low"),
+            fields.number("high"),
+            fields.optional_number("repeats"),
+            fields.number("hidden_um"),
+            fields.number("left_um"),
+        )
+
+
+@dataclass(frozen=True)
 class View:
     """One record as measured and as models see it, for the figures.
 
@@ -238,6 +279,9 @@ class SearchResult:
         What the model with all steps leaves over the noise floor (µm rms).
     remainder
         A sentence on whether what is left follows from the command.
+    left
+        In numbers, how much of what is left follows from the command; None where what is left is
+        the noise.
     next_experiment
         The experiment that would tell the effects added from their rivals; None where none is
         needed.
@@ -277,6 +321,7 @@ class SearchResult:
     undecided: str | None
     unexplained_rmse_um: float
     remainder: str
+    left: Left | None
     next_experiment: str | None
     indistinguishable: tuple[tuple[str, ...], ...]
     findings: tuple[Finding, ...]
@@ -335,6 +380,7 @@ class SearchResult:
             "undecided": self.undecided,
             "unexplained_rmse": self.unexplained_rmse_um,
             "remainder": self.remainder,
+            "left": None if self.left is None else self.left.to_dict(),
             "next_experiment": self.next_experiment,
             "indistinguishable": [list(group) for group in self.indistinguishable],
             "findings": [finding.to_dict() for finding in self.findings],
@@ -435,6 +481,7 @@ class SearchResult:
             undecided=fields.optional_text("undecided"),
             unexplained_rmse_um=fields.number("unexplained_rmse"),
             remainder=fields.text("remainder"),
+            left=None if fields.raw("left") is None else Left.from_fields(fields.inner("left")),
             next_experiment=fields.optional_text("next_experiment"),
             indistinguishable=fields.groups("classes" if one else "indistinguishable"),
             findings=tuple(map(Finding.from_fields, fields.objects("findings"))),

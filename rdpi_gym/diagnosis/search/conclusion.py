@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, SearchResult, View, steps_of
+from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, Left, SearchResult, View, steps_of
 from rdpi_gym.diagnosis.search.candidates import assess
 from rdpi_gym.diagnosis.search.experiments import what_to_measure
 from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
@@ -91,6 +91,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         bool(added),
     )
     groups = _groups(laboratory, end)
+    sentence, shares = _remainder(laboratory, end, judgement, numerical.total_um)
     plant = plant_of(laboratory.setting, end.outcome, search.given)
     left = [simulate_record(plant, record) for record in laboratory.setting.train]
     label = f"with {added[0].effect}" if len(added) == 1 else "with effects"
@@ -112,7 +113,8 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         sampling=judgement.sampling,
         undecided=laboratory.undecided,
         unexplained_rmse_um=math.sqrt(max(end.outcome.mean_square - laboratory.noise_um**2, 0.0)),
-        remainder=_remainder(laboratory, end, judgement, numerical.total_um),
+        remainder=sentence,
+        left=shares,
         next_experiment=_next_experiment(laboratory, end, search.last, judgement, groups),
         indistinguishable=groups,
         findings=tuple(laboratory.findings),
@@ -132,15 +134,15 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
 
 def _remainder(
     laboratory: Laboratory, state: State, judgement: Judgement, numerical_um: float
-) -> str:
-    """Say whether what is left follows from the input."""
+) -> tuple[str, Left | None]:
+    """Say whether what is left follows from the input, and how surely."""
     if judgement.verdict != "unexplained":
         rest = "the noise" if judgement.sampling is None else "motion between the samples"
-        return f"What is left is {rest}."
+        return f"What is left is {rest}.", None
     setting = laboratory.setting
     variant, noise_um = state.fit.variant, laboratory.noise_um
     others = other_inputs(variant, setting.train, setting.validation, noise_um)
-    left = remainder(
+    found = remainder(
         variant,
         setting.train,
         setting.validation,
@@ -149,7 +151,8 @@ def _remainder(
         numerical_um,
         laboratory.dataset.quiet,
     )
-    return f"{said_of(others)} {left.sentence}".strip()
+    left = Left(found.share, found.low, found.high, found.repeats, found.hidden_um, found.left_um)
+    return f"{said_of(others)} {found.sentence}".strip(), left
 
 
 def _next_experiment(

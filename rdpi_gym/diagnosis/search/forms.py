@@ -12,6 +12,8 @@ from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_or
 # A form of more freedom takes at least this share of what the simpler one leaves over the noise,
 # and so much again for each parameter more.
 _PRICE, _PRICE_EACH = 0.10, 0.03
+# Of that price, what it has to be worth on the records to fit too.
+_TRAINS = 0.3
 # Candidates of a round that are tried in their further forms.
 _LEADERS = 4
 # Of the error without it, what the simplest form leaves at most to be worth another; the rails of a
@@ -119,7 +121,8 @@ def _worth_its_freedom(forms: Sequence[Outcome], noise_um: float) -> Outcome:
         more = _freedom(outcome) - _freedom(best)
         left = max(best.mean_square - variance, 0.0)
         price = max(LEAST_GAIN * variance, (_PRICE + _PRICE_EACH * max(more, 0)) * left)
-        trains = outcome.errors.train_rmse_um < best.errors.train_rmse_um
+        before, after = (o.errors.train_rmse_um**2 for o in (best, outcome))
+        trains = before - after > _TRAINS * price * max(before - variance, 0.0) / max(left, 1e-300)
         if best.fit is None or (trains and best.mean_square - outcome.mean_square > price):
             best = outcome
     return best

@@ -38,6 +38,7 @@ from rdpi_gym.diagnosis.search.ranking import (
     SETTLED_GAIN,
     Ranked,
     of_effect,
+    own_bounds,
     rank,
 )
 from rdpi_gym.diagnosis.search.scale import comb, data_scale, on_comb, one_size, pruned
@@ -217,8 +218,10 @@ class Laboratory:
         ]
 
     def _refit(self, state: State, trials: Sequence[Trial], task: str) -> list[Outcome]:
+        # smooth weights are those of the whole comb
+        plays = state.hysteresis if self.setting.smoothness else pruned(state.hysteresis)
         return refit_all(
-            self.setting, pruned(state.hysteresis), trials, self._checkpoint, self._jobs,
+            self.setting, plays, trials, self._checkpoint, self._jobs,
             lambda done, total: self._progress(task, done, total),
         )  # fmt: skip
 
@@ -417,7 +420,7 @@ class Laboratory:
             outcomes = [refit(self.setting, state.hysteresis, others, kind) for kind in kinds]
             # an effect is replaced only by one that fits the other records no worse either
             most = state.outcome.errors.train_rmse_um * (1.0 + SETTLED_GAIN)
-            outcomes = [o for o in outcomes if o.errors.train_rmse_um <= most]
+            outcomes = [o for o in outcomes if o.errors.train_rmse_um <= most and not own_bounds(o)]
             own = replace(state.outcome, effect=step.effect, form=step.form)
             without = assess(self.setting, "", self.setting.fit(state.hysteresis, others))
             ranked = rank(
@@ -492,7 +495,7 @@ def fitted(outcome: Outcome) -> Effect:
 
 
 def _bounds_hit(ranked: Ranked) -> int:
-    return 0 if ranked.outcome.fit is None else len(ranked.outcome.fit.at_bound)
+    return len(own_bounds(ranked.outcome))
 
 
 def _like_rate(ranked: Ranked, alike: Sequence[str]) -> Ranked:

@@ -29,6 +29,8 @@ SETTLED_GAIN = 0.005
 # A held-out record may lose this share of the gain before the candidate counts as harmful.
 _HARM = 0.5
 _DRAWS = 400
+# What a candidate with a parameter at its bound is worth of what it gains.
+_AT_BOUND = 0.5
 
 
 @dataclass(frozen=True)
@@ -130,13 +132,26 @@ def rank(
                 outcome,
                 candidate,
                 enough and helps and not worse,
-                min(share, train_share),
+                min(share, train_share) * (_AT_BOUND if own_bounds(outcome) else 1.0),
                 train_share,
                 bool(worse),
             )
         )
     failed = [o for o in outcomes if o.fit is None]
     return ranked + [Ranked(o, _failed(o), False) for o in failed]
+
+
+def own_bounds(outcome: Outcome) -> tuple[str, ...]:
+    """Return the parameters of a candidate that ended at a bound: it is of a class, not measured.
+
+    Parameters
+    ----------
+    outcome
+        Its refit.
+    """
+    if outcome.fit is None:
+        return ()
+    return tuple(n for n in outcome.fit.at_bound if n.startswith(f"{outcome.effect}."))
 
 
 def _train_share(current: Outcome, outcome: Outcome, variance: float) -> float:

@@ -203,7 +203,7 @@ class Creep(Effect):
         return 1 + len(TIME_CONSTANTS_S)
 
 
-_GAIN = (0.0, 1.0, (0.005, 0.03))
+_GAIN = (0.0, 0.3, (0.005, 0.03))
 _TIME = (1e-6, 1e9)
 
 
