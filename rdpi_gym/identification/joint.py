@@ -62,6 +62,8 @@ class Free:
     @property
     def step(self) -> float:
         """Finite difference."""
+        if self.parameter.step is not None:
+            return self.parameter.step
         return _STEP if self.logarithmic else _STEP * self.size
 
     def name(self, variant: Variant) -> str:

@@ -219,8 +219,28 @@ def _sine(t: Array, y: Array, frequency_hz: float) -> tuple[Array, float]:
     return line, float(line @ line)
 
 
+def slowness(residuals: Sequence[Array]) -> float:
+    """Return how much slower than white the noise is that residuals hold, 1 for white noise.
+
+    Parameters
+    ----------
+    residuals
+        Of a model that leaves little besides.
+
+    Examples
+    --------
+    >>> white = np.random.default_rng(0).normal(0.0, 1.0, 20_001)
+    >>> slowness([white]), round(slowness([white[1:] + 0.5 * white[:-1]]), 1)
+    (1.0, 1.6)
+    """
+    return float(np.median([_growth(e) for e in residuals])) if residuals else 1.0
+
+
 def noise_floor(
-    quiet: Sequence[Record], records: Sequence[Record], residuals: Sequence[Array]
+    quiet: Sequence[Record],
+    records: Sequence[Record],
+    residuals: Sequence[Array],
+    colour: float | None = None,
 ) -> tuple[float, str]:
     """Noise of a data set (µm, rms) and where the figure comes from.
 
@@ -230,6 +250,9 @@ def noise_floor(
         Records with constant command.
     records, residuals
         Moving records, and what a model leaves of each (µm).
+    colour
+        How much slower than white the noise is where neither quiet records nor repetitions tell
+        it; by default as :func:`slowness` of the residuals.
 
     Returns
     -------
@@ -251,8 +274,10 @@ def noise_floor(
     found += [_Level(_rms(s), s.size, f"the repetitions in {name}") for s, name in spreads]
     colours = [_slowness(noise) for noise, _ in still]
     colours = colours or [_slowness(spread.ravel()) for spread, _ in spreads]
-    colours = colours or [_growth(e) for e in residuals]
-    colour = max(1.0, float(np.median(colours))) if colours else 1.0
+    if colours:
+        colour = max(1.0, float(np.median(colours)))
+    elif colour is None:
+        colour = slowness(residuals)
     rough = [(rough_part(e), len(e)) for e in residuals if len(e) >= _FEWEST]
     if rough:
         origin = "the part of the residual that changes from sample to sample"

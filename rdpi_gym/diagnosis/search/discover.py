@@ -127,7 +127,11 @@ def discover(
         if spared is not state:
             added = _moved_on(added, state, spared)
             base, state = laboratory.again(base), spared
+    state, recalled = laboratory.recall(state)
+    added += recalled
     state, removed = laboratory.eliminate(state, [c.effect for c in added])
+    state, merged = laboratory.merge(state, [c.effect for c in added if c.effect not in removed])
+    removed = (*removed, *merged)
     state, simpler = laboratory.simplify(state)
     state, notes = laboratory.on_law(state, given)
     kept = [c for c in added if c.effect not in removed]

@@ -9,7 +9,7 @@ from itertools import combinations
 from pathlib import Path
 
 from rdpi_gym.diagnosis.checks import run_checks
-from rdpi_gym.diagnosis.features.noise import noise_floor
+from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
 from rdpi_gym.diagnosis.hygiene import inspect, limits
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import (
@@ -58,7 +58,8 @@ from rdpi_gym.identification.rates import rate_spread
 from rdpi_gym.identification.stack import stack_records
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import RDPI, PlantModel
-from rdpi_gym.plant.effects.base import Effect, in_chain_order
+from rdpi_gym.plant.effects.base import Effect, forms_of, in_chain_order
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 
@@ -139,7 +140,10 @@ class Laboratory:
         self.dataset = dataset
         self.catalogue = catalogue
         self.setting = Setting(train, validation, data_scale((*train, *validation)))
+        self._whole = self.setting
         self.noise_um, self.noise_origin = math.nan, ""
+        self._least, self._colour = math.inf, 1.0
+        self._whitest: tuple[float, tuple[Record, ...], list[Array]] | None = None
         self._jobs, self._seed = jobs, seed
         self._progress = progress or (lambda task, done, total: None)
         self._checkpoint = Checkpoint(checkpoint, (*train, *validation))
@@ -193,7 +197,7 @@ class Laboratory:
         kinds = {name: kind for name, kind in self.catalogue.items() if name not in have}
         task = "with " + ", ".join(e.name for e in state.effects) if have else "candidates"
         scale = self.setting.scale
-        new = [Trial(kind, state.effects) for kind in kinds.values()]
+        new = [Trial(kind, state.effects, self._begun(state, kind)) for kind in kinds.values()]
         simple = self._refit(state, [*new, *better_forms(state.effects, scale)], task)
         leaders = [past_cusps(self.setting, o, state.effects) for o in simple[:_LEADERS]]
         outcomes = sorted([*leaders, *simple[_LEADERS:]], key=lambda o: o.mean_square)
@@ -216,6 +220,13 @@ class Laboratory:
         return [
             _like_rate(r, self._like_rate) if r.candidate.effect in alike else r for r in ranked
         ]
+
+    def _begun(self, state: State, kind: type[Effect]) -> tuple[Effect, ...] | None:
+        """Return the starts of a candidate with those that the longest record shows."""
+        record = max(self.setting.train, key=lambda r: r.t_s[-1] - r.t_s[0])
+        left_um = record.y_um - simulate_effects([state.fit.variant], record)[:, 0]
+        seen = kind.seen_in(record.t_s, left_um - left_um.mean())
+        return (*seen, *kind.starts(self.setting.scale)) if seen else None
 
     def _refit(self, state: State, trials: Sequence[Trial], task: str) -> list[Outcome]:
         # smooth weights are those of the whole comb
@@ -368,6 +379,47 @@ class Laboratory:
             and r.candidate.errors.validation_rmse_um**2 - own <= reach
         )
 
+    def recall(self, state: State) -> tuple[State, list[Candidate]]:
+        """Try a memory that all records share where openings were left out, with all else there."""
+        kind = self.catalogue.get("initial_memory")
+        have = {effect.name for effect in state.effects}
+        if kind is None or kind.name in have or self.setting is self._whole:
+            return state, []
+        whole = replace(self._whole, smoothness=self.setting.smoothness)
+        now = refit(whole, state.hysteresis, state.effects, None)
+        tried = [refit(whole, state.hysteresis, state.effects, k) for k in forms_of(kind)]
+        ranked = rank(now, in_best_form(tried, self.noise_um), [kind], self.noise_um, self._seed)
+        best = ranked[0]
+        if best.outcome.fit is None or not best.earned:
+            return state, []
+        still = misleading(whole, best.outcome, self._openings, self.noise_um)
+        self.setting = without_openings(whole, still)
+        state = State(refit(self.setting, state.hysteresis, best.outcome.fit.variant.effects, None))
+        self._update_noise(state)
+        return state, [replace(best.candidate, errors=state.outcome.errors)]
+
+    def merge(self, state: State, added: Sequence[str]) -> tuple[State, tuple[str, ...]]:
+        """Take out an effect that another one, in a better form, stands for as well."""
+        gone: list[str] = []
+        for name in added:
+            here = {e.name: e for e in state.effects}
+            if name not in here:
+                continue
+            kept = in_chain_order(e for e in state.effects if e.name != name)
+            kin = [e for e in kept if name in e.mistaken_for or e.name in here[name].mistaken_for]
+            trials = [
+                t
+                for t in better_forms(kept, self.setting.scale)
+                if t.kind.name in {e.name for e in kin}
+            ]
+            for outcome in self._refit(state, trials, f"without {name}") if trials else []:
+                loss = outcome.mean_square - state.outcome.mean_square
+                if outcome.fit is not None and loss < 0.5 * LEAST_GAIN * self.noise_um**2:
+                    merged = State(replace(outcome, effect=""))
+                    state, gone = merged, [*gone, name]
+                    break
+        return state, tuple(gone)
+
     def simplify(self, state: State) -> tuple[State, tuple[str, ...]]:
         """Try simpler forms of the effects back; return what was given up, in sentences."""
         outcome, given_up = simplified(
@@ -474,9 +526,16 @@ class Laboratory:
         residuals = [
             (r.y_um - simulate_effects([state.fit.variant], r)[:, 0])[r.error_mask] for r in records
         ]
-        floor, origin = noise_floor(self.dataset.quiet, records, residuals)
-        if not self.noise_um <= floor:
-            self.noise_um, self.noise_origin = floor, origin
+        if state.outcome.mean_square < self._least:
+            # what the best model leaves is most like the noise
+            self._least, self._colour = state.outcome.mean_square, slowness(residuals)
+        quiet = self.dataset.quiet
+        white_um, _ = noise_floor(quiet, records, residuals, colour=1.0)
+        if self._whitest is None or white_um < self._whitest[0]:
+            self._whitest = (white_um, records, residuals)
+        self.noise_um, self.noise_origin = noise_floor(
+            quiet, *self._whitest[1:], colour=self._colour
+        )
 
 
 def _parts(dataset: Dataset) -> tuple[tuple[Record, ...], tuple[Record, ...]]:

@@ -154,6 +154,9 @@ def _ridges(gram: Array, rhs: Array, sets: Sequence[NDArray[np.intp]], rows: int
     for i, own in enumerate(sets):
         part = gram[np.ix_(own, own)]
         for j, ridge in enumerate(_RIDGES):
-            factor = cho_factor(part + ridge * rows * np.eye(len(own)), check_finite=False)
+            try:
+                factor = cho_factor(part + ridge * rows * np.eye(len(own)), check_finite=False)
+            except np.linalg.LinAlgError:
+                continue  # features that rounding makes alike: a stronger ridge will do
             weights[own, i * len(_RIDGES) + j] = cho_solve(factor, rhs[own], check_finite=False)
     return weights

@@ -54,6 +54,9 @@ class Parameter:
         with several of them the part of it that this one sizes; None where no value does.
     fixed
         A scale that is chosen and not fitted: another parameter would trade with it.
+    step
+        Finite difference by which a fit takes derivatives, of the logarithm where `low` is above
+        zero; None: a thousandth, which is too far for a frequency that is counted over minutes.
 
     Examples
     --------
@@ -69,6 +72,7 @@ class Parameter:
     meaning: str
     neutral: float | None = None
     fixed: bool = False
+    step: float | None = None
 
 
 class Look:
@@ -333,6 +337,19 @@ class Effect(ABC):
         ['saturation']
         """
         return f"{cls.name}, {cls.form}" if cls.form else cls.name
+
+    @classmethod
+    def seen_in(cls, t_s: Array, left_um: Array) -> tuple[Self, ...]:
+        """Return starts that what a model leaves shows by itself; by default none.
+
+        Parameters
+        ----------
+        t_s
+            Times on the clock of the experiment (s), ``(T,)``.
+        left_um
+            What the model leaves there (µm).
+        """
+        return ()
 
     @property
     def turns_V(self) -> tuple[float, ...]:

@@ -15,6 +15,8 @@ from rdpi_gym.support.arrays import Array
 
 # Samples after which the phasor is set anew: rounding stays far below a picometre.
 _RENEWED = 256
+# Samples in which a line is looked for, how far from the mains' frequency, and lines at most.
+_SEEN, _NEAR, _MOST_LINES = 20_000, 0.01, 120
 
 
 @njit(cache=True)
@@ -60,7 +62,8 @@ class MainsHum(Effect):
     order = 70
     parameters = (
         Parameter("amplitude_um", "µm", 0.0, 10.0, (0.01, 0.05), "amplitude h", neutral=0.0),
-        Parameter("frequency_hz", "Hz", 45.0, 65.0, (50.0, 50.0), "50 or 60 Hz, f"),
+        # a thousandth of it is beats away after a minute
+        Parameter("frequency_hz", "Hz", 45.0, 65.0, (50.0, 50.0), "50 or 60 Hz, f", step=1e-6),
         Parameter(
             "phase_rad", "rad", -2 * math.pi, 2 * math.pi, (-math.pi, math.pi), "phase φ at t = 0"
         ),
@@ -104,6 +107,25 @@ class MainsHum(Effect):
             for f in (50.0, 60.0)
             for phase in (0.0, 0.5 * math.pi)
         )
+
+    @classmethod
+    def seen_in(cls, t_s: Array, left_um: Array) -> tuple[Self, ...]:
+        """The strongest line near either mains frequency: no slope leads from one beat to the next."""
+        t, left = t_s[:_SEEN], left_um[:_SEEN]
+        step = 0.25 / max(float(t[-1] - t[0]), 1e-9)
+        found = []
+        for mains in (50.0, 60.0):
+            count = min(max(1, math.ceil(_NEAR * mains / step)), _MOST_LINES)
+            lines = mains + step * np.arange(-count, count + 1)
+            waves = [complex(np.exp(-2j * np.pi * f * t) @ left) * 2.0 / t.size for f in lines]
+            k = int(np.argmax(np.abs(waves)))
+            phase = math.remainder(float(np.angle(waves[k])) + 0.5 * math.pi, 2.0 * math.pi)
+            found.append(
+                cls.within_bounds(
+                    amplitude_um=abs(waves[k]), frequency_hz=float(lines[k]), phase_rad=phase
+                )
+            )
+        return tuple(found)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Amplitude (µm), angular frequency (rad/s), phase (rad)."""
