@@ -11,7 +11,6 @@ from rdpi_gym.diagnosis.results import Candidate, SearchResult
 from rdpi_gym.diagnosis.search.conclusion import Search, conclude
 from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.ranking import Ranked
-from rdpi_gym.diagnosis.search.stability import LEAST_STABLE
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
@@ -109,7 +108,10 @@ def discover(
         if laboratory.at_floor(state):
             break
         ranked = laboratory.ranked(state)
+        setting = laboratory.setting
         chosen = laboratory.choose(state, ranked)
+        if laboratory.setting is not setting:  # judged in another way from here on
+            base = laboratory.again(base)
         rounds.append(_chosen_first(chosen, ranked))
         if not chosen:
             break
@@ -123,7 +125,7 @@ def discover(
         else:  # a better form belongs to the step that is last
             added = _moved_on(added, before, state)
         added += [replace(r.candidate, errors=state.outcome.errors) for r in new]
-        spared = laboratory.past_openings(state)
+        spared = laboratory.past_outliers(laboratory.past_openings(state))
         if spared is not state:
             added = _moved_on(added, state, spared)
             base, state = laboratory.again(base), spared
@@ -137,11 +139,9 @@ def discover(
     kept = [c for c in added if c.effect not in removed]
     state, added = laboratory.settle(state, kept, rivals)
     added = laboratory.sure(state, added, rivals)
-    unstable = [c.effect for c in added if c.confidence < LEAST_STABLE]
-    if unstable:
-        state = laboratory.without(state, unstable)
-        added = [c for c in added if c.effect not in unstable]
-        removed = (*removed, *unstable)
+    state, unstable = laboratory.less_sure(state, added)
+    added = [c for c in added if c.effect not in unstable]
+    removed = (*removed, *unstable)
     if added:  # the last step ends at the model that is saved
         end = added[-1].errors
         added = [replace(c, errors=state.outcome.errors) if c.errors is end else c for c in added]

@@ -8,9 +8,13 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
+import numpy as np
+
 from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
 from rdpi_gym.diagnosis.hygiene import inspect, limits
+from rdpi_gym.diagnosis.hygiene.finding import BoolArray
+from rdpi_gym.diagnosis.hygiene.spikes import spikes
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import (
     SEARCH_SAMPLES,
@@ -31,7 +35,12 @@ from rdpi_gym.diagnosis.search.forms import (
 )
 from rdpi_gym.diagnosis.search.law import to_threshold_law
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor, numerical_floor
-from rdpi_gym.diagnosis.search.openings import misleading, unknown_past, without_openings
+from rdpi_gym.diagnosis.search.openings import (
+    misleading,
+    outliers_left,
+    unknown_past,
+    without_openings,
+)
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
@@ -47,7 +56,13 @@ from rdpi_gym.diagnosis.search.separability import (
     separability,
     typical_effects,
 )
-from rdpi_gym.diagnosis.search.stability import exchanged, stability
+from rdpi_gym.diagnosis.search.stability import (
+    LEAST_STABLE,
+    WITHIN,
+    exchanged,
+    in_blocks,
+    stability,
+)
 from rdpi_gym.diagnosis.search.suitability import TURNED, falls, turned, unrelated
 from rdpi_gym.diagnosis.search.verdict import EXPLAINED
 from rdpi_gym.diagnosis.search.vetoes import hear
@@ -64,6 +79,10 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 
 _NOMINEES = 4
+# Mean square without an effect over that with it from which on the error hangs on it.
+_HANGS = 1.7
+# Of a record, the outliers that a model may show beyond those that were found before.
+_MOST_OUTLIERS = 0.03
 # Samples to fit from which on blocks of them are held out, and not their end.
 _BLOCKS = 64
 # Price of uneven weights where loops of one size are all there is to fit.
@@ -141,6 +160,7 @@ class Laboratory:
         self.catalogue = catalogue
         self.setting = Setting(train, validation, data_scale((*train, *validation)))
         self._whole = self.setting
+        self._is_within = self._is_spared = False
         self.noise_um, self.noise_origin = math.nan, ""
         self._least, self._colour = math.inf, 1.0
         self._whitest: tuple[float, tuple[Record, ...], list[Array]] | None = None
@@ -161,7 +181,7 @@ class Laboratory:
         self._progress("base model", 0, 1)
         state = State(refit(self.setting, comb(self.setting.train), present, None))
         self._update_noise(state)
-        state = self.past_openings(state)
+        state = self.past_outliers(self.past_openings(state))
         if one_size(self.setting.train) and not self._is_explained(state):
             self.setting = replace(self.setting, smoothness=_SMOOTHNESS)
             state = self.again(state)
@@ -180,7 +200,7 @@ class Laboratory:
         bad = misleading(self.setting, state.outcome, self._openings, self.noise_um)
         if not bad:
             return state
-        self.setting = without_openings(self.setting, bad)
+        self.setting, self._is_spared = without_openings(self.setting, bad), True
         kept = tuple(f for f in self.findings if f.kind != "in motion" or f.record not in bad)
         self.findings = (*kept, unknown_past(bad))
         return self.again(state)
@@ -259,7 +279,60 @@ class Laboratory:
             ]  # fmt: skip
         if self._is_explained(state):
             return []
-        return self._both_ways(state, ranked) or self._pair(state, ranked)
+        return (
+            self._both_ways(state, ranked)
+            or self._within(state, ranked)
+            or self._pair(state, ranked)
+        )
+
+    def _within(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
+        """Judge what goes by the clock within every record: none tells the drift of a later one."""
+        if self.dataset.holds_out_quarters or self._is_within:
+            return []
+        asked = {
+            r.candidate.effect
+            for r in ranked
+            if r.candidate.effect in self.catalogue
+            and self.catalogue[r.candidate.effect].clocked
+            and r.train_share >= _ASKED
+        }
+        kinds = [self.catalogue[name] for name in asked]
+        if not kinds:
+            return []
+        here = in_blocks(self.setting)
+        now = refit(here, state.hysteresis, state.effects, None)
+        tried = [
+            refit(here, state.hysteresis, state.effects, form)
+            for kind in kinds
+            for form in forms_of(kind)
+        ]
+        again = rank(now, in_best_form(tried, self.noise_um), kinds, self.noise_um, self._seed)
+        best = next(iter(self._heard([r for r in again if r.earned])), None)
+        if best is None:
+            return []
+        self.setting, self._whole, self._is_within = here, in_blocks(self._whole), True
+        self.remarks = (*self.remarks, WITHIN)
+        return [best]
+
+    def past_outliers(self, state: State) -> State:
+        """Leave out single samples that stand out from what the model leaves.
+
+        Returns the model itself where there are none, else refitted.
+        """
+        found: dict[str, BoolArray] = {}
+        for record in dict.fromkeys((*self.setting.train, *self.setting.validation)):
+            left = record.y_um - simulate_effects([state.fit.variant], record)[:, 0]
+            single, _ = spikes(replace(record, y_um=left))
+            new = single & record.error_mask
+            if new.any() and new.sum() <= _MOST_OUTLIERS * new.size:
+                found[record.name] = found.get(record.name, np.zeros_like(new)) | new
+        if not found:
+            return state
+        self.setting, self._whole = (
+            without_openings(each, found) for each in (self.setting, self._whole)
+        )
+        self.findings = (*self.findings, *(outliers_left(n, m) for n, m in found.items()))
+        return self.again(state)
 
     def _both_ways(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Judge what the records to fit ask for with the roles of the records exchanged too."""
@@ -383,7 +456,7 @@ class Laboratory:
         """Try a memory that all records share where openings were left out, with all else there."""
         kind = self.catalogue.get("initial_memory")
         have = {effect.name for effect in state.effects}
-        if kind is None or kind.name in have or self.setting is self._whole:
+        if kind is None or kind.name in have or not self._is_spared:
             return state, []
         whole = replace(self._whole, smoothness=self.setting.smoothness)
         now = refit(whole, state.hysteresis, state.effects, None)
@@ -492,6 +565,17 @@ class Laboratory:
                 else best.candidate
             )
         return state, settled
+
+    def less_sure(self, state: State, added: Sequence[Candidate]) -> tuple[State, tuple[str, ...]]:
+        """Take out what splits of the records do not choose again, unless the error hangs on it."""
+        removed: list[str] = []
+        for step in sorted(added, key=lambda c: c.confidence):
+            if step.confidence >= LEAST_STABLE:
+                break
+            without = self.without(state, [step.effect])
+            if without.outcome.mean_square <= _HANGS * state.outcome.mean_square:
+                state, removed = without, [*removed, step.effect]
+        return state, tuple(removed)
 
     def without(self, state: State, names: Sequence[str]) -> State:
         """Return the model without some effects, refitted."""

@@ -93,6 +93,26 @@ def unknown_past(openings: Mapping[str, BoolArray]) -> Finding:
     return Finding("in motion", name, samples, sentence, step)
 
 
+def outliers_left(name: str, mask: BoolArray) -> Finding:
+    """Say how many samples of a record stand out from what a model leaves.
+
+    Parameters
+    ----------
+    name, mask
+        The record, and where they are.
+
+    Examples
+    --------
+    >>> outliers_left("run", np.arange(9) == 4).sentence
+    '1 more of run stand alone beside what the model leaves: outliers, left out.'
+    """
+    number = int(mask.sum())
+    sentence = (
+        f"{number} more of {name} stand alone beside what the model leaves: outliers, left out."
+    )
+    return Finding("spikes", name, number, sentence, "Look for loose contacts and switching.")
+
+
 def _spared(record: Record, openings: Mapping[str, BoolArray]) -> Record:
     if record.name not in openings:
         return record

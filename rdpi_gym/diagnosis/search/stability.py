@@ -10,7 +10,7 @@ import numpy as np
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.diagnosis.search.ranking import beats
 from rdpi_gym.identification.joint import fit_joint
-from rdpi_gym.measurement import Record
+from rdpi_gym.measurement import Record, hold_out_blocks
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
 
@@ -18,6 +18,11 @@ from rdpi_gym.plant.effects.base import Effect, in_chain_order
 _SAMPLES, _PASSES = 8_000, 6
 # Of a record, the part at its beginning that one split leaves out of the fit.
 _OPENING = 8
+WITHIN = (
+    "what goes by the clock cannot be told of records after those that were fitted: a quarter of "
+    "every record, in blocks, is held out from here on"
+)
+"""Said where a drift is judged within the records."""
 LEAST_STABLE = 0.5
 """Share of the splits below which an effect is not kept."""
 
@@ -87,6 +92,20 @@ def splits(setting: Setting, quarters: bool) -> tuple[Split, ...]:
         opening,
         Split("roles exchanged", setting.validation, setting.train),
         Split("half of the validation records to fit", more, tuple(b for _, b in halves)),
+    )
+
+
+def in_blocks(setting: Setting) -> Setting:
+    """Return a data set in which blocks of every record are held out in turn.
+
+    Parameters
+    ----------
+    setting
+        As it is given.
+    """
+    parts = [hold_out_blocks(r) for r in dict.fromkeys((*setting.train, *setting.validation))]
+    return replace(
+        setting, train=tuple(fit for fit, _ in parts), validation=tuple(held for _, held in parts)
     )
 
 
