@@ -24,7 +24,7 @@ _SAME_COMMAND = 0.3
 # A level between spectral lines counts where it is this much lower than that of differences.
 _LINES = 0.8
 # Noise is slower than white where differences over more samples grow, ever less, to a level.
-_STRIDES, _GROWS, _LEVEL, _SLOWEST = (1, 2, 4, 8), 1.05, 1.06, 2.0
+_STRIDES, _GROWS, _LEVEL, _SLOWEST = (1, 2, 4, 8), 1.05, 0.12, 2.0
 _MOST = 40_000
 _UNLIKE = 5.0  # times what repetitions usually differ by
 _EXACT = 1e-6  # of the stroke: so little is no difference
@@ -87,10 +87,10 @@ def _growth(x: Array) -> float:
     if levels[0] <= 0.0:
         return 1.0
     ratios = levels[1:] / levels[:-1]
-    saturates = ratios[0] > ratios[1] > ratios[2] and ratios[2] < _LEVEL
-    if ratios[0] < _GROWS or not saturates:
+    ends = ratios[0] > max(ratios[1], ratios[2]) and abs(ratios[2] - 1.0) < _LEVEL
+    if ratios[0] < _GROWS or not ends:
         return 1.0
-    return min(float(levels[-1] / levels[0]), _SLOWEST)
+    return min(float(np.mean(levels[-2:]) / levels[0]), _SLOWEST)
 
 
 def repeat_noise(record: Record) -> float | None:

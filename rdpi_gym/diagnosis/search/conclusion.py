@@ -81,6 +81,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         How the search went.
     """
     end, added = search.end, search.added
+    laboratory.final_noise(end)
     numerical = laboratory.numerical(end)
     judgement = judge(
         laboratory.setting,

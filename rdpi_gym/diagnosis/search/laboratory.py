@@ -172,6 +172,8 @@ class Laboratory:
         self.undecided = unrelated(train)
         self.checks = run_checks(dataset)
         self._suspects = {name for c in self.checks if c.zone == "yes" for name in c.suggests}
+        if any(finding.kind == "clock" for finding in self.findings):
+            self._suspects.add("delay")  # in whole samples
         self._like_rate: tuple[str, ...] = ()
         self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
 
@@ -604,6 +606,11 @@ class Laboratory:
         plays = None if given is None else given.hysteresis.n
         outcome, note = to_threshold_law(self.setting, state.outcome, plays, self.noise_um)
         return State(outcome), (*self.orientation, note)
+
+    def final_noise(self, state: State) -> None:
+        """Take the noise's colour from the model that is saved."""
+        self._least = math.inf
+        self._update_noise(state)
 
     def _update_noise(self, state: State) -> None:
         records = (*self.setting.train, *self.setting.validation)
