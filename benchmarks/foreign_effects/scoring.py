@@ -28,6 +28,9 @@ def _between_samples(truth: Mapping[str, Any]) -> str:
     return "below half" if floors < 0.5 else "half to twice" if floors < 2.0 else "above twice"
 
 
+_UNKNOWN_PAST = "history that nobody recorded"
+
+
 def judge(row: Row) -> dict[str, Any]:
     """Judge one row.
 
@@ -73,6 +76,11 @@ def judge(row: Row) -> dict[str, Any]:
     done = row["status"] == "done"
     findings = {finding["kind"] for finding in row.get("findings") or ()}
     first = ranking[0] if ranking else ""
+    # what the records begin with is unknown: said as a finding, it is that effect by class
+    if "in motion" in findings and "initial_memory" in subject and "initial_memory" not in steps:
+        steps = [*steps, _UNKNOWN_PAST]
+        alike = alike | {"initial_memory": [*alike.get("initial_memory", ()), _UNKNOWN_PAST]}
+        first = first if len(steps) > 1 else _UNKNOWN_PAST
     exact = first in subject
     missing, by_class, additions = list(subject), 0, 0
     for name in sorted(steps, key=lambda name: name not in subject):

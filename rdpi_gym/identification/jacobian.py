@@ -146,6 +146,8 @@ def simulate_between(variant: Variant, record: Record, parts: int) -> Array:
         Displacement (µm) without offset, at the samples of the record.
     """
     early, record = record.before_V.size, record.with_history
+    effects = tuple(effect.sampled_at(record.ts_s) for effect in variant.effects)
+    variant = replace(variant, effects=effects)
     samples = np.arange(len(record.u_V))
     places = np.arange((len(samples) - 1) * parts + 1) / parts
     fine = Record(

@@ -12,6 +12,8 @@ from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_or
 # A form of more freedom takes at least this share of what the simpler one leaves over the noise,
 # and so much again for each parameter more.
 _PRICE, _PRICE_EACH = 0.10, 0.03
+# The same for a form of no more freedom.
+_AS_FREE = 0.02
 # Of that price, what it has to be worth on the records to fit too.
 _TRAINS = 0.3
 # Candidates of a round that are tried in their further forms.
@@ -120,9 +122,11 @@ def _worth_its_freedom(forms: Sequence[Outcome], noise_um: float) -> Outcome:
             continue
         more = _freedom(outcome) - _freedom(best)
         left = max(best.mean_square - variance, 0.0)
-        price = max(LEAST_GAIN * variance, (_PRICE + _PRICE_EACH * max(more, 0)) * left)
+        share = _PRICE + _PRICE_EACH * more if more > 0 else _AS_FREE
+        price = max(LEAST_GAIN * variance, share * left)
         before, after = (o.errors.train_rmse_um**2 for o in (best, outcome))
-        trains = before - after > _TRAINS * price * max(before - variance, 0.0) / max(left, 1e-300)
+        least = _TRAINS if more > 0 else -_TRAINS
+        trains = before - after > least * price * max(before - variance, 0.0) / max(left, 1e-300)
         if best.fit is None or (trains and best.mean_square - outcome.mean_square > price):
             best = outcome
     return best

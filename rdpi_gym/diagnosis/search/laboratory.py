@@ -79,6 +79,9 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 
 _NOMINEES = 4
+# Others that a drift is compared with where it is judged within the records, and the share of the
+# excess that it has to take there.
+_RIVALS_WITHIN, _MOST_OF_IT = 3, 0.5
 # Mean square without an effect over that with it from which on the error hangs on it.
 _HANGS = 1.7
 # Of a record, the outliers that a model may show beyond those that were found before.
@@ -308,9 +311,15 @@ class Laboratory:
             for kind in kinds
             for form in forms_of(kind)
         ]
+        others = [r for r in ranked if r.candidate.effect not in asked and r.outcome.fit]
+        for r in sorted(others, key=lambda r: r.train_share)[-_RIVALS_WITHIN:]:
+            tried.append(refit(here, state.hysteresis, state.effects, type(fitted(r.outcome))))
+            kinds.append(type(fitted(r.outcome)))
         again = rank(now, in_best_form(tried, self.noise_um), kinds, self.noise_um, self._seed)
-        best = next(iter(self._heard([r for r in again if r.earned])), None)
-        if best is None:
+        best = again[0]
+        if not (best.earned and best.candidate.effect in asked and best.worth > _MOST_OF_IT):
+            return []
+        if not self._heard([best]):
             return []
         self.setting, self._whole, self._is_within = here, in_blocks(self._whole), True
         self.remarks = (*self.remarks, WITHIN)

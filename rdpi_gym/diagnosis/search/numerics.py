@@ -93,6 +93,8 @@ def numerical_floor(variant: Variant, records: Sequence[Record]) -> NumericalFlo
 
 def _held(variant: Variant, record: Record) -> Array:
     """Simulate with each command held until the next, at the samples."""
+    effects = tuple(effect.sampled_at(record.ts_s) for effect in variant.effects)
+    variant = replace(variant, effects=effects)
     fine = replace(
         record,
         t_s=record.t_s[0] + np.arange(len(record.u_V) * _HELD_PARTS) * record.ts_s / _HELD_PARTS,

@@ -351,6 +351,10 @@ class Effect(ABC):
         """
         return ()
 
+    def sampled_at(self, ts_s: float) -> Effect:
+        """Return what it is on records of one sampling time (s): the same on any, by default."""
+        return self
+
     @property
     def turns_V(self) -> tuple[float, ...]:
         """Commands (V) at which the plant turned before a record, in order; of slot ``memory``."""

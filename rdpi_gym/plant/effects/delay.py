@@ -150,6 +150,10 @@ class DelayInSamples(Effect, of=Delay):
         """The same delay at the shortest sampling time."""
         return (cls.within_bounds(samples=simpler.values["delay_s"] / scale.shortest_s),)
 
+    def sampled_at(self, ts_s: float) -> Effect:
+        """The delay (s) that its samples are there."""
+        return Delay.within_bounds(delay_s=self.samples * ts_s)
+
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Whole samples and the rest."""
         whole, part = divmod(self.samples, 1.0)

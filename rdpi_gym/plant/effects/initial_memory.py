@@ -85,7 +85,7 @@ class InitialMemory(Effect):
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Extrema on either side: beyond the last play, or short of the first, is no slope."""
         sizes = (0.08, 0.25, 0.6, -0.08, -0.25, -0.6)
-        return tuple(cls.within_bounds(extremum_V=k * scale.span_V) for k in sizes)
+        return tuple(cls.within_bounds(extremum_V=scale.centre_V + k * scale.span_V) for k in sizes)
 
     @property
     def turns_V(self) -> tuple[float, ...]:
@@ -113,6 +113,7 @@ class DecayingHistory(Effect, of=InitialMemory):
 
     extremum_V: float = 20.0
     ratio: float = 0.5
+    centre_V: float = 0.0
 
     form = "decaying history"
     parameters = (
@@ -121,8 +122,9 @@ class DecayingHistory(Effect, of=InitialMemory):
             "ratio", "1", -1.0, 0.98, (0.3, 0.8),
             "size of a turn over that of the turn before, on the other side, q", neutral=-1.0,
         ),
+        Parameter("centre_V", "V", -2e3, 2e3, (0.0, 0.0), "command about which it decayed", fixed=True),
     )  # fmt: skip
-    equation = "ξ_i(0) after turns at u_e, -q u_e, q² u_e, ..., six of them"
+    equation = "ξ_i(0) after turns at u_c + (u_e - u_c) (-q)^k, k = 0 ... 5"
     cause = (
         "A controller that settles, a relaxation after power-up or a sine that was faded out leaves "
         "nested memory, from the outermost turn inwards."
@@ -132,27 +134,28 @@ class DecayingHistory(Effect, of=InitialMemory):
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
         """The same outermost turn, and turns back of two sizes."""
-        here = simpler.values["extremum_V"]
-        outer = 0.6 * scale.span_V
+        centre, outer = scale.centre_V, 0.6 * scale.span_V
         return tuple(
-            cls.within_bounds(extremum_V=turn, ratio=q)
-            for turn in (here, outer, -outer)
+            cls.within_bounds(extremum_V=turn, ratio=q, centre_V=centre)
+            for turn in (simpler.values["extremum_V"], centre + outer, centre - outer)
             for q in (0.3, 0.7)
         )
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Outermost turns on either side."""
-        return cls.from_simpler(InitialMemory.within_bounds(extremum_V=0.25 * scale.span_V), scale)
+        near = InitialMemory.within_bounds(extremum_V=scale.centre_V + 0.25 * scale.span_V)
+        return cls.from_simpler(near, scale)
 
     @property
     def turns_V(self) -> tuple[float, ...]:
         """Turns (V), in order."""
-        return tuple(self.extremum_V * (-self.ratio) ** k for k in range(TURNS))
+        reach = self.extremum_V - self.centre_V
+        return tuple(self.centre_V + reach * (-self.ratio) ** k for k in range(TURNS))
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Outermost turn (V) and ratio; the kernel does not read them."""
-        return [self.extremum_V, self.ratio]
+        """Outermost turn (V), ratio and centre (V); the kernel does not read them."""
+        return [self.extremum_V, self.ratio, self.centre_V]
 
     def state_rows(self, ts_s: float) -> int:
         """None beside the plays' own."""
