@@ -96,7 +96,7 @@ def _study(asked: Namespace, engine: Engine) -> None:
 
 
 def _rows(asked: Namespace, engine: Engine) -> list[Row]:
-    studies = asked.studies.split(",")
+    studies = str(asked.studies).split(",")
     for name in studies:
         if name not in NUMBERS:
             raise unknown_name("--studies", name, tuple(NUMBERS))

@@ -312,7 +312,6 @@ class SearchResult:
     removed: tuple[str, ...]
     noise_floor_um: float
     noise_origin: str
-    numerical_floor_um: float
     base: Errors
     final: Errors
     given: Errors | None
@@ -321,15 +320,16 @@ class SearchResult:
     undecided: str | None
     unexplained_rmse_um: float
     remainder: str
-    left: Left | None
     next_experiment: str | None
     indistinguishable: tuple[tuple[str, ...], ...]
-    findings: tuple[Finding, ...]
-    limits: tuple[str, ...]
     checks: tuple[str, ...]
     views: tuple[View, ...]
     seconds: float
     notes: tuple[str, ...] = ()
+    numerical_floor_um: float = 0.0
+    left: Left | None = None
+    findings: tuple[Finding, ...] = ()
+    limits: tuple[str, ...] = ()
     quantities: Quantities = field(default_factory=Quantities)
 
     @property

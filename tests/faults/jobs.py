@@ -142,7 +142,9 @@ def candidates() -> Job:
         return JointFit(Variant(start, (kind(),)), len(kind.name) / 7, (), {"δ2": math.pi}, 3, True)
 
     def prepare(folder: Path) -> None:
-        Checkpoint(folder / "candidates.jsonl", [record]).put(start, (), kinds[0], fit(kinds[0]))
+        Checkpoint(folder / "candidates.jsonl", [record]).put(
+            start, (), kinds[0], None, fit(kinds[0])
+        )
 
     def work(folder: Path) -> None:
         checkpoint = Checkpoint(folder / "candidates.jsonl", [record])

@@ -80,7 +80,8 @@ def begins_in_motion(record: Record, start: BoolArray, span_V: float) -> bool:
     usual = rows[1:].mean(axis=0)
     noise = rough_part(y)
     # about the curve between the branches, a loop lies on the one side as the command rises
-    single = np.polynomial.Polynomial.fit(commands, usual, _DEGREE)(commands)
+    degree = min(_DEGREE, np.unique(commands.round(9)).size - 1)
+    single = np.polynomial.Polynomial.fit(commands, usual, degree)(commands)
     apart = (usual - single) * np.sign(np.gradient(commands))
     if abs(float(apart.mean())) < max(_SEEN_NOISE * noise, _SEEN * float(np.ptp(usual))):
         return False

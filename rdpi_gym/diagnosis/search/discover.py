@@ -63,7 +63,11 @@ def diagnose(
     laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint)
     base = laboratory.base(given)
     ranked = laboratory.ranked(base)
+    setting = laboratory.setting
     chosen = laboratory.choose(base, ranked)
+    if laboratory.setting is not setting:  # judged in another way from here on
+        base = laboratory.again(base)
+    ranked = _chosen_first(chosen, ranked)
     end = laboratory.after(base, chosen) if chosen else base
     end, notes = laboratory.on_law(end, given)
     recommended = [replace(r.candidate, errors=end.outcome.errors) for r in chosen]
@@ -204,10 +208,12 @@ def add_effect(
         As :func:`diagnose`; the model has the effect already, or no refit with it converges.
     """
     began = time.perf_counter()
+    if any(effect.name == kind.name for effect in given.effects):
+        raise InputError(f"the model has {kind.name} already; choose another effect")
     laboratory = Laboratory(dataset, {kind.name: kind}, jobs, seed, progress, checkpoint)
     base = laboratory.base(given)
     ranked = [r for r in laboratory.ranked(base) if r.candidate.effect == kind.name]
-    laboratory.need(base, ranked, kind)
+    laboratory.need(ranked, kind)
     state = laboratory.after(base, ranked[:1])
     state, notes = laboratory.on_law(state, given)
     if not ranked[0].earned:

@@ -18,10 +18,10 @@ _AS_FREE = 0.02
 _TRAINS = 0.3
 # Candidates of a round that are tried in their further forms.
 _LEADERS = 4
-# Of the error without it, what the simplest form leaves at most to be worth another; the rails of a
-# hard limit are tried always, for a soft one can hide them.
+# Of the error without it, what the simplest form leaves at most to be worth another; some are tried
+# always: a soft limit can hide hard rails, and a drift to and fro has no slope.
 _SHOWS = 0.995
-_ALWAYS = frozenset({"saturation"})
+_ALWAYS = frozenset({"saturation", "thermal_drift", "gain_drift"})
 # Of what a form gains over the simpler one, what may be lost again where the simpler is tried back.
 _BACK = 0.5
 

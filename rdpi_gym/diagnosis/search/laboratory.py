@@ -427,10 +427,8 @@ class Laboratory:
     def _is_explained(self, state: State) -> bool:
         return state.outcome.errors.validation_rmse_um <= EXPLAINED * self.noise_um
 
-    def need(self, state: State, ranked: Sequence[Ranked], kind: type[Effect]) -> None:
-        """Refuse where an effect that was asked for is there already or cannot be fitted."""
-        if kind.name in {effect.name for effect in state.effects}:
-            raise InputError(f"the model has {kind.name} already; choose another effect")
+    def need(self, ranked: Sequence[Ranked], kind: type[Effect]) -> None:
+        """Refuse where an effect that was asked for cannot be fitted."""
         if ranked[0].outcome.fit is None:
             raise InputError(f"{kind.name}: {ranked[0].outcome.remark}")
 
