@@ -150,7 +150,7 @@ def candidates() -> Job:
         checkpoint = Checkpoint(folder / "candidates.jsonl", [record])
         for kind in kinds:
             if checkpoint.get(start, (), kind) is None:
-                checkpoint.put(start, (), kind, fit(kind))
+                checkpoint.put(start, (), kind, None, fit(kind))
 
     def read(folder: Path) -> Any:
         checkpoint = Checkpoint(folder / "candidates.jsonl", [record])

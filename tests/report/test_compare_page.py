@@ -75,7 +75,9 @@ def test_figures_open_on_the_record_with_the_largest_error(tmp_path):
     good, bad = sine("a good record"), sine("b bad record", role="validation")
     bad = replace(bad, y_um=1.5 * bad.y_um)
     spiked = sine("c spiked record")
-    spiked.y_um[700:712] += 30.0 * np.hanning(14)[1:-1]  # a knock; a single sample would be left out
+    spiked.y_um[700:712] += (
+        30.0 * np.hanning(14)[1:-1]
+    )  # a knock; a single sample would be left out
     comparison = compare(Dataset("three", (good, bad, spiked)), named_plant("P5"))
     text = write_compare_page(tmp_path / "report.html", comparison).read_text(encoding="utf-8")
     opened = dict(re.findall(r'<select aria-label="([^"]+)"[^>]*><option [^>]*>([^<]+)<', text))
