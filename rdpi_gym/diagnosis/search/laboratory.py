@@ -37,6 +37,7 @@ from rdpi_gym.diagnosis.search.law import to_threshold_law
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor, numerical_floor
 from rdpi_gym.diagnosis.search.openings import (
     misleading,
+    missed,
     outliers_left,
     unknown_past,
     without_openings,
@@ -463,6 +464,9 @@ class Laboratory:
 
     def recall(self, state: State) -> tuple[State, list[Candidate]]:
         """Try a memory that all records share where openings were left out, with all else there."""
+        if not self._is_spared:
+            return state, []
+        state = self._respected(state)
         kind = self.catalogue.get("initial_memory")
         have = {effect.name for effect in state.effects}
         if kind is None or kind.name in have or not self._is_spared:
@@ -479,6 +483,27 @@ class Laboratory:
         state = State(refit(self.setting, state.hysteresis, best.outcome.fit.variant.effects, None))
         self._update_noise(state)
         return state, [replace(best.candidate, errors=state.outcome.errors)]
+
+    def _respected(self, state: State) -> State:
+        """Count the openings again that the model tells now, with all effects there."""
+        whole = replace(self._whole, smoothness=self.setting.smoothness)
+        still = missed(whole, state.outcome, self._openings, self.noise_um)
+        left_out = {r.name for r in (*whole.train, *whole.validation)} & {
+            r.name
+            for r, w in zip(
+                (*self.setting.train, *self.setting.validation),
+                (*whole.train, *whole.validation),
+                strict=True,
+            )
+            if not np.array_equal(r.error_mask, w.error_mask)
+        }
+        still = {name: mask for name, mask in still.items() if name in left_out}
+        if set(still) == left_out:
+            return state
+        self.setting, self._is_spared = without_openings(whole, still), bool(still)
+        kept = tuple(f for f in self.findings if f.kind != "in motion")
+        self.findings = (*kept, unknown_past(still)) if still else kept
+        return self.again(state)
 
     def merge(self, state: State, added: Sequence[str]) -> tuple[State, tuple[str, ...]]:
         """Take out an effect that another one, in a better form, stands for as well."""

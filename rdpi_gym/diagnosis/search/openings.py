@@ -40,7 +40,7 @@ def misleading(
         Of the records whose beginning the model misses, where no initial memory that all records
         share removes that.
     """
-    bad = _bad(setting, outcome, openings, noise_um)
+    bad = missed(setting, outcome, openings, noise_um)
     if not bad:
         return {}
     assert outcome.fit is not None
@@ -48,7 +48,7 @@ def misleading(
     if not any(effect.name == "initial_memory" for effect in start.effects):
         for kind in forms_of(CATALOGUE["initial_memory"]):
             remembered = refit(setting, start.hysteresis, start.effects, kind)
-            if remembered.fit is not None and not _bad(setting, remembered, bad, noise_um):
+            if remembered.fit is not None and not missed(setting, remembered, bad, noise_um):
                 return {}
     return bad
 
@@ -120,9 +120,16 @@ def _spared(record: Record, openings: Mapping[str, BoolArray]) -> Record:
     return record if mask.sum() < MIN_SAMPLES else replace(record, error_mask=mask)
 
 
-def _bad(
+def missed(
     setting: Setting, outcome: Outcome, openings: Mapping[str, BoolArray], noise_um: float
 ) -> dict[str, BoolArray]:
+    """Return the openings that a model misses by far more than the rest and the noise.
+
+    Parameters
+    ----------
+    setting, outcome, openings, noise_um
+        As :func:`misleading`.
+    """
     assert outcome.fit is not None
     found = {}
     for record in (*setting.train, *setting.validation):

@@ -138,3 +138,8 @@ def test_lanes_with_two_forms_of_an_effect_are_refused():
     plants = [replace(P10, effects=(kind(),)) for kind in forms_of(CATALOGUE["saturation"])[:2]]
     with pytest.raises(InputError, match="lanes with different effects"):
         Plant(plants, 1e-4)
+
+
+@pytest.mark.parametrize("kind", FORMS, ids=full_name)
+def test_a_cusp_is_along_a_parameter_that_the_form_has(kind):
+    assert kind.kinked is None or kind.kinked in kind().values
