@@ -1,8 +1,8 @@
 """What the laboratory finds on measured records: `python -m studies.measured_effects`.
 
-The PICMA stack (one frequency, validation with other amplitudes) and one axis of the CubeSpec fine
-steering mirror, whose two other inputs are left out on purpose: most of that motion is a
-disturbance that nobody recorded.
+The PICMA stack (one frequency, validation with other amplitudes), as published and split in three
+other ways, and one axis of the CubeSpec fine steering mirror, whose two other inputs are recorded
+beside the one that the model has.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,12 @@ def mirror_axis(folder: Path) -> Dataset:
                 for realisation in range(count):
                     volts = np.concatenate([u[:, 0, realisation, p] for p in (0, 1)])
                     metres = np.concatenate([y[:, 0, realisation, p] for p in (0, 1)])
+                    others = {
+                        f"u{k + 1}": np.concatenate(
+                            [u[:, k, realisation, p] for p in (0, 1)]
+                        ).astype(np.float64)
+                        for k in (1, 2)
+                    }
                     t = clock + np.arange(len(volts)) / FSM_RATE_HZ
                     clock = float(t[-1]) + 1.0
                     name = f"{'validation-' if part == 'test' else ''}{level}-{realisation}"
@@ -58,9 +65,49 @@ def mirror_axis(folder: Path) -> Dataset:
                             ts_s=1 / FSM_RATE_HZ,
                             role="validation" if part == "test" else "train",
                             error_mask=second,  # the first period settles
+                            others=others,
                         )
                     )
     return Dataset("one axis of a fine steering mirror", tuple(records))
+
+
+def splits(dataset: Dataset) -> dict[str, Dataset]:
+    """Return a data set of one record to fit and one to validate on, split in four ways.
+
+    Parameters
+    ----------
+    dataset
+        As published.
+
+    Examples
+    --------
+    >>> t = np.arange(400) * 0.01
+    >>> one, two = (Record(name, t, np.sin(t), np.sin(t), ts_s=0.01) for name in ("one", "two"))
+    >>> ways = splits(Dataset("two", (one, replace(two, role="validation"))))
+    >>> [sum(int(r.error_mask.sum()) for r in data.train) for data in ways.values()]
+    [400, 300, 400, 600]
+    """
+    (first,), (second,) = dataset.train, dataset.validation
+    counted = np.flatnonzero(first.error_mask)
+    later = np.arange(first.t_s.size) >= counted[0] + round(1.0 / first.ts_s)
+    half = np.arange(second.t_s.size) < second.t_s.size // 2
+    ways = {
+        "picma": (first, second),
+        "picma, a second more left out": (
+            replace(first, error_mask=first.error_mask & later),
+            second,
+        ),
+        "picma, roles exchanged": (
+            replace(first, role="validation"),
+            replace(second, role="train"),
+        ),
+        "picma, half of the validation record to fit": (
+            first,
+            replace(second, name="first-half", role="train", error_mask=second.error_mask & half),
+            replace(second, error_mask=second.error_mask & ~half),
+        ),
+    }
+    return {name: replace(dataset, records=records) for name, records in ways.items()}
 
 
 def summary(name: str, found: SearchResult) -> tuple[pd.DataFrame, str]:
@@ -80,13 +127,25 @@ def summary(name: str, found: SearchResult) -> tuple[pd.DataFrame, str]:
         f"Verdict: **{found.verdict}**; {found.noise_origin}; left over the noise "
         f"{found.unexplained_rmse_um:.3g} µm. {found.remainder}",
         frame_table(table.drop(columns="data")),
-        *[f"- {c.effect}: {', '.join(c.remarks) or 'no remark'}" for c in found.added],
+        *[
+            f"- {c.effect}{', ' if c.form else ''}{c.form}: confidence {100 * c.confidence:.0f} %, "
+            f"{', '.join(c.remarks) or 'no remark'}"
+            for c in found.added
+        ],
         *[f"- cannot be told apart: {', '.join(group)}" for group in found.indistinguishable],
         *[f"- {note}" for note in found.notes],
     ]
     if found.next_experiment:
         words.append(f"Next experiment: {found.next_experiment}")
     return table, "\n\n".join(words)
+
+
+def _picma(folder: Path) -> dict[str, Dataset]:
+    return splits(load(folder))
+
+
+def _mirror(folder: Path) -> dict[str, Dataset]:
+    return {"fsm": mirror_axis(folder)}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -96,15 +155,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _study(chosen: Namespace) -> None:
     tables, texts = [], ["# The laboratory on measured records", __doc__.split("\n\n")[1].strip()]
-    for name, read in (("picma", load), ("fsm", mirror_axis)):
+    for name, read in (("picma", _picma), ("fsm", _mirror)):
         folder = measured_data(name)
         if folder is None:
             print(f"{name} is left out: {DATA_HINT}")
             continue
-        table, text = summary(name, discover(read(folder), jobs=chosen.jobs))
-        print(text)
-        tables.append(table)
-        texts.append(text)
+        for label, dataset in read(folder).items():
+            table, text = summary(label, discover(dataset, jobs=chosen.jobs))
+            print(text)
+            tables.append(table)
+            texts.append(text)
     if tables:
         write_atomic(chosen.out / "staircase.csv", pd.concat(tables).to_csv(index=False))
         write_atomic(chosen.out / "measured_effects.md", "\n\n".join(texts) + "\n")

@@ -7,7 +7,9 @@ import pandas as pd
 
 ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "studies" / "results" / "hidden"
+FOREIGN = ROOT / "studies" / "results" / "foreign"
 PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
+FIRST, SECOND = PAGE.split("`python -m benchmarks.foreign_effects`")
 
 
 def reached():
@@ -20,9 +22,25 @@ def reached():
 
 def test_the_figures_are_those_of_the_study():
     line = r"^  \| .* \| (\d+ %) \| (\d+ of \d+) \| ([\d onf]+) \|$"
-    stated = re.findall(line, PAGE, re.MULTILINE)
+    stated = re.findall(line, FIRST, re.MULTILINE)
     assert sorted(stated) == sorted(reached())
     assert len(stated) == 6
+
+
+def test_the_figures_are_those_of_the_second_study():
+    table = (FOREIGN / "foreign_effects.md").read_text(encoding="utf-8")
+    reached = re.findall(
+        r"^\| (?:single|double|triple|none) .*\((\d+ of \d+)\)", table, re.MULTILINE
+    )
+    assert len(reached) == 5
+    for figure in reached:
+        assert f"| {figure} |" in SECOND
+    cases = pd.read_csv(FOREIGN / "cases.csv")
+    for study, rows in cases[cases["study"] != "none"].groupby("study"):
+        assert f"on {int((rows['additions'] > 0).sum())} of {len(rows)} |" in SECOND, study
+    assert f"So far {len(cases)} of the thousand" in SECOND
+    said = re.search(r"left is true .*\((\d+ of \d+)\)", table)
+    assert f"| {said[1]} | |" in SECOND
 
 
 def test_false_additions_are_said_where_the_verdict_is_right():

@@ -43,12 +43,15 @@ def test_errors_step_by_step():
     assert table["model"].tolist() == ["base model", "+ creep"]
     assert table["validation_rmse_um"].tolist() == [0.4, 0.2]
     assert "**unexplained**; noise floor 0.1 µm rms" in text
-    assert "- creep: no remark" in text
+    assert "- creep: confidence 90 %, no remark" in text
 
 
 @pytest.mark.parametrize(
     ("experiment", "end"),
-    [("Record steps.", "\n\nNext experiment: Record steps."), (None, "- creep: no remark")],
+    [
+        ("Record steps.", "\n\nNext experiment: Record steps."),
+        (None, "- creep: confidence 90 %, no remark"),
+    ],
 )
 def test_next_experiment_is_named_where_there_is_one(experiment, end):
     _, text = summary("stage", replace(FOUND, next_experiment=experiment))

@@ -559,9 +559,16 @@ class Laboratory:
                     found[c.effect].confidence, _ONE_CLASS if c.effect in self._like_rate else 1.0
                 ),
                 without_um=found[c.effect].without_um,
+                indistinguishable=self._class_of(c),
             )
             for c in added
         ]
+
+    def _class_of(self, candidate: Candidate) -> tuple[str, ...]:
+        """Return what a step is indistinguishable from, all that lags at one rate included."""
+        lags = self._like_rate if candidate.effect in self._like_rate else ()
+        names = dict.fromkeys((*candidate.indistinguishable, *lags))
+        return tuple(name for name in names if name != candidate.effect)
 
     def settle(
         self, state: State, steps: Sequence[Candidate], rivals: Mapping[str, Sequence[Effect]]
