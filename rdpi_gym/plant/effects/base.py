@@ -222,14 +222,18 @@ class Effect(ABC):
     def __init_subclass__(cls, of: type[Effect] | None = None) -> None:
         """Make the class a further form of the effect `of`: what it does not state is as there.
 
-        Forms are written below the simplest, fewest parameters first.
+        What the classes between it and :class:`Effect` state counts as its own. Forms are written
+        below the simplest, fewest parameters first.
         """
         super().__init_subclass__()
         cls.simplest, cls.forms = of, ()
         if of is not None:
             of.forms += (cls,)
+            stated = {
+                key for each in cls.__mro__[: cls.__mro__.index(Effect)] for key in vars(each)
+            }
             for key in _SHARED:
-                if key not in vars(cls) and hasattr(of, key):
+                if key not in stated and hasattr(of, key):
                     setattr(cls, key, getattr(of, key))
 
     def __post_init__(self) -> None:
@@ -398,7 +402,7 @@ _SHARED = (
     "name", "slot", "order", "source", "signature", "experiment", "cause", "hardware", "magnitude",
     "remedy", "mistaken_for",
 )  # fmt: skip
-"""What a further form has from the simplest unless it states its own."""
+"""What a further form has from the simplest unless it or a class above it states its own."""
 
 
 def forms_of(kind: type[Effect]) -> tuple[type[Effect], ...]:

@@ -254,5 +254,3 @@ class HumToTheFifth(HumWithHarmonics, of=MainsHum):
     form = "with harmonics to the fifth"
     parameters = (*HumWithHarmonics.parameters, *_line(4, "fourth"), *_line(5, "fifth"))
     equation = "y = y_m + h sin(2π f t + φ) + Σ_k ak sin(2π k f t) + bk cos(2π k f t), k = 2 ... 5"
-    cause = HumWithHarmonics.cause
-    signature = HumWithHarmonics.signature

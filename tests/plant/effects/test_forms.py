@@ -15,6 +15,7 @@ from rdpi_gym.plant.effects import (
     check_effect,
     effect_from_dict,
     forms_of,
+    load_effect,
 )
 from rdpi_gym.support.errors import InputError
 
@@ -65,6 +66,26 @@ def test_a_form_is_found_from_any_other_and_shares_what_it_does_not_state():
     assert (bent.name, bent.slot, bent.order, bent.source) == ("sag", "output", 15, simplest.source)
     assert (simplest.full_name(), bent.full_name()) == ("sag", "sag, bent")
     assert check_effect(simplest, "own") is simplest
+
+
+def test_a_form_has_what_a_base_that_it_shares_states_before_what_the_simplest_does():
+    simplest, _ = own_forms()
+
+    class Arch(Effect):
+        source, cause = "Arches.", "An arch gives way."
+
+    @dataclass(frozen=True)
+    class Arched(Arch, simplest, of=simplest):
+        share: float = 0.02
+
+        form, cause = "arched", "It is arched."
+
+    assert (Arched.source, Arched.cause) == ("Arches.", "It is arched.")
+    assert (Arched.name, Arched.signature) == ("sag", simplest.signature)
+    third = load_effect("sensor_lag", "third order")
+    assert third.source.startswith("Filters of Bessel")
+    assert third.cause.startswith("A filter in front of a converter")
+    assert third.remedy == CATALOGUE["sensor_lag"].remedy
 
 
 def test_a_form_that_is_not_whole_is_refused_with_its_effect():
