@@ -11,7 +11,7 @@ from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
-from rdpi_gym.plant.effects.thermal_drift import along_knots
+from rdpi_gym.plant.effects.knots import ByKnots, along_knots
 from rdpi_gym.support.arrays import Array
 
 
@@ -192,7 +192,7 @@ def gain_knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: A
 
 
 @dataclass(frozen=True)
-class GainByKnots(Effect, of=GainDrift):
+class GainByKnots(ByKnots, of=GainDrift):
     """Displacement multiplied by a gain along straight lines between seven times, one at t = 0.
 
     Examples
@@ -202,7 +202,6 @@ class GainByKnots(Effect, of=GainDrift):
     [10.0, 10.5, 11.0, 10.0, 9.0]
     """
 
-    duration_s: float = 600.0
     at_1: float = 0.002
     at_2: float = 0.004
     at_3: float = 0.005
@@ -210,11 +209,9 @@ class GainByKnots(Effect, of=GainDrift):
     at_5: float = 0.006
     at_6: float = 0.007
 
-    form = "piecewise linear"
+    probe = 1.0
     parameters = (
-        Parameter(
-            "duration_s", "s", 1e-3, 1e7, (600.0, 600.0), "time of the last knot, D", fixed=True
-        ),
+        *ByKnots.parameters,
         *(
             Parameter(
                 f"at_{k}", "1", -0.9, 9.0, (0.001, 0.01),
@@ -224,7 +221,6 @@ class GainByKnots(Effect, of=GainDrift):
         ),
     )  # fmt: skip
     equation = "y = (1 + z(t)) y_m, z linear between z(k D / 6) = zk, z(0) = 0, constant from D on"
-    source = "A slow random walk at the resolution of seven knots; sizes are an estimate."
     cause = (
         "Temperature, poling and load wander with the room and with what the stage did: no law is "
         "behind it, so that only its pace is stated."
@@ -234,29 +230,3 @@ class GainByKnots(Effect, of=GainDrift):
         "clock."
     )
     block = staticmethod(gain_knots_block)
-    clocked = True
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """No drift over the whole experiment: the knots' values act linearly."""
-        return (cls.within_bounds(**dict.fromkeys(cls._knots(), 0.0), duration_s=scale.lasts_s),)
-
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """Knots on the drift of the simpler form."""
-        gain = simpler.run(np.ones(7), scale.lasts_s / 6.0) - 1.0
-        knots = dict(zip(cls._knots(), gain[1:].tolist(), strict=True))
-        return (cls.within_bounds(**knots, duration_s=scale.lasts_s),)
-
-    @classmethod
-    def _knots(cls) -> list[str]:
-        return [p.name for p in cls.parameters if not p.fixed]
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Time between knots (s), then the changes of the gain there."""
-        duration, *knots = self.values.values()
-        return [duration / len(knots), *knots]
-
-    def state_rows(self, ts_s: float) -> int:
-        """The clock."""
-        return 1

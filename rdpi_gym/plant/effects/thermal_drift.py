@@ -11,6 +11,7 @@ from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.knots import ByKnots, along_knots
 from rdpi_gym.support.arrays import Array
 
 
@@ -187,18 +188,6 @@ class TwoWarmings(Effect, of=ThermalDrift):
         return 1
 
 
-@njit(inline="always")
-def along_knots(time: float, p: Array, b: int) -> float:
-    """Value at a time (s): straight lines from 0 at t = 0 through p[1:] every p[0] s, then level."""
-    last = p.shape[0] - 1
-    place = time / p[0, b]
-    if place >= last:
-        return float(p[last, b])
-    k = int(place)
-    before = p[k, b] if k > 0 else 0.0
-    return float(before + (place - k) * (p[k + 1, b] - before))
-
-
 @njit(cache=True)
 def knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel; rows of ``p``: time between knots (s), values at the knots after t = 0 (µm).
@@ -215,7 +204,7 @@ def knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array)
 
 
 @dataclass(frozen=True)
-class DriftByKnots(Effect, of=ThermalDrift):
+class DriftByKnots(ByKnots, of=ThermalDrift):
     """Displacement added along straight lines between seven times, the first at t = 0.
 
     Examples
@@ -225,7 +214,6 @@ class DriftByKnots(Effect, of=ThermalDrift):
     [0.0, 0.05, 0.1, 0.0, -0.1]
     """
 
-    duration_s: float = 600.0
     at_1_um: float = 0.02
     at_2_um: float = 0.04
     at_3_um: float = 0.05
@@ -233,11 +221,9 @@ class DriftByKnots(Effect, of=ThermalDrift):
     at_5_um: float = 0.06
     at_6_um: float = 0.07
 
-    form = "piecewise linear"
+    probe = 0.0
     parameters = (
-        Parameter(
-            "duration_s", "s", 1e-3, 1e7, (600.0, 600.0), "time of the last knot, D", fixed=True
-        ),
+        *ByKnots.parameters,
         *(
             Parameter(
                 f"at_{k}_um",
@@ -252,7 +238,6 @@ class DriftByKnots(Effect, of=ThermalDrift):
         ),
     )
     equation = "y = y_m + z(t), z linear between z(k D / 6) = zk, z(0) = 0, constant from D on"
-    source = "A slow random walk at the resolution of seven knots; sizes are an estimate."
     cause = (
         "The room's temperature wanders: draughts, air conditioning, people. No law is behind it, "
         "so that only its pace is stated."
@@ -263,29 +248,3 @@ class DriftByKnots(Effect, of=ThermalDrift):
         "repeat; take it out of a record, or close the loop."
     )
     block = staticmethod(knots_block)
-    clocked = True
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """No drift over the whole experiment: the knots' values act linearly."""
-        return (cls.within_bounds(**dict.fromkeys(cls._knots(), 0.0), duration_s=scale.lasts_s),)
-
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """Knots on the drift of the simpler form."""
-        drift = simpler.run(np.zeros(7), scale.lasts_s / 6.0)
-        knots = dict(zip(cls._knots(), drift[1:].tolist(), strict=True))
-        return (cls.within_bounds(**knots, duration_s=scale.lasts_s),)
-
-    @classmethod
-    def _knots(cls) -> list[str]:
-        return [p.name for p in cls.parameters if not p.fixed]
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Time between knots (s), then their values (µm)."""
-        duration, *knots = self.values.values()
-        return [duration / len(knots), *knots]
-
-    def state_rows(self, ts_s: float) -> int:
-        """The clock."""
-        return 1
