@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
-from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
-from rdpi_gym.plant.effects.linear import ThirdOrderLag, linear_block, pack_lag, pack_two_lags
+from rdpi_gym.plant.effects.base import Look, Parameter, Picture
+from rdpi_gym.plant.effects.linear import FirstOrderLag, SecondOrderLag, ThirdOrderLag
 
 
 @dataclass(frozen=True)
-class ActuatorLag(Effect):
+class ActuatorLag(FirstOrderLag):
     """First-order lag in front of the hysteresis.
 
     Examples
@@ -19,8 +17,6 @@ class ActuatorLag(Effect):
     >>> ActuatorLag(1e-3).run([0.0, 1.0, 2.0, 3.0], 1e-3).round(3).tolist()
     [0.0, 0.368, 1.135, 2.05]
     """
-
-    time_constant_s: float = 2e-4
 
     name = "actuator_lag"
     slot = "input"
@@ -69,19 +65,10 @@ class ActuatorLag(Effect):
         Look("phase", "A small multisine: every play sticks"),
         Look("left_over_time", "What a refit leaves of a large sine", "sine-50hz", 0.1, 0.14),
     )
-    block = staticmethod(linear_block)
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """As :func:`~rdpi_gym.plant.effects.linear.linear_block` reads them."""
-        return pack_lag(self.time_constant_s, ts_s)
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and output."""
-        return 2
 
 
 @dataclass(frozen=True)
-class SecondOrderActuatorLag(Effect, of=ActuatorLag):
+class SecondOrderActuatorLag(SecondOrderLag, of=ActuatorLag):
     """Two lags in a row in front of the hysteresis.
 
     Examples
@@ -90,40 +77,11 @@ class SecondOrderActuatorLag(Effect, of=ActuatorLag):
     [0.0, 0.168, 0.762, 1.598]
     """
 
-    time_constant_s: float = 2e-4
-    second_ratio: float = 0.3
-
-    form = "second order"
-    parameters = (
-        Parameter(
-            "time_constant_s", "s", 0.0, 0.1, (3e-5, 1e-3), "larger time constant, τ1", neutral=0.0
-        ),
-        Parameter("second_ratio", "1", 0.0, 1.0, (0.1, 1.0), "second over it, q", neutral=0.0),
-    )
     equation = "τ1 τ2 d²u'/dt² + (τ1 + τ2) du'/dt + u' = u, τ2 = q τ1"
     cause = (
         "Resistance and capacitance charge through a second low-pass: the amplifier's own bandwidth, "
         "a filter at its input, the cable."
     )
-    signature = "As a lag, and beyond both cut-offs the phase goes to 180 degrees: steps begin with no slope."
-    block = staticmethod(linear_block)
-
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The same delay of slow signals, shared unequally and equally."""
-        whole = simpler.values["time_constant_s"]
-        return tuple(
-            cls.within_bounds(time_constant_s=whole / (1.0 + ratio), second_ratio=ratio)
-            for ratio in (0.1, 0.7)
-        )
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """As :func:`~rdpi_gym.plant.effects.linear.linear_block` reads them."""
-        return pack_two_lags(self.time_constant_s, self.second_ratio * self.time_constant_s, ts_s)
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and what leaves each lag."""
-        return 3
 
 
 @dataclass(frozen=True)

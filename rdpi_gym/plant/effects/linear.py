@@ -241,6 +241,58 @@ def linear_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
 
 
 @dataclass(frozen=True)
+class FirstOrderLag(Effect):
+    """Lag, in either place of one."""
+
+    time_constant_s: float = 2e-4
+
+    block = staticmethod(linear_block)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """As :func:`linear_block` reads them."""
+        return pack_lag(self.time_constant_s, ts_s)
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input and output."""
+        return 2
+
+
+@dataclass(frozen=True)
+class SecondOrderLag(Effect):
+    """Two lags in a row, in either place of one."""
+
+    time_constant_s: float = 2e-4
+    second_ratio: float = 0.3
+
+    form = "second order"
+    parameters = (
+        Parameter(
+            "time_constant_s", "s", 0.0, 0.1, (3e-5, 1e-3), "larger time constant, τ1", neutral=0.0
+        ),
+        Parameter("second_ratio", "1", 0.0, 1.0, (0.1, 1.0), "second over it, q", neutral=0.0),
+    )
+    signature = "As a lag, and beyond both cut-offs the phase goes to 180 degrees: steps begin with no slope."
+    block = staticmethod(linear_block)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The same delay of slow signals, shared unequally and equally."""
+        whole = simpler.values["time_constant_s"]
+        return tuple(
+            cls.within_bounds(time_constant_s=whole / (1.0 + ratio), second_ratio=ratio)
+            for ratio in (0.1, 0.7)
+        )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """As :func:`linear_block` reads them."""
+        return pack_two_lags(self.time_constant_s, self.second_ratio * self.time_constant_s, ts_s)
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last input and what leaves each lag."""
+        return 3
+
+
+@dataclass(frozen=True)
 class ThirdOrderLag(Effect):
     """Low-pass of up to third order, with real poles or a pair, in either place of a lag."""
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, replace
 
-from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
-from rdpi_gym.plant.effects.linear import ThirdOrderLag, linear_block, pack_lag, pack_two_lags
+from rdpi_gym.plant.effects.base import Look, Parameter, Picture
+from rdpi_gym.plant.effects.linear import FirstOrderLag, SecondOrderLag, ThirdOrderLag
 
 
 @dataclass(frozen=True)
-class SensorLag(Effect):
+class SensorLag(FirstOrderLag):
     """First-order lag behind the mechanics.
 
     Examples
@@ -67,19 +65,10 @@ class SensorLag(Effect):
         Look("phase", "A small multisine: every play sticks"),
         Look("gain", "Its gain falls"),
     )
-    block = staticmethod(linear_block)
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """As :func:`~rdpi_gym.plant.effects.linear.linear_block` reads them."""
-        return pack_lag(self.time_constant_s, ts_s)
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and output."""
-        return 2
 
 
 @dataclass(frozen=True)
-class SecondOrderSensorLag(Effect, of=SensorLag):
+class SecondOrderSensorLag(SecondOrderLag, of=SensorLag):
     """Two lags in a row behind the mechanics.
 
     Examples
@@ -89,38 +78,15 @@ class SecondOrderSensorLag(Effect, of=SensorLag):
     """
 
     time_constant_s: float = 1e-4
-    second_ratio: float = 0.3
 
-    form = "second order"
     parameters = (
-        Parameter(
-            "time_constant_s", "s", 0.0, 0.1, (2e-5, 3e-4), "larger time constant, τ1", neutral=0.0
-        ),
-        Parameter("second_ratio", "1", 0.0, 1.0, (0.1, 1.0), "second over it, q", neutral=0.0),
+        replace(SecondOrderLag.parameters[0], typical=(2e-5, 3e-4)),
+        SecondOrderLag.parameters[1],
     )
     equation = "τ1 τ2 d²y'/dt² + (τ1 + τ2) dy'/dt + y' = y, τ2 = q τ1"
     cause = (
         "The sensor's bandwidth and an anti-alias filter behind it, or a filter of second order."
     )
-    signature = "As a lag, and beyond both cut-offs the phase goes to 180 degrees: steps begin with no slope."
-    block = staticmethod(linear_block)
-
-    @classmethod
-    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The same delay of slow signals, shared unequally and equally."""
-        whole = simpler.values["time_constant_s"]
-        return tuple(
-            cls.within_bounds(time_constant_s=whole / (1.0 + ratio), second_ratio=ratio)
-            for ratio in (0.1, 0.7)
-        )
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """As :func:`~rdpi_gym.plant.effects.linear.linear_block` reads them."""
-        return pack_two_lags(self.time_constant_s, self.second_ratio * self.time_constant_s, ts_s)
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and what leaves each lag."""
-        return 3
 
 
 @dataclass(frozen=True)
