@@ -225,8 +225,19 @@ class _Elements(Effect):
         return 1 + len(self.elements()[0])
 
 
+class _TimeConstants(_Elements):
+    """A few elements, each with a gain and a time constant (s), in this order."""
+
+    source = "A Kelvin-Voigt element, as in linear viscoelasticity; its size is an estimate."
+
+    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the gains and the time constants (s)."""
+        values = list(self.values.values())
+        return values[::2], values[1::2]
+
+
 @dataclass(frozen=True)
-class OneTimeConstant(_Elements, of=Creep):
+class OneTimeConstant(_TimeConstants, of=Creep):
     """One Kelvin-Voigt element, in equilibrium at the first sample.
 
     Examples
@@ -245,7 +256,6 @@ class OneTimeConstant(_Elements, of=Creep):
         Parameter("time_constant_s", "s", *_TIME, (0.1, 10.0), "time constant τ"),
     )
     equation = "y = y_h + g z, τ dz/dt + z = y_h"
-    source = "A Kelvin-Voigt element, as in linear viscoelasticity; its size is an estimate."
     signature = (
         "In a hold y drifts in the direction of the last step and comes to rest, as exp(-t/τ)."
     )
@@ -257,10 +267,6 @@ class OneTimeConstant(_Elements, of=Creep):
             cls.within_bounds(gain=0.01, time_constant_s=share * scale.longest_s)
             for share in (0.01, 0.2)
         )
-
-    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Return the gains and the time constants (s)."""
-        return [self.gain], [self.time_constant_s]
 
 
 @dataclass(frozen=True)
@@ -316,7 +322,7 @@ class BetweenTwoTimes(_Elements, of=Creep):
 
 
 @dataclass(frozen=True)
-class TwoTimeConstants(_Elements, of=Creep):
+class TwoTimeConstants(_TimeConstants, of=Creep):
     """Two Kelvin-Voigt elements, in equilibrium at the first sample.
 
     Examples
@@ -340,7 +346,6 @@ class TwoTimeConstants(_Elements, of=Creep):
         Parameter("time_constant_2_s", "s", *_TIME, (1.0, 10.0), "its time constant τ_2"),
     )
     equation = "y = y_h + g_1 z_1 + g_2 z_2, τ_k dz_k/dt + z_k = y_h"
-    source = OneTimeConstant.source
     signature = (
         "In a hold y drifts in the direction of the last step, by the sum of two exponentials."
     )
@@ -368,13 +373,9 @@ class TwoTimeConstants(_Elements, of=Creep):
             for share, faster, slower in ((0.5, 0.4, 2.5), (0.8, 1.0, 12.0), (0.2, 1 / 12, 1.0))
         )
 
-    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Return the gains and the time constants (s)."""
-        return [self.gain_1, self.gain_2], [self.time_constant_1_s, self.time_constant_2_s]
-
 
 @dataclass(frozen=True)
-class ThreeTimeConstants(_Elements, of=Creep):
+class ThreeTimeConstants(_TimeConstants, of=Creep):
     """Three Kelvin-Voigt elements, in equilibrium at the first sample.
 
     Examples
@@ -402,7 +403,6 @@ class ThreeTimeConstants(_Elements, of=Creep):
         Parameter("time_constant_3_s", "s", *_TIME, (3.0, 30.0), "its time constant τ_3"),
     )
     equation = "y = y_h + g_1 z_1 + g_2 z_2 + g_3 z_3, τ_k dz_k/dt + z_k = y_h"
-    source = OneTimeConstant.source
     signature = (
         "In a hold y drifts in the direction of the last step, by the sum of three exponentials."
     )
@@ -426,11 +426,6 @@ class ThreeTimeConstants(_Elements, of=Creep):
         faster = [0.1 * g1, g1, g2], [tau1 / 12, tau1, tau2]
         slower = [g1, g2, 0.1 * g2], [tau1, tau2, 12 * tau2]
         return tuple(cls.within_bounds(**_named(*each)) for each in (between, faster, slower))
-
-    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Return the gains and the time constants (s)."""
-        values = list(self.values.values())
-        return values[::2], values[1::2]
 
 
 def _named(gains: Sequence[float], time_constants_s: Sequence[float]) -> dict[str, float]:
