@@ -22,13 +22,13 @@ from benchmarks.foreign_effects.fingerprint import study_fingerprint
 from benchmarks.foreign_effects.scoring import judgements
 from benchmarks.foreign_effects.summary import as_markdown, shares, targets
 from benchmarks.hidden_effects.case_row import Engine, discover_engine
-from benchmarks.hidden_effects.run import ROWS_FILE, run_rows
+from benchmarks.hidden_effects.run import run_rows, stored_rows
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import progress_bar
-from rdpi_gym.support.store import Row, named_rows
+from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import quoted
 
 OUT = Path("studies/results/foreign")
@@ -102,13 +102,7 @@ def _rows(asked: Namespace, engine: Engine) -> list[Row]:
             raise unknown_name("--studies", name, tuple(NUMBERS))
     cases = part_of(make_cases(studies, asked.per, asked.seed), asked.part)
     if asked.tables:
-        stored = named_rows(asked.out / ROWS_FILE).rows
-        rows = [stored[case.key] for case in cases if case.key in stored]
-        if not rows:
-            raise InputError(
-                f"{asked.out / ROWS_FILE} has no row of these cases; run them without --tables"
-            )
-        return rows
+        return stored_rows(cases, asked.out)
     with progress_bar() as show:
         return run_rows(
             cases, asked.out, partial(run_case, engine=engine), study_fingerprint(), asked.jobs, show,

@@ -16,16 +16,15 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.hidden_effects.case_row import Engine, discover_engine
-from benchmarks.hidden_effects.cases import NUMBERS, Case, make_cases
-from benchmarks.hidden_effects.run import ROWS_FILE, run_study
+from benchmarks.hidden_effects.cases import NUMBERS, make_cases
+from benchmarks.hidden_effects.run import run_study, stored_rows
 from benchmarks.hidden_effects.scoring import judgements
 from benchmarks.hidden_effects.summary import as_markdown, by_subject, targets
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import progress_bar
-from rdpi_gym.support.store import Row, named_rows
+from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.draws import HIDEABLE
 
 OUT = Path("studies/results/hidden")
@@ -84,22 +83,13 @@ def _rows(asked: Namespace, engine: Engine) -> list[Row]:
                 raise unknown_name(where, name, known)
     cases = make_cases(studies, asked.plants, asked.seed, effects)
     if asked.tables:
-        return _stored(asked.out, cases)
+        return stored_rows(cases, asked.out)
     with progress_bar() as show:
         return run_study(
             cases, asked.out, asked.jobs,
             show, engine,
             lambda sentence: print(sentence, file=sys.stderr), asked.ray,
         )  # fmt: skip
-
-
-def _stored(out: Path, cases: Sequence[Case]) -> list[Row]:
-    """Return the rows of the cases that stand in a folder, whatever code they are of."""
-    stored = named_rows(out / ROWS_FILE).rows
-    rows = [stored[case.key] for case in cases if case.key in stored]
-    if not rows:
-        raise InputError(f"{out / ROWS_FILE} has no row of these cases; run them without --tables")
-    return rows
 
 
 def _write(out: Path, rows: Sequence[Row]) -> Path:

@@ -10,6 +10,7 @@ from typing import Protocol, TypeVar
 from benchmarks.hidden_effects.case_row import Engine, discover_engine, run_case
 from benchmarks.hidden_effects.cases import Case
 from benchmarks.hidden_effects.fingerprint import study_fingerprint
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, named_rows
@@ -108,3 +109,23 @@ def run_rows(
         if progress is not None:
             progress("diagnosing", done, len(cases))
     return [store.rows[case.key] for case in cases]
+
+
+def stored_rows(cases: Sequence[Keyed], out: Path) -> list[Row]:
+    """Return the rows of cases that stand in a folder, whatever code they are of.
+
+    Parameters
+    ----------
+    cases, out
+        As :func:`run_study`; cases without a row are left out.
+
+    Raises
+    ------
+    InputError
+        None of the cases has a row.
+    """
+    stored = named_rows(out / ROWS_FILE).rows
+    rows = [stored[case.key] for case in cases if case.key in stored]
+    if not rows:
+        raise InputError(f"{out / ROWS_FILE} has no row of these cases; run them without --tables")
+    return rows
