@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture, Stateless
 from rdpi_gym.support.arrays import Array
 
 
@@ -22,7 +22,7 @@ def asymmetry_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Ar
 
 
 @dataclass(frozen=True)
-class Asymmetry(Effect):
+class Asymmetry(Stateless):
     """Quadratic distortion of the hysteretic displacement.
 
     Where its zero lies does not matter: a shift of it is a change of all weights and of the offset.
@@ -93,10 +93,6 @@ class Asymmetry(Effect):
         """Coefficient of the square, c / Y (1/µm)."""
         return [self.coefficient / self.span_um]
 
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0
-
 
 @njit(cache=True)
 def polynomial_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
@@ -127,8 +123,25 @@ def _power(k: int, at: str) -> Parameter:
     return Parameter(f"coefficient_{k}", "1", -1.0, 1.0, (-0.05, 0.05), text, neutral=0.0)
 
 
+class _Polynomial(Stateless):
+    """Polynomial of the hysteretic displacement: its coefficients, then Y."""
+
+    signature = "Even and odd harmonics alike on both branches and at every rate."
+    block = staticmethod(polynomial_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, at the measured stroke."""
+        return (cls.within_bounds(coefficient_2=0.01, coefficient_3=0.0, span_um=scale.stroke_um),)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """1 / Y (1/µm), then the coefficients of the powers."""
+        *powers, span_um = self.values.values()
+        return [1.0 / span_um, *powers]
+
+
 @dataclass(frozen=True)
-class Cubic(Effect, of=Asymmetry):
+class Cubic(_Polynomial, of=Asymmetry):
     """Quadratic and cubic distortion of the hysteretic displacement.
 
     Examples
@@ -145,25 +158,10 @@ class Cubic(Effect, of=Asymmetry):
     form = "cubic"
     parameters = (_power(2, "Y"), _power(3, "Y"), Asymmetry.parameters[1])
     equation = "y = y_h + Y (c_2 (y_h / Y)² + c_3 (y_h / Y)³)"
-    signature = "Even and odd harmonics alike on both branches and at every rate."
-    block = staticmethod(polynomial_block)
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """One start, at the measured stroke."""
-        return (cls.within_bounds(coefficient_2=0.01, coefficient_3=0.0, span_um=scale.stroke_um),)
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """1 / Y (1/µm), then the coefficients of the powers."""
-        return [1.0 / self.span_um, self.coefficient_2, self.coefficient_3]
-
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0
 
 
 @dataclass(frozen=True)
-class OfTheCommand(Effect, of=Asymmetry):
+class OfTheCommand(Stateless, of=Asymmetry):
     """Square and cube of the command added to the hysteretic displacement.
 
     Examples
@@ -202,10 +200,6 @@ class OfTheCommand(Effect, of=Asymmetry):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Y (µm), 1 / U (1/V), then the coefficients of the powers."""
         return [self.span_um, 1.0 / self.span_V, self.coefficient_2, self.coefficient_3]
-
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0
 
 
 @njit(cache=True)
@@ -282,7 +276,7 @@ class UnlikeBranches(Effect, of=Asymmetry):
 
 
 @dataclass(frozen=True)
-class ToTheFifthDegree(Effect, of=Asymmetry):
+class ToTheFifthDegree(_Polynomial, of=Asymmetry):
     """Polynomial of the hysteretic displacement with the powers 2 to 5.
 
     Examples
@@ -301,19 +295,3 @@ class ToTheFifthDegree(Effect, of=Asymmetry):
     form = "to the fifth degree"
     parameters = (*(_power(k, "Y") for k in range(2, 6)), Asymmetry.parameters[1])
     equation = "y = y_h + Y (c_2 (y_h / Y)² + ... + c_5 (y_h / Y)⁵)"
-    signature = Cubic.signature
-    block = staticmethod(polynomial_block)
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """One start, at the measured stroke."""
-        return (cls.within_bounds(coefficient_2=0.01, coefficient_3=0.0, span_um=scale.stroke_um),)
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """1 / Y (1/µm), then the coefficients of the powers."""
-        powers = self.coefficient_2, self.coefficient_3, self.coefficient_4, self.coefficient_5
-        return [1.0 / self.span_um, *powers]
-
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0

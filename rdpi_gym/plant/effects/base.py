@@ -398,6 +398,41 @@ class Effect(ABC):
         return dataclasses.replace(self, **values)
 
 
+class Stateless(Effect):
+    """Effect without a state of its own."""
+
+    def state_rows(self, ts_s: float) -> int:
+        """None."""
+        return 0
+
+
+class Clocked(Effect):
+    """Effect that goes by the time since the experiment began, and by default remembers no more."""
+
+    clocked = True
+
+    def state_rows(self, ts_s: float) -> int:
+        """The clock."""
+        return 1
+
+
+class Extension(Effect):
+    """Further form that holds the simplest: it starts from there even where that was not fitted."""
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """From those of the simplest form."""
+        simplest = forms_of(cls)[0]
+        return tuple(
+            start for one in simplest.starts(scale) for start in cls.from_simpler(one, scale)
+        )
+
+    @classmethod
+    @abstractmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """Return where a fit begins; the default of :class:`Effect` would come back to `starts`."""
+
+
 _SHARED = (
     "name", "slot", "order", "source", "signature", "experiment", "cause", "hardware", "magnitude",
     "remedy", "mistaken_for",

@@ -8,7 +8,7 @@ from typing import Self
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Look, Parameter, Picture, Stateless
 from rdpi_gym.support.arrays import Array
 
 
@@ -22,7 +22,7 @@ def congruency_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: A
 
 
 @dataclass(frozen=True)
-class Congruency(Effect):
+class Congruency(Stateless):
     """Weights of the plays that grow with the command's distance from zero.
 
     Examples
@@ -86,10 +86,6 @@ class Congruency(Effect):
         """a_0 (µm/V) and c / U² (1/V²)."""
         return [hysteresis.a0, self.coefficient / self.span_V**2]
 
-    def state_rows(self, ts_s: float) -> int:
-        """None beside the plays' own."""
-        return 0
-
 
 @njit(cache=True)
 def congruency_centred_block(
@@ -104,7 +100,7 @@ def congruency_centred_block(
 
 
 @dataclass(frozen=True)
-class AboutTheMiddle(Effect, of=Congruency):
+class AboutTheMiddle(Stateless, of=Congruency):
     """Weights of the plays that grow with the command's distance from the middle of its range.
 
     Examples
@@ -140,10 +136,6 @@ class AboutTheMiddle(Effect, of=Congruency):
         """a_0 (µm/V), c / U² (1/V²) and u_c (V)."""
         return [hysteresis.a0, self.coefficient / self.span_V**2, self.middle_V]
 
-    def state_rows(self, ts_s: float) -> int:
-        """None beside the plays' own."""
-        return 0
-
 
 @njit(cache=True)
 def congruency_polynomial_block(
@@ -163,8 +155,26 @@ def _power(k: int) -> Parameter:
     return Parameter(f"coefficient_{k}", "1", -5.0, 5.0, (-0.2, 0.2), text, neutral=0.0)
 
 
+class _Polynomial(Stateless):
+    """Weights of the plays that change by a polynomial of the command: its coefficients, then U."""
+
+    source = "Weights that depend on the command in place of a Preisach density."
+    signature = "Minor loops of the same span differ in area on either side of the range."
+    block = staticmethod(congruency_polynomial_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, at the measured span."""
+        return (cls.within_bounds(coefficient_1=0.0, coefficient_2=0.05, span_V=scale.span_V),)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """a_0 (µm/V), 1 / U (1/V), then the coefficients of the powers."""
+        *powers, span_V = self.values.values()
+        return [hysteresis.a0, 1.0 / span_V, *powers]
+
+
 @dataclass(frozen=True)
-class OddAndEven(Effect, of=Congruency):
+class OddAndEven(_Polynomial, of=Congruency):
     """Weights of the plays that change with the command and with its square.
 
     Examples
@@ -181,26 +191,10 @@ class OddAndEven(Effect, of=Congruency):
     form = "odd and even"
     parameters = (_power(1), _power(2), Congruency.parameters[1])
     equation = "y = a_0 u + (1 + c_1 u / U + c_2 (u / U)²) Σ a_i ξ_i"
-    source = "Weights that depend on the command in place of a Preisach density."
-    signature = "Minor loops of the same span differ in area on either side of the range."
-    block = staticmethod(congruency_polynomial_block)
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """One start, at the measured span."""
-        return (cls.within_bounds(coefficient_1=0.0, coefficient_2=0.05, span_V=scale.span_V),)
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """a_0 (µm/V), 1 / U (1/V), then the coefficients of the powers."""
-        return [hysteresis.a0, 1.0 / self.span_V, self.coefficient_1, self.coefficient_2]
-
-    def state_rows(self, ts_s: float) -> int:
-        """None beside the plays' own."""
-        return 0
 
 
 @dataclass(frozen=True)
-class ToTheFourthDegree(Effect, of=Congruency):
+class ToTheFourthDegree(_Polynomial, of=Congruency):
     """Weights of the plays that change by a polynomial of the command with the powers 1 to 4.
 
     Examples
@@ -219,20 +213,3 @@ class ToTheFourthDegree(Effect, of=Congruency):
     form = "to the fourth degree"
     parameters = (*(_power(k) for k in range(1, 5)), Congruency.parameters[1])
     equation = "y = a_0 u + (1 + c_1 u / U + ... + c_4 (u / U)⁴) Σ a_i ξ_i"
-    source = OddAndEven.source
-    signature = OddAndEven.signature
-    block = staticmethod(congruency_polynomial_block)
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """One start, at the measured span."""
-        return (cls.within_bounds(coefficient_1=0.0, coefficient_2=0.05, span_V=scale.span_V),)
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """a_0 (µm/V), 1 / U (1/V), then the coefficients of the powers."""
-        powers = self.coefficient_1, self.coefficient_2, self.coefficient_3, self.coefficient_4
-        return [hysteresis.a0, 1.0 / self.span_V, *powers]
-
-    def state_rows(self, ts_s: float) -> int:
-        """None beside the plays' own."""
-        return 0

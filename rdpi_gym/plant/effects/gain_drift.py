@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.plant.effects.knots import ByKnots, along_knots
 from rdpi_gym.support.arrays import Array
 
@@ -28,7 +28,7 @@ def gain_drift_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: A
 
 
 @dataclass(frozen=True)
-class GainDrift(Effect):
+class GainDrift(Clocked):
     """Displacement multiplied by a gain that is linear in time.
 
     Examples
@@ -91,15 +91,10 @@ class GainDrift(Effect):
         ),
     )
     block = staticmethod(gain_drift_block)
-    clocked = True
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Relative rate (1/s)."""
         return [self.rate_per_s]
-
-    def state_rows(self, ts_s: float) -> int:
-        """The clock."""
-        return 1
 
 
 @njit(cache=True)
@@ -116,7 +111,7 @@ def gain_to_limit_block(x: Array, u: Array, p: Array, state: Array, ts: float, y
 
 
 @dataclass(frozen=True)
-class GainDriftToLimit(Effect, of=GainDrift):
+class GainDriftToLimit(Clocked, of=GainDrift):
     """Displacement multiplied by a gain that changes ever more slowly and settles.
 
     Examples
@@ -146,7 +141,6 @@ class GainDriftToLimit(Effect, of=GainDrift):
         "and less."
     )
     block = staticmethod(gain_to_limit_block)
-    clocked = True
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -170,10 +164,6 @@ class GainDriftToLimit(Effect, of=GainDrift):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Relative rate (1/s) and time constant (s)."""
         return [self.rate_per_s, self.time_constant_s]
-
-    def state_rows(self, ts_s: float) -> int:
-        """The clock."""
-        return 1
 
 
 @njit(cache=True)

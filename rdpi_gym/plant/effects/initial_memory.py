@@ -8,7 +8,7 @@ from typing import Self
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture, Stateless
 from rdpi_gym.support.arrays import Array
 
 TURNS = 6
@@ -22,7 +22,7 @@ def identity_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Arr
 
 
 @dataclass(frozen=True)
-class InitialMemory(Effect):
+class InitialMemory(Stateless):
     """Play states left by an extremum of the command before the record starts.
 
     The plant sets them when it is reset
@@ -96,13 +96,9 @@ class InitialMemory(Effect):
         """The extremum (V); the kernel does not read it."""
         return [self.extremum_V]
 
-    def state_rows(self, ts_s: float) -> int:
-        """None beside the plays' own."""
-        return 0
-
 
 @dataclass(frozen=True)
-class DecayingHistory(Effect, of=InitialMemory):
+class DecayingHistory(Stateless, of=InitialMemory):
     """Play states left by a motion to and fro that decayed before the record starts.
 
     Examples
@@ -156,7 +152,3 @@ class DecayingHistory(Effect, of=InitialMemory):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Outermost turn (V), ratio and centre (V); the kernel does not read them."""
         return [self.extremum_V, self.ratio, self.centre_V]
-
-    def state_rows(self, ts_s: float) -> int:
-        """None beside the plays' own."""
-        return 0

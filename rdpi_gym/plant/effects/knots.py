@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Parameter
 from rdpi_gym.support.arrays import Array
 
 
@@ -26,7 +26,7 @@ def along_knots(time: float, p: Array, b: int) -> float:
 
 
 @dataclass(frozen=True)
-class ByKnots(Effect):
+class ByKnots(Clocked):
     """Change along straight lines between seven times, the first at t = 0.
 
     A subclass adds the values at the six others, in order.
@@ -47,7 +47,6 @@ class ByKnots(Effect):
         ),
     )
     source = "A slow random walk at the resolution of seven knots; sizes are an estimate."
-    clocked = True
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -69,7 +68,3 @@ class ByKnots(Effect):
         """Time between knots (s), then the values there."""
         duration, *knots = self.values.values()
         return [duration / len(knots), *knots]
-
-    def state_rows(self, ts_s: float) -> int:
-        """The clock."""
-        return 1

@@ -10,7 +10,15 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import (
+    Clocked,
+    DataScale,
+    Effect,
+    Extension,
+    Look,
+    Parameter,
+    Picture,
+)
 from rdpi_gym.support.arrays import Array
 
 # Samples after which the phasor is set anew: rounding stays far below a picometre.
@@ -44,7 +52,7 @@ def mains_hum_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Ar
 
 
 @dataclass(frozen=True)
-class MainsHum(Effect):
+class MainsHum(Clocked):
     """Sine of the mains' frequency added to the measured displacement.
 
     Examples
@@ -97,7 +105,6 @@ class MainsHum(Effect):
         Look("spectrum", "What a refit leaves of a slow triangle", "triangle-slow", 120.0),
     )
     block = staticmethod(mains_hum_block)
-    clocked = True
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -175,7 +182,7 @@ def _line(k: int, name: str) -> tuple[Parameter, Parameter]:
 
 
 @dataclass(frozen=True)
-class HumWithHarmonics(Effect, of=MainsHum):
+class HumWithHarmonics(Clocked, Extension, of=MainsHum):
     """Line of the mains with lines at twice and three times its frequency.
 
     Examples
@@ -207,14 +214,6 @@ class HumWithHarmonics(Effect, of=MainsHum):
         "Lines at 50 or 60 Hz and at their multiples that have nothing to do with the command."
     )
     block = staticmethod(hum_harmonics_block)
-    clocked = True
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """From those of the simplest form."""
-        return tuple(
-            start for one in MainsHum.starts(scale) for start in cls.from_simpler(one, scale)
-        )
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:

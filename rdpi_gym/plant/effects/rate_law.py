@@ -9,7 +9,7 @@ from typing import Self
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Look, Parameter, Picture, Stateless
 from rdpi_gym.support.arrays import Array
 
 
@@ -24,7 +24,7 @@ def rate_law_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Arr
 
 
 @dataclass(frozen=True)
-class RateLaw(Effect):
+class RateLaw(Stateless):
     """Power law of the rate in place of the |v| of Eq. 8.
 
     Examples
@@ -97,10 +97,6 @@ class RateLaw(Effect):
         """The exponent of the factor on v, and v0 (V/s)."""
         return [self.exponent - 1.0, self.reference_rate_V_s]
 
-    def state_rows(self, ts_s: float) -> int:
-        """None: the law has no memory."""
-        return 0
-
 
 @njit(cache=True)
 def logarithmic_rate_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
@@ -112,7 +108,7 @@ def logarithmic_rate_block(x: Array, u: Array, p: Array, state: Array, ts: float
 
 
 @dataclass(frozen=True)
-class LogarithmicRateLaw(Effect, of=RateLaw):
+class LogarithmicRateLaw(Stateless, of=RateLaw):
     """Logarithm of the rate in place of the |v| of Eq. 8, which it follows far below v0.
 
     Examples
@@ -144,10 +140,6 @@ class LogarithmicRateLaw(Effect, of=RateLaw):
         """v0 (V/s)."""
         return [self.bend_rate_V_s]
 
-    def state_rows(self, ts_s: float) -> int:
-        """None: the law has no memory."""
-        return 0
-
 
 @njit(cache=True)
 def piecewise_rate_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
@@ -177,7 +169,7 @@ _PER_DECADE = 2
 
 
 @dataclass(frozen=True)
-class PiecewiseRateLaw(Effect, of=RateLaw):
+class PiecewiseRateLaw(Stateless, of=RateLaw):
     """Power of the rate with another exponent in each half decade below the fastest rate.
 
     The thresholds grow with the rate everywhere; the uppermost exponent holds above it too, and the
@@ -224,7 +216,3 @@ class PiecewiseRateLaw(Effect, of=RateLaw):
         """V (V/s), ln of the width of a part, and the exponents of the factor on v."""
         exponents = self.exponent_1, self.exponent_2, self.exponent_3, self.exponent_4
         return [self.fastest_V_s, math.log(10.0) / _PER_DECADE, *(p - 1.0 for p in exponents)]
-
-    def state_rows(self, ts_s: float) -> int:
-        """None: the law has no memory."""
-        return 0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Extension, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import linear_block, pack_modes
 
 
@@ -86,7 +86,7 @@ class Resonance(Effect):
 
 
 @dataclass(frozen=True)
-class ResonanceWithZero(Effect, of=Resonance):
+class ResonanceWithZero(Extension, of=Resonance):
     """One mode beside a part of the path that does not vibrate: an antiresonance at f0 / √s.
 
     Examples
@@ -123,13 +123,6 @@ class ResonanceWithZero(Effect, of=Resonance):
     block = staticmethod(linear_block)
 
     @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """From the modes at which the simplest form starts."""
-        return tuple(
-            start for mode in Resonance.starts(scale) for start in cls.from_simpler(mode, scale)
-        )
-
-    @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
         """The same mode with a notch far above it, and one below it."""
         return tuple(
@@ -147,7 +140,7 @@ class ResonanceWithZero(Effect, of=Resonance):
 
 
 @dataclass(frozen=True)
-class TwoModes(Effect, of=Resonance):
+class TwoModes(Extension, of=Resonance):
     """Two modes side by side, together with a static gain of one.
 
     Examples
@@ -188,13 +181,6 @@ class TwoModes(Effect, of=Resonance):
         "same sign; beats after corners."
     )
     block = staticmethod(linear_block)
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """From the modes at which the simplest form starts."""
-        return tuple(
-            start for mode in Resonance.starts(scale) for start in cls.from_simpler(mode, scale)
-        )
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:

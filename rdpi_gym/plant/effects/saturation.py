@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Look, Parameter, Picture, Stateless
 from rdpi_gym.support.arrays import Array
 
 
@@ -23,7 +23,7 @@ def saturation_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: A
 
 
 @dataclass(frozen=True)
-class Saturation(Effect):
+class Saturation(Stateless):
     """Amplifier that softens towards limit_V above and below centre_V.
 
     Examples
@@ -96,10 +96,6 @@ class Saturation(Effect):
         """Limit and centre (V)."""
         return [self.limit_V, self.centre_V]
 
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0
-
 
 @njit(cache=True)
 def hard_rails_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
@@ -109,12 +105,18 @@ def hard_rails_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: A
             y[t, b] = min(max(x[t, b], p[0, b]), p[1, b])
 
 
-_FLAT = "Flat tops: beyond a command the displacement stays where it is."
 _FAR_V = 1e30
 
 
+class _Hard(Stateless):
+    """Rails that clip."""
+
+    signature = "Flat tops: beyond a command the displacement stays where it is."
+    block = staticmethod(hard_rails_block)
+
+
 @dataclass(frozen=True)
-class HardUpperRail(Effect, of=Saturation):
+class HardUpperRail(_Hard, of=Saturation):
     """Amplifier or converter that is linear below high_V and clips there.
 
     Examples
@@ -128,8 +130,6 @@ class HardUpperRail(Effect, of=Saturation):
     form = "hard upper rail"
     parameters = (Parameter("high_V", "V", -1e9, 1e9, (60.0, 120.0), "upper rail, u_h"),)
     equation = "u' = min(u, u_h)"
-    signature = _FLAT
-    block = staticmethod(hard_rails_block)
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -142,13 +142,9 @@ class HardUpperRail(Effect, of=Saturation):
         """Lower and upper rail (V)."""
         return [-_FAR_V, self.high_V]
 
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0
-
 
 @dataclass(frozen=True)
-class HardLowerRail(Effect, of=Saturation):
+class HardLowerRail(_Hard, of=Saturation):
     """Amplifier or converter that is linear above low_V and clips there.
 
     Examples
@@ -162,8 +158,6 @@ class HardLowerRail(Effect, of=Saturation):
     form = "hard lower rail"
     parameters = (Parameter("low_V", "V", -1e9, 1e9, (-60.0, -20.0), "lower rail, u_l"),)
     equation = "u' = max(u, u_l)"
-    signature = _FLAT
-    block = staticmethod(hard_rails_block)
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -176,13 +170,9 @@ class HardLowerRail(Effect, of=Saturation):
         """Lower and upper rail (V)."""
         return [self.low_V, _FAR_V]
 
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0
-
 
 @dataclass(frozen=True)
-class HardRails(Effect, of=Saturation):
+class HardRails(_Hard, of=Saturation):
     """Amplifier or converter that is linear between low_V and high_V and clips there.
 
     Examples
@@ -200,8 +190,6 @@ class HardRails(Effect, of=Saturation):
         Parameter("high_V", "V", -1e9, 1e9, (60.0, 120.0), "upper rail, u_h"),
     )
     equation = "u' = min(max(u, u_l), u_h)"
-    signature = _FLAT
-    block = staticmethod(hard_rails_block)
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -218,13 +206,9 @@ class HardRails(Effect, of=Saturation):
         """Lower and upper rail (V)."""
         return [self.low_V, self.high_V]
 
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0
-
 
 @dataclass(frozen=True)
-class SoftUnlikeRails(Effect, of=Saturation):
+class SoftUnlikeRails(Saturation, of=Saturation):
     """Amplifier that softens towards rails whose middle is not that of the command.
 
     Examples
@@ -233,21 +217,13 @@ class SoftUnlikeRails(Effect, of=Saturation):
     [-80.0, 20.0, 120.0]
     """
 
-    limit_V: float = 100.0
-    centre_V: float = 0.0
-
     form = "soft unlike rails"
     parameters = (
-        Parameter(
-            "limit_V", "V", 1e-9, 1e9, (60.0, 160.0), "distance of both rails from the centre, u_s"
-        ),
-        Parameter(
-            "centre_V", "V", -1e9, 1e9, (-40.0, 40.0), "middle of the amplifier's range, u_c"
-        ),
+        Saturation.parameters[0],
+        replace(Saturation.parameters[1], typical=(-40.0, 40.0), fixed=False),
     )
     equation = "u' = u_c + u_s tanh((u - u_c) / u_s), u_c free"
     signature = "Flattening of one end of the range more than of the other."
-    block = staticmethod(saturation_block)
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -258,14 +234,6 @@ class SoftUnlikeRails(Effect, of=Saturation):
             )
             for side in (-0.3, 0.3)
         )
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Limit and centre (V)."""
-        return [self.limit_V, self.centre_V]
-
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0
 
 
 @njit(cache=True)
@@ -284,7 +252,7 @@ def knee_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) 
 
 
 @dataclass(frozen=True)
-class RailsWithAKnee(Effect, of=Saturation):
+class RailsWithAKnee(Stateless, of=Saturation):
     """Amplifier that is linear up to a knee of any sharpness in front of its rails.
 
     Examples
@@ -318,7 +286,3 @@ class RailsWithAKnee(Effect, of=Saturation):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Limit, centre (V), sharpness."""
         return [self.limit_V, self.centre_V, self.sharpness]
-
-    def state_rows(self, ts_s: float) -> int:
-        """None: the curve has no memory."""
-        return 0

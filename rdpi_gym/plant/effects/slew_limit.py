@@ -141,7 +141,6 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
     down_V_s: float = 1e4
 
     form = "unlike up and down"
-    kinked = None
     parameters = (
         Parameter("up_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate upwards, R_u"),
         Parameter("down_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate downwards, R_d"),

@@ -10,7 +10,15 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import (
+    Clocked,
+    DataScale,
+    Effect,
+    Extension,
+    Look,
+    Parameter,
+    Picture,
+)
 from rdpi_gym.plant.effects.knots import ByKnots, along_knots
 from rdpi_gym.support.arrays import Array
 
@@ -28,7 +36,7 @@ def thermal_drift_block(x: Array, u: Array, p: Array, state: Array, ts: float, y
 
 
 @dataclass(frozen=True)
-class ThermalDrift(Effect):
+class ThermalDrift(Clocked):
     """Displacement added by warming: fast at t = 0 and settled after some time constants.
 
     Examples
@@ -85,7 +93,6 @@ class ThermalDrift(Effect):
         Look("left_over_time", "What a refit leaves of the stairs", "stairs"),
     )
     block = staticmethod(thermal_drift_block)
-    clocked = True
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -100,10 +107,6 @@ class ThermalDrift(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Rate (µm/s) and time constant (s)."""
         return [self.rate_um_s, self.time_constant_s]
-
-    def state_rows(self, ts_s: float) -> int:
-        """The clock."""
-        return 1
 
 
 @njit(cache=True)
@@ -121,7 +124,7 @@ def two_warmings_block(x: Array, u: Array, p: Array, state: Array, ts: float, y:
 
 
 @dataclass(frozen=True)
-class TwoWarmings(Effect, of=ThermalDrift):
+class TwoWarmings(Clocked, Extension, of=ThermalDrift):
     """Displacement added by two parts that warm up at their own pace.
 
     Examples
@@ -155,14 +158,6 @@ class TwoWarmings(Effect, of=ThermalDrift):
         "of its own, which may oppose the other."
     )
     block = staticmethod(two_warmings_block)
-    clocked = True
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """One that settles within the experiment, with one that does not."""
-        return tuple(
-            start for one in ThermalDrift.starts(scale) for start in cls.from_simpler(one, scale)
-        )
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -182,10 +177,6 @@ class TwoWarmings(Effect, of=ThermalDrift):
             self.rate_um_s, self.time_constant_s,
             self.second_rate_um_s, self.second_time_constant_s,
         ]  # fmt: skip
-
-    def state_rows(self, ts_s: float) -> int:
-        """The clock."""
-        return 1
 
 
 @njit(cache=True)
