@@ -85,7 +85,8 @@ def _front(variants: Sequence[Variant], record: Record) -> tuple[Array, Array, A
     for lane, variant in enumerate(variants):
         for effect in variant.effects:
             if effect.slot == "memory":
-                state[2:, lane] = variant.hysteresis.settled(effect.turns_V)
+                turns = effect.turns_from(float(record.u_V[0]))
+                state[2:, lane] = variant.hysteresis.settled(turns)
     links = _links(variants, record, FRONT) | core_links(
         variants[0].hysteresis, parameters, state, record.ts_s
     )

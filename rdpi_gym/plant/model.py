@@ -112,10 +112,12 @@ class PlantModel(Generic[AnyCore]):
             raise InputError(f"effects {', '.join(names)}; a plant has each effect once at most")
         object.__setattr__(self, "effects", in_chain_order(self.effects))
 
-    @property
-    def initial_turns_V(self) -> tuple[float, ...]:
-        """Commands (V) at which the plant turned before a record, in order; empty: it never moved."""
-        return tuple(turn for e in self.effects for turn in e.turns_V)
+    def turns_from(self, first_V: float) -> tuple[float, ...]:
+        """Return the commands (V) at which the plant turned before a record that begins at `first_V` (V).
+
+        In order; empty: it never moved.
+        """
+        return tuple(turn for e in self.effects for turn in e.turns_from(first_V))
 
     def with_hysteresis(
         self, hysteresis: OtherCore, name: str | None = None

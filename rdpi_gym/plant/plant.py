@@ -82,6 +82,10 @@ class Plant:
         self._fused = type(hysteresis[0]).fused
         self._state = empty_state(self.n, self.lanes)
         self._count = 0
+        self._remembers = any(model.turns_from(0.0) for model in self.models)
+        # lanes whose memory is set as the first sample comes
+        self._awaits = np.zeros(self.lanes, dtype=np.bool_)
+        self._is_awaiting = False
         self._links: dict[Place, list[Link]] = {
             place: [stage.run for stage in stages] for place, stages in self._stages.items()
         }
@@ -114,23 +118,24 @@ class Plant:
             it. None: the next sample begins a record, v(0) = 0 (Eq. 4's initial condition).
         memory
             Play states ξ_i (V), ``(n,)`` or ``(n, B)``; by default those of the model's initial
-            memory, zero without one. With `u0_V` they are moved to what a rest there allows.
+            memory, zero without one; where that hangs on the command at which a record begins, it
+            is set as the first sample comes. With `u0_V` they are moved to what a rest there allows.
         lanes
             Boolean mask ``(B,)`` of the lanes to reset; all by default.
         """
         mask = np.ones(self.lanes, dtype=bool) if lanes is None else np.asarray(lanes, dtype=bool)
         u0 = np.broadcast_to(np.nan if u0_V is None else np.asarray(u0_V, float), (self.lanes,))
-        xi = np.zeros((self.n, self.lanes))
         if memory is None:
-            for lane, model in enumerate(self.models):
-                if model.initial_turns_V:
-                    xi[:, lane] = model.hysteresis.settled(model.initial_turns_V)
+            xi = self._settled(np.nan_to_num(u0))
         else:
+            xi = np.zeros((self.n, self.lanes))
             given = np.asarray(memory, dtype=np.float64)
             xi += given[:, None] if given.ndim == 1 else given
         if u0_V is not None:
             for core, lanes_of in self._cores.items():
                 xi[:, lanes_of] = core.resting(xi[:, lanes_of], u0[lanes_of])
+        self._awaits[mask] = u0_V is None and memory is None
+        self._is_awaiting = self._remembers and bool(self._awaits.any())
         self._state[0, mask] = u0[mask]
         self._state[1, mask] = 0.0
         self._state[2:, mask] = xi[:, mask]
@@ -186,12 +191,30 @@ class Plant:
             Displacement (µm); the array is overwritten by the next step.
         """
         u = u_V if self._hold == 1 else self._convert(u_V)
+        if self._is_awaiting:
+            self._begin(u[0])
         if self._stages or self._fused is None:
             return self._run(u)
         self._fused(u, self._parameters, self._state, self.ts_s, self._y)
         return self._y
 
+    def _settled(self, first_V: Array) -> Array:
+        """Memory (V) of the models' own past where lanes begin at commands (V), float64[n, B]."""
+        memory = np.zeros((self.n, self.lanes))
+        for lane, model in enumerate(self.models if self._remembers else ()):
+            turns = model.turns_from(float(first_V[lane]))
+            if turns:
+                memory[:, lane] = model.hysteresis.settled(turns)
+        return memory
+
+    def _begin(self, first_V: Array) -> None:
+        """Set the memory of lanes whose record begins at commands (V), ``(B,)``."""
+        self._state[2:, self._awaits] = self._settled(first_V)[:, self._awaits]
+        self._awaits[:] = self._is_awaiting = False
+
     def _run(self, u: Array, v: Array | None = None) -> Array:
+        if self._is_awaiting:
+            self._begin(u[0])
         chain = self._chain
         if v is not None:  # what makes the rate and what acts on it is left out
             chain = in_order(self._links, [place for place in CHAIN if ACTS_ON.get(place) != RATE])

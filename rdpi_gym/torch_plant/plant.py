@@ -79,7 +79,11 @@ class TorchPlant:
         self.parameters = RDPITensors.of(
             hysteresis, ts_s, [model.offset_um for model in self.models], self.device, dtype
         )
-        self._first_memory = self._rows(on_cpu.memory)
+        fixed, moved = (
+            np.array([model.turns_from(first_V) for model in self.models]).T
+            for first_V in (0.0, 1.0)
+        )
+        self._turns_V, self._follow = self._rows(fixed), self._rows(np.rint(moved - fixed))
         self._hold = self.models[0].converter.samples(self.ts_s)
         effects = zip(*(model.effects for model in self.models), strict=True)
         stages = [column for column in effects if column[0].slot != "memory"]
@@ -89,6 +93,7 @@ class TorchPlant:
             self._empty(),
             self._empty(),
             torch.zeros((), dtype=torch.int64, device=self.device),
+            torch.zeros(self.lanes, dtype=torch.bool, device=self.device),
             tuple(self._empty().to(dtype) for _ in range(hysteresis[0].n)),
             tuple(self._empty(max(e.state_rows(ts_s) for e in column)) for column in stages),
         )
@@ -117,14 +122,18 @@ class TorchPlant:
             v(0) = 0.
         memory
             Play states ξ_i (V), ``(n,)`` or ``(n, B)``; by default those of the models' initial
-            memory. With `u0_V` they are moved to what a rest there allows.
+            memory; where that hangs on the command at which a record begins, it is set as the first
+            sample comes. With `u0_V` they are moved to what a rest there allows.
         lanes
             Boolean mask ``(B,)`` of the lanes to reset; all by default.
         """
         state = self.state
         u0 = self._rows(np.nan if u0_V is None else u0_V).expand(self.lanes)
-        xi = self._first_memory if memory is None else self._rows(memory)
-        xi = xi[:, None] if xi.ndim == 1 else xi
+        if memory is None:
+            xi = self._settled(torch.zeros_like(u0) if u0_V is None else u0)
+        else:
+            xi = self._rows(memory)
+            xi = xi[:, None] if xi.ndim == 1 else xi
         if u0_V is not None:
             rest = self.parameters.thresholds_V.detach().to(ROW)
             xi = torch.clamp(xi, u0 - rest, u0 + rest)
@@ -134,8 +143,9 @@ class TorchPlant:
         if lanes is None or bool(mask.all()):
             state.samples.zero_()
         plays = xi.expand(len(state.xi_V), self.lanes)
-        fresh = [u0, torch.zeros_like(u0), *plays]
-        for kept, value in zip((*state[:2], *state.xi_V), fresh, strict=True):
+        awaits = torch.full_like(state.awaits, u0_V is None and memory is None)
+        fresh = [u0, torch.zeros_like(u0), awaits, *plays]
+        for kept, value in zip((*state[:2], state.awaits, *state.xi_V), fresh, strict=True):
             kept.copy_(torch.where(mask, value.to(kept.dtype), kept))
         for kept in state.effects:
             kept.masked_fill_(mask, torch.nan)
@@ -213,7 +223,13 @@ class TorchPlant:
         if self._hold > 1:
             u = held = torch.where(samples % self._hold == 0, u, held)
             samples = samples + 1
-        effects = list(state.effects)
+        effects, memory, awaits = list(state.effects), state.xi_V, state.awaits
+        if len(self._turns_V):
+            past = self._settled(u)
+            memory = tuple(
+                torch.where(awaits, x.to(xi.dtype), xi) for x, xi in zip(past, memory, strict=True)
+            )
+            awaits = torch.zeros_like(awaits)
 
         def run(x: Tensor, *slots: Slot) -> Tensor:
             for i, (slot, twin, p) in enumerate(self._stages):
@@ -223,9 +239,18 @@ class TorchPlant:
 
         u = run(u, "input")
         v = rate(u, state.u_V, state.rate_V_s, self.parameters, self.ts_s)
-        y, xi = play_sum(u, run(v, "rate"), self.parameters, state.xi_V)
+        y, xi = play_sum(u, run(v, "rate"), self.parameters, memory)
         y = run(y, "hysteresis", "output") + self.parameters.offset_um
-        return y, State(u, v, held, samples, xi, tuple(effects))
+        return y, State(u, v, held, samples, awaits, xi, tuple(effects))
+
+    def _settled(self, first_V: Tensor) -> Tensor:
+        """Memory (V) of the models' own past where lanes begin at commands (V), ``float64[n, B]``."""
+        rest = self.parameters.thresholds_V.detach().to(ROW)
+        xi = torch.zeros((len(rest), self.lanes), dtype=ROW, device=self.device)
+        for turn, follows in zip(self._turns_V, self._follow, strict=True):
+            u = turn + follows * first_V
+            xi = torch.clamp(xi, u - rest, u + rest)
+        return xi
 
     def _stage(
         self, effects: Sequence[Effect], hysteresis: Sequence[RDPI]

@@ -24,6 +24,8 @@ class State(NamedTuple):
         What the converter holds (V), ``float64[B]``.
     samples
         Steps since the last reset of all lanes, ``int64[]``.
+    awaits
+        Whether the memory of the plant's own past is set as the first sample comes, ``bool[B]``.
     xi_V
         Play states (V), n times ``[B]`` in the plant's dtype.
     effects
@@ -34,15 +36,16 @@ class State(NamedTuple):
     rate_V_s: Tensor
     held_V: Tensor
     samples: Tensor
+    awaits: Tensor
     xi_V: tuple[Tensor, ...]
     effects: tuple[Tensor, ...]
 
     def tensors(self) -> tuple[Tensor, ...]:
         """All of them, one after the other."""
-        return (*self[:4], *self.xi_V, *self.effects)
+        return (*self[:5], *self.xi_V, *self.effects)
 
     def clone(self) -> State:
         """A copy that shares no memory."""
-        u, v, held, samples = (tensor.clone() for tensor in self[:4])
-        xi, effects = (tuple(tensor.clone() for tensor in part) for part in self[4:])
-        return State(u, v, held, samples, xi, effects)
+        u, v, held, samples, awaits = (tensor.clone() for tensor in self[:5])
+        xi, effects = (tuple(tensor.clone() for tensor in part) for part in self[5:])
+        return State(u, v, held, samples, awaits, xi, effects)

@@ -10,7 +10,7 @@ from numba import njit
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
 from rdpi_gym.plant import named_plant
-from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter, forms_of
+from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter, forms_of, load_effect
 from rdpi_gym.plant.effects.base import SLOTS
 from rdpi_gym.support.errors import InputError
 
@@ -210,6 +210,14 @@ def test_further_forms_of_every_effect(number):
         randomise=0.1,
         randomise_effects=0.3,
     )
+    assert found < 100.0 * ROUNDING
+
+
+@pytest.mark.parametrize("words", ["about the start", "last turns"])
+def test_a_past_about_the_start_is_about_the_command_at_rest(words):
+    past = load_effect("initial_memory", words)()
+    plant = replace(named_plant("P10"), command_range_V=(15.0, 60.0), effects=(past,))
+    found = largest_difference(lanes=3, steps=60, episode=25, plant=plant, randomise_effects=0.3)
     assert found < 100.0 * ROUNDING
 
 

@@ -109,7 +109,12 @@ class EffectStages:
         return self._packed([model.effects[i] for i in self._stages], model.hysteresis)
 
     def draw(
-        self, levels: Integers, fresh: Lanes, bandwidth_hz: float | None, turns_V: Array
+        self,
+        levels: Integers,
+        fresh: Lanes,
+        bandwidth_hz: float | None,
+        rest_V: float,
+        turns_V: Array,
     ) -> Array:
         """Put the parameters at the levels that lanes have drawn into a block that begins.
 
@@ -121,6 +126,8 @@ class EffectStages:
             One block, whose RDPI parameters stand.
         bandwidth_hz
             Cut-off of the rate (Hz) in these plants.
+        rest_V
+            Command (V) at which the episodes begin.
         turns_V : float64[K, m]
             Commands at which the plant turned before its episodes.
 
@@ -139,7 +146,7 @@ class EffectStages:
                 fresh.stage_p[0, first:end, lane] = column
             for effect in effects:
                 if effect.slot == "memory":
-                    turns_V[:, lane] = effect.turns_V
+                    turns_V[:, lane] = effect.turns_from(rest_V)
         return turns_V
 
     def run(self, lanes: Lanes, n: int, work: Array) -> int:

@@ -85,9 +85,9 @@ class VectorTask:
         self._draws_effects = self._effects.levels > 0 or (
             truths.half_width > 0.0 and self._effects.reads_hysteresis
         )
-        self._column = self._column_of(nominal)
         low, high = layout.command_range_V
         self._rest_V = min(max(0.0, low), high)
+        self._column = self._column_of(nominal)
         self._max_steps = NEVER if max_steps is None else max_steps
         sensor = nominal.sensor
         self._law = Law(
@@ -186,7 +186,7 @@ class VectorTask:
         turns = np.repeat(column.turns_V[:, None], count, axis=1)
         if drawing and self._draws_effects:
             bandwidth_hz = truths.nominal.hysteresis.rate_bandwidth_hz
-            turns = self._effects.draw(drawn.levels, fresh, bandwidth_hz, turns)
+            turns = self._effects.draw(drawn.levels, fresh, bandwidth_hz, self._rest_V, turns)
         settle(self._rest_V, turns, fresh, work[0])
         tables = self._references.begin(self.step, indices, offer, drawn, fresh)
         noise = self._noise.begin(self.step, indices, column.noise_um, drawn.noise_seed)
@@ -296,7 +296,7 @@ class VectorTask:
             p=pack([hysteresis], self._layout.ts_s, [inside])[:, 0].copy(),
             gaps_V=np.diff(hysteresis.thresholds_V, prepend=0.0),
             stage_p=self._effects.column(model),
-            turns_V=np.array(model.initial_turns_V),
+            turns_V=np.array(model.turns_from(self._rest_V)),
             offset_um=behind,
             noise_um=float(model.sensor.noise_um),
             resolution_um=float(model.sensor.resolution_um),

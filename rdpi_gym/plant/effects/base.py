@@ -359,9 +359,20 @@ class Effect(ABC):
         """Return what it is on records of one sampling time (s): the same on any, by default."""
         return self
 
-    @property
-    def turns_V(self) -> tuple[float, ...]:
-        """Commands (V) at which the plant turned before a record, in order; of slot ``memory``."""
+    def turns_from(self, first_V: float) -> tuple[float, ...]:
+        """Return the commands (V) at which the plant turned before a record; of slot ``memory``.
+
+        Parameters
+        ----------
+        first_V
+            Command (V) at which the record begins, or at which the plant rests before it. Turns
+            stand where they are or move with it, nothing between.
+
+        Returns
+        -------
+        tuple of float
+            In order; empty: it never moved.
+        """
         return ()
 
     @property

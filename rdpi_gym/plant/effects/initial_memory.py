@@ -15,6 +15,10 @@ TURNS = 6
 """Turns of a decaying history."""
 
 
+def _decaying(centre_V: float, reach_V: float, ratio: float) -> tuple[float, ...]:
+    return tuple(centre_V + reach_V * (-ratio) ** k for k in range(TURNS))
+
+
 @njit(cache=True)
 def identity_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel that passes its input on: the plays carry this effect."""
@@ -87,14 +91,23 @@ class InitialMemory(Stateless):
         sizes = (0.08, 0.25, 0.6, -0.08, -0.25, -0.6)
         return tuple(cls.within_bounds(extremum_V=scale.centre_V + k * scale.span_V) for k in sizes)
 
-    @property
-    def turns_V(self) -> tuple[float, ...]:
-        """The extremum (V)."""
+    def turns_from(self, first_V: float) -> tuple[float, ...]:
+        """The extremum (V), wherever the record begins."""
         return (self.extremum_V,)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """The extremum (V); the kernel does not read it."""
         return [self.extremum_V]
+
+
+RATIO = Parameter(
+    "ratio", "1", -1.0, 0.98, (0.3, 0.8),
+    "size of a turn over that of the turn before, on the other side, q", neutral=-1.0,
+)  # fmt: skip
+REACH = Parameter(
+    "reach_V", "V", -2e3, 2e3, (5.0, 40.0),
+    "outermost turn from the command at which the record begins, u_r", neutral=0.0,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -103,7 +116,7 @@ class DecayingHistory(Stateless, of=InitialMemory):
 
     Examples
     --------
-    >>> DecayingHistory(extremum_V=16.0, ratio=0.5).turns_V
+    >>> DecayingHistory(extremum_V=16.0, ratio=0.5).turns_from(3.0)
     (16.0, -8.0, 4.0, -2.0, 1.0, -0.5)
     """
 
@@ -114,10 +127,7 @@ class DecayingHistory(Stateless, of=InitialMemory):
     form = "decaying history"
     parameters = (
         *InitialMemory.parameters,
-        Parameter(
-            "ratio", "1", -1.0, 0.98, (0.3, 0.8),
-            "size of a turn over that of the turn before, on the other side, q", neutral=-1.0,
-        ),
+        RATIO,
         Parameter("centre_V", "V", -2e3, 2e3, (0.0, 0.0), "command about which it decayed", fixed=True),
     )  # fmt: skip
     equation = "ξ_i(0) after turns at u_c + (u_e - u_c) (-q)^k, k = 0 ... 5"
@@ -143,12 +153,125 @@ class DecayingHistory(Stateless, of=InitialMemory):
         near = InitialMemory.within_bounds(extremum_V=scale.centre_V + 0.25 * scale.span_V)
         return cls.from_simpler(near, scale)
 
-    @property
-    def turns_V(self) -> tuple[float, ...]:
-        """Turns (V), in order."""
-        reach = self.extremum_V - self.centre_V
-        return tuple(self.centre_V + reach * (-self.ratio) ** k for k in range(TURNS))
+    def turns_from(self, first_V: float) -> tuple[float, ...]:
+        """Turns (V), in order, wherever the record begins."""
+        return _decaying(self.centre_V, self.extremum_V - self.centre_V, self.ratio)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Outermost turn (V), ratio and centre (V); the kernel does not read them."""
         return [self.extremum_V, self.ratio, self.centre_V]
+
+
+@dataclass(frozen=True)
+class AboutTheStart(Stateless, of=InitialMemory):
+    """Play states left by a motion that decayed about the command at which each record begins.
+
+    In volts that is another history for each record that begins elsewhere.
+
+    Examples
+    --------
+    >>> AboutTheStart(reach_V=16.0, ratio=0.5).turns_from(3.0)
+    (19.0, -5.0, 7.0, 1.0, 4.0, 2.5)
+    """
+
+    reach_V: float = 20.0
+    ratio: float = 0.5
+
+    form = "about the start"
+    parameters = (REACH, RATIO)
+    equation = "ξ_i(0) after turns at u(0) + u_r (-q)^k, k = 0 ... 5"
+    cause = (
+        "A stage is moved to where a record begins and settles there: it swings about that command, "
+        "or a sine about it is faded out."
+    )
+    block = staticmethod(identity_block)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """Turns about the data's centre, taken from the start of each record instead."""
+        reach, ratio = _reached(simpler, scale)
+        return (cls.within_bounds(reach_V=reach, ratio=ratio),)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Outermost turns of three sizes on either side."""
+        return tuple(
+            cls.within_bounds(reach_V=k * scale.span_V, ratio=0.4)
+            for k in (0.15, 0.5, 1.2, -0.15, -0.5, -1.2)
+        )
+
+    def turns_from(self, first_V: float) -> tuple[float, ...]:
+        """Turns (V) about the command at which the record begins, in order."""
+        return _decaying(first_V, self.reach_V, self.ratio)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Outermost turn (V) and ratio; the kernel does not read them."""
+        return [self.reach_V, self.ratio]
+
+
+@dataclass(frozen=True)
+class LastTurns(Stateless, of=InitialMemory):
+    """Play states left by three turns before each record, relative to where it begins.
+
+    Examples
+    --------
+    >>> LastTurns(reach_V=16.0, back=-0.75, third=-0.5).turns_from(3.0)
+    (19.0, -9.0, 9.0)
+    """
+
+    reach_V: float = 20.0
+    back: float = -0.5
+    third: float = -0.5
+
+    form = "last turns"
+    parameters = (
+        REACH,
+        Parameter(
+            "back", "1", -1.0, 1.0, (-0.8, -0.2),
+            "the turn back over the outermost, b; below zero on the other side", neutral=1.0,
+        ),
+        Parameter(
+            "third", "1", -1.0, 1.0, (-0.8, -0.2), "the third turn over the second, c", neutral=1.0
+        ),
+    )  # fmt: skip
+    equation = "ξ_i(0) after turns at u(0) + u_r (1, b, b c)"
+    cause = (
+        "A record that is cut out of a motion, or that begins wherever the stage was left: its last "
+        "turns, each within those before, are what the ceramic remembers."
+    )
+    block = staticmethod(identity_block)
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The first three turns of a decaying history."""
+        reach, ratio = _reached(simpler, scale)
+        return (cls.within_bounds(reach_V=reach, back=-ratio, third=-ratio),)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Outermost turns on either side, turned back by half, or as far on the other side."""
+        return tuple(
+            cls.within_bounds(reach_V=k * scale.span_V, back=back, third=third)
+            for back, third, sizes in ((-0.5, -0.5, (0.3, 1.0)), (-1.0, -0.3, (0.7,)))
+            for size in sizes
+            for k in (size, -size)
+        )
+
+    def turns_from(self, first_V: float) -> tuple[float, ...]:
+        """Turns (V) relative to the command at which the record begins, in order."""
+        second = self.reach_V * self.back
+        return (first_V + self.reach_V, first_V + second, first_V + second * self.third)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Outermost turn (V) and the shares; the kernel does not read them."""
+        return [self.reach_V, self.back, self.third]
+
+
+def _reached(simpler: Effect, scale: DataScale) -> tuple[float, float]:
+    """Return the outermost turn from where a history settles (V), and its ratio, of any form."""
+    values = simpler.values
+    if "reach_V" in values:
+        reach = values["reach_V"]
+    else:
+        reach = values["extremum_V"] - values.get("centre_V", scale.centre_V)
+    return reach, values.get("ratio", 0.4)

@@ -5,8 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10, Plant, PlantModel
-from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.plant.effects import CATALOGUE, DataScale, Effect, load_effect
 
 H = P10.hysteresis
 
@@ -186,6 +188,56 @@ def test_initial_memory_is_wiped_out_by_the_first_larger_excursion():
     remembered = Plant(memory, 1e-3).simulate(u)
     assert np.abs(remembered - bare)[:50].max() > 1.0
     np.testing.assert_allclose(remembered[130:], bare[130:], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("words", "values"),
+    [
+        ("about the start", {"reach_V": 60.0, "ratio": 0.6}),
+        ("last turns", {"reach_V": 60.0, "back": -0.7, "third": -0.4}),
+    ],
+)
+def test_a_past_about_the_start_moves_with_the_command_at_which_a_record_begins(words, values):
+    model = plant_with(load_effect("initial_memory", words)(**values), static=True)
+    u = 20.0 * np.sin(np.arange(300) / 20.0)
+    # every play has been driven from where the record begins, so that nothing but a shift is left
+    low, high = (Plant(model, 1e-3).simulate(u + start) for start in (0.0, 35.0))
+    np.testing.assert_allclose(high - high[0], low - low[0], atol=1e-12)
+    bare = Plant(plant_with(static=True), 1e-3).simulate(u + 35.0)
+    assert np.ptp(high - bare) > 1.0
+    record = Record("run", np.arange(300) * 1e-3, u + 35.0, high, ts_s=1e-3)
+    fitted = simulate_effects([Variant(model.hysteresis, model.effects)], record)[:, 0]
+    np.testing.assert_allclose(fitted, high, atol=1e-12)
+
+
+def test_a_past_about_the_start_is_that_of_a_rest_or_of_the_first_sample_of_each_lane():
+    model = plant_with(load_effect("initial_memory", "last turns")(), static=True)
+    u = 20.0 * np.sin(np.arange(300) / 20.0)[:, None] + np.array([35.0, -10.0])
+    plant = Plant(model, 1e-3, lanes=2)
+    begun = plant.simulate(u)
+    plant.reset(u0_V=u[0])
+    np.testing.assert_allclose(plant.simulate(u), begun, atol=1e-12)
+    plant.reset(lanes=[False, True])
+    left = plant.memory[:, 0]
+    stepped = np.concatenate([plant.step(row[None]).copy() for row in u])
+    np.testing.assert_allclose(stepped[:, 1], begun[:, 1], atol=1e-12)
+    plant.reset(memory=left)
+    given = plant.simulate(u)
+    np.testing.assert_allclose(given[:, 0], stepped[:, 0], atol=1e-12)
+
+
+def test_last_turns_go_on_from_a_history_that_decays_and_do_nothing_without_reach():
+    decaying = load_effect("initial_memory", "about the start")(reach_V=30.0, ratio=0.5)
+    turns = load_effect("initial_memory", "last turns")
+    scale = DataScale(50.0, 50.0, 40.0, 3e4, 1e-5, 60.0)
+    (start,) = turns.from_simpler(decaying, scale)
+    assert start.turns_from(12.0) == decaying.turns_from(12.0)[:3]
+    simple = CATALOGUE["initial_memory"](extremum_V=80.0)
+    assert turns.from_simpler(simple, scale)[0].values["reach_V"] == 30.0
+    u = 5.0 + 20.0 * np.sin(np.arange(300) / 20.0)
+    still = plant_with(turns(reach_V=0.0), static=True)
+    bare = Plant(plant_with(static=True), 1e-3).simulate(u)
+    np.testing.assert_allclose(Plant(still, 1e-3).simulate(u), bare, atol=1e-12)
 
 
 @pytest.mark.parametrize("exponent", [0.2, 0.9997, 3.0])
