@@ -8,6 +8,7 @@ import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.diagnosis.hygiene import inspect, limits
+from rdpi_gym.diagnosis.hygiene.rebuilt import rebuilt_command
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import Plant, named_plant
 
@@ -167,6 +168,43 @@ def test_a_command_that_was_clipped_in_the_recorder_is_left_out():
     found = looked(changed(run, u=recorded))
     assert kinds(found) == ["clipped input"]
     assert np.array_equal(~found.dataset.records[0].error_mask, np.abs(recorded) == 15.0)
+
+
+def test_every_stretch_of_a_clipped_command_is_left_out_however_short():
+    t = np.arange(6000) * TS_S
+    u = 20.0 * np.sin(2 * np.pi * 2.0 * t) + 5.05 * np.sin(2 * np.pi * 0.7 * t)
+    run = record(u)
+    recorded = np.minimum(u, 16.0)
+    found = looked(changed(run, u=recorded))
+    assert np.array_equal(~found.dataset.records[0].error_mask, recorded == 16.0)
+
+
+def multisine(samples=6000):
+    t, rng = np.arange(samples) * TS_S, np.random.default_rng(3)
+    waves = [np.sin(2 * np.pi * f * t + rng.uniform(0, 6.3)) for f in (0.7, 1.9, 3.1, 5.3, 8.9)]
+    return 10.0 * np.sum(waves, axis=0)
+
+
+@pytest.mark.parametrize("hidden", [(), ("actuator_lag", 0.004), ("sensor_lag", 0.004)])
+def test_a_clipped_command_is_rebuilt_to_a_thirtieth_of_what_was_lost(hidden):
+    effects = (rg.effects[hidden[0]](hidden[1]),) if hidden else ()
+    u = multisine()
+    y = Plant(replace(named_plant("P10"), effects=effects), TS_S).simulate(u)
+    recorded = np.clip(u, *np.quantile(u, [0.04, 0.96]))
+    run = Record("run", np.arange(u.size) * TS_S, recorded, noisy(y), ts_s=TS_S)
+    found = looked(run)
+    rebuilt = found.dataset.records[0].u_V
+    lost = recorded != u
+    assert kinds(found) == ["clipped input"]
+    assert "rebuilt from the displacement" in found.findings[0].sentence
+    assert np.array_equal(rebuilt[~lost], u[~lost])
+    assert np.std((rebuilt - u)[lost]) < np.std((recorded - u)[lost]) / 30.0
+
+
+def test_a_displacement_that_does_not_tell_the_command_rebuilds_nothing():
+    u = multisine()
+    run = Record("run", np.arange(u.size) * TS_S, u, multisine()[::-1].copy(), ts_s=TS_S)
+    assert rebuilt_command(run, u > 0.9 * u.max(), np.zeros(u.size, dtype=bool)) is None
 
 
 def test_a_command_that_rests_at_its_extreme_is_not_clipped():

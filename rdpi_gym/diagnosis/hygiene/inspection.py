@@ -17,6 +17,7 @@ from rdpi_gym.diagnosis.hygiene.finding import (
     widened,
 )
 from rdpi_gym.diagnosis.hygiene.opening import begins_in_motion, opening
+from rdpi_gym.diagnosis.hygiene.rebuilt import rebuilt_command
 from rdpi_gym.diagnosis.hygiene.spikes import spikes
 from rdpi_gym.diagnosis.hygiene.stands import (
     MARGIN,
@@ -41,7 +42,8 @@ class Inspected:
     dataset
         The same records. Where a sample is no measurement `error_mask` is False, and spikes,
         dropouts and frozen stretches are bridged in straight lines, so that what looks at a whole
-        record is not misled by them.
+        record is not misled by them. A command that was clipped is rebuilt from the displacement,
+        for the memory that it leaves.
     findings
         What was found, record by record.
     openings
@@ -104,9 +106,14 @@ def inspect(dataset: Dataset) -> Inspected:
                 )
     uncertain = set()
     for record in [r for r in records.values() if not r.is_quiet]:
-        unknown = clipped_command(record, bad[record.name]) & ~bad[record.name]
+        ended = clipped_command(record, bad[record.name])
+        unknown = ended & ~bad[record.name]
         if unknown.any() and _may_lose(record, unknown | bad[record.name]):
-            findings.append(_clipped_command(record, unknown))
+            rebuilt = rebuilt_command(record, ended, bad[record.name])
+            if rebuilt is not None:
+                records[record.name] = replace(record, u_V=rebuilt[0])
+            missed_V = None if rebuilt is None else rebuilt[1]
+            findings.append(_clipped_command(record, unknown, missed_V))
             bad[record.name] = bad[record.name] | unknown
             uncertain.add(record.name)
     findings += _clocks(records, bad, uncertain)
@@ -174,12 +181,20 @@ def _silent(record: Record, kind: str, at: BoolArray) -> Finding:
     )
 
 
-def _clipped_command(record: Record, at: BoolArray) -> Finding:
+def _clipped_command(record: Record, at: BoolArray, missed_V: float | None) -> Finding:
     sentence = (
         f"{counted(int(at.sum()), record)} show a command that stands at its extreme while the "
-        "displacement goes on and comes back: the recorded command is clipped, left out; what was "
-        "really commanded there is unknown, and the memory after it is uncertain."
+        "displacement goes on and comes back: the recorded command is clipped, left out; "
     )
+    if missed_V is None:
+        sentence += (
+            "what was really commanded there is unknown, and the memory after it is uncertain."
+        )
+    else:
+        sentence += (
+            "what was commanded there was rebuilt from the displacement, which tells the rest of "
+            f"the command to {digits(missed_V)} V rms."
+        )
     step = "Record the command over its full range, or give the one that was sent."
     return Finding("clipped input", record.name, int(at.sum()), sentence, step)
 

@@ -150,7 +150,8 @@ def clipped_command(record: Record, bad: BoolArray) -> BoolArray:
 
     Where the command was clipped in the recorder alone, the displacement goes on at the rate it
     had, turns, and comes back at the rate with which it will go on; where the command itself
-    rests, it creeps, rings or stands.
+    rests, it creeps, rings or stands. Where one stretch shows it, every sample at that extreme is
+    clipped, however short its stretch.
 
     Parameters
     ----------
@@ -167,7 +168,8 @@ def clipped_command(record: Record, bad: BoolArray) -> BoolArray:
     least = max(8.0 * noise, 4.0 * smallest_step(y) if noise == 0.0 else 0.0)
     least = max(least, 3.0 * abs(slope) * smallest_step(u[np.abs(u - u.mean()) < 0.4 * swing]))
     for extreme, outward in ((float(u.max()), 1.0), (float(u.min()), -1.0)):
-        for first, last in runs(np.abs(u - extreme) <= _SAME * swing):
+        at = np.abs(u - extreme) <= _SAME * swing
+        for first, last in runs(at):
             size = last - first
             edge = max(size // 6, 2)
             if size < 3 * _FEWEST or first < edge or last + edge > u.size:
@@ -176,7 +178,8 @@ def clipped_command(record: Record, bad: BoolArray) -> BoolArray:
                 continue
             z = outward * float(np.sign(slope)) * y[first - edge : last + edge]
             if _goes_on(z, edge, least):
-                found[first:last] = True
+                found |= at
+                break
     return found
 
 
