@@ -28,7 +28,7 @@ class GainDriftInverse(Inverse):
     """
 
     effect = "gain_drift"
-    forms: ClassVar[tuple[str, ...]] = ("", "to a limit", "piecewise linear")
+    forms: ClassVar[tuple[str, ...]] = ("", "to a limit", "piecewise linear", "smooth curve")
     rows = 1
 
     def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
@@ -58,7 +58,7 @@ class ThermalDriftInverse(GainDriftInverse):
     """Subtraction of what the warming adds, in any form: what the effect makes of no displacement."""
 
     effect = "thermal_drift"
-    forms = ("", "two time constants", "piecewise linear")
+    forms = ("", "two time constants", "piecewise linear", "smooth curve")
 
     def run(self, y: Array, state: Array) -> Array:
         """Undo what has drifted; see :meth:`Inverse.run`."""

@@ -31,6 +31,7 @@ from rdpi_gym.plant.effects.congruency import (
 from rdpi_gym.plant.effects.creep import creep_block, weighted_creep_block
 from rdpi_gym.plant.effects.delay import delay_block
 from rdpi_gym.plant.effects.gain_drift import (
+    gain_curve_block,
     gain_drift_block,
     gain_knots_block,
     gain_to_limit_block,
@@ -45,6 +46,7 @@ from rdpi_gym.plant.effects.rate_law import (
 from rdpi_gym.plant.effects.saturation import hard_rails_block, knee_block, saturation_block
 from rdpi_gym.plant.effects.slew_limit import slew_limit_block, unlike_slew_block
 from rdpi_gym.plant.effects.thermal_drift import (
+    curve_block,
     knots_block,
     thermal_drift_block,
     two_warmings_block,
@@ -314,6 +316,28 @@ def gain_knots(
     return x + _along_knots(clock * ts_s, p) * x, clock + 1.0
 
 
+def _along_curve(time_s: Tensor, p: Tensor) -> Tensor:
+    """Cubics of the share of an interval of p[0] s, at times ``float64[1, B]``."""
+    slope, bend, twist = p[2::4], p[3::4], p[4::4]  # constants are what came before, added up
+    before = torch.arange(len(slope), dtype=p.dtype, device=p.device)[:, None]
+    share = (time_s / p[0] - before).clamp(0.0, 1.0)
+    return (share * (slope + share * (bend + share * twist))).sum(0)
+
+
+def curve(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.thermal_drift.curve_block`."""
+    clock = _clock(state)
+    return x + _along_curve(clock * ts_s, p), clock + 1.0
+
+
+def gain_curve(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.gain_drift.gain_curve_block`."""
+    clock = _clock(state)
+    return x + _along_curve(clock * ts_s, p) * x, clock + 1.0
+
+
 def mains_hum(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
     """Twin of :func:`~rdpi_gym.plant.effects.mains_hum.mains_hum_block`."""
     clock = _clock(state)
@@ -358,6 +382,8 @@ TWINS: Mapping[Block, Twin] = {
     two_warmings_block: two_warmings,
     knots_block: knots,
     gain_knots_block: gain_knots,
+    curve_block: curve,
+    gain_curve_block: gain_curve,
     mains_hum_block: mains_hum,
     hum_harmonics_block: hum_harmonics,
 }

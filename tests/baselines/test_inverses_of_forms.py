@@ -77,6 +77,8 @@ EXACT = [
     ("thermal_drift", "two time constants", {"rate_um_s": 0.5, "second_rate_um_s": -0.3}),
     ("thermal_drift", "piecewise linear", {"duration_s": 3.0}),
     ("gain_drift", "piecewise linear", {"duration_s": 3.0}),
+    ("thermal_drift", "smooth curve", {"duration_s": 3.0}),
+    ("gain_drift", "smooth curve", {"duration_s": 3.0}),
     ("saturation", "hard rails", {"low_V": -100.0, "high_V": 90.0}),
 ]
 

@@ -1,5 +1,7 @@
 """Further forms of linear and slow effects are found from what a refit of the simplest left."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,10 @@ CASES = {
     ("gain_drift", "piecewise linear"): (
         tuple(slow(20.0 * i, 30.0) for i in range(6)),
         {"at_1": 0.03, "at_2": -0.02, "at_3": 0.01, "at_4": 0.05, "at_5": 0.04, "at_6": 0.0},
+    ),
+    ("gain_drift", "smooth curve"): (
+        tuple(slow(20.0 * i, 30.0) for i in range(6)),
+        {f"at_{k}": 0.03 * math.sin(0.9 * k) for k in range(1, 15)},
     ),
     ("mains_hum", "with harmonics"): (
         FAST,

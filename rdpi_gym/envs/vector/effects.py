@@ -211,10 +211,23 @@ class EffectStages:
         return np.array([value for column in columns for value in column], dtype=np.float64)
 
     def _state_rows(self, effect: Effect) -> int:
-        """Rows of the largest state among an effect's levels."""
-        ends = [(0, EFFECT_LEVELS // 2, EFFECT_LEVELS - 1)] * len(drawn_parameters(effect))
-        each = [effect_at(effect, levels, self._half_width) for levels in product(*ends)]
-        return max(one.state_rows(self._ts_s) for one in each)
+        """Rows of the largest state among an effect's levels.
+
+        At every corner of the parameters that change it by themselves: of dozens there are too many.
+        """
+        middle = EFFECT_LEVELS // 2
+        last = EFFECT_LEVELS - 1
+
+        def rows(levels: Sequence[int]) -> int:
+            return effect_at(effect, levels, self._half_width).state_rows(self._ts_s)
+
+        count = len(drawn_parameters(effect))
+        centre = rows([middle] * count)
+        ends = []
+        for i in range(count):
+            alone = [rows([middle] * i + [end] + [middle] * (count - 1 - i)) for end in (0, last)]
+            ends.append((middle,) if alone == [centre, centre] else (0, middle, last))
+        return max(rows(levels) for levels in product(*ends))
 
 
 def _hysteresis(fresh: Lanes, lane: int, bandwidth_hz: float | None) -> RDPI:

@@ -11,7 +11,7 @@ from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Look, Parameter, Picture
-from rdpi_gym.plant.effects.knots import ByKnots, along_knots
+from rdpi_gym.plant.effects.knots import ByKnots, Smooth, along_curve, along_knots, at_knots
 from rdpi_gym.support.arrays import Array
 
 
@@ -181,6 +181,10 @@ def gain_knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: A
             state[0, b] += 1.0
 
 
+# Of the values at knots: suffix, unit, bounds, typical range and meaning.
+_AT_KNOTS = ("", "1", (-0.9, 9.0), (0.001, 0.01), "relative change of the gain")
+
+
 @dataclass(frozen=True)
 class GainByKnots(ByKnots, of=GainDrift):
     """Displacement multiplied by a gain along straight lines between seven times, one at t = 0.
@@ -200,16 +204,7 @@ class GainByKnots(ByKnots, of=GainDrift):
     at_6: float = 0.007
 
     probe = 1.0
-    parameters = (
-        *ByKnots.parameters,
-        *(
-            Parameter(
-                f"at_{k}", "1", -0.9, 9.0, (0.001, 0.01),
-                f"relative change of the gain at the time {k} D / 6, z{k}", neutral=0.0,
-            )
-            for k in range(1, 7)
-        ),
-    )  # fmt: skip
+    parameters = at_knots(6, *_AT_KNOTS)
     equation = "y = (1 + z(t)) y_m, z linear between z(k D / 6) = zk, z(0) = 0, constant from D on"
     cause = (
         "Temperature, poling and load wander with the room and with what the stage did: no law is "
@@ -220,3 +215,46 @@ class GainByKnots(ByKnots, of=GainDrift):
         "clock."
     )
     block = staticmethod(gain_knots_block)
+
+
+@njit(cache=True)
+def gain_curve_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: time between knots (s), four coefficients of each cubic.
+
+    Row of the state: samples since t = 0.
+    """
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] + along_curve(state[0, b] * ts, p, b) * x[t, b]
+            state[0, b] += 1.0
+
+
+@dataclass(frozen=True)
+class GainByCurve(Smooth, GainByKnots, of=GainDrift):
+    """Displacement multiplied by a gain along a smooth curve through fifteen knots in time.
+
+    Examples
+    --------
+    >>> line = {f"at_{k}": 0.1 * k for k in range(1, 15)}
+    >>> GainByCurve(duration_s=140.0, **line).run([10.0] * 5, 5.0).round(3).tolist()
+    [10.0, 10.5, 11.0, 11.5, 12.0]
+    """
+
+    at_7: float = 0.007
+    at_8: float = 0.008
+    at_9: float = 0.008
+    at_10: float = 0.009
+    at_11: float = 0.009
+    at_12: float = 0.009
+    at_13: float = 0.008
+    at_14: float = 0.008
+
+    parameters = at_knots(14, *_AT_KNOTS)
+    equation = (
+        "y = (1 + z(t)) y_m, z a natural cubic spline through z(k D / 14) = zk, z(0) = 0, constant "
+        "from D on"
+    )
+    block = staticmethod(gain_curve_block)

@@ -1,7 +1,8 @@
-"""Straight lines between knots in time, for what wanders and follows no law."""
+"""Straight lines and smooth curves through knots in time, for what wanders and follows no law."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -23,6 +24,75 @@ def along_knots(time: float, p: Array, b: int) -> float:
     k = int(place)
     before = p[k, b] if k > 0 else 0.0
     return float(before + (place - k) * (p[k + 1, b] - before))
+
+
+@njit(inline="always")
+def along_curve(time: float, p: Array, b: int) -> float:
+    """Value at a time (s): cubics p[1:] of the share of an interval of p[0] s, then level."""
+    count = (p.shape[0] - 1) // 4
+    place = time / p[0, b]
+    k = min(int(place), count - 1)
+    share, row = min(place - k, 1.0), 1 + 4 * k
+    bent = p[row + 1, b] + share * (p[row + 2, b] + share * p[row + 3, b])
+    return float(p[row, b] + share * bent)
+
+
+def natural_cubics(values: Sequence[float]) -> Array:
+    """Return the natural cubic spline from 0 through values that are one interval apart.
+
+    Parameters
+    ----------
+    values
+        At the ends of the n intervals.
+
+    Returns
+    -------
+    float64[n, 4]
+        Coefficients of each interval's cubic in the share of it that has passed, constant first:
+        value, slope and second derivative are continuous, the last is zero at both ends.
+
+    Examples
+    --------
+    >>> natural_cubics([1.0, 2.0, 3.0])[:, :2].tolist()  # a straight line
+    [[0.0, 1.0], [1.0, 1.0], [2.0, 1.0]]
+    """
+    z, n = np.array([0.0, *values]), len(values)
+    steps, bends = np.diff(z), np.zeros(n + 1)
+    inner = np.eye(n - 1, k=-1) + 4.0 * np.eye(n - 1) + np.eye(n - 1, k=1)
+    bends[1:-1] = np.linalg.solve(inner, 6.0 * np.diff(steps))
+    slopes = steps - (2.0 * bends[:-1] + bends[1:]) / 6.0
+    return np.stack([z[:-1], slopes, bends[:-1] / 2.0, np.diff(bends) / 6.0], axis=1)
+
+
+def at_knots(
+    count: int,
+    suffix: str,
+    unit: str,
+    bounds: tuple[float, float],
+    typical: tuple[float, float],
+    what: str,
+) -> tuple[Parameter, ...]:
+    """Return the parameters of an effect that goes by knots: the last time, then the values.
+
+    Parameters
+    ----------
+    count
+        Number of knots after that at t = 0.
+    suffix
+        Of the values' names, a unit.
+    unit, bounds, typical
+        Of the values, as :class:`~rdpi_gym.plant.effects.base.Parameter` has them.
+    what
+        What they are values of.
+    """
+    values = (
+        Parameter(
+            f"at_{k}{suffix}", unit, *bounds, typical, f"{what} at the time {k} D / {count}, z{k}",
+            neutral=0.0,
+        )
+        for k in range(1, count + 1)
+    )  # fmt: skip
+    return (*ByKnots.parameters, *values)
 
 
 @dataclass(frozen=True)
@@ -56,8 +126,10 @@ class ByKnots(Clocked):
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
         """Knots on the drift of the simpler form."""
-        drift = simpler.run(np.full(7, cls.probe), scale.lasts_s / 6.0) - cls.probe
-        knots = dict(zip(cls._knots(), drift[1:].tolist(), strict=True))
+        names = cls._knots()
+        probe = np.full(1 + len(names), cls.probe)
+        drift = simpler.run(probe, scale.lasts_s / len(names)) - cls.probe
+        knots = dict(zip(names, drift[1:].tolist(), strict=True))
         return (cls.within_bounds(**knots, duration_s=scale.lasts_s),)
 
     @classmethod
@@ -68,3 +140,20 @@ class ByKnots(Clocked):
         """Time between knots (s), then the values there."""
         duration, *knots = self.values.values()
         return [duration / len(knots), *knots]
+
+
+class Smooth(ByKnots):
+    """Change along a natural cubic spline through fifteen knots, the first at t = 0."""
+
+    form = "smooth curve"
+    source = (
+        "A slow random walk as a natural cubic spline (de Boor, A Practical Guide to Splines, "
+        "chapter IV) through fifteen knots, which holds three turns to and fro within 4 %; sizes are "
+        "an estimate."
+    )
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Time between knots (s), then the coefficients of the cubic of each interval."""
+        duration, *knots = self.values.values()
+        cubics: list[float] = natural_cubics(knots).ravel().tolist()
+        return [duration / len(knots), *cubics]

@@ -19,7 +19,7 @@ from rdpi_gym.plant.effects.base import (
     Parameter,
     Picture,
 )
-from rdpi_gym.plant.effects.knots import ByKnots, along_knots
+from rdpi_gym.plant.effects.knots import ByKnots, Smooth, along_curve, along_knots, at_knots
 from rdpi_gym.support.arrays import Array
 
 
@@ -194,6 +194,10 @@ def knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array)
             state[0, b] += 1.0
 
 
+# Of the values at knots: suffix, unit, bounds, typical range and meaning.
+_AT_KNOTS = ("_um", "µm", (-1e4, 1e4), (0.01, 0.1), "drift")
+
+
 @dataclass(frozen=True)
 class DriftByKnots(ByKnots, of=ThermalDrift):
     """Displacement added along straight lines between seven times, the first at t = 0.
@@ -213,21 +217,7 @@ class DriftByKnots(ByKnots, of=ThermalDrift):
     at_6_um: float = 0.07
 
     probe = 0.0
-    parameters = (
-        *ByKnots.parameters,
-        *(
-            Parameter(
-                f"at_{k}_um",
-                "µm",
-                -1e4,
-                1e4,
-                (0.01, 0.1),
-                f"drift at the time {k} D / 6, z{k}",
-                neutral=0.0,
-            )
-            for k in range(1, 7)
-        ),
-    )
+    parameters = at_knots(6, *_AT_KNOTS)
     equation = "y = y_m + z(t), z linear between z(k D / 6) = zk, z(0) = 0, constant from D on"
     cause = (
         "The room's temperature wanders: draughts, air conditioning, people. No law is behind it, "
@@ -239,3 +229,46 @@ class DriftByKnots(ByKnots, of=ThermalDrift):
         "repeat; take it out of a record, or close the loop."
     )
     block = staticmethod(knots_block)
+
+
+@njit(cache=True)
+def curve_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: time between knots (s), four coefficients (µm) of each cubic.
+
+    Row of the state: samples since t = 0.
+    """
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] + along_curve(state[0, b] * ts, p, b)
+            state[0, b] += 1.0
+
+
+@dataclass(frozen=True)
+class DriftByCurve(Smooth, DriftByKnots, of=ThermalDrift):
+    """Displacement added along a smooth curve through fifteen knots in time, the first at t = 0.
+
+    Examples
+    --------
+    >>> line = {f"at_{k}_um": 0.1 * k for k in range(1, 15)}
+    >>> DriftByCurve(duration_s=140.0, **line).run([0.0] * 5, 5.0).round(3).tolist()
+    [0.0, 0.05, 0.1, 0.15, 0.2]
+    """
+
+    at_7_um: float = 0.07
+    at_8_um: float = 0.08
+    at_9_um: float = 0.08
+    at_10_um: float = 0.09
+    at_11_um: float = 0.09
+    at_12_um: float = 0.09
+    at_13_um: float = 0.08
+    at_14_um: float = 0.08
+
+    parameters = at_knots(14, *_AT_KNOTS)
+    equation = (
+        "y = y_m + z(t), z a natural cubic spline through z(k D / 14) = zk, z(0) = 0, constant from "
+        "D on"
+    )
+    block = staticmethod(curve_block)

@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.signal import lsim
 
 from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
@@ -200,6 +201,51 @@ def test_straight_lines_between_knots_are_any_polyline_and_stay_where_they_end()
     np.testing.assert_allclose(gain.run(np.full(300, 5.0), 0.37), 5.0 * (1 + expected), atol=1e-12)
 
 
+def curve(name, duration_s, knots):
+    kind = form(name, "smooth curve")
+    names = [p.name for p in kind.parameters if not p.fixed]
+    return kind(duration_s=duration_s, **dict(zip(names, knots, strict=True)))
+
+
+COUNT = len(form("thermal_drift", "smooth curve").parameters) - 1
+
+
+def test_a_smooth_curve_is_the_natural_spline_through_its_knots_and_stays_where_it_ends():
+    knots = np.random.default_rng(5).normal(0.0, 0.3, COUNT)
+    natural = CubicSpline(10.0 * np.arange(COUNT + 1), [0.0, *knots], bc_type="natural")
+    t = 0.37 * np.arange(700)
+    expected = np.where(t < 10.0 * COUNT, natural(t), knots[-1])
+    drift = curve("thermal_drift", 10.0 * COUNT, knots)
+    np.testing.assert_allclose(drift.run(np.full(700, 5.0), 0.37), 5.0 + expected, atol=1e-12)
+    gain = curve("gain_drift", 10.0 * COUNT, knots)
+    np.testing.assert_allclose(gain.run(np.full(700, 5.0), 0.37), 5.0 * (1 + expected), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["thermal_drift", "gain_drift"])
+def test_a_smooth_curve_passes_its_knots_without_a_kink(name):
+    knots, fine = np.random.default_rng(6).normal(0.0, 0.3, COUNT), 1000
+    x = np.full(COUNT * fine + 1, 1.0)
+    z = curve(name, 2.0 * COUNT, knots).run(x, 2.0 / fine) - x
+    np.testing.assert_allclose(z[::fine], [0.0, *knots], atol=1e-12)
+    # a diagonally dominant system: second derivatives are at most 3 times the knots' differences
+    bend = 3.0 * np.abs(np.diff([0.0, *knots], 2)).max() / 2.0**2
+    step = 2.0 / fine
+    assert np.abs(np.diff(z, 2)).max() / step <= bend * step
+    polyline = np.interp(np.arange(len(z)), fine * np.arange(COUNT + 1), [0.0, *knots])
+    assert np.abs(np.diff(polyline, 2)).max() / step > 100.0 * bend * step
+
+
+@pytest.mark.parametrize("periods", [1, 2, 3])
+def test_a_wander_of_some_periods_is_followed_to_the_bound_of_cubic_splines(periods):
+    """5 / 384 h⁴ max |z⁗|, for what bends at neither end (Hall and Meyer 1976)."""
+    angle = 2.0 * np.pi * periods
+    knots = np.sin(angle * np.arange(1, COUNT + 1) / COUNT)
+    z = curve("thermal_drift", 5.0, knots).run(np.zeros(5001), 1e-3)
+    off = np.abs(z - np.sin(angle * np.arange(5001) / 5000)).max()
+    bound = 5.0 / 384.0 * (angle / COUNT) ** 4
+    assert 0.1 * bound < off <= bound
+
+
 def test_hum_with_harmonics_is_a_sum_of_sines():
     kind = form("mains_hum", "with harmonics")
     values = dict(zip(("second_sine_um", "second_cosine_um"), (0.03, -0.02), strict=True))
@@ -224,8 +270,10 @@ STARTED = {
     ("resonance", "two modes"): {"f0_hz": 600.0, "damping": 0.05},
     ("gain_drift", "to a limit"): {"rate_per_s": 2e-4},
     ("gain_drift", "piecewise linear"): {"rate_per_s": 2e-4},
+    ("gain_drift", "smooth curve"): {"rate_per_s": 2e-4},
     ("thermal_drift", "two time constants"): {"rate_um_s": 0.01, "time_constant_s": 30.0},
     ("thermal_drift", "piecewise linear"): {"rate_um_s": 0.01, "time_constant_s": 30.0},
+    ("thermal_drift", "smooth curve"): {"rate_um_s": 0.01, "time_constant_s": 30.0},
     ("mains_hum", "with harmonics"): {"amplitude_um": 0.5, "phase_rad": 0.3},
     ("delay", "whole samples"): {"delay_s": 2e-4},
 }
