@@ -250,7 +250,7 @@ def jacobian_rows(
         ahead_u, np.ascontiguousarray(v[:, 1:]), np.ascontiguousarray(parameters[:, 1:]),
         ahead_state, ahead_y,
     )  # fmt: skip
-    lanes = [base, *_a0_changed(base, weight_step), *[base] * n, *ahead, *behind]
+    lanes = [base, *_weights_changed(base, weight_step), *ahead, *behind]
     behind_core = in_order(_links(lanes, record, BEHIND), BEHIND)
     order = np.array([changed.index(v) for v in (*ahead, *behind)], dtype=np.intp)
     scale = 1.0 / np.concatenate([np.full(n + 1, weight_step), steps[order]])
@@ -320,8 +320,15 @@ def _changes_front(base: Variant, variant: Variant) -> bool:
     return any(_in_front(a) and a != b for a, b in pairs)
 
 
-def _a0_changed(base: Variant, step: float) -> list[Variant]:
-    h = base.hysteresis
-    weights = (h.a0 + step, *h.weights[1:])
-    changed = RDPI(weights, h.thresholds_V, h.delta2_s, h.rate_bandwidth_hz)
-    return [Variant(changed, base.effects)]
+def _weights_changed(base: Variant, step: float) -> list[Variant]:
+    """The plant after a step of each weight, for the stages that read them.
+
+    A stage with plays of its own reads all, any other a_0 alone: the same lane is packed once.
+    """
+    core = base.hysteresis
+    count = len(core.weights) if any(effect.weighs_plays for effect in base.effects) else 1
+    changed = []
+    for k in range(count):
+        weights = (*core.weights[:k], core.weights[k] + step, *core.weights[k + 1 :])
+        changed.append(replace(base, hysteresis=replace(core, weights=weights)))
+    return [*changed, *[base] * (len(core.weights) - count)]

@@ -41,7 +41,8 @@ class Stage:
                 packed[pair] = effect.coefficients(ts_s, model)
             columns.append(packed[pair])
         self._parameters = np.ascontiguousarray(np.array(columns, dtype=np.float64).T)
-        rows = max(effect.state_rows(ts_s) for effect in effects)
+        pairs = zip(effects, hysteresis, strict=True)
+        rows = max(effect.state_rows_with(ts_s, core) for effect, core in pairs)
         self._state = np.full((rows, len(effects)), np.nan)
         self._ts_s = ts_s
 

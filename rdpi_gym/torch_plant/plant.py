@@ -95,7 +95,7 @@ class TorchPlant:
             torch.zeros((), dtype=torch.int64, device=self.device),
             torch.zeros(self.lanes, dtype=torch.bool, device=self.device),
             tuple(self._empty().to(dtype) for _ in range(hysteresis[0].n)),
-            tuple(self._empty(max(e.state_rows(ts_s) for e in column)) for column in stages),
+            tuple(self._empty(self._memory_rows(column, hysteresis)) for column in stages),
         )
         self.reset()
 
@@ -251,6 +251,10 @@ class TorchPlant:
             u = turn + follows * first_V
             xi = torch.clamp(xi, u - rest, u + rest)
         return xi
+
+    def _memory_rows(self, effects: Sequence[Effect], hysteresis: Sequence[RDPI]) -> int:
+        pairs = zip(effects, hysteresis, strict=True)
+        return max(effect.state_rows_with(self.ts_s, core) for effect, core in pairs)
 
     def _stage(
         self, effects: Sequence[Effect], hysteresis: Sequence[RDPI]

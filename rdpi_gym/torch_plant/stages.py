@@ -20,6 +20,7 @@ from rdpi_gym.plant.effects.asymmetry import (
     command_polynomial_block,
     polynomial_block,
     unlike_branches_block,
+    unlike_envelopes_block,
 )
 from rdpi_gym.plant.effects.backlash import backlash_block
 from rdpi_gym.plant.effects.base import Block, Effect
@@ -251,6 +252,23 @@ def unlike_branches(
     return x + (p[0] + p[1] * stop / p[2]) * x * x, torch.stack([u, stop])
 
 
+def unlike_envelopes(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.asymmetry.unlike_envelopes_block`."""
+    n = (len(p) - 8) // 2
+    begun = _begun(state, torch.cat([u[None], torch.zeros_like(state[1:])]))
+    rate = p[7] * begun[1] + (1.0 - p[7]) * ((u - begun[0]) / ts_s)
+    reach = p[8 + n :] + p[6] * rate.abs()
+    s = (u - p[0]) / p[1]
+    low = u + p[1] * s * s * (p[2] + p[3] * s)
+    high = u + p[1] * s * s * (p[4] + p[5] * s)
+    ordinary = torch.clamp(begun[2 : 2 + n], u - reach, u + reach)
+    between = torch.maximum(torch.minimum(begun[2 + n :], high + reach), low - reach)
+    more = (p[8 : 8 + n] * (between - ordinary)).sum(0)
+    return x + more, torch.cat([u[None], rate[None], ordinary, between])
+
+
 def asymmetry(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
     """Twin of :func:`~rdpi_gym.plant.effects.asymmetry.asymmetry_block`."""
     return x + p[0] * x * x, state
@@ -373,6 +391,7 @@ TWINS: Mapping[Block, Twin] = {
     congruency_polynomial_block: congruency_polynomial,
     asymmetry_block: asymmetry,
     unlike_branches_block: unlike_branches,
+    unlike_envelopes_block: unlike_envelopes,
     polynomial_block: polynomial,
     command_polynomial_block: command_polynomial,
     backlash_block: backlash,

@@ -104,3 +104,15 @@ def test_a_refit_is_the_same_in_any_unit(volt, second, micrometre):
 
     assert left(1.0, 1.0, 1.0) == pytest.approx(0.01, rel=0.05)
     assert left(volt, second, micrometre) == pytest.approx(left(1.0, 1.0, 1.0), rel=1e-4)
+
+
+def test_unlike_envelopes_are_found_with_the_weights_of_the_plays():
+    envelopes = form("asymmetry", "unlike envelopes")
+    u = 40.0 * np.exp(-2.0 * T) * np.sin(2 * np.pi * 10.0 * T)
+    hidden = envelopes(0.1, -0.02, 0.25, 0.03, centre_V=0.0, span_V=40.0)
+    record = measured(P10.hysteresis, u, hidden)
+    wrong = replace(P10.hysteresis, weights=(0.8, *np.full(P10.hysteresis.n, 0.1)))
+    fit = fit_joint([record], wrong, envelopes.starts(SCALE))
+    assert fit.train_rmse_um < 1e-4 * np.std(record.y_um)
+    assert fit.variant.effects[0].values == pytest.approx(hidden.values, rel=1e-3, abs=1e-4)
+    assert fit.variant.hysteresis.weights == pytest.approx(P10.hysteresis.weights, abs=1e-3)

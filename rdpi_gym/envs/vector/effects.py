@@ -72,7 +72,7 @@ class EffectStages:
             size = len(effect.coefficients(ts_s, cast(RDPI, watched)))
             if watched.read:
                 self._reading.add(i)
-            states = self._state_rows(effect)
+            states = self._state_rows(effect, model.hysteresis)
             block = type(effect).block
             kernel = KERNELS.index(block) if block in KERNELS else -1
             ends = (p_row, p_row + size, state_row, state_row + states)
@@ -101,7 +101,7 @@ class EffectStages:
                 "make an environment of that plant instead"
             )
         for i, row in zip(self._stages, self.table.tolist(), strict=True):
-            if model.effects[i].state_rows(self._ts_s) > row[5] - row[4]:
+            if model.effects[i].state_rows_with(self._ts_s, model.hysteresis) > row[5] - row[4]:
                 raise InputError(
                     f"{model.effects[i].name} of plant {model.name} needs a longer memory than the lanes "
                     "of this environment have; make an environment of that plant instead"
@@ -210,7 +210,7 @@ class EffectStages:
         columns = [effect.coefficients(self._ts_s, hysteresis) for effect in effects]
         return np.array([value for column in columns for value in column], dtype=np.float64)
 
-    def _state_rows(self, effect: Effect) -> int:
+    def _state_rows(self, effect: Effect, hysteresis: RDPI) -> int:
         """Rows of the largest state among an effect's levels.
 
         At every corner of the parameters that change it by themselves: of dozens there are too many.
@@ -219,7 +219,8 @@ class EffectStages:
         last = EFFECT_LEVELS - 1
 
         def rows(levels: Sequence[int]) -> int:
-            return effect_at(effect, levels, self._half_width).state_rows(self._ts_s)
+            one = effect_at(effect, levels, self._half_width)
+            return one.state_rows_with(self._ts_s, hysteresis)
 
         count = len(drawn_parameters(effect))
         centre = rows([middle] * count)

@@ -295,3 +295,159 @@ class ToTheFifthDegree(_Polynomial, of=Asymmetry):
     form = "to the fifth degree"
     parameters = (*(_power(k, "Y") for k in range(2, 6)), Asymmetry.parameters[1])
     equation = "y = y_h + Y (c_2 (y_h / Y)² + ... + c_5 (y_h / Y)⁵)"
+
+
+_HEAD = 8  # rows of parameters before the weights
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _generalised_plays(u: Array, p: Array, state: Array, ts: float, more: Array) -> None:
+    """Fill what plays between the envelopes are more than ordinary ones, ``(T, n)``."""
+    n = more.shape[1]
+    rest = p[_HEAD + n : _HEAD + 2 * n].copy()
+    ordinary, between = state[2 : 2 + n].copy(), state[2 + n : 2 + 2 * n].copy()
+    last, rate = state[0], state[1]
+    if np.isnan(last):
+        last, rate = u[0], 0.0
+        ordinary[:], between[:] = 0.0, 0.0
+    for t in range(u.shape[0]):
+        rate = p[7] * rate + (1.0 - p[7]) * ((u[t] - last) / ts)  # Eq. 5
+        last = u[t]
+        shift = p[6] * abs(rate)
+        s = (last - p[0]) / p[1]
+        low = last + p[1] * s * s * (p[2] + p[3] * s)
+        high = last + p[1] * s * s * (p[4] + p[5] * s)
+        for i in range(n):
+            r = rest[i] + shift
+            x, z = ordinary[i], between[i]
+            x = x if x < last + r else last + r
+            x = x if x > last - r else last - r
+            z = z if z < high + r else high + r
+            z = z if z > low - r else low - r
+            ordinary[i], between[i] = x, z
+            more[t, i] = z - x
+    state[0], state[1] = last, rate
+    state[2 : 2 + n], state[2 + n : 2 + 2 * n] = ordinary, between
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _add_weighted(x: Array, more: Array, weights: Array, y: Array) -> None:
+    for t in range(x.shape[0]):
+        total = 0.0
+        for i in range(weights.shape[0]):
+            total += weights[i] * more[t, i]
+        y[t] = x[t] + total
+
+
+@njit(cache=True)
+def unlike_envelopes_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: u_c, U (V), c_2 and c_3 of either branch, δ2, pole, weights, thresholds.
+
+    Rows of the state: last command, rate, ordinary plays, plays between the envelopes. Lanes that
+    differ in the weights alone, as a fit makes them, share their plays.
+    """
+    n = (p.shape[0] - _HEAD) // 2
+    more = np.empty((x.shape[0], n))
+    begin, end = np.empty(2 + 2 * n), np.empty(2 + 2 * n)
+    owner = -1
+    for b in range(x.shape[1]):
+        shared = owner >= 0
+        if shared:
+            for k in range(p.shape[0]):
+                if p[k, b] != p[k, owner] and not _HEAD <= k < _HEAD + n:
+                    shared = False
+                    break
+        if shared:
+            for k in range(begin.size):
+                here = state[k, b]
+                if here != begin[k] and not (np.isnan(here) and np.isnan(begin[k])):
+                    shared = False
+                    break
+        if shared:
+            for t in range(u.shape[0]):
+                if u[t, b] != u[t, owner]:
+                    shared = False
+                    break
+        if not shared:
+            owner = b
+            begin[:] = state[: begin.size, b]
+            end[:] = begin
+            _generalised_plays(u[:, b].copy(), p[:, b].copy(), end, ts, more)
+        state[: end.size, b] = end
+        _add_weighted(x[:, b], more, p[_HEAD : _HEAD + n, b].copy(), y[:, b])
+
+
+def _bend(k: int, branch: str) -> Parameter:
+    text = f"share of the power {k} in the envelope of the {branch} branch at U"
+    return Parameter(f"{branch}_{k}", "1", -2.0, 2.0, (-0.05, 0.05), text, neutral=0.0)
+
+
+@dataclass(frozen=True)
+class UnlikeEnvelopes(Effect, of=Asymmetry):
+    """Plays between two envelopes of the command, one of the rising and one of the falling branch.
+
+    Its plays are run beside the plant's own, with thresholds that grow with the rate as Eq. 8 says,
+    and begin at rest.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import RDPI
+    >>> core = RDPI((1.0, 0.5), (2.0,), 0.0)
+    >>> effect = UnlikeEnvelopes(rising_2=0.1, falling_2=0.2, centre_V=0.0, span_V=10.0)
+    >>> effect.run([0.0, 14.0, 6.0], 1e-3, u=[0.0, 10.0, 5.0], hysteresis=core).tolist()
+    [0.0, 14.5, 6.25]
+    """
+
+    rising_2: float = 0.03
+    rising_3: float = 0.0
+    falling_2: float = 0.02
+    falling_3: float = 0.0
+    centre_V: float = 0.0
+    span_V: float = 40.0
+
+    form = "unlike envelopes"
+    order = 5
+    weighs_plays = True
+    parameters = (
+        _bend(2, "rising"),
+        _bend(3, "rising"),
+        _bend(2, "falling"),
+        _bend(3, "falling"),
+        Parameter("centre_V", "V", -1e9, 1e9, (0.0, 40.0), "command u_c that is not bent", fixed=True),
+        Parameter("span_V", "V", 1e-9, 1e9, (40.0, 40.0), "command U, from u_c on", fixed=True),
+    )  # fmt: skip
+    equation = (
+        "y = a_0 u + Σ a_i ξ_i, ξ_i = max(γ_r(u) - r_i, min(γ_f(u) + r_i, ξ_i(k-1))), "
+        "γ(u) = u + U (c_2 s² + c_3 s³), s = (u - u_c) / U"
+    )
+    source = "Generalised plays (Al Janaideh, Rakheja, Su, 2011), with cubic envelopes."
+    signature = (
+        "Even harmonics, and branches that are not each other's mirror image: loops that are wider "
+        "at one end."
+    )
+    block = staticmethod(unlike_envelopes_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start: envelopes that are alike and slightly bent."""
+        return (
+            cls.within_bounds(
+                rising_2=0.01, rising_3=0.0, falling_2=0.01, falling_3=0.0,
+                centre_V=scale.centre_V, span_V=scale.span_V,
+            ),
+        )  # fmt: skip
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """u_c and U (V), the bends, δ2 (s), the pole of the rate, weights and thresholds."""
+        _, *plays, delta2_s = hysteresis.coefficients()
+        bends = self.rising_2, self.rising_3, self.falling_2, self.falling_3
+        pole = hysteresis.rate_pole(ts_s)
+        return [self.centre_V, self.span_V, *bends, delta2_s, pole, *plays]
+
+    def state_rows(self, ts_s: float) -> int:
+        """Last command and rate; the plays come with the core."""
+        return 2
+
+    def state_rows_with(self, ts_s: float, hysteresis: Core) -> int:
+        """Last command and rate, and both sets of plays."""
+        return 2 + 2 * hysteresis.n

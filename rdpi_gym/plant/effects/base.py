@@ -183,6 +183,9 @@ class Effect(ABC):
     clocked
         Row 0 of its state counts the samples since t = 0, so a stage that begins at the time t
         starts from t / Ts there; False unless stated.
+    weighs_plays
+        It runs plays of its own with the weights of the plant's core, so a fit that steps one of
+        them steps it there too; False unless stated.
 
     Raises
     ------
@@ -218,6 +221,7 @@ class Effect(ABC):
     picture: ClassVar[Picture | None] = None
     kinked: ClassVar[str | None] = None
     clocked: ClassVar[bool] = False
+    weighs_plays: ClassVar[bool] = False
 
     def __init_subclass__(cls, of: type[Effect] | None = None) -> None:
         """Make the class a further form of the effect `of`: what it does not state is as there.
@@ -261,6 +265,10 @@ class Effect(ABC):
     def state_rows(self, ts_s: float) -> int:
         """Return the number of state rows S at sampling time `ts_s` (s); 0 without memory."""
 
+    def state_rows_with(self, ts_s: float, hysteresis: Core) -> int:
+        """Return the same in a plant with a core, for an effect that runs plays of its own."""
+        return self.state_rows(ts_s)
+
     def run(
         self,
         x: ArrayLike,
@@ -294,8 +302,10 @@ class Effect(ABC):
         """
         column = np.array(x, dtype=np.float64)[:, None]
         command = np.zeros_like(column) if u is None else np.array(u, dtype=np.float64)[:, None]
-        p = np.array(self.coefficients(ts_s, hysteresis or RDPI((1.0,), (), 0.0)))[:, None]
-        state, y = np.full((self.state_rows(ts_s), 1), np.nan), np.empty_like(column)
+        core = hysteresis or RDPI((1.0,), (), 0.0)
+        p = np.array(self.coefficients(ts_s, core))[:, None]
+        rows = self.state_rows_with(ts_s, core)
+        state, y = np.full((rows, 1), np.nan), np.empty_like(column)
         type(self).block(column, command, p, state, ts_s, y)
         return y[:, 0]
 

@@ -1,10 +1,12 @@
 """Further forms of effects: nested in each other, exact between samples, right at rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from rdpi_gym.plant import P10
+from rdpi_gym.plant import P10, RDPI, Plant
 from rdpi_gym.plant.effects import CATALOGUE, Effect, forms_of, load_effect
 from rdpi_gym.plant.effects.creep import TIME_CONSTANTS_S
 
@@ -205,6 +207,34 @@ def test_unlike_branches_are_told_by_a_stop_of_the_command():
     between = bent[82:101] / u[82:101] ** 2
     assert np.all(np.diff(between) < 0.0)
     assert 0.06 < between[-1] < between[0] < 0.14
+
+
+def test_envelopes_that_are_alike_bend_the_command_of_the_plays_alone():
+    """The plays are those of γ(u), and a_0 u is not bent."""
+    core = RDPI((0.7, 0.3, 0.2), (2.0, 5.0), 0.0)
+    u = 40.0 * np.sin(np.arange(900) / 30.0) * np.linspace(0.2, 1.0, 900)
+    effect = form("asymmetry", "unlike envelopes")(0.2, 0.1, 0.2, 0.1, centre_V=5.0, span_V=60.0)
+    s = (u - 5.0) / 60.0
+    bent = u + 60.0 * (0.2 * s**2 + 0.1 * s**3)
+    bare = replace(P10, hysteresis=core, effects=())
+    y = Plant(replace(bare, effects=(effect,)), TS).simulate(u)
+    plays = Plant(bare, TS).simulate(bent) - 0.7 * bent
+    np.testing.assert_allclose(y, 0.7 * u + plays, rtol=0, atol=1e-12 * 40.0)
+
+
+def test_each_branch_runs_along_its_own_envelope():
+    core = RDPI((0.7, 0.5), (3.0,), 0.0)
+    u = np.concatenate([np.linspace(0.0, 40.0, 81), np.linspace(40.0, -40.0, 161)])
+    effect = form("asymmetry", "unlike envelopes")(0.3, 0.0, 0.1, 0.0, centre_V=0.0, span_V=60.0)
+    y = Plant(replace(P10, hysteresis=core, effects=(effect,)), TS).simulate(u)
+    play = (y - 0.7 * u) / 0.5
+    rising, falling = slice(10, 81), slice(130, 241)
+    np.testing.assert_allclose(
+        play[rising], u[rising] - 3.0 + 0.3 * u[rising] ** 2 / 60.0, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        play[falling], u[falling] + 3.0 + 0.1 * u[falling] ** 2 / 60.0, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("sharpness", [1.0, 3.0, 50.0])
