@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis.results import Errors
-from rdpi_gym.diagnosis.search.candidates import PIECES, Outcome
+from rdpi_gym.diagnosis.search.candidates import PIECES, Outcome, Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.forms import better_forms, in_best_form
+from rdpi_gym.diagnosis.search.scale import data_scale
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10
-from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects import CATALOGUE, load_effect
 from rdpi_gym.plant.effects.base import DataScale, forms_of
 from rdpi_gym.signals import DecayingSine, Sine
 from rdpi_gym.signals.experiments import polyline
@@ -53,6 +54,14 @@ def test_only_further_forms_of_what_is_there_are_tried_without_it_beside_them():
     assert all(t.present == (delay,) for t in trials if t.kind.name == "creep")
     last = forms_of(CATALOGUE["creep"])[-1]()
     assert not [t for t in better_forms((last,), SCALE) if t.kind.name == "creep"]
+
+
+def test_another_form_of_the_candidate_gives_way_to_it():
+    data = records(FAST)
+    setting = Setting(data.train, data.validation, data_scale(data.train))
+    drift, curve = (load_effect("gain_drift", form) for form in ("", "smooth curve"))
+    found = refit(setting, P10.hysteresis, (drift(), CATALOGUE["delay"]()), curve)
+    assert [type(e) for e in found.fit.variant.effects] == [curve, CATALOGUE["delay"]]
 
 
 def records(signals, effects=(), through=lambda u: u) -> Dataset:
@@ -128,3 +137,17 @@ def test_creep_of_two_time_constants_is_one_effect_in_a_better_form():
     taus = sorted(v for k, v in found.added[0].parameters.items() if k.startswith("time"))
     assert taus == pytest.approx([0.3, 4.0], rel=0.1)
     assert found.final.validation_rmse_um < 1.15 * NOISE_UM
+
+
+def test_a_gain_that_goes_to_and_fro_is_a_smooth_curve_and_nothing_else():
+    """Two and a half turns over the experiment, of which nothing in one record tells the next."""
+    wandering = []
+    for record in records(SLOW).records:
+        angle = 2.0 * np.pi * 2.5 * record.t_s / 77.0
+        walk = 0.02 * (np.sin(angle) + 0.4 * np.sin(0.6 * angle + 1.0))
+        wandering.append(replace(record, y_um=record.y_um * (1.0 + walk)))
+    found = discover(
+        Dataset("records", tuple(wandering)), catalogue=few("gain_drift", "thermal_drift", "creep")
+    )
+    assert [(c.effect, c.form) for c in found.added] == [("gain_drift", "smooth curve")]
+    assert found.verdict == "explained"

@@ -170,7 +170,7 @@ def refit(
     hysteresis
         Comb of thresholds with the weights to start from.
     present
-        Effects added before, with their values.
+        Effects added before, with their values; another form of the candidate gives way to it.
     kind
         The candidate; None to refit without one.
     starts
@@ -183,6 +183,7 @@ def refit(
     """
     if kind is None:
         return assess(setting, "", setting.fit(hysteresis, present))
+    present = [effect for effect in present if effect.name != kind.name]
     troubles: list[str] = []
     held = frozenset() if kind.kinked is None else frozenset({f"{kind.name}.{kind.kinked}"})
 
