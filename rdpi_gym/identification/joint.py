@@ -24,6 +24,9 @@ _LARGEST_DAMPING = 1e6
 # Steps between two passes that take the derivatives by the weights anew.
 _LIGHT_PASSES = 4
 _SMALLEST_A0 = 1e-6  # of the gain that the data show
+# Price of the squares of an effect's bends, against what its parameters do to the records on the
+# average: it settles those that no record tells, and of those that one does it is not seen.
+_BEND_PRICE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -204,6 +207,7 @@ class _Pass:
     motion: Array  # of every column, over the command's, in the record where it moves most
     columns: Sequence[Array]  # derivatives by the weights, by record
     squares: Sequence[Array]  # their Gram matrices
+    bends: float  # what their price adds to `total`
 
     @property
     def smallest_a0(self) -> float:
@@ -235,7 +239,8 @@ class _Problem:
             rows -= rows.mean(axis=0)
             columns.append(rows[:, :n_weights])
             changes.append(rows[:, n_weights:])
-        return _products(variant, columns, changes, [c.T @ c for c in columns], self.price)
+        squares = [c.T @ c for c in columns]
+        return _products(variant, self.free, columns, changes, squares, self.price)
 
     def light_pass(self, variant: Variant, last: _Pass) -> _Pass:
         """Derivatives by the free numbers; those by the weights are of another place near by."""
@@ -244,7 +249,7 @@ class _Problem:
         for record, kept in zip(self.records, self.kept, strict=True):
             rows = change_rows(variant, changed, steps, record, kept)
             changes.append(rows - rows.mean(axis=0))
-        return _products(variant, last.columns, changes, last.squares, self.price)
+        return _products(variant, self.free, last.columns, changes, last.squares, self.price)
 
     def _neighbours(self, variant: Variant) -> tuple[list[Variant], Array]:
         changed, steps = [], []
@@ -258,6 +263,7 @@ class _Problem:
 
 def _products(
     variant: Variant,
+    free: Sequence[Free],
     columns: Sequence[Array],
     changes: Sequence[Array],
     squares: Sequence[Array],
@@ -283,7 +289,25 @@ def _products(
     count = sum(map(len, changes))
     inner, rhs = gram[:size, :size].copy(), gram[:size, size].copy()
     inner[:n, :n] += count * price
-    return _Pass(inner, rhs, float(gram[size, size]), count, motion, columns, squares)
+    bends = _add_bends(variant, free, inner[n:, n:], rhs[n:])
+    total = float(gram[size, size]) + bends
+    return _Pass(inner, rhs, total, count, motion, columns, squares, bends)
+
+
+def _add_bends(variant: Variant, free: Sequence[Free], gram: Array, rhs: Array) -> float:
+    """Add the price of the effects' bends to the products of the free numbers; return it."""
+    paid = 0.0
+    for i, effect in enumerate(variant.effects):
+        bends = effect.bends()
+        own = [k for k, number in enumerate(free) if number.effect == i]
+        if bends is None or bends.shape[1] != len(own):  # some keep their value
+            continue
+        price = _BEND_PRICE * float(np.diag(gram)[own].mean()) * bends.T @ bends
+        here = np.array([free[k].read(variant) for k in own])
+        gram[np.ix_(own, own)] += price
+        rhs[own] -= price @ here
+        paid += float(here @ price @ here)
+    return paid
 
 
 def _solve(at: _Pass, n_weights: int, damping: float, ways: Sequence[tuple[bool, bool]]) -> Array:
@@ -412,7 +436,7 @@ def fit_joint(
         best = _with_weights(best, _weights_alone(here, n_weights))
         cost = _least(here, n_weights)
     weights = np.array(best.hysteresis.weights)
-    cost -= here.count * float(weights @ price @ weights)
+    cost -= here.count * float(weights @ price @ weights) + here.bends
     edge = [n for n in free if n.effect is not None and n.at_bound(best)]
     return JointFit(
         best,

@@ -10,7 +10,7 @@ from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10
-from rdpi_gym.plant.effects import CATALOGUE, forms_of
+from rdpi_gym.plant.effects import CATALOGUE, forms_of, load_effect
 
 NOISE_UM = 2e-3
 CORE = P10.hysteresis
@@ -94,3 +94,25 @@ def test_a_form_is_found_to_the_noise_from_the_simplest_that_left_more(case):
     found = best.variant.effects[0].values
     assert {k: found[k] for k in values} == pytest.approx(values, rel=0.02, abs=1e-3)
     assert best.at_bound == ()
+
+
+@pytest.mark.parametrize("name", ["thermal_drift", "gain_drift"])
+@pytest.mark.parametrize("words", ["piecewise linear", "smooth curve"])
+def test_where_no_record_is_a_drift_goes_on_as_it_went(name, words):
+    """Two records with a pause between them and as long a time after them tell knots of neither."""
+    rng, records = np.random.default_rng(0), []
+    pace = 0.02 if name == "thermal_drift" else 1e-3
+    for begin in (0.0, 40.0):
+        t, u = slow(begin, 30.0)
+        y = simulate_effects([Variant(CORE, ())], Record("made", t, u, u, ts_s=0.05))[:, 0]
+        y += pace * t * (1.0 if name == "thermal_drift" else y)
+        y += rng.normal(0.0, NOISE_UM, len(t))
+        records.append(Record(f"made-{begin}", t, u, y, ts_s=0.05))
+    kind = load_effect(name, words)
+    knots = [p.name for p in kind.parameters if not p.fixed]
+    start = kind(duration_s=90.0, **dict.fromkeys(knots, 0.0))
+    fit = fit_joint(records, CORE, (start,))
+    assert fit.train_rmse_um < 1.02 * NOISE_UM
+    found = [fit.variant.effects[0].values[knot] for knot in knots]
+    straight = pace * 90.0 * np.arange(1, len(knots) + 1) / len(knots)
+    assert found == pytest.approx(straight, abs=0.1 * straight[-1])

@@ -365,6 +365,18 @@ class Effect(ABC):
         """
         return ()
 
+    @classmethod
+    def bends(cls) -> Array | None:
+        """Return combinations of the fitted parameters that are small where no record tells them.
+
+        Returns
+        -------
+        float64[M, P] or None
+            One in each row, over the parameters that are not fixed; a fit pays a little for their
+            squares. None, by default: any values are alike.
+        """
+        return None
+
     def sampled_at(self, ts_s: float) -> Effect:
         """Return what it is on records of one sampling time (s): the same on any, by default."""
         return self

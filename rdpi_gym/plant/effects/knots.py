@@ -133,6 +133,11 @@ class ByKnots(Clocked):
         return (cls.within_bounds(**knots, duration_s=scale.lasts_s),)
 
     @classmethod
+    def bends(cls) -> Array:
+        """Second differences: where no record is, the curve goes on as it went."""
+        return np.diff(np.eye(len(cls._knots()) + 1)[:, 1:], 2, axis=0)
+
+    @classmethod
     def _knots(cls) -> list[str]:
         return [p.name for p in cls.parameters if not p.fixed]
 
