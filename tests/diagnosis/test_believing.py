@@ -8,14 +8,19 @@ import pytest
 from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.search.candidates import Setting, refit
 from rdpi_gym.diagnosis.search.numerics import numerical_floor
-from rdpi_gym.diagnosis.search.openings import misleading, unknown_past, without_openings
+from rdpi_gym.diagnosis.search.openings import (
+    misleading,
+    missed,
+    unknown_past,
+    without_openings,
+)
 from rdpi_gym.diagnosis.search.scale import comb, data_scale
 from rdpi_gym.diagnosis.search.stability import splits, stability
 from rdpi_gym.diagnosis.search.vetoes import hear
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import P10
-from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects import CATALOGUE, load_effect
 
 NOISE_UM = 0.012
 BARE = Variant(P10.hysteresis, ())
@@ -104,6 +109,27 @@ def cut(whole, start):
         whole, t_s=whole.t_s[part], u_V=whole.u_V[part], y_um=whole.y_um[part],
         error_mask=whole.error_mask[part],
     )  # fmt: skip
+
+
+def begun_about(starts, effects=(), lasting=400):
+    past = (load_effect("initial_memory", "about the start")(reach_V=70.0, ratio=0.4),)
+    t = np.arange(3000)
+    pair = [
+        record(name, replace(BARE, effects=(*past, *effects)), u0 + 30.0 * np.sin(t / 60.0))
+        for name, u0 in zip("ab", starts, strict=True)
+    ]
+    return pair, {r.name: np.arange(r.u_V.size) < lasting for r in pair}
+
+
+@pytest.mark.parametrize("lasting", [400, 1700])
+def test_a_memory_that_spoils_a_part_of_an_opening_is_seen_however_long_it_is(lasting):
+    pair, openings = begun_about((0.0, 25.0), lasting=lasting)
+    setting = Setting((pair[0],), (pair[1],), data_scale(pair))
+    bare = refit(setting, comb(setting.train), (), None)
+    assert missed(setting, bare, openings, NOISE_UM)
+    told = refit(setting, comb(setting.train), (), load_effect("initial_memory", "about the start"))
+    assert not missed(setting, told, openings, NOISE_UM)
+    assert misleading(setting, bare, openings, NOISE_UM) == {}
 
 
 def test_an_opening_of_unknown_history_is_left_out_and_one_that_is_known_is_not():

@@ -8,6 +8,7 @@ import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.diagnosis.hygiene import inspect, limits
+from rdpi_gym.diagnosis.hygiene.opening import opening
 from rdpi_gym.diagnosis.hygiene.rebuilt import rebuilt_command
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import Plant, named_plant
@@ -267,9 +268,27 @@ def test_a_record_that_begins_in_motion_is_said_and_still_counts():
     found = looked(run)
     assert kinds(found) == ["in motion"]
     assert found.dataset.records[0].error_mask.all()
-    opening = found.openings["run"]
-    assert 250 < opening.sum() <= 500
-    assert opening[: int(opening.sum())].all()
+    start = found.openings["run"]
+    assert 250 < start.sum() <= 500
+    assert start[: int(start.sum())].all()
+
+
+def test_an_opening_lasts_until_both_extremes_have_been_passed_or_most_of_the_swing():
+    t = np.arange(10_000) * 1e-3
+
+    def ended(u):
+        start = opening(Record("run", t, u, u, ts_s=1e-3))
+        return 0 if start is None else int(start.sum())
+
+    wave = np.sin(2 * np.pi * t)
+    growing = wave * np.minimum(t / 5.0, 1.0)
+    # the first whole trough after five cycles, but for 2 % of the swing
+    assert ended(growing) == pytest.approx(5750 - 1e3 * np.arccos(0.96) / (2 * np.pi), abs=2)
+    # both extremes come late, nine tenths of the swing in time
+    late = wave * np.where(t < 2.0, 0.5, np.where(t < 7.0, 0.92, 1.0))
+    assert 2500 < ended(late) < 3000
+    # most of the swing comes late: the first cycle
+    assert ended(wave * np.where(t < 7.0, 0.3, 1.0)) <= 1500
 
 
 def test_a_record_that_begins_at_rest_is_not_in_motion():

@@ -10,7 +10,9 @@ from rdpi_gym.diagnosis.features.periods import steady_periods
 from rdpi_gym.diagnosis.hygiene.finding import BoolArray
 from rdpi_gym.measurement import Record
 
-_NEAR = 0.02  # of the swing: an extremum has been passed
+# Of the swing: an extremum has been passed. The further ones count where the nearest is passed late.
+_NEAR = (0.02, 0.1, 0.2)
+_LONGEST = 0.6  # of the record
 _FEWEST = 16
 _WIDE = 0.3  # of the widest swing: memory shows
 _ALIKE_NOISE, _ALIKE = 2.0, 2e-3  # times the noise; of the stroke
@@ -21,7 +23,9 @@ _DEGREE = 5
 def opening(record: Record) -> BoolArray | None:
     """Samples before the command has passed its extremes on both sides, where memory is unknown.
 
-    At most the first cycle, and at most a quarter of the record.
+    Only plays that are wider than the swing go on from before, and they do not move. Where the
+    extremes are passed late, most of the swing has to do: at most 60 % of the record, and where even
+    that comes later, at most the first cycle and a quarter of the record.
 
     Parameters
     ----------
@@ -42,11 +46,14 @@ def opening(record: Record) -> BoolArray | None:
     """
     u = record.u_V
     swing = float(np.ptp(u))
-    top = int(np.argmax(u >= u.max() - _NEAR * swing))
-    bottom = int(np.argmax(u <= u.min() + _NEAR * swing))
+    passed = [
+        1 + max(int(np.argmax(u >= u.max() - near)), int(np.argmax(u <= u.min() + near)))
+        for near in (share * swing for share in _NEAR)
+    ]
     edges = half_cycles(u, record.ts_s).edges
     cycle = int(edges[3]) if edges.size > 3 else u.size
-    last = min(max(top, bottom) + 1, cycle, u.size // 4)
+    early = min(passed[0], cycle, u.size // 4)
+    last = max(early, next((end for end in passed if end <= _LONGEST * u.size), early))
     mask = np.zeros(u.size, dtype=np.bool_)
     mask[:last] = True
     kept = int((record.error_mask & ~mask).sum())

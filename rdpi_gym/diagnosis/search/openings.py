@@ -13,9 +13,14 @@ from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.measurement import MIN_SAMPLES, Record
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import forms_of
+from rdpi_gym.support.arrays import Array
 
-# An opening misleads where its mean square is this many times that of the rest and of the noise.
-_WORSE, _NOISE = 3.0, 9.0
+# An opening misleads where a piece of it has this many times the mean square of the rest and of the
+# noise, and more than any piece of the rest: a memory may spoil only a part of a long opening.
+_WORSE, _NOISE, _STANDS_OUT = 3.0, 9.0, 1.5
+_PIECES, _LEAST_PIECE = 8, 8
+# Of the squares in the openings, what a memory that is right leaves at most.
+_TAKEN = 0.2
 
 
 def misleading(
@@ -38,18 +43,29 @@ def misleading(
     -------
     dict of str, bool[N]
         Of the records whose beginning the model misses, where no initial memory that all records
-        share removes that.
+        share removes that or most of it, in any form: other effects may be missing still.
     """
     bad = missed(setting, outcome, openings, noise_um)
     if not bad:
         return {}
     assert outcome.fit is not None
     start = outcome.fit.variant
-    if not any(effect.name == "initial_memory" for effect in start.effects):
-        for kind in forms_of(CATALOGUE["initial_memory"]):
-            remembered = refit(setting, start.hysteresis, start.effects, kind)
-            if remembered.fit is not None and not missed(setting, remembered, bad, noise_um):
-                return {}
+    others = tuple(effect for effect in start.effects if effect.name != "initial_memory")
+    here = {type(effect) for effect in start.effects}
+    bare = outcome if others == start.effects else refit(setting, start.hysteresis, others, None)
+    most = _TAKEN * _opened(setting, bare, bad)
+    if _opened(setting, outcome, bad) < most:
+        return {}
+    for kind in forms_of(CATALOGUE["initial_memory"]):
+        if kind in here:  # it misses them as it is
+            continue
+        remembered = refit(setting, start.hysteresis, others, kind)
+        if remembered.fit is None:
+            continue
+        if _opened(setting, remembered, bad) < most or not missed(
+            setting, remembered, bad, noise_um
+        ):
+            return {}
     return bad
 
 
@@ -123,7 +139,7 @@ def _spared(record: Record, openings: Mapping[str, BoolArray]) -> Record:
 def missed(
     setting: Setting, outcome: Outcome, openings: Mapping[str, BoolArray], noise_um: float
 ) -> dict[str, BoolArray]:
-    """Return the openings that a model misses by far more than the rest and the noise.
+    """Return the openings of which a model misses a piece by far more than the rest and the noise.
 
     Parameters
     ----------
@@ -141,7 +157,28 @@ def missed(
             continue
         error = record.y_um - simulate_effects([outcome.fit.variant], record)[:, 0]
         error -= error[rest].mean()
-        opened = float(np.mean(error[inside] ** 2))
-        if opened > max(_WORSE * float(np.mean(error[rest] ** 2)), _NOISE * noise_um**2):
+        opened, others = error[inside] ** 2, error[rest] ** 2
+        size = max(_LEAST_PIECE, opened.size // _PIECES)
+        usual = max(_WORSE * float(others.mean()), _STANDS_OUT * _worst(others, size))
+        if _worst(opened, size) > max(usual, _NOISE * noise_um**2):
             found[record.name] = start
     return found
+
+
+def _opened(setting: Setting, outcome: Outcome, openings: Mapping[str, BoolArray]) -> float:
+    """Return the sum of a model's squares (µm²) in openings."""
+    assert outcome.fit is not None
+    total = 0.0
+    for record in (*setting.train, *setting.validation):
+        start = openings.get(record.name)
+        if start is not None:
+            error = record.y_um - simulate_effects([outcome.fit.variant], record)[:, 0]
+            error -= error[record.error_mask & ~start].mean()
+            total += float(np.sum(error[record.error_mask & start] ** 2))
+    return total
+
+
+def _worst(squares: Array, size: int) -> float:
+    """Return the largest mean of pieces that have about `size` samples each."""
+    pieces = np.array_split(squares, max(squares.size // size, 1))
+    return max(float(piece.mean()) for piece in pieces)
