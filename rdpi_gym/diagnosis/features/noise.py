@@ -274,6 +274,8 @@ def noise_floor(
     found += [_Level(_rms(s), s.size, f"the repetitions in {name}") for s, name in spreads]
     colours = [_slowness(noise) for noise, _ in still]
     colours = colours or [_slowness(spread.ravel()) for spread, _ in spreads]
+    # what is many times slower than white is motion that comes now and then, and no noise
+    colours = [c for c in colours if c <= _SLOWEST]
     if colours:
         colour = max(1.0, float(np.median(colours)))
     elif colour is None:

@@ -67,7 +67,7 @@ def diagnose(
     chosen = laboratory.choose(base, ranked)
     if laboratory.setting is not setting:  # judged in another way from here on
         base = laboratory.again(base)
-    ranked = _chosen_first(chosen, ranked)
+    ranked = _chosen_first([r.candidate for r in chosen], ranked)
     end = laboratory.after(base, chosen) if chosen else base
     end, notes = laboratory.on_law(end, given)
     recommended = [replace(r.candidate, errors=end.outcome.errors) for r in chosen]
@@ -116,7 +116,7 @@ def discover(
         chosen = laboratory.choose(state, ranked)
         if laboratory.setting is not setting:  # judged in another way from here on
             base = laboratory.again(base)
-        rounds.append(_chosen_first(chosen, ranked))
+        rounds.append(_chosen_first([r.candidate for r in chosen], ranked))
         if not chosen:
             break
         have = {effect.name for effect in state.effects}
@@ -146,6 +146,8 @@ def discover(
     state, unstable = laboratory.less_sure(state, added)
     added = [c for c in added if c.effect not in unstable]
     removed = (*removed, *unstable)
+    if rounds:  # what was taken out again does not lead the ranking
+        rounds[0] = _chosen_first(added, rounds[0])
     if added:  # the last step ends at the model that is saved
         end = added[-1].errors
         added = [replace(c, errors=state.outcome.errors) if c.errors is end else c for c in added]
@@ -164,10 +166,10 @@ def discover(
     return conclude(laboratory, search)
 
 
-def _chosen_first(chosen: Sequence[Ranked], ranked: Sequence[Ranked]) -> list[Ranked]:
+def _chosen_first(chosen: Sequence[Candidate], ranked: Sequence[Ranked]) -> list[Ranked]:
     """Return a ranking with what was chosen on top: held-out error alone does not choose."""
-    names = [r.candidate.effect for r in chosen]
-    return sorted(ranked, key=lambda r: r.candidate.effect not in names)
+    place = {candidate.effect: k for k, candidate in enumerate(chosen)}
+    return sorted(ranked, key=lambda r: place.get(r.candidate.effect, len(place)))
 
 
 def _moved_on(added: list[Candidate], before: State, after: State) -> list[Candidate]:

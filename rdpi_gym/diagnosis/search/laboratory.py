@@ -89,8 +89,9 @@ _HANGS = 1.7
 _MOST_OUTLIERS = 0.03
 # Samples to fit from which on blocks of them are held out, and not their end.
 _BLOCKS = 64
-# Price of uneven weights where loops of one size are all there is to fit.
-_SMOOTHNESS = 0.004
+# Prices of uneven weights where loops of one size are all there is to fit, and the share of the
+# held-out error that another one has to take.
+_SMOOTHNESS, _SMOOTHER = (0.0, 0.0004, 0.004), 0.04
 # Of the training error's excess, what a candidate takes that is judged with exchanged roles too.
 _ASKED = 0.2
 # Largest confidence in one member of a class that records of one rate do not tell apart.
@@ -188,15 +189,30 @@ class Laboratory:
         state = State(refit(self.setting, comb(self.setting.train), present, None))
         self._update_noise(state)
         state = self.past_outliers(self.past_openings(state))
-        if one_size(self.setting.train) and not self._is_explained(state):
-            self.setting = replace(self.setting, smoothness=_SMOOTHNESS)
-            state = self.again(state)
+        state = self._smoothed(state)
         if self._rates_alike:
             bare = typical_effects(self.catalogue, self.setting.scale)
             found = separability(self.setting.train, state.hysteresis, (), bare)
             self._like_rate = found.alike(RATE, _LIKE_RATE)
         self._progress("base model", 1, 1)
         return state
+
+    def _smoothed(self, state: State) -> State:
+        """Return a model with weights as smooth as held-out records like them best."""
+        if self._is_explained(state) or not one_size(self.setting.train):
+            return state
+        best, chosen = state, self.setting
+        for price in _SMOOTHNESS:
+            if price == self.setting.smoothness:
+                continue
+            setting = replace(self.setting, smoothness=price)
+            trial = State(assess(setting, "", setting.fit(state.hysteresis, state.effects)))
+            if trial.outcome.mean_square < (1.0 - _SMOOTHER) * best.outcome.mean_square:
+                best, chosen = trial, setting
+        self.setting = chosen
+        if best is not state:
+            self._update_noise(best)
+        return best
 
     def past_openings(self, state: State) -> State:
         """Leave out the beginnings of records whose unknown history misleads the model.
@@ -327,12 +343,16 @@ class Laboratory:
         return [best]
 
     def past_outliers(self, state: State) -> State:
-        """Leave out single samples that stand out from what the model leaves.
+        """Leave out more outliers of records that have some, which a model's residual shows.
 
+        A record without any shows none here either: what stands out there is the model's fault.
         Returns the model itself where there are none, else refitted.
         """
         found: dict[str, BoolArray] = {}
+        spoilt = {finding.record for finding in self.findings if finding.kind == "spikes"}
         for record in dict.fromkeys((*self.setting.train, *self.setting.validation)):
+            if record.name not in spoilt:
+                continue
             left = record.y_um - simulate_effects([state.fit.variant], record)[:, 0]
             single, _ = spikes(replace(record, y_um=left))
             new = single & record.error_mask
@@ -415,15 +435,9 @@ class Laboratory:
         if fit is None:
             return state
         whole = on_comb(fit.variant.hysteresis, comb(self.setting.train))
-        again = State(assess(self.setting, "", self.setting.fit(whole, fit.variant.effects)))
-        if self.setting.smoothness == 0.0 or self._is_explained(again):
-            return again
-        plain = replace(self.setting, smoothness=0.0)
-        free = State(assess(plain, "", plain.fit(again.hysteresis, again.effects)))
-        if not self._is_explained(free):
-            return again
-        self.setting = plain
-        return free
+        return self._smoothed(
+            State(assess(self.setting, "", self.setting.fit(whole, fit.variant.effects)))
+        )
 
     def _is_explained(self, state: State) -> bool:
         return state.outcome.errors.validation_rmse_um <= EXPLAINED * self.noise_um
