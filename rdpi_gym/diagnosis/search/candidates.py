@@ -245,10 +245,14 @@ def past_cusps(setting: Setting, outcome: Outcome, present: Sequence[Effect]) ->
     present
         Effects added before.
     """
-    kinked = [(e.name, e.kinked) for e in present if e.kinked is not None]
-    if outcome.fit is None or not kinked:
+    if outcome.fit is None:
         return outcome
     fit = outcome.fit
+    # the refit may have one of them in another form
+    names = {e.name for e in present} - {outcome.effect}
+    kinked = [(e.name, e.kinked) for e in fit.variant.effects if e.name in names and e.kinked]
+    if not kinked:
+        return outcome
     for _ in range(_CUSP_ROUNDS):
         before = fit.train_rmse_um
         for name, parameter in kinked:

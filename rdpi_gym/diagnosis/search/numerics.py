@@ -15,8 +15,8 @@ from rdpi_gym.support.arrays import Array
 # The error of a linear interpolation falls with the square of the step: half of it shows three
 # quarters.
 _WHOLE = 4.0 / 3.0
-# Steps within a sample that show a command held between the samples.
-_HELD_PARTS = 4
+# Steps within a sample that show another command between the samples.
+_PARTS = 4
 # Of the noise, what the numerical floor has to fall to for it not to matter.
 _NO_MATTER = 0.3
 
@@ -34,16 +34,20 @@ class NumericalFloor:
         shift in time (µm rms): a delay and the lags take up a shift.
     fastest_hz
         Sampling rate (Hz) of the record in which that is largest.
+    turned_um
+        What a command that turns between two samples, where the straight lines before and after
+        them meet, changes (µm rms): memory and gaps keep an extremum that no sample shows.
     """
 
     step_um: float
     held_um: float
     fastest_hz: float
+    turned_um: float = 0.0
 
     @property
     def total_um(self) -> float:
-        """Both together (µm rms)."""
-        return math.hypot(self.step_um, self.held_um)
+        """All together (µm rms)."""
+        return math.hypot(self.step_um, self.held_um, self.turned_um)
 
     def needed_hz(self, noise_um: float) -> float:
         """Return the sampling rate (Hz) at which the floor no longer matters beside the noise.
@@ -74,45 +78,77 @@ def numerical_floor(variant: Variant, records: Sequence[Record]) -> NumericalFlo
     """
     if not variant.effects:
         return NumericalFloor(0.0, 0.0, max(1.0 / r.ts_s for r in records))
-    steps, held, counts = [], [], []
+    squares, counts = [], []
     for record in records:
         still = simulate_effects([variant], record)[:, 0]
         counted = record.error_mask
-        halved = simulate_between(variant, record, 2) - still
-        steps.append(float(np.var(halved[counted])))
-        other = _held(variant, record) - still
-        held.append(float(np.var(_unshifted(other, still)[counted])))
+        changes = (
+            simulate_between(variant, record, 2) - still,
+            _unshifted(_changed(variant, record, np.repeat(record.u_V, _PARTS)), still),
+            _changed(variant, record, turned_between(record.u_V, _PARTS)),
+        )
+        squares.append([float(np.var(change[counted])) for change in changes])
         counts.append(int(counted.sum()))
-    worst = int(np.argmax(np.add(steps, held)))
-    return NumericalFloor(
-        _WHOLE * math.sqrt(float(np.average(steps, weights=counts))),
-        math.sqrt(float(np.average(held, weights=counts))),
-        1.0 / records[worst].ts_s,
-    )
+    worst = int(np.argmax(np.sum(squares, axis=1)))
+    step, held, turns = np.sqrt(np.average(squares, axis=0, weights=counts)).tolist()
+    return NumericalFloor(_WHOLE * step, held, 1.0 / records[worst].ts_s, turns)
 
 
-def _held(variant: Variant, record: Record) -> Array:
-    """Simulate with each command held until the next, at the samples."""
+def _changed(variant: Variant, record: Record, fine_V: Array) -> Array:
+    """What another command between the samples, ``(N P,)``, changes at the samples (µm)."""
     effects = tuple(effect.sampled_at(record.ts_s) for effect in variant.effects)
-    variant = replace(variant, effects=effects)
+    # jumps have no rate: only what does not hang on it is asked for
+    slow = Variant(replace(variant.hysteresis, delta2_s=0.0), effects)
+    parts = len(fine_V) // len(record.u_V)
     fine = replace(
         record,
-        t_s=record.t_s[0] + np.arange(len(record.u_V) * _HELD_PARTS) * record.ts_s / _HELD_PARTS,
-        u_V=np.repeat(record.u_V, _HELD_PARTS),
-        y_um=np.repeat(record.y_um, _HELD_PARTS),
-        ts_s=record.ts_s / _HELD_PARTS,
+        t_s=record.t_s[0] + np.arange(len(fine_V)) * record.ts_s / parts,
+        u_V=fine_V,
+        y_um=np.repeat(record.y_um, parts),
+        ts_s=record.ts_s / parts,
         reference_um=None,
         temperature_C=None,
         others={},
         period=None,
-        error_mask=np.repeat(record.error_mask, _HELD_PARTS),
+        error_mask=np.repeat(record.error_mask, parts),
     )
-    slow = replace(variant.hysteresis, delta2_s=0.0)
-    # jumps have no rate: only what stands behind the plays is asked for
-    y_held = simulate_effects([replace(variant, hysteresis=slow)], fine)[::_HELD_PARTS, 0]
-    y_linear = simulate_effects([replace(variant, hysteresis=slow)], record)[:, 0]
-    with_rate = simulate_effects([variant], record)[:, 0]
-    return np.asarray(with_rate + y_held - y_linear)
+    changed = simulate_effects([slow], fine)[::parts, 0] - simulate_effects([slow], record)[:, 0]
+    return np.asarray(changed)
+
+
+def turned_between(u_V: Array, parts: int) -> Array:
+    """Let a command turn between two samples, where the lines before and after them meet.
+
+    Parameters
+    ----------
+    u_V : float64[N]
+        Command at the samples (V).
+    parts
+        Steps from sample to sample.
+
+    Returns
+    -------
+    float64[N parts]
+        The command; level after the last sample.
+
+    Examples
+    --------
+    >>> turned_between(np.array([0.0, 2.0, 4.0, 4.0, 2.0, 0.0]), 2).tolist()
+    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0, 0.0]
+    """
+    part = np.arange(parts) / parts
+    after = np.append(u_V[1:], u_V[-1])
+    fine = u_V[:, None] + (after - u_V)[:, None] * part
+    if len(u_V) > 3:
+        into = (u_V[1:-2] - u_V[:-3])[:, None]
+        out = (u_V[3:] - u_V[2:-1])[:, None]
+        on, back = u_V[1:-2, None] + into * part, u_V[2:-1, None] - out * (1.0 - part)
+        inner = fine[1:-2]
+        turns = into * out < 0.0
+        beyond = np.where(into > 0.0, np.minimum(on, back), np.maximum(on, back))
+        further = np.where(into > 0.0, beyond > inner, beyond < inner)
+        fine[1:-2] = np.where(turns & further, beyond, inner)
+    return fine.ravel()
 
 
 def _unshifted(change: Array, y: Array) -> Array:
