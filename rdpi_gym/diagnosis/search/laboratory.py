@@ -308,19 +308,17 @@ class Laboratory:
         )
 
     def _within(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
-        """Judge what goes by the clock within every record: none tells the drift of a later one."""
+        """Judge within every record what the records to fit ask for: the others may not show it.
+
+        What goes by the clock is told of no later record; and where more than one effect is
+        missing, one that is added alone can spoil a record that hangs on another.
+        """
         if self.dataset.holds_out_quarters or self._is_within:
             return []
-        asked = {
-            r.candidate.effect
-            for r in ranked
-            if r.candidate.effect in self.catalogue
-            and self.catalogue[r.candidate.effect].clocked
-            and r.train_share >= _ASKED
-        }
-        kinds = [self.catalogue[name] for name in asked]
-        if not kinds:
+        asked = self._asked_within(ranked)
+        if not asked:
             return []
+        kinds = [self.catalogue[name] for name in asked]
         here = in_blocks(self.setting)
         now = refit(here, state.hysteresis, state.effects, None)
         tried = [
@@ -333,14 +331,25 @@ class Laboratory:
             tried.append(refit(here, state.hysteresis, state.effects, type(fitted(r.outcome))))
             kinds.append(type(fitted(r.outcome)))
         again = rank(now, in_best_form(tried, self.noise_um), kinds, self.noise_um, self._seed)
-        best = again[0]
-        if not (best.earned and best.candidate.effect in asked and best.worth > _MOST_OF_IT):
+        best = max(again, key=lambda r: r.worth)
+        if best.candidate.effect not in asked or best.worth <= _MOST_OF_IT:
             return []
         if not self._heard([best]):
             return []
         self.setting, self._whole, self._is_within = here, in_blocks(self._whole), True
         self.remarks = (*self.remarks, WITHIN)
         return [best]
+
+    def _asked_within(self, ranked: Sequence[Ranked]) -> set[str]:
+        """Return the candidates that take much of the error of the records to fit."""
+        new = [r for r in ranked if r.candidate.effect in self.catalogue]
+        clocked = {
+            r.candidate.effect
+            for r in new
+            if self.catalogue[r.candidate.effect].clocked and r.train_share >= _ASKED
+        }
+        most = sorted((r for r in new if r.train_share > _MOST_OF_IT), key=lambda r: r.train_share)
+        return clocked | {r.candidate.effect for r in most[-_RIVALS_WITHIN:]}
 
     def past_outliers(self, state: State) -> State:
         """Leave out more outliers of records that have some, which a model's residual shows.

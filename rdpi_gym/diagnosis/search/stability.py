@@ -19,10 +19,11 @@ _SAMPLES, _PASSES = 8_000, 6
 # Of a record, the part at its beginning that one split leaves out of the fit.
 _OPENING = 8
 WITHIN = (
-    "what goes by the clock cannot be told of records after those that were fitted: a quarter of "
-    "every record, in blocks, is held out from here on"
+    "the records to validate on do not show what those to fit ask for, as a drift of a later record "
+    "cannot be told from an earlier one: a quarter of every record, in blocks, is held out from "
+    "here on"
 )
-"""Said where a drift is judged within the records."""
+"""Said where an effect is judged within the records."""
 LEAST_STABLE = 0.5
 """Share of the splits below which an effect is not kept."""
 

@@ -81,8 +81,9 @@ class Backlash(Effect):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """One start, small against the stroke."""
-        return (cls.within_bounds(half_width_um=3e-3 * scale.stroke_um),)
+        """Gaps from small to wide: plays imitate one that is far from the start."""
+        shares = (3e-3, 0.03, 0.2)
+        return tuple(cls.within_bounds(half_width_um=k * scale.stroke_um) for k in shares)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Half width (µm)."""
