@@ -106,8 +106,7 @@ class Bench:
         past = changed.get("initial_memory")
         history: Sequence[float] = ()
         if past is not None:
-            n = past.numbers
-            history = decaying_history(float(u[0]), n["reach_V"], n["ratio"], n["turns"])
+            history = [float(u[0]) + turn for turn in past.numbers["turns_V"]]
         elif self.history_ratio:
             history = decaying_history(float(u[0]), self.history_ratio * p.span_V, 0.4, 2)
         low = high = u

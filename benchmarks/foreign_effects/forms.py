@@ -178,16 +178,16 @@ def _clip(x: Array, at: At, n: Numbers) -> Array:
 
 
 def _soft(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
-    power = rng.uniform(2.0, 5.0)
-    limit = scale.span_V * max(2.2 / size ** (1.0 / power), 0.7)
-    return {"limit_V": limit, "centre_V": scale.centre_V, "power": power}
+    limits = scale.span_V * np.maximum(2.5 / np.sqrt(size) * rng.uniform(0.8, 1.25, 2), 0.75)
+    return {"up_V": float(limits[0]), "down_V": float(limits[1]), "centre_V": scale.centre_V}
 
 
-def _algebraic(x: Array, at: At, n: Numbers) -> Array:
+def _bounded(x: Array, at: At, n: Numbers) -> Array:
+    from scipy.special import erf
+
     y = x - n["centre_V"]
-    return np.asarray(
-        n["centre_V"] + y / (1.0 + np.abs(y / n["limit_V"]) ** n["power"]) ** (1.0 / n["power"])
-    )
+    limit = np.where(y > 0.0, n["up_V"], n["down_V"])
+    return np.asarray(n["centre_V"] + limit * erf(0.5 * math.sqrt(math.pi) * y / limit))
 
 
 def _slew(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
@@ -275,11 +275,9 @@ def wider_V(n: Numbers, speed_V_s: Array) -> Array:
 
 
 def _past(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
-    return {
-        "reach_V": _sign(rng) * scale.span_V * min(0.35 * size, 1.0),
-        "ratio": rng.uniform(0.15, 0.5),
-        "turns": int(rng.integers(2, 5)),
-    }
+    reach = _sign(rng) * scale.span_V * min(0.35 * size, 1.0)
+    shares = np.cumprod(np.concatenate([[1.0], -rng.uniform(0.15, 0.7, int(rng.integers(1, 4)))]))
+    return {"turns_V": (reach * shares).tolist()}
 
 
 def _odd(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
@@ -549,7 +547,7 @@ def _humming(x: Array, at: At, n: Numbers) -> Array:
 FORMS: Sequence[Form] = (
     Form("saturation", "unlike hard rails", 10, _rails, _clip),
     Form("saturation", "one hard rail", 10, _one_rail, _clip),
-    Form("saturation", "algebraic", 10, _soft, _algebraic),
+    Form("saturation", "error function, unlike sides", 10, _soft, _bounded),
     Form("slew_limit", "unlike up and down", 20, _slew, _limit_rate),
     Form("slew_limit", "soft current limit", 20, _soft_slew, _charge),
     Form("actuator_lag", "second order", 30, _two_poles, _second_order),
