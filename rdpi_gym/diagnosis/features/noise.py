@@ -25,6 +25,7 @@ _SAME_COMMAND = 0.3
 _LINES = 0.8
 # Noise is slower than white where differences over more samples grow, ever less, to a level.
 _STRIDES, _GROWS, _LEVEL, _SLOWEST = (1, 2, 4, 8), 1.05, 0.12, 2.0
+_SLOWEST_SEEN = 4.0  # times white noise, in quiet records and repetitions
 _MOST = 40_000
 _UNLIKE = 5.0  # times what repetitions usually differ by
 _EXACT = 1e-6  # of the stroke: so little is no difference
@@ -79,11 +80,13 @@ def _between_lines(x: Array) -> float:
     return math.sqrt(float(np.median(upper)) / math.log(2.0))
 
 
-def _growth(x: Array) -> float:
+def _growth(traces: Sequence[Array]) -> float:
     """How much slower than white noise is, by differences over ever more samples; 1 where not."""
-    if x.size < _FEWEST:
+    long = [x for x in traces if x.size >= _FEWEST]
+    if not long:
         return 1.0
-    levels = np.array([_third(x, stride) for stride in _STRIDES])
+    squares = [[_third(x, stride) ** 2 for stride in _STRIDES] for x in long]
+    levels = np.sqrt(np.average(squares, axis=0, weights=[x.size for x in long]))
     if levels[0] <= 0.0:
         return 1.0
     ratios = levels[1:] / levels[:-1]
@@ -233,7 +236,7 @@ def slowness(residuals: Sequence[Array]) -> float:
     >>> slowness([white]), round(slowness([white[1:] + 0.5 * white[:-1]]), 1)
     (1.0, 1.6)
     """
-    return float(np.median([_growth(e) for e in residuals])) if residuals else 1.0
+    return _growth(residuals)
 
 
 def noise_floor(
@@ -275,7 +278,7 @@ def noise_floor(
     colours = [_slowness(noise) for noise, _ in still]
     colours = colours or [_slowness(spread.ravel()) for spread, _ in spreads]
     # what is many times slower than white is motion that comes now and then, and no noise
-    colours = [c for c in colours if c <= _SLOWEST]
+    colours = [c for c in colours if c <= _SLOWEST_SEEN]
     if colours:
         colour = max(1.0, float(np.median(colours)))
     elif colour is None:

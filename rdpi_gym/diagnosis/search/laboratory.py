@@ -675,7 +675,12 @@ class Laboratory:
         self._update_noise(state)
 
     def _update_noise(self, state: State) -> None:
-        records = (*self.setting.train, *self.setting.validation)
+        # a record of which a part is held out is one record
+        whole: dict[str, Record] = {}
+        for r in (*self.setting.train, *self.setting.validation):
+            other = whole.get(r.name, r)
+            whole[r.name] = replace(r, error_mask=r.error_mask | other.error_mask)
+        records = tuple(whole.values())
         residuals = [
             (r.y_um - simulate_effects([state.fit.variant], r)[:, 0])[r.error_mask] for r in records
         ]
