@@ -306,13 +306,16 @@ def _two_envelopes(scale: Scale, rng: np.random.Generator, size: float) -> dict[
     wide, narrow = min(0.03 * size, 0.45), rng.uniform(0.4, 0.9)
     bends = (wide, narrow * wide) if rng.random() < 0.5 else (-narrow * wide, -wide)
     return {
-        "rising": bends[0], "falling": bends[1], "centre_V": scale.centre_V, "span_V": scale.span_V,
+        "rising": bends[0], "falling": bends[1], "growth": _sign(rng) * rng.uniform(0.4, 1.2),
+        "centre_V": scale.centre_V, "span_V": scale.span_V,
     }  # fmt: skip
 
 
 def envelopes(n: Numbers, u_V: Array) -> tuple[Array, Array]:
-    """Envelopes of the falling and the rising branch (V)."""
-    bend = (u_V - n["centre_V"]) ** 2 / n["span_V"]
+    """Envelopes of the falling and the rising branch (V): exponentials."""
+    k = n["growth"]
+    s = k * (u_V - n["centre_V"]) / n["span_V"]
+    bend = n["span_V"] * 2.0 * (np.expm1(s) - s) / k**2
     return u_V + n["falling"] * bend, u_V + n["rising"] * bend
 
 

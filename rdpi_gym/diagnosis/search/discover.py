@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rdpi_gym.diagnosis.results import Candidate, SearchResult
@@ -63,10 +63,7 @@ def diagnose(
     laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint)
     base = laboratory.base(given)
     ranked = laboratory.ranked(base)
-    setting = laboratory.setting
-    chosen = laboratory.choose(base, ranked)
-    if laboratory.setting is not setting:  # judged in another way from here on
-        base = laboratory.again(base)
+    base, chosen = _chosen(laboratory, base, base, ranked)
     ranked = _chosen_first([r.candidate for r in chosen], ranked)
     end = laboratory.after(base, chosen) if chosen else base
     end, notes = laboratory.on_law(end, given)
@@ -103,19 +100,79 @@ def discover(
     """
     began = time.perf_counter()
     laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint)
-    base = state = laboratory.base(given)
-    added: list[Candidate] = []
-    rounds: list[list[Ranked]] = []
-    rivals: dict[str, tuple[Effect, ...]] = {}
-    last: list[Ranked] = []
+    base = laboratory.base(given)
+    way = _Way(base, base)
+    while True:
+        way = _grown(laboratory, way)
+        before = {c.effect for c in way.added}
+        way, notes = _settled(laboratory, way, given)
+        # with another effect in the place of one, what is missing beside it may show
+        swapped = {c.effect for c in way.added} - before
+        if not swapped or len(way.rounds) >= MOST_ROUNDS or laboratory.at_floor(way.state):
+            break
+        way = replace(way, state=laboratory.on_whole_comb(way.state))
+    state, rounds = way.state, list(way.rounds)
+    sure = laboratory.sure(state, way.added, way.rivals)
+    state, unstable = laboratory.less_sure(state, sure)
+    added = [c for c in sure if c.effect not in unstable]
+    if rounds:  # what was taken out again does not lead the ranking
+        rounds[0] = _chosen_first(added, rounds[0])
+    if added:  # the last step ends at the model that is saved
+        end = added[-1].errors
+        added = [replace(c, errors=state.outcome.errors) if c.errors is end else c for c in added]
+    search = Search(
+        began,
+        "discovery",
+        given,
+        way.base,
+        state,
+        added=[laboratory.final(state, candidate) for candidate in added],
+        rounds=rounds,
+        last=way.last,
+        removed=(*way.removed, *unstable),
+        notes=notes,
+    )
+    return conclude(laboratory, search)
+
+
+@dataclass(frozen=True)
+class _Way:
+    """How far a discovery has come.
+
+    Parameters
+    ----------
+    base, state
+        The base model, and the model with all that was added.
+    added
+        What was added, in order.
+    rounds
+        The candidates of each round.
+    rivals
+        By effect that was added, what came close to it.
+    last
+        Of the candidates, those of the last new effect.
+    removed
+        What was taken out again.
+    """
+
+    base: State
+    state: State
+    added: tuple[Candidate, ...] = ()
+    rounds: tuple[list[Ranked], ...] = ()
+    rivals: Mapping[str, tuple[Effect, ...]] = field(default_factory=dict)
+    last: Sequence[Ranked] = ()
+    removed: tuple[str, ...] = ()
+
+
+def _grown(laboratory: Laboratory, way: _Way) -> _Way:
+    """Add effects, or better forms of what is there, until nothing more is earned."""
+    base, state, last = way.base, way.state, way.last
+    added, rounds, rivals = list(way.added), list(way.rounds), dict(way.rivals)
     while len(rounds) < MOST_ROUNDS and len(added) < MOST_EFFECTS:
         if laboratory.at_floor(state):
             break
         ranked = laboratory.ranked(state)
-        setting = laboratory.setting
-        chosen = laboratory.choose(state, ranked)
-        if laboratory.setting is not setting:  # judged in another way from here on
-            base = laboratory.again(base)
+        base, chosen = _chosen(laboratory, base, state, ranked)
         rounds.append(_chosen_first([r.candidate for r in chosen], ranked))
         if not chosen:
             break
@@ -133,37 +190,41 @@ def discover(
         if spared is not state:
             added = _moved_on(added, state, spared)
             base, state = laboratory.again(base), spared
-    state, recalled = laboratory.recall(state)
-    added += recalled
+    return replace(
+        way,
+        base=base,
+        state=state,
+        added=tuple(added),
+        rounds=tuple(rounds),
+        rivals=rivals,
+        last=last,
+    )
+
+
+def _chosen(
+    laboratory: Laboratory, base: State, state: State, ranked: Sequence[Ranked]
+) -> tuple[State, list[Ranked]]:
+    """Return what to add, and the base model as it is judged from here on."""
+    setting = laboratory.setting
+    chosen = laboratory.choose(state, ranked)
+    return (base if laboratory.setting is setting else laboratory.again(base)), chosen
+
+
+def _settled(
+    laboratory: Laboratory, way: _Way, given: PlantModel | None
+) -> tuple[_Way, tuple[str, ...]]:
+    """Take out what is not needed, and try rivals in the place of what is left; with remarks."""
+    state, recalled = laboratory.recall(way.state)
+    added = [*way.added, *recalled]
     state, removed = laboratory.eliminate(state, [c.effect for c in added])
     state, merged = laboratory.merge(state, [c.effect for c in added if c.effect not in removed])
     removed = (*removed, *merged)
     state, simpler = laboratory.simplify(state)
     state, notes = laboratory.on_law(state, given)
     kept = [c for c in added if c.effect not in removed]
-    state, added = laboratory.settle(state, kept, rivals)
-    added = laboratory.sure(state, added, rivals)
-    state, unstable = laboratory.less_sure(state, added)
-    added = [c for c in added if c.effect not in unstable]
-    removed = (*removed, *unstable)
-    if rounds:  # what was taken out again does not lead the ranking
-        rounds[0] = _chosen_first(added, rounds[0])
-    if added:  # the last step ends at the model that is saved
-        end = added[-1].errors
-        added = [replace(c, errors=state.outcome.errors) if c.errors is end else c for c in added]
-    search = Search(
-        began,
-        "discovery",
-        given,
-        base,
-        state,
-        added=[laboratory.final(state, candidate) for candidate in added],
-        rounds=rounds,
-        last=last,
-        removed=removed,
-        notes=(*simpler, *notes),
-    )
-    return conclude(laboratory, search)
+    state, settled = laboratory.settle(state, kept, way.rivals)
+    way = replace(way, state=state, added=tuple(settled), removed=(*way.removed, *removed))
+    return way, (*simpler, *notes)
 
 
 def _chosen_first(chosen: Sequence[Candidate], ranked: Sequence[Ranked]) -> list[Ranked]:

@@ -443,10 +443,13 @@ class Laboratory:
         fit = chosen[-1].outcome.fit if chosen else None
         if fit is None:
             return state
-        whole = on_comb(fit.variant.hysteresis, comb(self.setting.train))
-        return self._smoothed(
-            State(assess(self.setting, "", self.setting.fit(whole, fit.variant.effects)))
-        )
+        return self.on_whole_comb(State(replace(chosen[-1].outcome, effect="", form="")))
+
+    def on_whole_comb(self, state: State) -> State:
+        """Return a model refitted on the whole comb."""
+        whole = on_comb(state.hysteresis, comb(self.setting.train))
+        fit = self.setting.fit(whole, state.effects)
+        return self._smoothed(State(assess(self.setting, "", fit)))
 
     def _is_explained(self, state: State) -> bool:
         return state.outcome.errors.validation_rmse_um <= EXPLAINED * self.noise_um
