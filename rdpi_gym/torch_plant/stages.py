@@ -27,6 +27,7 @@ from rdpi_gym.plant.effects.base import Block, Effect
 from rdpi_gym.plant.effects.congruency import (
     congruency_block,
     congruency_centred_block,
+    congruency_curve_block,
     congruency_polynomial_block,
 )
 from rdpi_gym.plant.effects.creep import creep_block, weighted_creep_block
@@ -342,6 +343,14 @@ def _along_curve(time_s: Tensor, p: Tensor) -> Tensor:
     return (share * (slope + share * (bend + share * twist))).sum(0)
 
 
+def congruency_curve(
+    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
+) -> tuple[Tensor, Tensor]:
+    """Twin of :func:`~rdpi_gym.plant.effects.congruency.congruency_curve_block`."""
+    more = _along_curve((u - p[1])[None], p[2:])
+    return x + more * (x - p[0] * u), state
+
+
 def curve(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
     """Twin of :func:`~rdpi_gym.plant.effects.thermal_drift.curve_block`."""
     clock = _clock(state)
@@ -389,6 +398,7 @@ TWINS: Mapping[Block, Twin] = {
     congruency_block: congruency,
     congruency_centred_block: congruency_centred,
     congruency_polynomial_block: congruency_polynomial,
+    congruency_curve_block: congruency_curve,
     asymmetry_block: asymmetry,
     unlike_branches_block: unlike_branches,
     unlike_envelopes_block: unlike_envelopes,

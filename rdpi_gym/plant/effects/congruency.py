@@ -9,6 +9,7 @@ from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Look, Parameter, Picture, Stateless
+from rdpi_gym.plant.effects.knots import along_curve, natural_cubics
 from rdpi_gym.support.arrays import Array
 
 
@@ -213,3 +214,68 @@ class ToTheFourthDegree(_Polynomial, of=Congruency):
     form = "to the fourth degree"
     parameters = (*(_power(k) for k in range(1, 5)), Congruency.parameters[1])
     equation = "y = a_0 u + (1 + c_1 u / U + ... + c_4 (u / U)⁴) Σ a_i ξ_i"
+
+
+@njit(cache=True)
+def congruency_curve_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: a_0 (µm/V), lowest command (V), then as ``along_curve``. No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            more = along_curve(max(u[t, b] - p[1, b], 0.0), p[2:], b)
+            y[t, b] = x[t, b] + more * (x[t, b] - p[0, b] * u[t, b])
+
+
+@dataclass(frozen=True)
+class AlongACurve(Stateless, of=Congruency):
+    """Weights of the plays that change along a natural cubic spline over the range of the command.
+
+    The spline has nine knots, the first, where the change is zero, at the lower end.
+
+    Examples
+    --------
+    >>> effect = AlongACurve(*[0.1 * k for k in range(1, 9)], centre_V=8.0, span_V=8.0)
+    >>> effect.run([10.0] * 3, 1e-3, u=[0.0, 2.0, 16.0]).round(6).tolist()  # plays 10, 8 and -6 µm
+    [10.0, 10.8, 5.2]
+    """
+
+    at_1: float = 0.0
+    at_2: float = 0.0
+    at_3: float = 0.0
+    at_4: float = 0.1
+    at_5: float = 0.0
+    at_6: float = 0.0
+    at_7: float = 0.0
+    at_8: float = 0.0
+    centre_V: float = 0.0
+    span_V: float = 40.0
+
+    form = "along a curve"
+    parameters = (
+        *(
+            Parameter(
+                f"at_{k}", "1", -5.0, 5.0, (-0.2, 0.2),
+                f"relative change of the weights at u_c - U + {k} U / 4, z{k}", neutral=0.0,
+            )
+            for k in range(1, 9)
+        ),
+        Parameter("centre_V", "V", -1e9, 1e9, (0.0, 40.0), "middle u_c of the range", fixed=True),
+        Parameter("span_V", "V", 1e-9, 1e9, (40.0, 40.0), "half U of the range", fixed=True),
+    )  # fmt: skip
+    equation = (
+        "y = a_0 u + (1 + z(u)) Σ a_i ξ_i, z a natural cubic spline, z(u_c - U + k U / 4) = zk"
+    )
+    source = _Polynomial.source
+    signature = "Minor loops of the same span differ in area with the bias at which they stand."
+    block = staticmethod(congruency_curve_block)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """One start, no change over the measured range: the knots' values act linearly."""
+        knots = {p.name: 0.0 for p in cls.parameters if not p.fixed}
+        return (cls.within_bounds(**knots, centre_V=scale.centre_V, span_V=scale.span_V),)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """a_0 (µm/V), lowest command (V), distance of the knots (V), the cubics between them."""
+        *knots, centre_V, span_V = self.values.values()
+        cubics: list[float] = natural_cubics(knots).ravel().tolist()
+        return [hysteresis.a0, centre_V - span_V, 2.0 * span_V / len(knots), *cubics]
