@@ -50,6 +50,7 @@ from rdpi_gym.diagnosis.search.ranking import (
     of_effect,
     own_bounds,
     rank,
+    share_of_train,
 )
 from rdpi_gym.diagnosis.search.scale import comb, data_scale, on_comb, one_size, pruned
 from rdpi_gym.diagnosis.search.separability import (
@@ -83,6 +84,8 @@ _NOMINEES = 4
 # Others that a drift is compared with where it is judged within the records, and the share of the
 # excess that it has to take there.
 _RIVALS_WITHIN, _MOST_OF_IT = 3, 0.5
+# Of what the best candidate takes from the records to fit, what a drift takes that is as good.
+_AS_WELL = 0.98
 # Mean square without an effect over that with it from which on the error hangs on it.
 _HANGS = 1.7
 # Of a record, the outliers that a model may show beyond those that were found before.
@@ -253,15 +256,28 @@ class Laboratory:
             )
             outcomes += self._refit(state, trials, f"forms {task}")
             self._floor_from(sorted(outcomes, key=lambda o: o.mean_square))
-        outcomes = in_best_form(outcomes, self.noise_um)
         tried = [*kinds.values(), *(type(e) for e in state.effects)]
-        ranked = rank(state.outcome, outcomes, tried, self.noise_um, self._seed)
+        best = in_best_form(outcomes, self.noise_um)
+        most = self._most_trained(state, outcomes)
+        ranked = [
+            replace(r, most_train_share=most.get(r.candidate.effect, 0.0))
+            for r in rank(state.outcome, best, tried, self.noise_um, self._seed)
+        ]
         if not self._rates_alike:
             return ranked
         alike = set(self._like_rate) - have
         return [
             _like_rate(r, self._like_rate) if r.candidate.effect in alike else r for r in ranked
         ]
+
+    def _most_trained(self, state: State, outcomes: Sequence[Outcome]) -> dict[str, float]:
+        """Return by effect what its best form takes of the error of the records to fit."""
+        variance, most = self.noise_um**2, dict[str, float]()
+        for outcome in outcomes:
+            if outcome.fit is not None:
+                share = share_of_train(state.outcome, outcome, variance)
+                most[outcome.effect] = max(share, most.get(outcome.effect, share))
+        return most
 
     def _begun(self, state: State, kind: type[Effect]) -> tuple[Effect, ...] | None:
         """Return the starts of a candidate with those that the longest record shows."""
@@ -284,6 +300,8 @@ class Laboratory:
 
     def choose(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Return what to add: the simplest of the best class, a pair, or nothing."""
+        if self._goes_by_the_clock(ranked) and (found := self._within(state, ranked)):
+            return found
         earned = self._heard([r for r in ranked if r.earned])
         if earned:
             best = max(earned, key=lambda r: r.worth)
@@ -305,6 +323,15 @@ class Laboratory:
             self._both_ways(state, ranked)
             or self._within(state, ranked)
             or self._pair(state, ranked)
+        )
+
+    def _goes_by_the_clock(self, ranked: Sequence[Ranked]) -> bool:
+        """Whether a drift explains the records to fit best: no later record tells its form."""
+        most = max((r.most_train_share for r in ranked), default=0.0)
+        return any(
+            r.most_train_share >= max(_MOST_OF_IT, _AS_WELL * most)
+            for r in ranked
+            if r.candidate.effect in self.catalogue and self.catalogue[r.candidate.effect].clocked
         )
 
     def _within(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
@@ -346,7 +373,7 @@ class Laboratory:
         clocked = {
             r.candidate.effect
             for r in new
-            if self.catalogue[r.candidate.effect].clocked and r.train_share >= _ASKED
+            if self.catalogue[r.candidate.effect].clocked and r.most_train_share >= _ASKED
         }
         most = sorted((r for r in new if r.train_share > _MOST_OF_IT), key=lambda r: r.train_share)
         return clocked | {r.candidate.effect for r in most[-_RIVALS_WITHIN:]}

@@ -52,6 +52,8 @@ class Ranked:
         Share of the excess that it takes away from the records to fit alone.
     worse
         Whether a held-out record becomes clearly worse.
+    most_train_share
+        The largest `train_share` of all the forms that were tried.
     """
 
     outcome: Outcome
@@ -60,6 +62,7 @@ class Ranked:
     worth: float = 0.0
     train_share: float = 0.0
     worse: bool = False
+    most_train_share: float = 0.0
 
 
 def rank(
@@ -113,7 +116,7 @@ def rank(
         share = gain / excess if excess > 0 else 0.0
         enough = gain > max(LEAST_GAIN * variance, LEAST_SHARE * excess)
         helps = beats(current, outcome, rng) >= LEAST_CONFIDENCE
-        train_share = _train_share(current, outcome, variance)
+        train_share = share_of_train(current, outcome, variance)
         helps = helps and train_share >= LEAST_TRAIN_SHARE
         candidate = Candidate(
             effect=outcome.effect,
@@ -135,6 +138,7 @@ def rank(
                 min(share, train_share) * (_AT_BOUND if own_bounds(outcome) else 1.0),
                 train_share,
                 bool(worse),
+                train_share,
             )
         )
     failed = [o for o in outcomes if o.fit is None]
@@ -154,7 +158,16 @@ def own_bounds(outcome: Outcome) -> tuple[str, ...]:
     return tuple(n for n in outcome.fit.at_bound if n.startswith(f"{outcome.effect}."))
 
 
-def _train_share(current: Outcome, outcome: Outcome, variance: float) -> float:
+def share_of_train(current: Outcome, outcome: Outcome, variance: float) -> float:
+    """Return what a candidate takes of the excess over the noise on the records to fit.
+
+    Parameters
+    ----------
+    current, outcome
+        The model without it, and its refit.
+    variance
+        Of the noise (µm²).
+    """
     before, after = current.errors.train_rmse_um**2, outcome.errors.train_rmse_um**2
     return (before - after) / max(before - variance, 1e-300)
 
