@@ -52,7 +52,10 @@ def further_forms(
         Names that a test without a model speaks for.
     """
     shown = [o.effect for o in simple if o.fit and o.mean_square < _SHOWS**2 * current.mean_square]
-    names = dict.fromkeys((*shown[:_LEADERS], *(n for n in (*suspects, *_ALWAYS) if n in kinds)))
+    # what the best of them is mistaken for may be better in another form
+    kin = [name for first in shown[:1] for name in kinds[first].mistaken_for]
+    others = (n for n in (*kin, *suspects, *_ALWAYS) if n in kinds)
+    names = dict.fromkeys((*shown[:_LEADERS], *others))
     fitted = {o.effect: o for o in simple}
     return [
         Trial(form, present, _starts(form, fitted.get(name), scale))

@@ -251,9 +251,10 @@ class Laboratory:
             return []
         if outcomes[0].mean_square > (1.0 + AT_FLOOR) * self.noise_um**2:
             others = [o for o in outcomes if o.effect in kinds]
-            trials = further_forms(
-                state.outcome, others, kinds, state.effects, scale, self._suspects
-            )
+            suspects = self._suspects
+            if missed(self.setting, state.outcome, self._openings, self.noise_um):
+                suspects = suspects | {"initial_memory"}
+            trials = further_forms(state.outcome, others, kinds, state.effects, scale, suspects)
             outcomes += self._refit(state, trials, f"forms {task}")
             self._floor_from(sorted(outcomes, key=lambda o: o.mean_square))
         tried = [*kinds.values(), *(type(e) for e in state.effects)]

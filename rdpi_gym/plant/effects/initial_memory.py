@@ -77,7 +77,7 @@ class InitialMemory(Stateless):
         "experiment, which wipes the memory out. Compensation: start the inverse from the same "
         "past, or move once through the full range."
     )
-    mistaken_for = ("creep", "thermal_drift")
+    mistaken_for = ("creep", "thermal_drift", "backlash")
     picture = Picture(
         {"extremum_V": 25.0},
         Look("over_time", "The first moments of a large sine", "sine-10hz", 0.0, 0.02),
