@@ -71,7 +71,7 @@ class Backlash(Effect):
         "at each reversal by a jump of twice its half-width; what the amplifier cannot jump stays "
         "as an error. Approach every target from the same side where the task allows."
     )
-    mistaken_for = ("rate_law",)
+    mistaken_for = ("rate_law", "initial_memory")
     picture = Picture(
         {"half_width_um": 0.2},
         Look("small_loop", "Reversals while every play sticks", "small-triangle", 0.5),
