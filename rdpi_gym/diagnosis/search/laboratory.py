@@ -29,6 +29,7 @@ from rdpi_gym.diagnosis.search.candidates import (
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
 from rdpi_gym.diagnosis.search.forms import (
     better_forms,
+    freedom,
     further_forms,
     in_best_form,
     simplified,
@@ -314,7 +315,7 @@ class Laboratory:
                 min(
                     equals,
                     key=lambda r: (
-                        _bounds_hit(r), r.candidate.effect not in have, len(r.candidate.parameters),
+                        _bounds_hit(r), r.candidate.effect not in have, freedom(r.outcome), -r.worth,
                     ),
                 )
             ]  # fmt: skip

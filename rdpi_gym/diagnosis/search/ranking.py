@@ -24,6 +24,8 @@ LEAST_TRAIN_SHARE = 0.05
 LEAST_CONFIDENCE = 0.8
 # Rivals whose error lies this close (share of the winner's gain, or of the noise) are one class.
 SAME_GAIN = 0.02
+# The same of what the best of them leaves: a large gain makes no large remainders alike.
+_SAME_LEFT = 0.25
 # The same in the end, where the thresholds are found too: only what the noise leaves open.
 SETTLED_GAIN = 0.005
 # A held-out record may lose this share of the gain before the candidate counts as harmful.
@@ -89,7 +91,8 @@ def rank(
         Of the bootstrap over pieces of validation records.
     same_gain
         Rivals whose squared error lies this close, as a share of that of the better one, are one
-        class; by default they are compared by what they gain, for the comb of a round is coarse.
+        class; by default they are compared by what they gain and leave, for the comb of a round is
+        coarse.
     """
     variance = noise_um**2
     excess = max(current.mean_square - variance, 0.0)
@@ -101,7 +104,10 @@ def rank(
         gain = current.mean_square - outcome.mean_square
         rivals = [o for o in usable if o is not outcome]
         close = (
-            max(SAME_GAIN * max(gain, 0.0), SAME_GAIN * variance)
+            max(
+                min(SAME_GAIN * max(gain, 0.0), _SAME_LEFT * usable[0].mean_square),
+                SAME_GAIN * variance,
+            )
             if same_gain is None
             else same_gain * min(o.mean_square for o in usable)
         )
