@@ -114,6 +114,8 @@ def discover(
     state, rounds = way.state, list(way.rounds)
     sure = laboratory.sure(state, way.added, way.rivals)
     state, unstable = laboratory.less_sure(state, sure)
+    state, merged = laboratory.merge(state, [c.effect for c in sure if c.effect not in unstable])
+    unstable = (*unstable, *merged)
     added = [c for c in sure if c.effect not in unstable]
     if rounds:  # what was taken out again does not lead the ranking
         rounds[0] = _chosen_first(added, rounds[0])

@@ -576,7 +576,7 @@ class Laboratory:
             ]
             for outcome in self._refit(state, trials, f"without {name}") if trials else []:
                 loss = outcome.mean_square - state.outcome.mean_square
-                if outcome.fit is not None and loss < 0.5 * LEAST_GAIN * self.noise_um**2:
+                if outcome.fit is not None and loss < AT_FLOOR * self.noise_um**2:
                     merged = State(replace(outcome, effect=""))
                     state, gone = merged, [*gone, name]
                     break
@@ -663,13 +663,21 @@ class Laboratory:
         return state, settled
 
     def less_sure(self, state: State, added: Sequence[Candidate]) -> tuple[State, tuple[str, ...]]:
-        """Take out what splits of the records do not choose again, unless the error hangs on it."""
+        """Take out what contributes nothing, and what splits of the records do not choose again.
+
+        Of the latter, what the error hangs on stays.
+        """
         removed: list[str] = []
+        least = LEAST_GAIN * self.noise_um**2
         for step in sorted(added, key=lambda c: c.confidence):
-            if step.confidence >= LEAST_STABLE:
-                break
+            gain = (step.without_um or math.inf) ** 2 - state.outcome.mean_square
+            if step.confidence >= LEAST_STABLE and (gain > 2.0 * least or len(added) == 1):
+                continue
             without = self.without(state, [step.effect])
-            if without.outcome.mean_square <= _HANGS * state.outcome.mean_square:
+            loss = without.outcome.mean_square - state.outcome.mean_square
+            unstable = step.confidence < LEAST_STABLE
+            hangs = without.outcome.mean_square > _HANGS * state.outcome.mean_square
+            if loss < least or (unstable and not hangs):
                 state, removed = without, [*removed, step.effect]
         return state, tuple(removed)
 
