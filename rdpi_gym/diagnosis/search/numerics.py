@@ -30,8 +30,9 @@ class NumericalFloor:
     step_um
         What half the step changes, carried on to a step of zero (µm rms).
     held_um
-        What a command held between samples, in place of one linear between them, changes beyond a
-        shift in time (µm rms): a delay and the lags take up a shift.
+        What a command held about each sample, in place of one linear between them, changes (µm
+        rms). One that is held from a sample to the next is the same with half a sampling time of
+        delay, which a delay and the lags take up.
     fastest_hz
         Sampling rate (Hz) of the record in which that is largest.
     turned_um
@@ -84,7 +85,7 @@ def numerical_floor(variant: Variant, records: Sequence[Record]) -> NumericalFlo
         counted = record.error_mask
         changes = (
             simulate_between(variant, record, 2) - still,
-            _unshifted(_changed(variant, record, np.repeat(record.u_V, _PARTS)), still),
+            _changed(variant, record, held_about(record.u_V, _PARTS)),
             _changed(variant, record, turned_between(record.u_V, _PARTS)),
         )
         squares.append([float(np.var(change[counted])) for change in changes])
@@ -114,6 +115,30 @@ def _changed(variant: Variant, record: Record, fine_V: Array) -> Array:
     )
     changed = simulate_effects([slow], fine)[::parts, 0] - simulate_effects([slow], record)[:, 0]
     return np.asarray(changed)
+
+
+def held_about(u_V: Array, parts: int) -> Array:
+    """Hold a command about each sample: it jumps in the middle between two.
+
+    Parameters
+    ----------
+    u_V : float64[N]
+        Command at the samples (V).
+    parts
+        Steps from sample to sample; even.
+
+    Returns
+    -------
+    float64[N parts]
+        The command; level after the last sample.
+
+    Examples
+    --------
+    >>> held_about(np.array([1.0, 2.0]), 4).tolist()
+    [1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0]
+    """
+    at = (np.arange(len(u_V) * parts) + parts // 2) // parts
+    return np.asarray(u_V[np.minimum(at, len(u_V) - 1)])
 
 
 def turned_between(u_V: Array, parts: int) -> Array:
@@ -149,10 +174,3 @@ def turned_between(u_V: Array, parts: int) -> Array:
         further = np.where(into > 0.0, beyond > inner, beyond < inner)
         fine[1:-2] = np.where(turns & further, beyond, inner)
     return fine.ravel()
-
-
-def _unshifted(change: Array, y: Array) -> Array:
-    """What is left of a change beside a shift in time and an offset."""
-    columns = np.column_stack([np.ones_like(y), np.gradient(y), np.gradient(np.gradient(y))])
-    weights, *_ = np.linalg.lstsq(columns, change, rcond=None)
-    return np.asarray(change - columns @ weights)
