@@ -274,7 +274,7 @@ class SearchResult:
     sampling
         A sentence where the records are sampled too slowly for the model; else None.
     undecided
-        A sentence where the data are too poor to decide on any effect; else None.
+        A sentence where the displacement hardly follows the voltage; else None.
     unexplained_rmse_um
         What the model with all steps leaves over the noise floor (µm rms).
     remainder

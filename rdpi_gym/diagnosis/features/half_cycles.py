@@ -14,6 +14,9 @@ from rdpi_gym.support.arrays import Array
 SMALLEST_SWING = 0.04
 """A reversal counts where the command then moves by this share of its peak to peak or more."""
 
+# Of another size by this share of the usual one; fewer are how a record begins and ends.
+_OTHER, _FEWEST_OTHERS = 0.1, 3
+
 Values = TypeVar("Values", np.float64, np.bool_, np.intp)
 
 
@@ -145,3 +148,20 @@ def _vertices(u: Array, turns: NDArray[np.intp]) -> tuple[Array, Array]:
     shift = np.divide(-slope, bend, out=np.zeros_like(bend), where=bend != 0.0)
     shift = np.clip(shift, -0.5, 0.5)
     return turns.astype(np.float64) + shift, at + slope * shift + 0.5 * bend * shift * shift
+
+
+def vary(values: Array) -> bool:
+    """Whether sizes or paces of half-cycles differ, more than a record's beginning and end make them.
+
+    Parameters
+    ----------
+    values
+        One for each half-cycle, ``(H,)``.
+
+    Examples
+    --------
+    >>> vary(np.array([1.0, 1.0, 0.5, 1.0])), vary(np.array([1.0, 0.5, 0.2, 1.0, 1.0, 2.0, 1.0]))
+    (False, True)
+    """
+    usual = np.median(values)
+    return int((np.abs(values - usual) > _OTHER * usual).sum()) >= _FEWEST_OTHERS

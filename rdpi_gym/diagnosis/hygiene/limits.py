@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from rdpi_gym.diagnosis.features.half_cycles import half_cycles
+from rdpi_gym.diagnosis.features.half_cycles import half_cycles, vary
 from rdpi_gym.diagnosis.features.noise import repeat_noise
 from rdpi_gym.diagnosis.features.rests import find_rests
 from rdpi_gym.identification.plausibility import LITTLE, linear_share
 from rdpi_gym.measurement import Dataset, Record
-from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import digits
 
 FEW_SAMPLES = 500
 """Fewer samples to fit than this, and small effects are lost in the freedom of the fit."""
-_OTHER = 0.1  # of the median: another amplitude, another frequency
 _FEWEST_OTHERS = 3  # fewer are how a record begins and ends
 _SMALL = 0.1  # of the widest swing
 _LONG_S, _LONG = 0.05, 20.0  # a rest: seconds, or moves of a record
@@ -83,12 +81,12 @@ def _of_commands(records: list[Record]) -> list[str]:
             "shape of one branch."
         )
     elif swings.size:
-        if not _vary(paces):
+        if not vary(paces):
             pace = digits(float(np.median(paces)), 3)
             said.append(
                 f"1 frequency ({pace} Hz): a lag, a delay, a resonance and the rate law look alike."
             )
-        if not _vary(swings):
+        if not vary(swings):
             said.append(
                 "1 amplitude: whether the gain depends on amplitude or on bias, and memory at "
                 "other depths, cannot be told."
@@ -103,8 +101,3 @@ def _of_commands(records: list[Record]) -> list[str]:
             "model lacks."
         )
     return said
-
-
-def _vary(values: Array) -> bool:
-    others = np.abs(values - np.median(values)) > _OTHER * np.median(values)
-    return int(others.sum()) >= _FEWEST_OTHERS

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, Trial, refit
-from rdpi_gym.diagnosis.search.ranking import LEAST_GAIN
+from rdpi_gym.diagnosis.search.ranking import LEAST_GAIN, not_missed
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
 
@@ -22,8 +22,6 @@ _LEADERS = 4
 # always: a soft limit can hide hard rails, and a drift to and fro has no slope.
 _SHOWS = 0.995
 _ALWAYS = frozenset({"saturation", "thermal_drift", "gain_drift"})
-# Of what a form gains over the simpler one, what may be lost again where the simpler is tried back.
-_BACK = 0.5
 
 
 def further_forms(
@@ -189,7 +187,7 @@ def simplified(
             others = in_chain_order(e for e in outcome.fit.variant.effects if e.name != effect.name)
             simpler = refit(setting, hysteresis, others, form)
             loss = simpler.mean_square - outcome.mean_square
-            if simpler.fit is not None and loss < _BACK * LEAST_GAIN * noise_um**2:
+            if simpler.fit is not None and loss < not_missed(noise_um):
                 outcome, given_up[effect.name] = simpler, effect.form
                 break
     return outcome, given_up

@@ -37,17 +37,18 @@ from rdpi_gym.diagnosis.search.forms import (
 from rdpi_gym.diagnosis.search.law import to_threshold_law
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor, numerical_floor
 from rdpi_gym.diagnosis.search.openings import (
+    leaving_out,
     misleading,
     missed,
     outliers_left,
     unknown_past,
-    without_openings,
 )
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
     SETTLED_GAIN,
     Ranked,
+    not_missed,
     of_effect,
     own_bounds,
     rank,
@@ -158,7 +159,6 @@ class Laboratory:
         reversed_sign = falls((*train, *validation))
         if reversed_sign:
             dataset = turned(dataset)
-            train, validation = tuple(dataset.train), tuple(dataset.validation)
         self.orientation: tuple[str, ...] = (TURNED,) if reversed_sign else ()
         inspected = inspect(dataset)
         dataset, self._openings = inspected.dataset, inspected.openings
@@ -169,7 +169,8 @@ class Laboratory:
         self.catalogue = catalogue
         self.setting = Setting(train, validation, data_scale((*train, *validation)))
         self._whole = self.setting
-        self._is_within = self._is_spared = False
+        self._is_within = False
+        self._spared: dict[str, BoolArray] = {}
         self.noise_um, self.noise_origin = math.nan, ""
         self._least, self._colour = math.inf, 1.0
         self._whitest: tuple[float, tuple[Record, ...], list[Array]] | None = None
@@ -226,7 +227,7 @@ class Laboratory:
         bad = misleading(self.setting, state.outcome, self._openings, self.noise_um)
         if not bad:
             return state
-        self.setting, self._is_spared = without_openings(self.setting, bad), True
+        self.setting, self._spared = leaving_out(self.setting, bad), {**self._spared, **bad}
         kept = tuple(f for f in self.findings if f.kind != "in motion" or f.record not in bad)
         self.findings = (*kept, unknown_past(bad))
         return self.again(state)
@@ -243,7 +244,11 @@ class Laboratory:
         kinds = {name: kind for name, kind in self.catalogue.items() if name not in have}
         task = "with " + ", ".join(e.name for e in state.effects) if have else "candidates"
         scale = self.setting.scale
-        new = [Trial(kind, state.effects, self._begun(state, kind)) for kind in kinds.values()]
+        begun = self._begun(state, list(kinds.values()))
+        new = [
+            Trial(kind, state.effects, start)
+            for kind, start in zip(kinds.values(), begun, strict=True)
+        ]
         simple = self._refit(state, [*new, *better_forms(state.effects, scale)], task)
         leaders = [past_cusps(self.setting, o, state.effects) for o in simple[:_LEADERS]]
         outcomes = sorted([*leaders, *simple[_LEADERS:]], key=lambda o: o.mean_square)
@@ -268,9 +273,7 @@ class Laboratory:
         if not self._rates_alike:
             return ranked
         alike = set(self._like_rate) - have
-        return [
-            _like_rate(r, self._like_rate) if r.candidate.effect in alike else r for r in ranked
-        ]
+        return [_lags(r, self._like_rate) if r.candidate.effect in alike else r for r in ranked]
 
     def _most_trained(self, state: State, outcomes: Sequence[Outcome]) -> dict[str, float]:
         """Return by effect what its best form takes of the error of the records to fit."""
@@ -281,12 +284,18 @@ class Laboratory:
                 most[outcome.effect] = max(share, most.get(outcome.effect, share))
         return most
 
-    def _begun(self, state: State, kind: type[Effect]) -> tuple[Effect, ...] | None:
-        """Return the starts of a candidate with those that the longest record shows."""
+    def _begun(
+        self, state: State, kinds: Sequence[type[Effect]]
+    ) -> list[tuple[Effect, ...] | None]:
+        """Return the starts of candidates with those that the longest record shows, if any."""
         record = max(self.setting.train, key=lambda r: r.t_s[-1] - r.t_s[0])
         left_um = record.y_um - simulate_effects([state.fit.variant], record)[:, 0]
-        seen = kind.seen_in(record.t_s, left_um - left_um.mean())
-        return (*seen, *kind.starts(self.setting.scale)) if seen else None
+        left_um -= left_um.mean()
+        shown = [kind.seen_in(record.t_s, left_um) for kind in kinds]
+        return [
+            (*seen, *kind.starts(self.setting.scale)) if seen else None
+            for kind, seen in zip(kinds, shown, strict=True)
+        ]
 
     def _refit(self, state: State, trials: Sequence[Trial], task: str) -> list[Outcome]:
         # smooth weights are those of the whole comb
@@ -399,7 +408,7 @@ class Laboratory:
         if not found:
             return state
         self.setting, self._whole = (
-            without_openings(each, found) for each in (self.setting, self._whole)
+            leaving_out(each, found) for each in (self.setting, self._whole)
         )
         self.findings = (*self.findings, *(outliers_left(n, m) for n, m in found.items()))
         return self.again(state)
@@ -428,13 +437,13 @@ class Laboratory:
         for r in earned:
             assert r.outcome.fit is not None
             name = r.candidate.effect
-            found = hear(
+            veto = hear(
                 self.dataset, self.checks, r.outcome.fit.variant, name, self.noise_um, self._seed
             )
-            if found.veto is None:
+            if veto is None:
                 left.append(r)
             else:
-                self.remarks = tuple(dict.fromkeys((*self.remarks, f"{name} vetoed: {found.veto}")))
+                self.remarks = tuple(dict.fromkeys((*self.remarks, f"{name} vetoed: {veto}")))
         return left
 
     def _pair(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
@@ -493,12 +502,10 @@ class Laboratory:
         removed: list[str] = []
         for name in added if len(added) > 1 else ():
             self._progress("backward elimination", len(removed), len(added))
-            kept = in_chain_order(e for e in state.effects if e.name != name)
-            fit = self.setting.fit(state.hysteresis, kept)
-            without = assess(self.setting, name, fit)
-            loss = without.mean_square - state.outcome.mean_square
-            if loss < 0.5 * LEAST_GAIN * self.noise_um**2:
-                state, removed = State(without), [*removed, name]
+            without = self.without(state, [name])
+            loss = without.outcome.mean_square - state.outcome.mean_square
+            if loss < not_missed(self.noise_um):
+                state, removed = without, [*removed, name]
         return state, tuple(removed)
 
     def rivals(
@@ -519,12 +526,12 @@ class Laboratory:
 
     def recall(self, state: State) -> tuple[State, list[Candidate]]:
         """Try a memory that all records share where openings were left out, with all else there."""
-        if not self._is_spared:
+        if not self._spared:
             return state, []
         state = self._respected(state)
         kind = self.catalogue.get("initial_memory")
         have = {effect.name for effect in state.effects}
-        if kind is None or kind.name in have or not self._is_spared:
+        if kind is None or kind.name in have or not self._spared:
             return state, []
         whole = replace(self._whole, smoothness=self.setting.smoothness)
         now = refit(whole, state.hysteresis, state.effects, None)
@@ -534,7 +541,7 @@ class Laboratory:
         if best.outcome.fit is None or not best.earned:
             return state, []
         still = misleading(whole, best.outcome, self._openings, self.noise_um)
-        self.setting = without_openings(whole, still)
+        self.setting = leaving_out(whole, still)
         state = State(refit(self.setting, state.hysteresis, best.outcome.fit.variant.effects, None))
         self._update_noise(state)
         return state, [replace(best.candidate, errors=state.outcome.errors)]
@@ -542,20 +549,10 @@ class Laboratory:
     def _respected(self, state: State) -> State:
         """Count the openings again that the model tells now, with all effects there."""
         whole = replace(self._whole, smoothness=self.setting.smoothness)
-        still = missed(whole, state.outcome, self._openings, self.noise_um)
-        left_out = {r.name for r in (*whole.train, *whole.validation)} & {
-            r.name
-            for r, w in zip(
-                (*self.setting.train, *self.setting.validation),
-                (*whole.train, *whole.validation),
-                strict=True,
-            )
-            if not np.array_equal(r.error_mask, w.error_mask)
-        }
-        still = {name: mask for name, mask in still.items() if name in left_out}
-        if set(still) == left_out:
+        still = missed(whole, state.outcome, self._spared, self.noise_um)
+        if still.keys() == self._spared.keys():
             return state
-        self.setting, self._is_spared = without_openings(whole, still), bool(still)
+        self.setting, self._spared = leaving_out(whole, still), still
         kept = tuple(f for f in self.findings if f.kind != "in motion")
         self.findings = (*kept, unknown_past(still)) if still else kept
         return self.again(state)
@@ -607,23 +604,11 @@ class Laboratory:
             self.setting, state.outcome, judged, self.dataset.holds_out_quarters, self._seed,
             lambda done, total: self._progress("splits of the records", done, total),
         )  # fmt: skip
-        return [
-            replace(
-                c,
-                confidence=min(
-                    found[c.effect].confidence, _ONE_CLASS if c.effect in self._like_rate else 1.0
-                ),
-                without_um=found[c.effect].without_um,
-                indistinguishable=self._class_of(c),
-            )
+        known = [
+            replace(c, confidence=found[c.effect].confidence, without_um=found[c.effect].without_um)
             for c in added
         ]
-
-    def _class_of(self, candidate: Candidate) -> tuple[str, ...]:
-        """Return what a step is indistinguishable from, all that lags at one rate included."""
-        lags = self._like_rate if candidate.effect in self._like_rate else ()
-        names = dict.fromkeys((*candidate.indistinguishable, *lags))
-        return tuple(name for name in names if name != candidate.effect)
+        return [_of_class(c, self._like_rate) if c.effect in self._like_rate else c for c in known]
 
     def settle(
         self, state: State, steps: Sequence[Candidate], rivals: Mapping[str, Sequence[Effect]]
@@ -755,16 +740,18 @@ def _bounds_hit(ranked: Ranked) -> int:
     return len(own_bounds(ranked.outcome))
 
 
-def _like_rate(ranked: Ranked, alike: Sequence[str]) -> Ranked:
+def _lags(ranked: Ranked, alike: Sequence[str]) -> Ranked:
     """Return a candidate that records of one rate cannot tell from others that lag."""
-    others = (*ranked.candidate.indistinguishable, *alike)
-    name = ranked.candidate.effect
-    same = tuple(dict.fromkeys(other for other in others if other != name))
+    candidate = _of_class(ranked.candidate, alike)
     remark = "one class with them and with δ2: all rates are alike"
-    candidate = replace(
-        ranked.candidate,
-        indistinguishable=same,
-        remarks=(*ranked.candidate.remarks, remark),
-        confidence=min(ranked.candidate.confidence, _ONE_CLASS),
+    return replace(ranked, candidate=replace(candidate, remarks=(*candidate.remarks, remark)))
+
+
+def _of_class(candidate: Candidate, alike: Sequence[str]) -> Candidate:
+    """Return a candidate as a member of a class, and no surer than one can be."""
+    names = dict.fromkeys((*candidate.indistinguishable, *alike))
+    return replace(
+        candidate,
+        indistinguishable=tuple(name for name in names if name != candidate.effect),
+        confidence=min(candidate.confidence, _ONE_CLASS),
     )
-    return replace(ranked, candidate=candidate)

@@ -69,8 +69,8 @@ def misleading(
     return bad
 
 
-def without_openings(setting: Setting, openings: Mapping[str, BoolArray]) -> Setting:
-    """Return the data with the openings simulated and not scored.
+def leaving_out(setting: Setting, openings: Mapping[str, BoolArray]) -> Setting:
+    """Return the data with some samples simulated and not scored.
 
     Parameters
     ----------

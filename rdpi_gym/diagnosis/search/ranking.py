@@ -151,6 +151,17 @@ def rank(
     return ranked + [Ranked(o, _failed(o), False) for o in failed]
 
 
+def not_missed(noise_um: float) -> float:
+    """Return by how much the error (µm², mean square) may grow without what was added, and not count.
+
+    Parameters
+    ----------
+    noise_um
+        Noise floor (µm rms).
+    """
+    return 0.5 * LEAST_GAIN * noise_um**2
+
+
 def own_bounds(outcome: Outcome) -> tuple[str, ...]:
     """Return the parameters of a candidate that ended at a bound: it is of a class, not measured.
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from rdpi_gym.diagnosis.features.half_cycles import half_cycles
 from rdpi_gym.diagnosis.features.memory import memory_features
 from rdpi_gym.diagnosis.features.noise import flattened
 from rdpi_gym.diagnosis.features.recurrence import Recurrence, Trace, recurrence, unrepeated_um2
+from rdpi_gym.diagnosis.results import Left
 from rdpi_gym.diagnosis.search.learner import HeldOut, Part, learn_across
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
@@ -43,40 +43,20 @@ _MAINS_CYCLES, _MAINS_SHARE = 20.0, 1e-3
 
 
 @dataclass(frozen=True)
-class Remainder:
-    """What is left of the displacement, and how much of it follows from the input.
+class Remainder(Left):
+    """What is left of the displacement, and how much of it follows from the input, in words too.
+
+    Its `low` is what a learner or the recurrence of the input's history proves on data that were held
+    out. Its `high` is 1 unless something proves that there is a disturbance: a learner that fails
+    proves nothing.
 
     Parameters
     ----------
-    share
-        Share of the mean square of the excess, over noise and numerical floor, that was found to
-        follow from the input on data that were held out.
-    low, high
-        Its 95 % interval. `low` is what a learner or the recurrence of the input's history
-        proves. `high` is 1 unless something proves that there is a disturbance: a learner that
-        fails proves nothing.
-    repeats
-        Share of the residual's mean square beyond the noise that repeats where the input's
-        history recurs; None where it never does.
-    hidden_um
-        An effect of the input smaller than this could hide (µm rms).
-    left_um
-        What is left over the noise and the numerical floor (µm rms).
     sentence
         In words.
     """
 
-    share: float
-    low: float
-    high: float
-    repeats: float | None
-    hidden_um: float
-    left_um: float
     sentence: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the numbers and the sentence as they stand in the files."""
-        return asdict(self)
 
 
 def remainder(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rdpi_gym.diagnosis.features.half_cycles import half_cycles
+from rdpi_gym.diagnosis.features.half_cycles import half_cycles, vary
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects.base import DataScale
@@ -14,8 +14,6 @@ from rdpi_gym.support.arrays import Array
 
 # Thresholds of the comb: enough that a play between two of them is not missed.
 COMB = 60
-# Loops are of another size by this share of the usual one; fewer are how a record begins and ends.
-_OTHER_SIZE, _FEWEST_OTHERS = 0.1, 3
 _SPREAD = 1.5  # finer at small thresholds, where the small loops are
 
 
@@ -75,10 +73,7 @@ def one_size(records: Sequence[Record]) -> bool:
     """
     cycles = [half_cycles(r.u_V, r.ts_s) for r in records]
     sizes = np.concatenate([c.amplitude_V[c.whole] for c in cycles])
-    if not sizes.size:
-        return False
-    others = np.abs(sizes - np.median(sizes)) > _OTHER_SIZE * np.median(sizes)
-    return int(others.sum()) < _FEWEST_OTHERS
+    return bool(sizes.size) and not vary(sizes)
 
 
 def comb(records: Sequence[Record], thresholds: int = COMB) -> RDPI:

@@ -3,32 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from rdpi_gym.diagnosis.checks import Check, run_checks
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Dataset
-
-UNSEEN = 0.9
-"""Largest confidence in an effect that no test without a model can see on the records."""
-
-
-@dataclass(frozen=True)
-class Hearing:
-    """What the tests without a model say of one effect that a fit puts forward.
-
-    Parameters
-    ----------
-    veto
-        A sentence where a test denies it that would have shown it; else None.
-    seen
-        Whether a test finds it too.
-    """
-
-    veto: str | None
-    seen: bool
 
 
 def hear(
@@ -38,7 +19,7 @@ def hear(
     effect: str,
     noise_um: float,
     seed: int,
-) -> Hearing:
+) -> str | None:
     """Compare the tests on the measurement with the same tests on the model with the effect.
 
     Parameters
@@ -55,6 +36,11 @@ def hear(
         White noise (µm rms) of the simulated records.
     seed
         Of that noise.
+
+    Returns
+    -------
+    str or None
+        A sentence where a test denies the effect that would have shown it.
 
     Notes
     -----
@@ -76,8 +62,6 @@ def hear(
     own = [c for c in claimed if c.zone == "yes" and c.suggests[:1] == (effect,)]
     denied = [c for c in own if said[c.name].zone == "no"]
     agreed = [c for c in own if said[c.name].zone == "yes"]
-    if denied and not agreed:
-        return Hearing(
-            f"a test without a model denies it: {said[denied[0].name].sentence}", seen=False
-        )
-    return Hearing(None, seen=bool(agreed))
+    if not denied or agreed:
+        return None
+    return f"a test without a model denies it: {said[denied[0].name].sentence}"
