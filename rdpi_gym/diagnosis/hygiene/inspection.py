@@ -89,8 +89,8 @@ def inspect(dataset: Dataset) -> Inspected:
             records[name] = replace(record, y_um=bridged(record.y_um, outliers))
     moving = [r for r in records.values() if not r.is_quiet]
     rails = output_rails(moving, [bad[r.name] for r in moving])
-    for record in moving:
-        clipped = at_rail(record, rails) & ~bad[record.name]
+    for record, ends in zip(moving, rails, strict=True):
+        clipped = at_rail(record, ends) & ~bad[record.name]
         if clipped.any() and _may_lose(record, clipped | bad[record.name]):
             findings.append(_clipped(record, clipped))
             bad[record.name] = bad[record.name] | clipped
@@ -164,7 +164,7 @@ def _spikes(record: Record, at: BoolArray, farthest: float) -> Finding:
 def _clipped(record: Record, at: BoolArray) -> Finding:
     sentence = (
         f"{counted(int(at.sum()), record)} stand at the end of the displacement's range without "
-        "any noise while the command moves on: the sensor or its converter clips, left out."
+        "any noise: the sensor or its converter clips, left out."
     )
     step = "Measure again with a wider range of the sensor."
     return Finding("clipped output", record.name, int(at.sum()), sentence, step)

@@ -90,10 +90,11 @@ def _jump(moves_y: Array, moves_u: Array, at: int, step: float, noise: float, sl
 Rails = dict[bool, float]
 
 
-def output_rails(records: Sequence[Record], bad: Sequence[BoolArray]) -> Rails:
-    """Return the extreme values at which a converter holds the displacement, upper and lower.
+def output_rails(records: Sequence[Record], bad: Sequence[BoolArray]) -> list[Rails]:
+    """Return the extreme values at which a converter holds each displacement, upper and lower.
 
-    A stage that saturates still shows the sensor's noise; a converter that clips shows none.
+    A stage that saturates still shows the sensor's noise; a converter that clips shows none. A record
+    that ends where another one clips is clipped too; one that goes further has another range.
 
     Parameters
     ----------
@@ -102,37 +103,37 @@ def output_rails(records: Sequence[Record], bad: Sequence[BoolArray]) -> Rails:
     bad
         Of each, samples that are no measurement.
     """
-    rails: Rails = {}
+    own: list[Rails] = []
+    extremes: list[Rails] = []
     for record, lost in zip(records, bad, strict=True):
         y = record.y_um[~lost]
-        if y.size < _FEWEST:
-            continue
-        for upper in (True, False):
-            extreme = float(y.max() if upper else y.min())
-            if _is_rail(record, lost, extreme, upper):
-                best = rails.get(upper, extreme)
-                rails[upper] = min(best, extreme) if upper else max(best, extreme)
-    return rails
+        ends = {True: float(y.max()), False: float(y.min())} if y.size >= _FEWEST else {}
+        extremes.append(ends)
+        own.append({up: end for up, end in ends.items() if _is_rail(record, lost, end, up)})
+    known = {(up, end) for rails in own for up, end in rails.items()}
+    return [{up: end for up, end in ends.items() if (up, end) in known} for ends in extremes]
 
 
 def _is_rail(record: Record, lost: BoolArray, extreme: float, upper: bool) -> bool:
     y, u = record.y_um, record.u_V
     swing_u, swing_y = float(np.ptp(u)), float(np.ptp(y[~lost]))
     at = (np.abs(y - extreme) <= _SAME * swing_y) & ~lost
-    stands = [(a, b) for a, b in runs(at) if b - a >= _FEWEST]
-    stands = [(a, b) for a, b in stands if np.ptp(u[a:b]) > _MOVES * swing_u]
-    if not stands:
-        return False
-    slope = gain(u, y)
     step = smallest_step(y[~lost])
-    repeats = float(np.mean(np.diff(y[~at]) == 0.0)) if (~at).sum() > 1 else 0.0
+    inner = y[(y > y[~lost].min()) & (y < y[~lost].max()) & ~lost]
+    repeats = float(np.mean(np.diff(inner) == 0.0)) if inner.size > 1 else 0.0
+    noise, slope = rough_part(y), gain(u, y)
+    stands = [(a, b) for a, b in runs(at) if b - a >= _FEWEST]
+    if repeats < _COARSE and noise > max(_RESOLVED * step, 1e-6 * swing_y):
+        moves_y, moves_u = np.abs(np.diff(y)), np.abs(np.diff(u))
+        # a sensor that drops out jumps to its value
+        return any(not _jump(moves_y, moves_u, a - 1, step, noise, abs(slope)) for a, _ in stands)
+    stands = [(a, b) for a, b in stands if np.ptp(u[a:b]) > _MOVES * swing_u]
     outward = (1.0 if upper else -1.0) * float(np.sign(slope))
-    for first, last in stands:
-        further = float(np.max(outward * (u[first:last] - u[first])))
-        # a stage that lost motion stands still too, but only while the command comes back
-        if abs(slope) * further > max(4.0 * step, _MOVES * swing_y):
-            return True
-    return repeats < _COARSE and rough_part(y) > max(_RESOLVED * step, 1e-6 * swing_y)
+    # a stage that lost motion stands still too, but only while the command comes back
+    return any(
+        abs(slope) * float(np.max(outward * (u[a:b] - u[a]))) > max(4.0 * step, _MOVES * swing_y)
+        for a, b in stands
+    )
 
 
 def at_rail(record: Record, rails: Rails) -> BoolArray:
