@@ -18,7 +18,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 
 # More effects than this are not a model but a collection; a round adds one or betters its form.
-MOST_EFFECTS, MOST_ROUNDS = 6, 10
+MOST_EFFECTS, MOST_ROUNDS = 4, 8
 
 
 def diagnose(
