@@ -32,8 +32,8 @@ _CUSP_REACH, _CUSP_STEPS, _CUSP_PASSES = 0.2, 16, 3
 _CUSP_ROUNDS, _CUSP_ENDS = 4, 0.9
 # Passes at a start on the way to a cusp: everything else stands where it is already.
 _SCAN_PASSES = 2
-# Starts that are followed beyond the first steps, and as many as are all followed.
-_RACED, _FEW_STARTS = 2, 3
+# Starts of a form that are followed beyond the first steps.
+_RACED = 2
 # Only where a start takes this much from the error without the effect is there a cusp to find.
 _CUSP_SHOWS = 0.998
 
@@ -205,8 +205,8 @@ def refit(
         places = kind.starts(setting.scale) if starts is None else starts
     except InputError as error:
         places, troubles = (), [str(error)]
-    if len(places) > (_RACED if kind.form else _FEW_STARTS):
-        # there is a start for each optimum: most are seen to be worse after a few steps
+    if kind.form and len(places) > _RACED:
+        # a form has starts for each optimum: most are seen to be worse after a few steps
         raced = begun(places, _SCAN_PASSES)[:_RACED]
         places = [_own(fit, kind.name) for fit in raced]
     first = begun(places, _SCAN_PASSES if held else _FIRST_PASSES)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +20,10 @@ from rdpi_gym.support.progress import Progress
 
 # More effects than this are not a model but a collection; a round adds one or betters its form.
 MOST_EFFECTS, MOST_ROUNDS = 4, 8
+# Noise floors from which on another beginning is tried, and what it has to leave of the error.
+_NOWHERE, _CLEARLY = 1.5, 0.6
+
+Notes = tuple[str, ...]
 
 
 def diagnose(
@@ -101,16 +106,14 @@ def discover(
     began = time.perf_counter()
     laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint)
     base = laboratory.base(given)
-    way = _Way(base, base)
-    while True:
-        way = _grown(laboratory, way)
-        before = {c.effect for c in way.added}
-        way, notes = _settled(laboratory, way, given)
-        # with another effect in the place of one, what is missing beside it may show
-        swapped = {c.effect for c in way.added} - before
-        if not swapped or len(way.rounds) >= MOST_ROUNDS or laboratory.at_floor(way.state):
-            break
-        way = replace(way, state=laboratory.on_whole_comb(way.state))
+    untouched = copy(laboratory)
+    way, notes = _ended(laboratory, _Way(base, base), given)
+    other = _second_first(way, laboratory)
+    if other is not None:
+        begun = _begun_with(untouched, base, other, way.rounds[0])
+        second, its_notes = _ended(untouched, begun, given)
+        if second.state.outcome.mean_square < _CLEARLY * way.state.outcome.mean_square:
+            laboratory, way, notes = untouched, second, its_notes
     state, rounds = way.state, list(way.rounds)
     sure = laboratory.sure(state, way.added, way.rivals)
     state, unstable = laboratory.less_sure(state, sure)
@@ -135,6 +138,43 @@ def discover(
         notes=notes,
     )
     return conclude(laboratory, search)
+
+
+def _ended(laboratory: Laboratory, way: _Way, given: PlantModel | None) -> tuple[_Way, Notes]:
+    """Add effects until nothing more is earned and none takes the place of another; with remarks."""
+    while True:
+        way = _grown(laboratory, way)
+        before = {c.effect for c in way.added}
+        way, notes = _settled(laboratory, way, given)
+        # with another effect in the place of one, what is missing beside it may show
+        swapped = {c.effect for c in way.added} - before
+        if not swapped or len(way.rounds) >= MOST_ROUNDS or laboratory.at_floor(way.state):
+            return way, notes
+        way = replace(way, state=laboratory.on_whole_comb(way.state))
+
+
+def _second_first(way: _Way, laboratory: Laboratory) -> Ranked | None:
+    """Return what else could have come first, where what came leads nowhere."""
+    left = way.state.outcome.mean_square
+    if not way.rounds or left <= _NOWHERE**2 * laboratory.noise_um**2:
+        return None
+    if laboratory.at_floor(way.state):
+        return None
+    gone = {c.effect for c in way.added} | {r.candidate.effect for r in way.rounds[0][:1]}
+    others = [r for r in way.rounds[0] if r.earned and r.candidate.effect not in gone]
+    return max(others, key=lambda r: r.worth, default=None)
+
+
+def _begun_with(
+    laboratory: Laboratory, base: State, first: Ranked, ranked: Sequence[Ranked]
+) -> _Way:
+    """Return the way that begins with a candidate of the first round."""
+    state = laboratory.after(base, [first])
+    step = replace(first.candidate, errors=state.outcome.errors)
+    return _Way(
+        base, state, (step,), (_chosen_first([step], ranked),),
+        {step.effect: laboratory.rivals(base, first.candidate, ranked)}, [first],
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -212,9 +252,7 @@ def _chosen(
     return (base if laboratory.setting is setting else laboratory.again(base)), chosen
 
 
-def _settled(
-    laboratory: Laboratory, way: _Way, given: PlantModel | None
-) -> tuple[_Way, tuple[str, ...]]:
+def _settled(laboratory: Laboratory, way: _Way, given: PlantModel | None) -> tuple[_Way, Notes]:
     """Take out what is not needed, and try rivals in the place of what is left; with remarks."""
     state, recalled = laboratory.recall(way.state)
     added = [*way.added, *recalled]

@@ -72,9 +72,9 @@ class Resonance(Effect):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """An octave apart, from the fastest mode that the sampling shows."""
+        """From half the slowest to the fastest mode that the sampling shows."""
         fastest = 0.25 / scale.shortest_s
-        return tuple(cls.within_bounds(f0_hz=fastest / 2.0**k, damping=0.05) for k in range(7))
+        return tuple(cls.within_bounds(f0_hz=fastest / 3.0**k, damping=0.05) for k in range(4))
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Displacement and velocity over ω0, so that both states are micrometres."""
