@@ -135,10 +135,12 @@ def held_about(u_V: Array, parts: int) -> Array:
     Examples
     --------
     >>> held_about(np.array([1.0, 2.0]), 4).tolist()
-    [1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0]
+    [1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 2.0, 2.0]
     """
-    at = (np.arange(len(u_V) * parts) + parts // 2) // parts
-    return np.asarray(u_V[np.minimum(at, len(u_V) - 1)])
+    after = np.append(u_V[1:], u_V[-1])
+    step = np.sign(2 * np.arange(parts) - parts)  # before, in and after the middle
+    share = np.asarray(0.5 * (1.0 + step))
+    return np.asarray((u_V[:, None] + (after - u_V)[:, None] * share).ravel())
 
 
 def turned_between(u_V: Array, parts: int) -> Array:
