@@ -1,5 +1,6 @@
 """What the search does where one split, one assumption or one beginning misleads it."""
 
+import itertools
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -28,7 +29,7 @@ def chirp(t, level, low_hz, high_hz):
 def ramps(levels, hold, ramp):
     """Levels that are held, and go from one to the next along a cosine."""
     found = [np.full(hold, levels[0])]
-    for a, b in zip(levels, levels[1:], strict=False):
+    for a, b in itertools.pairwise(levels):
         share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, ramp + 1) / ramp)
         found += [a + (b - a) * share, np.full(hold, b)]
     return np.concatenate(found)
