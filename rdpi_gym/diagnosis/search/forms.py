@@ -110,18 +110,18 @@ def in_best_form(outcomes: Sequence[Outcome], noise_um: float) -> list[Outcome]:
     by_name: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
         by_name.setdefault(outcome.effect, []).append(outcome)
-    best = [_worth_itsfreedom(forms, noise_um) for forms in by_name.values()]
+    best = [_worth_its_freedom(forms, noise_um) for forms in by_name.values()]
     return sorted(best, key=lambda o: o.mean_square)
 
 
-def _worth_itsfreedom(forms: Sequence[Outcome], noise_um: float) -> Outcome:
+def _worth_its_freedom(forms: Sequence[Outcome], noise_um: float) -> Outcome:
     variance = noise_um**2
-    ordered = sorted(forms, key=freedom)
+    ordered = sorted(forms, key=_freedom)
     best = ordered[0]
     for outcome in ordered[1:]:
         if outcome.fit is None:
             continue
-        more = freedom(outcome) - freedom(best)
+        more = _freedom(outcome) - _freedom(best)
         left = max(best.mean_square - variance, 0.0)
         share = _PRICE + _PRICE_EACH * more if more > 0 else _AS_FREE
         price = max(LEAST_GAIN * variance, share * left)
@@ -133,14 +133,7 @@ def _worth_itsfreedom(forms: Sequence[Outcome], noise_um: float) -> Outcome:
     return best
 
 
-def freedom(outcome: Outcome) -> int:
-    """Return how many numbers of its candidate a refit has fitted.
-
-    Parameters
-    ----------
-    outcome
-        The refit; one that failed has fitted none.
-    """
+def _freedom(outcome: Outcome) -> int:
     if outcome.fit is None:
         return 0
     effects = (e for e in outcome.fit.variant.effects if e.name == outcome.effect)

@@ -29,7 +29,6 @@ from rdpi_gym.diagnosis.search.candidates import (
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
 from rdpi_gym.diagnosis.search.forms import (
     better_forms,
-    freedom,
     further_forms,
     in_best_form,
     simplified,
@@ -324,7 +323,8 @@ class Laboratory:
                 min(
                     equals,
                     key=lambda r: (
-                        _bounds_hit(r), r.candidate.effect not in have, freedom(r.outcome), -r.worth,
+                        _bounds_hit(r), r.candidate.effect not in have,
+                        len(r.candidate.parameters), -r.worth,
                     ),
                 )
             ]  # fmt: skip
@@ -432,11 +432,13 @@ class Laboratory:
         return []
 
     def _heard(self, earned: Sequence[Ranked]) -> list[Ranked]:
-        """Leave out what a test without a model denies."""
+        """Leave out what a test without a model denies, and what is not what its name says."""
         left = []
         for r in earned:
             assert r.outcome.fit is not None
             name = r.candidate.effect
+            if fitted(r.outcome).is_idle(self.setting.scale):
+                continue
             veto = hear(
                 self.dataset, self.checks, r.outcome.fit.variant, name, self.noise_um, self._seed
             )
@@ -522,6 +524,7 @@ class Laboratory:
             if r.outcome.fit is not None
             and r.candidate.effect not in barred
             and r.candidate.errors.validation_rmse_um**2 - own <= reach
+            and not fitted(r.outcome).is_idle(self.setting.scale)
         )
 
     def recall(self, state: State) -> tuple[State, list[Candidate]]:

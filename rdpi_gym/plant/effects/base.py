@@ -377,6 +377,16 @@ class Effect(ABC):
         """
         return None
 
+    def is_idle(self, scale: DataScale) -> bool:
+        """Whether it does not do what its name says on data of this size; False by default.
+
+        Parameters
+        ----------
+        scale
+            Size of the data.
+        """
+        return False
+
     def sampled_at(self, ts_s: float) -> Effect:
         """Return what it is on records of one sampling time (s): the same on any, by default."""
         return self

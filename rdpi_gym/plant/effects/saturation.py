@@ -12,6 +12,9 @@ from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Look, Parameter, Picture, Stateless
 from rdpi_gym.support.arrays import Array
 
+FAR = 10.0
+"""Half swings of the command from which on rails are out of its reach."""
+
 
 @njit(cache=True)
 def saturation_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
@@ -84,6 +87,10 @@ class Saturation(Stateless):
         Look("left_over_command", "What a refit leaves of it", "triangle-slow"),
     )
     block = staticmethod(saturation_block)
+
+    def is_idle(self, scale: DataScale) -> bool:
+        """Whether no command comes near a rail: what bends there is something else."""
+        return self.limit_V - abs(self.centre_V - scale.centre_V) > FAR * scale.span_V
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
