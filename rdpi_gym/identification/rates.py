@@ -71,7 +71,9 @@ def rate_spread(stack: Stack) -> RateSpread:
         for ripple in _RIPPLES:
             size, peak = movements(stack.u_V[part], stack.rate_V_s[part], ripple)
             peaks.append(_inner(peak))
-            paces.append(_inner(peak / size))
+            moved = size > 0.0
+            if moved.any():
+                paces.append(_inner(peak[moved] / size[moved]))
     slowest, fastest = np.min(peaks), np.max(peaks)
     return RateSpread(
         slowest_V_s=float(slowest),

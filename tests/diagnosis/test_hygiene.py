@@ -157,6 +157,25 @@ def test_a_converter_that_clips_is_left_out(upper):
     assert found.dataset.records[0].error_mask.sum() > 0.7 * y.size
 
 
+def test_a_rail_is_that_of_its_own_record_and_of_those_that_end_there_too():
+    low, high, same = (
+        record(sine(amplitude_V=a), name) for a, name in ((25, "a"), (30, "b"), (25, "c"))
+    )
+    rail = float(np.quantile(low.y_um, 0.97))
+    low, same = (changed(r, y=np.minimum(r.y_um, rail)) for r in (low, same))
+    found = looked(low, high, same)
+    assert [(f.kind, f.record) for f in found.findings] == [("clipped output", r) for r in "ac"]
+    assert found.dataset.records[1].error_mask.all()
+
+
+def test_a_level_that_clips_while_the_command_rests_is_left_out():
+    steps = record(np.repeat([0.0, 10.0, 25.0, -5.0, 25.0, 0.0], 800))
+    rail = float(np.mean(steps.y_um[2000:2300])) - 0.5
+    found = looked(changed(steps, y=np.minimum(steps.y_um, rail)))
+    assert kinds(found) == ["clipped output"]
+    assert not found.dataset.records[0].error_mask[1700:2300].any()
+
+
 def test_an_amplifier_that_saturates_is_no_converter():
     clipped = np.clip(sine(), -15.0, 15.0)
     run = record(clipped)

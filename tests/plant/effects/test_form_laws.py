@@ -8,6 +8,7 @@ from scipy.signal import lsim
 
 from rdpi_gym.plant import P10, RDPI, Plant
 from rdpi_gym.plant.effects import CATALOGUE, Effect, forms_of, load_effect
+from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.plant.effects.creep import TIME_CONSTANTS_S
 
 TS = 1e-3
@@ -247,3 +248,21 @@ def test_rails_with_a_knee_are_linear_at_the_centre_and_end_at_the_rails(sharpne
     assert np.diff(y)[399] / np.diff(u)[399] == pytest.approx(1.0, rel=1e-4)
     at_knees = effect.run([-15.0, 25.0], TS)
     np.testing.assert_allclose(at_knees, 5.0 + np.array([-20.0, 20.0]) * 0.5 ** (1 / sharpness))
+
+
+def test_a_saturation_is_idle_where_no_command_comes_near_its_rails():
+    scale = DataScale(50.0, 40.0, 40.0, 1e4, 1e-4, 10.0)
+    near, far = form("saturation")(120.0, 50.0), form("saturation")(500.0, 50.0)
+    assert (near.is_idle(scale), far.is_idle(scale)) == (False, True)
+    bent = form("saturation", "soft unlike rails")(4e5, 2e4)
+    assert bent.is_idle(scale)
+    assert not form("saturation", "hard rails")().is_idle(scale)
+
+
+def test_a_curve_of_the_weights_passes_its_knots_and_leaves_the_part_without_plays():
+    knots = (0.1, -0.2, 0.3, 0.0, 0.4, -0.1, 0.2, 0.5)
+    effect = form("congruency", "along a curve")(*knots, centre_V=10.0, span_V=20.0)
+    u = np.linspace(-10.0, 30.0, 9)
+    hysteresis = RDPI((2.0, 1.0), (1.0,), 0.0)
+    y = effect.run(2.0 * u + 3.0, TS, u=u, hysteresis=hysteresis)
+    np.testing.assert_allclose(y - 2.0 * u, 3.0 * (1.0 + np.array([0.0, *knots])), atol=1e-12)
