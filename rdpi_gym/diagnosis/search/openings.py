@@ -19,9 +19,8 @@ from rdpi_gym.support.arrays import Array
 # noise, and more than any piece of the rest: a memory may spoil only a part of a long opening.
 _WORSE, _NOISE, _STANDS_OUT = 3.0, 9.0, 1.5
 _PIECES, _LEAST_PIECE = 8, 8
-# Of the squares in the openings, what a memory that is right leaves at most, and what the simplest
-# leaves where no other form is worth a try.
-_TAKEN, _NO_HELP = 0.2, 0.9
+# Of the squares in the openings, what a memory that is right leaves at most.
+_TAKEN = 0.2
 
 
 def misleading(
@@ -63,11 +62,10 @@ def misleading(
         remembered = refit(setting, start.hysteresis, others, kind)
         if remembered.fit is None:
             continue
-        left = _opened(setting, remembered, bad)
-        if left < most or not missed(setting, remembered, bad, noise_um):
+        if _opened(setting, remembered, bad) < most or not missed(
+            setting, remembered, bad, noise_um
+        ):
             return {}
-        if left * _TAKEN > _NO_HELP * most:
-            break
     return bad
 
 
