@@ -321,20 +321,6 @@ def _along_knots(time_s: Tensor, p: Tensor) -> Tensor:
     return ((time_s / p[0] - before).clamp(0.0, 1.0) * steps).sum(0)
 
 
-def knots(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
-    """Twin of :func:`~rdpi_gym.plant.effects.thermal_drift.knots_block`."""
-    clock = _clock(state)
-    return x + _along_knots(clock * ts_s, p), clock + 1.0
-
-
-def gain_knots(
-    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
-) -> tuple[Tensor, Tensor]:
-    """Twin of :func:`~rdpi_gym.plant.effects.gain_drift.gain_knots_block`."""
-    clock = _clock(state)
-    return x + _along_knots(clock * ts_s, p) * x, clock + 1.0
-
-
 def _along_curve(time_s: Tensor, p: Tensor) -> Tensor:
     """Cubics of the share of an interval of p[0] s, at times ``float64[1, B]``."""
     slope, bend, twist = p[2::4], p[3::4], p[4::4]  # constants are what came before, added up
@@ -343,26 +329,32 @@ def _along_curve(time_s: Tensor, p: Tensor) -> Tensor:
     return (share * (slope + share * (bend + share * twist))).sum(0)
 
 
+def _added(along: Callable[[Tensor, Tensor], Tensor]) -> Twin:
+    """Twin of a drift of the displacement along a course over the clock."""
+
+    def twin(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+        clock = _clock(state)
+        return x + along(clock * ts_s, p), clock + 1.0
+
+    return twin
+
+
+def _multiplied(along: Callable[[Tensor, Tensor], Tensor]) -> Twin:
+    """Twin of a drift of the gain along a course over the clock."""
+
+    def twin(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
+        clock = _clock(state)
+        return x + along(clock * ts_s, p) * x, clock + 1.0
+
+    return twin
+
+
 def congruency_curve(
     x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
 ) -> tuple[Tensor, Tensor]:
     """Twin of :func:`~rdpi_gym.plant.effects.congruency.congruency_curve_block`."""
     more = _along_curve((u - p[1])[None], p[2:])
     return x + more * (x - p[0] * u), state
-
-
-def curve(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
-    """Twin of :func:`~rdpi_gym.plant.effects.thermal_drift.curve_block`."""
-    clock = _clock(state)
-    return x + _along_curve(clock * ts_s, p), clock + 1.0
-
-
-def gain_curve(
-    x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float
-) -> tuple[Tensor, Tensor]:
-    """Twin of :func:`~rdpi_gym.plant.effects.gain_drift.gain_curve_block`."""
-    clock = _clock(state)
-    return x + _along_curve(clock * ts_s, p) * x, clock + 1.0
 
 
 def mains_hum(x: Tensor, u: Tensor, p: Tensor, state: Tensor, ts_s: float) -> tuple[Tensor, Tensor]:
@@ -409,10 +401,10 @@ TWINS: Mapping[Block, Twin] = {
     thermal_drift_block: thermal_drift,
     gain_to_limit_block: gain_to_limit,
     two_warmings_block: two_warmings,
-    knots_block: knots,
-    gain_knots_block: gain_knots,
-    curve_block: curve,
-    gain_curve_block: gain_curve,
+    knots_block: _added(_along_knots),
+    gain_knots_block: _multiplied(_along_knots),
+    curve_block: _added(_along_curve),
+    gain_curve_block: _multiplied(_along_curve),
     mains_hum_block: mains_hum,
     hum_harmonics_block: hum_harmonics,
 }

@@ -80,22 +80,6 @@ def _between_lines(x: Array) -> float:
     return math.sqrt(float(np.median(upper)) / math.log(2.0))
 
 
-def _growth(traces: Sequence[Array]) -> float:
-    """How much slower than white noise is, by differences over ever more samples; 1 where not."""
-    long = [x for x in traces if x.size >= _FEWEST]
-    if not long:
-        return 1.0
-    squares = [[_third(x, stride) ** 2 for stride in _STRIDES] for x in long]
-    levels = np.sqrt(np.average(squares, axis=0, weights=[x.size for x in long]))
-    if levels[0] <= 0.0:
-        return 1.0
-    ratios = levels[1:] / levels[:-1]
-    ends = ratios[0] > max(ratios[1], ratios[2]) and abs(ratios[2] - 1.0) < _LEVEL
-    if ratios[0] < _GROWS or not ends:
-        return 1.0
-    return min(float(np.mean(levels[-2:]) / levels[0]), _SLOWEST)
-
-
 def repeat_noise(record: Record) -> float | None:
     """Standard deviation (µm) of a record about the mean of its repetitions.
 
@@ -236,7 +220,18 @@ def slowness(residuals: Sequence[Array]) -> float:
     >>> slowness([white]), round(slowness([white[1:] + 0.5 * white[:-1]]), 1)
     (1.0, 1.6)
     """
-    return _growth(residuals)
+    long = [x for x in residuals if x.size >= _FEWEST]
+    if not long:
+        return 1.0
+    squares = [[_third(x, stride) ** 2 for stride in _STRIDES] for x in long]
+    levels = np.sqrt(np.average(squares, axis=0, weights=[x.size for x in long]))
+    if levels[0] <= 0.0:
+        return 1.0
+    ratios = levels[1:] / levels[:-1]
+    ends = ratios[0] > max(ratios[1], ratios[2]) and abs(ratios[2] - 1.0) < _LEVEL
+    if ratios[0] < _GROWS or not ends:
+        return 1.0
+    return min(float(np.mean(levels[-2:]) / levels[0]), _SLOWEST)
 
 
 def noise_floor(

@@ -118,11 +118,13 @@ def _is_rail(record: Record, lost: BoolArray, extreme: float, upper: bool) -> bo
     y, u = record.y_um, record.u_V
     swing_u, swing_y = float(np.ptp(u)), float(np.ptp(y[~lost]))
     at = (np.abs(y - extreme) <= _SAME * swing_y) & ~lost
+    stands = [(a, b) for a, b in runs(at) if b - a >= _FEWEST]
+    if not stands:
+        return False
     step = smallest_step(y[~lost])
     inner = y[(y > y[~lost].min()) & (y < y[~lost].max()) & ~lost]
     repeats = float(np.mean(np.diff(inner) == 0.0)) if inner.size > 1 else 0.0
     noise, slope = rough_part(y), gain(u, y)
-    stands = [(a, b) for a, b in runs(at) if b - a >= _FEWEST]
     if repeats < _COARSE and noise > max(_RESOLVED * step, 1e-6 * swing_y):
         moves_y, moves_u = np.abs(np.diff(y)), np.abs(np.diff(u))
         # a sensor that drops out jumps to its value

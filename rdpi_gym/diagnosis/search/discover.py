@@ -70,7 +70,7 @@ def diagnose(
     ranked = laboratory.ranked(base)
     base, chosen = _chosen(laboratory, base, base, ranked)
     ranked = _chosen_first([r.candidate for r in chosen], ranked)
-    end = laboratory.after(base, chosen) if chosen else base
+    end = laboratory.after(base, chosen)
     end, notes = laboratory.on_law(end, given)
     recommended = [replace(r.candidate, errors=end.outcome.errors) for r in chosen]
     added = [laboratory.final(end, candidate) for candidate in recommended]

@@ -480,10 +480,9 @@ class Laboratory:
 
     def after(self, state: State, chosen: Sequence[Ranked]) -> State:
         """Return the model with what was chosen, refitted on the whole comb."""
-        fit = chosen[-1].outcome.fit if chosen else None
-        if fit is None:
+        if not chosen or chosen[-1].outcome.fit is None:
             return state
-        return self.on_whole_comb(State(replace(chosen[-1].outcome, effect="", form="")))
+        return self.on_whole_comb(State(chosen[-1].outcome))
 
     def on_whole_comb(self, state: State) -> State:
         """Return a model refitted on the whole comb."""

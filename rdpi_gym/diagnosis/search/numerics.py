@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,40 +81,45 @@ def numerical_floor(variant: Variant, records: Sequence[Record]) -> NumericalFlo
         return NumericalFloor(0.0, 0.0, max(1.0 / r.ts_s for r in records))
     squares, counts = [], []
     for record in records:
-        still = simulate_effects([variant], record)[:, 0]
-        counted = record.error_mask
         changes = (
-            simulate_between(variant, record, 2) - still,
-            _changed(variant, record, held_about(record.u_V, _PARTS)),
-            _changed(variant, record, turned_between(record.u_V, _PARTS)),
+            simulate_between(variant, record, 2) - simulate_effects([variant], record)[:, 0],
+            *_changed(variant, record, held_about, turned_between),
         )
-        squares.append([float(np.var(change[counted])) for change in changes])
-        counts.append(int(counted.sum()))
+        squares.append([float(np.var(change[record.error_mask])) for change in changes])
+        counts.append(int(record.error_mask.sum()))
     worst = int(np.argmax(np.sum(squares, axis=1)))
     step, held, turns = np.sqrt(np.average(squares, axis=0, weights=counts)).tolist()
     return NumericalFloor(_WHOLE * step, held, 1.0 / records[worst].ts_s, turns)
 
 
-def _changed(variant: Variant, record: Record, fine_V: Array) -> Array:
-    """What another command between the samples, ``(N P,)``, changes at the samples (µm)."""
+def _changed(
+    variant: Variant, record: Record, *between: Callable[[Array, int], Array]
+) -> list[Array]:
+    """What other commands between the samples change at the samples (µm)."""
     effects = tuple(effect.sampled_at(record.ts_s) for effect in variant.effects)
     # jumps have no rate: only what does not hang on it is asked for
     slow = Variant(replace(variant.hysteresis, delta2_s=0.0), effects)
-    parts = len(fine_V) // len(record.u_V)
+    linear = simulate_effects([slow], record)[:, 0]
     fine = replace(
         record,
-        t_s=record.t_s[0] + np.arange(len(fine_V)) * record.ts_s / parts,
-        u_V=fine_V,
-        y_um=np.repeat(record.y_um, parts),
-        ts_s=record.ts_s / parts,
+        t_s=record.t_s[0] + np.arange(len(record.u_V) * _PARTS) * record.ts_s / _PARTS,
+        u_V=np.repeat(record.u_V, _PARTS),
+        y_um=np.repeat(record.y_um, _PARTS),
+        ts_s=record.ts_s / _PARTS,
         reference_um=None,
         temperature_C=None,
         others={},
         period=None,
-        error_mask=np.repeat(record.error_mask, parts),
+        error_mask=np.repeat(record.error_mask, _PARTS),
     )
-    changed = simulate_effects([slow], fine)[::parts, 0] - simulate_effects([slow], record)[:, 0]
-    return np.asarray(changed)
+    commands = [replace(fine, u_V=way(record.u_V, _PARTS)) for way in between]
+    return [simulate_effects([slow], each)[::_PARTS, 0] - linear for each in commands]
+
+
+def _along(u_V: Array, share: Array) -> Array:
+    """Commands after each sample, ``(N, P)``, at shares of the way to the next; level at the end."""
+    after = np.append(u_V[1:], u_V[-1])
+    return np.asarray(u_V[:, None] + (after - u_V)[:, None] * share)
 
 
 def held_about(u_V: Array, parts: int) -> Array:
@@ -137,10 +142,8 @@ def held_about(u_V: Array, parts: int) -> Array:
     >>> held_about(np.array([1.0, 2.0]), 4).tolist()
     [1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 2.0, 2.0]
     """
-    after = np.append(u_V[1:], u_V[-1])
     step = np.sign(2 * np.arange(parts) - parts)  # before, in and after the middle
-    share = np.asarray(0.5 * (1.0 + step))
-    return np.asarray((u_V[:, None] + (after - u_V)[:, None] * share).ravel())
+    return _along(u_V, 0.5 * (1.0 + step)).ravel()
 
 
 def turned_between(u_V: Array, parts: int) -> Array:
@@ -164,8 +167,7 @@ def turned_between(u_V: Array, parts: int) -> Array:
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0, 0.0]
     """
     part = np.arange(parts) / parts
-    after = np.append(u_V[1:], u_V[-1])
-    fine = u_V[:, None] + (after - u_V)[:, None] * part
+    fine = _along(u_V, part)
     if len(u_V) > 3:
         into = (u_V[1:-2] - u_V[:-3])[:, None]
         out = (u_V[3:] - u_V[2:-1])[:, None]

@@ -55,7 +55,7 @@ class Ranked:
     worse
         Whether a held-out record becomes clearly worse.
     most_train_share
-        The largest `train_share` of all the forms that were tried.
+        The largest `train_share` of all the forms that were tried, where a round knows them.
     """
 
     outcome: Outcome
@@ -144,7 +144,6 @@ def rank(
                 min(share, train_share) * (_AT_BOUND if own_bounds(outcome) else 1.0),
                 train_share,
                 bool(worse),
-                train_share,
             )
         )
     failed = [o for o in outcomes if o.fit is None]

@@ -25,8 +25,18 @@ def identity_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Arr
     y[:] = x
 
 
+class _Memory(Stateless):
+    """Effect that the plays carry: its kernel passes on what comes, and reads nothing."""
+
+    block = staticmethod(identity_block)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """The parameters, in order; the kernel does not read them."""
+        return list(self.values.values())
+
+
 @dataclass(frozen=True)
-class InitialMemory(Stateless):
+class InitialMemory(_Memory):
     """Play states left by an extremum of the command before the record starts.
 
     The plant sets them when it is reset
@@ -83,7 +93,6 @@ class InitialMemory(Stateless):
         Look("over_time", "The first moments of a large sine", "sine-10hz", 0.0, 0.02),
         Look("left_over_time", "What a refit leaves of it", "sine-10hz", 0.0, 0.5),
     )
-    block = staticmethod(identity_block)
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -94,10 +103,6 @@ class InitialMemory(Stateless):
     def turns_from(self, first_V: float) -> tuple[float, ...]:
         """The extremum (V), wherever the record begins."""
         return (self.extremum_V,)
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """The extremum (V); the kernel does not read it."""
-        return [self.extremum_V]
 
 
 RATIO = Parameter(
@@ -111,7 +116,7 @@ REACH = Parameter(
 
 
 @dataclass(frozen=True)
-class DecayingHistory(Stateless, of=InitialMemory):
+class DecayingHistory(_Memory, of=InitialMemory):
     """Play states left by a motion to and fro that decayed before the record starts.
 
     Examples
@@ -135,7 +140,6 @@ class DecayingHistory(Stateless, of=InitialMemory):
         "A controller that settles, a relaxation after power-up or a sine that was faded out leaves "
         "nested memory, from the outermost turn inwards."
     )
-    block = staticmethod(identity_block)
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -157,13 +161,9 @@ class DecayingHistory(Stateless, of=InitialMemory):
         """Turns (V), in order, wherever the record begins."""
         return _decaying(self.centre_V, self.extremum_V - self.centre_V, self.ratio)
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Outermost turn (V), ratio and centre (V); the kernel does not read them."""
-        return [self.extremum_V, self.ratio, self.centre_V]
-
 
 @dataclass(frozen=True)
-class AboutTheStart(Stateless, of=InitialMemory):
+class AboutTheStart(_Memory, of=InitialMemory):
     """Play states left by a motion that decayed about the command at which each record begins.
 
     In volts that is another history for each record that begins elsewhere.
@@ -184,7 +184,6 @@ class AboutTheStart(Stateless, of=InitialMemory):
         "A stage is moved to where a record begins and settles there: it swings about that command, "
         "or a sine about it is faded out."
     )
-    block = staticmethod(identity_block)
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -204,13 +203,9 @@ class AboutTheStart(Stateless, of=InitialMemory):
         """Turns (V) about the command at which the record begins, in order."""
         return _decaying(first_V, self.reach_V, self.ratio)
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Outermost turn (V) and ratio; the kernel does not read them."""
-        return [self.reach_V, self.ratio]
-
 
 @dataclass(frozen=True)
-class LastTurns(Stateless, of=InitialMemory):
+class LastTurns(_Memory, of=InitialMemory):
     """Play states left by three turns before each record, relative to where it begins.
 
     Examples
@@ -239,7 +234,6 @@ class LastTurns(Stateless, of=InitialMemory):
         "A record that is cut out of a motion, or that begins wherever the stage was left: its last "
         "turns, each within those before, are what the ceramic remembers."
     )
-    block = staticmethod(identity_block)
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -261,10 +255,6 @@ class LastTurns(Stateless, of=InitialMemory):
         """Turns (V) relative to the command at which the record begins, in order."""
         second = self.reach_V * self.back
         return (first_V + self.reach_V, first_V + second, first_V + second * self.third)
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Outermost turn (V) and the shares; the kernel does not read them."""
-        return [self.reach_V, self.back, self.third]
 
 
 def _reached(simpler: Effect, scale: DataScale) -> tuple[float, float]:
