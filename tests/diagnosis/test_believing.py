@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis.checks import run_checks
+from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.diagnosis.search.candidates import Setting, refit
+from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.numerics import numerical_floor
 from rdpi_gym.diagnosis.search.openings import (
     leaving_out,
@@ -15,12 +17,14 @@ from rdpi_gym.diagnosis.search.openings import (
     unknown_past,
 )
 from rdpi_gym.diagnosis.search.scale import comb, data_scale
-from rdpi_gym.diagnosis.search.stability import splits, stability
-from rdpi_gym.diagnosis.search.vetoes import hear
+from rdpi_gym.diagnosis.search.stability import LEAST_STABLE, splits, stability
+from rdpi_gym.diagnosis.search.vetoes import MOST_UNSEEN, SEEN_BY, capped, hear
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
+from rdpi_gym.report.discovery.sentences import lines
+from rdpi_gym.virtual_lab import Truth, simulate_dataset
 
 NOISE_UM = 0.012
 BARE = Variant(P10.hysteresis, ())
@@ -100,6 +104,57 @@ def test_a_test_without_a_model_vetoes_what_it_denies():
     assert "no asymmetry" in denied
     bent = Dataset("bent", (record("one", BENT, sine(40.0, 5.0, 4000)),))
     assert hear(bent, run_checks(bent), BENT, "asymmetry", NOISE_UM, 0) is None
+
+
+def surely(effect):
+    return Candidate(effect, Errors(1.0, 1.0, 1.0, {}), {}, {}, 0.98, 0.9, (), "")
+
+
+def test_every_test_that_can_see_an_effect_is_one_that_is_run():
+    assert SEEN_BY.keys() <= CATALOGUE.keys()
+    checks = run_checks(simulate_dataset(Truth(P10, (), NOISE_UM, 3)))
+    names = {check.name for check in checks}
+    assert {name for tests in SEEN_BY.values() for name in tests} <= names
+    for check in checks:
+        assert all(check.name in SEEN_BY[effect] for effect in check.suggests[:1])
+
+
+def test_what_no_test_without_a_model_can_see_is_half_sure_at_most():
+    data = Dataset("one sine", (record("one", BENT, sine(40.0, 5.0, 4000)),))
+    checks = run_checks(data)
+    # the test for asymmetry sees it; the others need experiments that are not there
+    assert capped(surely("asymmetry"), checks) == surely("asymmetry")
+    for effect in ("congruency", "backlash", "creep", "delay", "resonance"):
+        found = capped(surely(effect), checks)
+        assert found.confidence == MOST_UNSEEN >= LEAST_STABLE
+        assert f"as no test without a model sees {effect} here" in found.remarks[-1]
+    unsure = replace(surely("congruency"), confidence=0.3)
+    assert capped(unsure, checks) == unsure
+    # an effect of one's own has no test that could be blind
+    assert capped(surely("self_heating"), checks) == surely("self_heating")
+
+
+def test_where_the_experiments_are_there_nothing_is_capped():
+    checks = run_checks(simulate_dataset(Truth(P10, (), NOISE_UM, 3)))
+    assert [e for e in SEEN_BY if capped(surely(e), checks) != surely(e)] == []
+
+
+def test_a_cap_takes_no_effect_out():
+    plant = Variant(P10.hysteresis, (CATALOGUE["congruency"](0.15, 40.0),))
+    commands = {"one": sine(40.0, 3.0), "two": sine(15.0, 7.0) + 10.0, "three": sine(30.0, 2.0)}
+    data = Dataset(
+        "sines about two biases",
+        tuple(
+            record(name, plant, u, seed=k, role="validation" if name == "three" else "train")
+            for k, (name, u) in enumerate(commands.items())
+        ),
+    )
+    found = discover(data, catalogue={"congruency": CATALOGUE["congruency"]})
+    assert [(c.effect, c.confidence) for c in found.added] == [("congruency", MOST_UNSEEN)]
+    assert found.verdict == "explained"
+    said = "\n".join(lines(found))
+    assert "congruency: confidence 50 %" in said
+    assert "at most 50 %, as no test without a model sees congruency here: there are no" in said
 
 
 def cut(whole, start):

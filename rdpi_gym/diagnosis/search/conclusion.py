@@ -19,6 +19,7 @@ from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.diagnosis.search.remainder import remainder
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
+from rdpi_gym.diagnosis.search.vetoes import capped
 from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit
@@ -80,7 +81,9 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     search
         How the search went.
     """
-    end, added = search.end, search.added
+    end, checks = search.end, laboratory.checks
+    # last of all: no cap decides what is added
+    added = [capped(candidate, checks) for candidate in search.added]
     laboratory.final_noise(end)
     numerical = laboratory.numerical(end)
     judgement = judge(
@@ -120,7 +123,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         indistinguishable=groups,
         findings=tuple(laboratory.findings),
         limits=laboratory.limits,
-        checks=tuple(check.sentence for check in laboratory.checks),
+        checks=tuple(check.sentence for check in checks),
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
         seconds=time.perf_counter() - search.began,
         notes=(

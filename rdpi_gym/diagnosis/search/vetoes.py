@@ -1,15 +1,86 @@
-"""Tests without a model against what a fit says: a test that denies an effect vetoes it."""
+"""Tests without a model against what a fit says: one that denies vetoes, one that is blind caps."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from rdpi_gym.diagnosis.checks import Check, run_checks
+from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Dataset
+
+MOST_UNSEEN = 0.5
+"""Largest confidence in an effect that no test without a model can see in the records."""
+_LAGS = ("lag at small signals", "few frequencies")
+SEEN_BY: Mapping[str, tuple[str, ...]] = {
+    "saturation": ("saturation", "gain over amplitude", "congruency", "few amplitudes"),
+    "slew_limit": ("rate law", "motion at small signals"),
+    "actuator_lag": _LAGS,
+    "rate_law": ("rate law", "few frequencies"),
+    "initial_memory": ("initial memory",),
+    "congruency": ("congruency",),
+    "asymmetry": ("asymmetry",),
+    "creep": ("creep",),
+    "resonance": ("resonance at small signals", "lag at small signals"),
+    "backlash": ("motion at small signals",),
+    "gain_drift": ("gain drift in holds", "gain drift between repeats"),
+    "thermal_drift": ("drift in holds", "drift between repeats"),
+    "delay": _LAGS,
+    "sensor_lag": _LAGS,
+    "mains_hum": ("mains hum",),
+}
+"""By effect, the tests that can see it, the nearest first; one without any is never capped.
+
+Those of the commands (``few ...``) say what cannot be seen at too few amplitudes or frequencies.
+"""
+
+
+def capped(candidate: Candidate, measured: Sequence[Check]) -> Candidate:
+    """Return a candidate no surer than it can be where no test without a model can see its effect.
+
+    Parameters
+    ----------
+    candidate
+        What a fit says.
+    measured
+        The tests of the measurement.
+
+    Notes
+    -----
+    A fit names an effect from its trace among everything else. Where each test that could show
+    that trace by itself says ``cannot tell``, or that the command does not hold what would show
+    it, a wrong form of something else may leave the same trace.
+
+    Examples
+    --------
+    >>> from rdpi_gym.diagnosis.checks.check import cannot_tell
+    >>> from rdpi_gym.diagnosis.results import Errors
+    >>> creep = Candidate("creep", Errors(1.0, 1.0, 1.0, {}), {}, {}, 0.98, 0.9, (), "")
+    >>> blind = (cannot_tell("creep", "The command never rests.", ""),)
+    >>> capped(creep, blind).confidence, capped(creep, blind).remarks
+    (0.5, ('at most 50 %, as no test without a model sees creep here: the command never rests',))
+    """
+    said = {check.name: check for check in measured}
+    tests = [said[name] for name in SEEN_BY.get(candidate.effect, ()) if name in said]
+    if not tests or candidate.confidence <= MOST_UNSEEN or any(map(_sees, tests)):
+        return candidate
+    reason = tests[0].sentence.rstrip(".")
+    remark = (
+        f"at most {100.0 * MOST_UNSEEN:g} %, as no test without a model sees {candidate.effect} "
+        f"here: {reason[:1].lower()}{reason[1:]}"
+    )
+    return replace(candidate, confidence=MOST_UNSEEN, remarks=(*candidate.remarks, remark))
+
+
+def _sees(check: Check) -> bool:
+    """Whether a test tells an effect's presence or absence.
+
+    A test of the commands says yes where something is missing.
+    """
+    return check.zone == "no" or (check.zone == "yes" and bool(check.suggests))
 
 
 def hear(
