@@ -262,7 +262,8 @@ class SearchResult:
     noise_floor_um, noise_origin
         Noise (µm rms) and the sentence that says where the figure comes from.
     numerical_floor_um
-        What half the step and another command between the samples change in the model (µm rms).
+        What half the step, another command between the samples and samples at the uneven times of
+        the file change in the model (µm rms).
     base
         Errors of the base model, refitted on a fine comb of thresholds.
     final

@@ -127,6 +127,7 @@ def make_record(
             if key.startswith(OTHER)
         },
         before_V=before_V,
+        jitter_s=grid.jitter_s,
     )
 
 

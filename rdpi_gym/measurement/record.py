@@ -54,6 +54,9 @@ class Record:
     others
         Further inputs by name, each (N,) in the unit of the file: what a model with one input does
         not see.
+    jitter_s
+        By how much the time stamps of the file are off an even clock (s rms), beyond what writing
+        them with few digits does; 0 for even ones.
     before_V
         Voltage (V) of the M samples before the first one, (M,): simulated for the memory that it
         leaves, never compared. None by default.
@@ -86,6 +89,7 @@ class Record:
     remarks: tuple[str, ...] = ()
     others: Mapping[str, Array] = field(default_factory=dict)
     before_V: Array = field(default_factory=lambda: np.zeros(0))
+    jitter_s: float = 0.0
 
     def __post_init__(self) -> None:
         samples = self.t_s.size

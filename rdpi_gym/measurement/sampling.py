@@ -19,6 +19,7 @@ _DECIMALS = 12
 _FEWEST, _BOTH = 16, 0.05  # samples; share of the steps that the rarer length has
 _EXACT = 1e-3  # of a decimal: so far a time may be off it by the arithmetic of a converted unit
 _LARGEST_GROWTH = 10
+_HALF = 0.55  # of a decimal: no stamp of an even clock is rounded by more
 _NEARLY = 0.9  # of an interpolated sample is made of samples that count
 
 
@@ -38,6 +39,8 @@ class Grid:
         (M,) bool; False inside a hole of the record, where values are only interpolated.
     remarks
         What was done.
+    jitter_s
+        As of the record.
     """
 
     t_s: Array
@@ -45,6 +48,7 @@ class Grid:
     columns: Mapping[str, Array]
     measured: BoolArray
     remarks: tuple[str, ...]
+    jitter_s: float = 0.0
 
 
 def rounding(t_s: Array) -> float:
@@ -134,11 +138,13 @@ def to_uniform(
         if sampling_time_s is not None:
             ts_s, even = sampling_time_s, t_s[0] + sampling_time_s * np.arange(samples)
             said = f"times are rounded to {decimal:g} s: taken as {ts_s:.6g} s apart, as was said"
-        return Grid(even, ts_s, columns, counts, (said,))
+            return Grid(even, ts_s, columns, counts, (said,))
+        return Grid(even, ts_s, columns, counts, (said,), _beyond_rounding(t_s, decimal))
     # small deviations of one sign would add up to a clock that is wrong by whole samples
     if jitter <= JITTER and np.max(np.abs(t_s - even)) <= ts_s / 2:
         said = f"time steps jitter by up to {100 * jitter:.2g} % of the mean step: taken as even"
-        return Grid(even, ts_s, columns, counts, (said,) if jitter > _WORTH_SAYING else ())
+        is_said = jitter > _WORTH_SAYING
+        return Grid(even, ts_s, columns, counts, (said,) if is_said else (), off_even(t_s, ts_s))
 
     length = (t_s[-1] - t_s[0]) / median
     if length > _LARGEST_GROWTH * samples:
@@ -169,4 +175,48 @@ def to_uniform(
     }
     # what lies beside a sample that does not count is made of it
     beside = np.interp(grid, t_s, counts.astype(np.float64))
-    return Grid(grid, median, resampled, measured & (beside > _NEARLY), remarks)
+    return Grid(
+        grid, median, resampled, measured & (beside > _NEARLY), remarks, off_even(t_s, median)
+    )
+
+
+def off_even(t_s: Array, ts_s: float) -> float:
+    """Return by how much times are off an even clock, from one to the next (s rms), or 0.
+
+    A clock that runs slowly off is none, nor is a sample that was lost.
+
+    Parameters
+    ----------
+    t_s : float64[N]
+        Times (s).
+    ts_s
+        Step of the clock (s).
+
+    Examples
+    --------
+    >>> t = np.arange(20_000) * 1e-3
+    >>> shaken = t + np.random.default_rng(0).normal(0.0, 2e-5, t.size)
+    >>> off_even(t, 1e-3), float(round(1e6 * off_even(shaken, 1e-3)))
+    (0.0, 20.0)
+    """
+    steps = np.diff(t_s)
+    off = steps - ts_s * np.maximum(np.round(steps / ts_s), 1.0)
+    turns = np.diff(off[steps <= _GAP_STEPS * ts_s])
+    # of times that are each off by one, second differences have a variance of six
+    rms_s = float(np.sqrt(np.mean(turns * turns) / 6.0)) if turns.size else 0.0
+    return rms_s if rms_s > _WORTH_SAYING * ts_s else 0.0
+
+
+def _beyond_rounding(t_s: Array, decimal: float) -> float:
+    """Return by how much rounded times are off an even clock (s rms) that rounding does not explain.
+
+    Times of an even clock are rounded by half a decimal at most: then they are known exactly.
+    """
+    # about the straight line through them
+    k = np.arange(t_s.size, dtype=np.float64)
+    k -= k.mean()
+    off = t_s - t_s.mean()
+    off = off - (k @ off) / (k @ k) * k
+    if float(np.max(np.abs(off))) <= _HALF * decimal:
+        return 0.0
+    return float(np.sqrt(max(np.var(off) - decimal**2 / 12.0, 0.0)))

@@ -8,9 +8,12 @@ import pytest
 
 from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
 from rdpi_gym.diagnosis.hygiene import inspect
+from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.numerics import numerical_floor
+from rdpi_gym.diagnosis.search.scale import data_scale
+from rdpi_gym.diagnosis.search.verdict import judge
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, RDPI
@@ -111,6 +114,55 @@ def test_the_numerical_floor_holds_a_turn_that_no_sample_shows():
     assert missed_um > 0.01
     assert floor.turned_um == pytest.approx(missed_um, rel=0.3)
     assert floor.total_um < 2.0 * missed_um
+
+
+def shaken_record(variant, off_s, ts=1e-3, fine=50):
+    """Samples of a plant at times that are off an even clock, as if they were not."""
+    k = np.arange(4000)
+    taken = k * fine
+    taken[1:-1] += np.random.default_rng(3).choice([-1, 1], k.size - 2) * round(off_s / ts * fine)
+    t = np.arange(taken[-1] + 1) * ts / fine
+    path = 40.0 * np.sin(2.0 * np.pi * 6.3 * t)
+    u = np.interp(np.arange(t.size), taken, path[taken])
+    y = simulate_effects([variant], Record("fine", t, u, u, ts_s=ts / fine))[taken, 0]
+    return Record("run", k * ts, u[taken], y, ts_s=ts, jitter_s=off_s)
+
+
+@pytest.mark.parametrize("off_s", [2e-5, 6e-5, 1.2e-4])
+def test_the_numerical_floor_holds_what_uneven_samples_change(off_s):
+    lag = CATALOGUE["sensor_lag"](time_constant_s=3e-3)
+    variant = Variant(replace(P10.hysteresis, delta2_s=1e-3), (lag,))
+    record = shaken_record(variant, off_s)
+    step = shaken_record(variant, 0.0)
+    wrong = record.y_um - simulate_effects([variant], record)[:, 0]
+    coarse = step.y_um - simulate_effects([variant], step)[:, 0]
+    missed_um = float(np.std(wrong - coarse))
+    floor = numerical_floor(variant, [record])
+    assert floor.jittered_um == pytest.approx(missed_um, rel=0.2)
+    assert floor.off_s == off_s
+    even = numerical_floor(variant, [replace(record, jitter_s=0.0)])
+    assert replace(floor, jittered_um=0.0, off_s=0.0) == even
+    # what only follows the command has no clock
+    still = Variant(replace(P10.hysteresis, delta2_s=0.0), ())
+    assert numerical_floor(still, [record]).total_um < 1e-9
+
+
+def test_a_model_within_the_floor_of_its_clock_is_explained_and_the_clock_is_the_advice():
+    variant = Variant(P10.hysteresis, (CATALOGUE["sensor_lag"](time_constant_s=3e-3),))
+    record = shaken_record(variant, 1.2e-4)
+    setting = Setting((record,), (record,), data_scale([record]))
+    floor = numerical_floor(variant, [record])
+    assert floor.jittered_um > 3.0 * floor.sampled_um
+    noise_um = 0.3 * floor.jittered_um
+    found = judge(setting, variant, floor.jittered_um, noise_um, floor, added=True)
+    assert found.verdict == "explained"
+    assert (found.sampling or "").startswith(
+        "Write time stamps with more digits, or trigger the samples by a clock: stamps that are off "
+        "an even one by 120 µs rms change the model by "
+    )
+    assert "one clock" in found.again
+    beyond = judge(setting, variant, 5.0 * floor.jittered_um, noise_um, floor, added=True)
+    assert (beyond.verdict, beyond.sampling) == ("unexplained", None)
 
 
 def test_a_command_held_about_its_samples_is_not_late():

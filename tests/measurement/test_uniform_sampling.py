@@ -101,3 +101,35 @@ def test_records_may_differ_in_sampling_time(tmp_path) -> None:
         (tmp_path / f"{name}.csv").write_text("t,u,y\n" + "\n".join(rows))
     data = load(tmp_path)
     assert [(r.name, round(r.ts_s, 9)) for r in data.records] == [("fast", 1e-4), ("slow", 1e-2)]
+
+
+@pytest.mark.parametrize("share", [0.002, 0.05, 0.2])
+def test_stamps_that_are_off_are_kept_as_one_number(share) -> None:
+    rng = np.random.default_rng(0)
+    t = 1e-3 * (np.arange(5000) + rng.uniform(-share, share, 5000))
+    found = to_uniform(t, {"u": t}, "run.csv").jitter_s
+    assert found == pytest.approx(1e-3 * share / np.sqrt(3.0), rel=0.05)
+
+
+def test_even_stamps_lost_rows_and_a_slow_clock_are_no_jitter() -> None:
+    even = 1e-3 * np.arange(5000)
+    lost = np.delete(even, [100, 101, 700, 2222])
+    slow = np.cumsum(np.r_[np.full(2500, 1e-3), np.full(2500, 1.009e-3)])
+    for t in (even, lost, slow, 7.0 + np.round(even, 3)):
+        assert to_uniform(t, {"u": t}, "run.csv").jitter_s == 0.0
+
+
+@pytest.mark.parametrize(("ts_s", "decimals"), [(3.328e-4, 4), (1.95e-3, 3), (1.5e-3, 3)])
+def test_rounding_alone_hides_no_clock(ts_s, decimals) -> None:
+    t = ts_s * np.arange(20_000)
+    assert to_uniform(np.round(t, decimals), {"u": t}, "run.csv").jitter_s == 0.0
+
+
+def test_jitter_beneath_the_rounding_shows_unless_the_clock_is_known() -> None:
+    t = 3.328e-4 * np.arange(20_000)
+    shaken = t + np.random.default_rng(1).uniform(-1.5e-5, 1.5e-5, t.size)
+    found = to_uniform(np.round(shaken, 4), {"u": t}, "run.csv")
+    assert found.remarks[0].startswith("times are rounded to 0.0001 s: taken as even")
+    assert found.jitter_s == pytest.approx(1.5e-5 / np.sqrt(3.0), rel=0.3)
+    said = to_uniform(np.round(shaken, 4), {"u": t}, "run.csv", sampling_time_s=3.328e-4)
+    assert said.jitter_s == 0.0

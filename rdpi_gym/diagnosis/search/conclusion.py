@@ -141,7 +141,7 @@ def _remainder(
 ) -> tuple[str, Left | None]:
     """Say whether what is left follows from the input, and how surely."""
     if judgement.verdict != "unexplained":
-        rest = "the noise" if judgement.sampling is None else "motion between the samples"
+        rest = "the noise" if judgement.sampling is None else judgement.rest
         return f"What is left is {rest}.", None
     setting = laboratory.setting
     variant, noise_um = state.fit.variant, laboratory.noise_um
@@ -177,7 +177,7 @@ def _next_experiment(
         groups,
         state.hysteresis,
         scale,
-        judgement.sampling,
+        None if judgement.sampling is None else judgement.again,
         laboratory.findings,
         laboratory.limits,
         judgement.verdict != "unexplained",

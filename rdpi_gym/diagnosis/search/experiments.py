@@ -40,7 +40,7 @@ def what_to_measure(
     groups: Sequence[Sequence[str]],
     hysteresis: RDPI,
     scale: DataScale,
-    sampling: str | None,
+    again: str | None,
     findings: Sequence[Finding],
     limits: Sequence[str],
     is_settled: bool,
@@ -59,8 +59,8 @@ def what_to_measure(
         Classes of effects, not in the model, that the records cannot tell apart.
     hysteresis, scale
         Of the model and of the data.
-    sampling
-        A sentence where the records are sampled too slowly: then nothing else comes first.
+    again
+        What is to be measured where the records are sampled too slowly: nothing else comes first.
     findings
         What is wrong with the records.
     limits
@@ -73,8 +73,8 @@ def what_to_measure(
     str or None
         A sentence; None where nothing is left open.
     """
-    if sampling is not None:
-        return "Record the same motion again, sampled faster."
+    if again is not None:
+        return again
     own = {effect.name: effect for effect in effects}
     pairs = [
         (own[c.effect], typical[rival])

@@ -1,4 +1,4 @@
-"""How far a simulation of these records can be trusted: half the step, another command between."""
+"""How far a simulation of these records can be trusted: step, command between, sampling times."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from rdpi_gym.support.arrays import Array
 _WHOLE = 4.0 / 3.0
 # Steps within a sample that show another command between the samples.
 _PARTS = 4
+# Steps in a sampling time by one of which stamps are off where another clock is tried, and the seed.
+_SHAKEN, _SEED = 8, 0
 # Of the noise, what the numerical floor has to fall to for it not to matter.
 _NO_MATTER = 0.3
 
@@ -38,16 +40,29 @@ class NumericalFloor:
     turned_um
         What a command that turns between two samples, where the straight lines before and after
         them meet, changes (µm rms): memory and gaps keep an extremum that no sample shows.
+    jittered_um
+        What samples taken at other times than those of an even clock change (µm rms), where the
+        stamps of a file are off one: what hangs on rates and times is then wrong, what only
+        follows the command is not.
+    off_s
+        By how much the stamps are off, in the record in which that is largest (s rms).
     """
 
     step_um: float
     held_um: float
     fastest_hz: float
     turned_um: float = 0.0
+    jittered_um: float = 0.0
+    off_s: float = 0.0
 
     @property
     def total_um(self) -> float:
         """All together (µm rms)."""
+        return math.hypot(self.sampled_um, self.jittered_um)
+
+    @property
+    def sampled_um(self) -> float:
+        """The part that falls with the sampling time (µm rms)."""
         return math.hypot(self.step_um, self.held_um, self.turned_um)
 
     def needed_hz(self, noise_um: float) -> float:
@@ -64,11 +79,11 @@ class NumericalFloor:
         (1000.0, 2000.0)
         """
         least = _NO_MATTER * max(noise_um, 1e-300)
-        return self.fastest_hz * math.sqrt(max(self.total_um / least, 1.0))
+        return self.fastest_hz * math.sqrt(max(self.sampled_um / least, 1.0))
 
 
 def numerical_floor(variant: Variant, records: Sequence[Record]) -> NumericalFloor:
-    """Simulate a model again with half the step, and with the command held between samples.
+    """Simulate a model again: half the step, another command between samples, another clock.
 
     Parameters
     ----------
@@ -77,8 +92,10 @@ def numerical_floor(variant: Variant, records: Sequence[Record]) -> NumericalFlo
     records
         Records whose errors are judged.
     """
+    jittered_um, off_s = _jitter(variant, records)
     if not variant.effects:
-        return NumericalFloor(0.0, 0.0, max(1.0 / r.ts_s for r in records))
+        fastest_hz = max(1.0 / r.ts_s for r in records)
+        return NumericalFloor(0.0, 0.0, fastest_hz, jittered_um=jittered_um, off_s=off_s)
     squares, counts = [], []
     for record in records:
         changes = (
@@ -89,7 +106,39 @@ def numerical_floor(variant: Variant, records: Sequence[Record]) -> NumericalFlo
         counts.append(int(record.error_mask.sum()))
     worst = int(np.argmax(np.sum(squares, axis=1)))
     step, held, turns = np.sqrt(np.average(squares, axis=0, weights=counts)).tolist()
-    return NumericalFloor(_WHOLE * step, held, 1.0 / records[worst].ts_s, turns)
+    fastest_hz = 1.0 / records[worst].ts_s
+    return NumericalFloor(_WHOLE * step, held, fastest_hz, turns, jittered_um, off_s)
+
+
+def _jitter(variant: Variant, records: Sequence[Record]) -> tuple[float, float]:
+    """What uneven sampling times change (µm rms over all records), and the largest of them (s)."""
+    squares = [
+        float(np.var(_shaken(variant, r)[r.error_mask])) if r.jitter_s > 0.0 else 0.0
+        for r in records
+    ]
+    counts = [int(r.error_mask.sum()) for r in records]
+    return math.sqrt(np.average(squares, weights=counts)), max(r.jitter_s for r in records)
+
+
+def _shaken(variant: Variant, record: Record) -> Array:
+    """What the same samples, taken at times that are off by those of the stamps, change (µm).
+
+    Command and displacement are taken at one time: each sample is moved to and fro by one of a few
+    steps with the command linear between, and what that changes is carried on in proportion.
+    """
+    early, whole = record.before_V.size, record.with_history
+    own = replace(variant, effects=tuple(e.sampled_at(record.ts_s) for e in variant.effects))
+    even = _SHAKEN * np.arange(whole.u_V.size)
+    taken = even + np.random.default_rng(_SEED).choice([-1, 1], even.size)
+    taken[0], taken[-1] = even[0], even[-1]
+    places = np.arange(even[-1] + 1)
+    found = []
+    for at in (even, taken):
+        u = np.interp(places, at, whole.u_V)
+        t_s = whole.t_s[0] + places * (record.ts_s / _SHAKEN)
+        fine = Record(record.name, t_s, u, np.zeros_like(u), ts_s=record.ts_s / _SHAKEN)
+        found.append(simulate_effects([own], fine)[at, 0])
+    return np.asarray((found[1] - found[0])[early:] * (record.jitter_s * _SHAKEN / record.ts_s))
 
 
 def _changed(

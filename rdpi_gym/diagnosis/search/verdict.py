@@ -40,11 +40,18 @@ class Judgement:
     verdict
         As in the files.
     sampling
-        A sentence where records are sampled too slowly for the model, with the rate that would do.
+        A sentence where records are sampled too slowly for the model, with the rate that would do,
+        or at times that are too uncertain.
+    rest
+        What is then left.
+    again
+        What is then to be measured.
     """
 
     verdict: Verdict
     sampling: str | None = None
+    rest: str = "motion between the samples"
+    again: str = "Record the same motion again, sampled faster."
 
 
 def judge(
@@ -94,10 +101,23 @@ def judge(
         return Judgement(good, sampling)
     floor_um = math.hypot(noise_um, numerical.total_um)
     if rmse_um <= EXPLAINED * floor_um:
-        return Judgement(good, _faster(numerical, noise_um))
+        return _by_floor(good, numerical, noise_um)
     if numerical.total_um**2 > _DOMINATES * (rmse_um**2 - noise_um**2):
-        return Judgement("unexplained", _faster(numerical, noise_um))
+        return _by_floor("unexplained", numerical, noise_um)
     return Judgement("unexplained", _beyond_sampling(variant, validation) if added else None)
+
+
+def _by_floor(verdict: Verdict, numerical: NumericalFloor, noise_um: float) -> Judgement:
+    """Return a verdict that stands under the reservation of the larger part of the floor."""
+    if numerical.jittered_um <= numerical.sampled_um:
+        return Judgement(verdict, _faster(numerical, noise_um))
+    text = (
+        f"Write time stamps with more digits, or trigger the samples by a clock: stamps that are "
+        f"off an even one by {digits(1e6 * numerical.off_s)} µs rms change the model by "
+        f"{micrometres(numerical.jittered_um)} rms, so less than that cannot be judged."
+    )
+    again = "Record the same motion again, every sample triggered by one clock."
+    return Judgement(verdict, text, "what uneven sampling times change", again)
 
 
 def _faster(numerical: NumericalFloor, noise_um: float) -> str:
