@@ -1,10 +1,14 @@
 """Time and memory of ``rdpi discover`` on the standard protocol, over samples and candidates.
 
     python -m studies.discovery_cost
+    python -m studies.discovery_cost --oversampled 4000000
 
 Two effects (creep and delay) are hidden by ``rdpi simulate``; they are discovered in a process of its
 own with two workers, compiled code in the cache; the time of computing is that of one process. Memory is the largest resident set of the
 main process plus that of the largest worker for each worker: no less than what was held at once.
+
+With ``--oversampled N``, one row of a table of its own: three records of N samples together, sampled
+far finer than their commands need, as a recorder that streams makes them; one process.
 """
 
 from __future__ import annotations
@@ -35,6 +39,8 @@ OTHERS = (
     "congruency", "actuator_lag", "initial_memory", "resonance", "slew_limit", "mains_hum",
 )  # fmt: skip
 _JOBS = 2
+# Lowest and highest frequency (Hz) of the commands of oversampled records.
+_BANDS = {"slow": (0.15, 5.0), "wide": (1.0, 200.0), "validation": (0.4, 120.0)}
 _RUN = """
 import json, resource, sys, time
 from pathlib import Path
@@ -170,10 +176,77 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and write the table."""
     options = Options("discovery_cost", __doc__, out=RESULTS)
     options.add_number("--repeats", 2, "of each measurement")
+    options.add_number(
+        "--oversampled", None, "samples of three oversampled records, and nothing else"
+    )
     return options.run(arguments, _measure_all)
 
 
+def oversample(folder: Path, samples: int) -> None:
+    """Write three records of P10 with creep and a sensor lag, 100,000 samples a second.
+
+    Parameters
+    ----------
+    folder
+        Where to.
+    samples
+        Of all records together.
+    """
+    from dataclasses import replace
+
+    from rdpi_gym.measurement import Record
+    from rdpi_gym.measurement.writing import write_csv
+    from rdpi_gym.plant import Plant, named_plant
+    from rdpi_gym.plant.effects.creep import Creep
+    from rdpi_gym.plant.effects.sensor_lag import SensorLag
+
+    folder.mkdir(parents=True)
+    rng = np.random.default_rng(0)
+    t = np.arange(samples // 3, dtype=np.float64) * 1e-5
+    effects = (Creep(gain_per_decade=0.02), SensorLag(time_constant_s=1.5e-4))
+    plant = Plant(replace(named_plant("P10"), effects=effects), 1e-5)
+    for name, (low_hz, high_hz) in _BANDS.items():
+        u = np.zeros(t.size)
+        for f in np.geomspace(low_hz, high_hz, 12):
+            u += np.sin(2.0 * np.pi * f * t + rng.uniform(0.0, 2.0 * np.pi)) / f**0.3
+        u -= u[0]
+        u *= 60.0 / float(np.max(np.abs(u)))
+        plant.reset()
+        y = np.asarray(plant.simulate(u) + rng.normal(0.0, 0.012, t.size))
+        write_csv(Record(name, t, u, y, ts_s=1e-5), folder / f"{name}.csv")
+
+
+def _measure_oversampled(chosen: Namespace) -> None:
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        simulate(folder / "warm", "creep", 2.0)
+        cost(folder / "warm" / "data", HIDDEN, 1)
+        oversample(folder / "data", chosen.oversampled)
+        found = cost(folder / "data", [*HIDDEN, *OTHERS], 1)
+    row = {
+        "samples": chosen.oversampled,
+        "candidates": len(HIDDEN) + len(OTHERS),
+        "found": found["found"],
+        "verdict": found["verdict"],
+        "seconds": round(found["seconds"], 1),
+        "memory_mib": round(found["main_mib"]),
+    }
+    text = (
+        "# Time and memory of `rdpi discover` on oversampled records\n\n"
+        f"Made by `python -m studies.discovery_cost --oversampled {chosen.oversampled}` (Python "
+        f"{platform.python_version()}, one process), hidden: creep and sensor_lag; reading the "
+        "files is part of it.\n\n"
+        + frame_table(pd.DataFrame([row]), digits=None, rule="plain")
+        + "\n"
+    )
+    write_atomic(chosen.out / "oversampled.md", text)
+    print(text)
+
+
 def _measure_all(chosen: Namespace) -> None:
+    if chosen.oversampled:
+        _measure_oversampled(chosen)
+        return
     every = len(HIDDEN) + len(OTHERS)
     cells = [(2.0, every), (1.0, every), (0.5, every), (1.0, 3), (1.0, 8)]
     with tempfile.TemporaryDirectory() as temporary:

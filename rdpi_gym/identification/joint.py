@@ -27,6 +27,8 @@ _SMALLEST_A0 = 1e-6  # of the gain that the data show
 # Price of the squares of an effect's bends, against what its parameters do to the records on the
 # average: it settles those that no record tells, and of those that one does it is not seen.
 _BEND_PRICE = 1e-5
+MOST_SAMPLES = 200_000
+"""Samples in the squares of a fit from twice as many on: their derivatives are held in memory."""
 
 
 @dataclass(frozen=True)
@@ -192,7 +194,7 @@ def kept_samples(records: Sequence[Record], samples: int | None) -> list[NDArray
     [[0, 2, 4]]
     """
     counted = [np.flatnonzero(record.error_mask) for record in records]
-    stride = 1 if samples is None else max(1, sum(map(len, counted)) // samples)
+    stride = max(1, sum(map(len, counted)) // (MOST_SAMPLES if samples is None else samples))
     return [index[::stride] for index in counted]
 
 
@@ -388,7 +390,8 @@ def fit_joint(
         Parameters that keep their value, as ``effect.parameter``.
     samples
         About how many of the counted samples enter the squares, evenly thinned: the plant is
-        simulated over all, but hundreds for each number are enough. None: every one.
+        simulated over all, but hundreds for each number are enough. None: every one, up to twice
+        `MOST_SAMPLES`.
     smoothness
         Price of uneven weights: the mean square of what is left is raised by this number's square
         times their :func:`roughness`. Loops of one size tell weights only together with whatever

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,13 +81,14 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     search
         How the search went.
     """
+    search = _on_all_samples(laboratory, search)
     end, checks = search.end, laboratory.checks
     # last of all: no cap decides what is added
     added = [capped(candidate, checks) for candidate in search.added]
     laboratory.final_noise(end)
     numerical = laboratory.numerical(end)
     judgement = judge(
-        laboratory.setting,
+        laboratory.close_up,
         end.fit.variant,
         end.outcome.errors.validation_rmse_um,
         laboratory.noise_um,
@@ -130,10 +131,24 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
             *plausibility_warnings(left, quantities=dataset.quantities),
             *laboratory.remarks,
             *search.notes,
+            *([laboratory.reads_fewer] if laboratory.reads_fewer else []),
         ),
         quantities=dataset.quantities,
     )
     return told(found, dataset.quantities, (dataset.title, *(r.name for r in dataset.records)))
+
+
+def _on_all_samples(laboratory: Laboratory, search: Search) -> Search:
+    """Return a search whose models are those of all samples, where it read fewer."""
+    if laboratory.reads_fewer is None:
+        return search
+    last = search.end.outcome.errors
+    base, end = laboratory.read_all(search.base, search.end)
+    added = [
+        laboratory.final(end, replace(c, errors=end.outcome.errors) if c.errors is last else c)
+        for c in search.added
+    ]
+    return replace(search, base=base, end=end, added=added)
 
 
 def _remainder(
@@ -143,7 +158,7 @@ def _remainder(
     if judgement.verdict != "unexplained":
         rest = "the noise" if judgement.sampling is None else judgement.rest
         return f"What is left is {rest}.", None
-    setting = laboratory.setting
+    setting = laboratory.searched
     variant, noise_um = state.fit.variant, laboratory.noise_um
     others = other_inputs(variant, setting.train, setting.validation, noise_um)
     found = remainder(
@@ -189,7 +204,7 @@ def _groups(laboratory: Laboratory, state: State) -> Groups:
     present = {e.name for e in state.effects}
     kinds = {n: k for n, k in laboratory.catalogue.items() if n not in present}
     effects = typical_effects(kinds, laboratory.setting.scale)
-    train = laboratory.setting.train
+    train = laboratory.searched.train
     found = separability(train, state.hysteresis, state.effects, effects)
     return found.groups(laboratory.noise_um)
 

@@ -67,6 +67,7 @@ from rdpi_gym.diagnosis.search.stability import (
     stability,
 )
 from rdpi_gym.diagnosis.search.suitability import TURNED, falls, turned, unrelated
+from rdpi_gym.diagnosis.search.thinning import close_up, thinned
 from rdpi_gym.diagnosis.search.verdict import EXPLAINED
 from rdpi_gym.diagnosis.search.vetoes import hear
 from rdpi_gym.identification.jacobian import simulate_effects
@@ -161,13 +162,20 @@ class Laboratory:
         self.orientation: tuple[str, ...] = (TURNED,) if reversed_sign else ()
         inspected = inspect(dataset)
         dataset, self._openings = inspected.dataset, inspected.openings
-        train, validation = _parts(dataset)
         self.findings = inspected.findings
         self.limits = limits(dataset)
+        self._recorded, self._thinned = inspected, thinned(dataset, inspected.openings)
+        if self._thinned is not None:
+            dataset, self._openings = self._thinned.dataset, self._thinned.openings
         self.dataset = dataset
         self.catalogue = catalogue
-        self.setting = Setting(train, validation, data_scale((*train, *validation)))
+        self.setting = _setting(dataset)
+        train, validation = self.setting.train, self.setting.validation
         self._whole = self.setting
+        self._searched: Setting | None = None
+        self._close_up: tuple[Record, ...] = ()
+        if self._thinned is not None:
+            self._close_up = close_up(_setting(inspected.dataset).validation)
         self._is_within = False
         self._spared: dict[str, BoolArray] = {}
         self.noise_um, self.noise_origin = math.nan, ""
@@ -688,13 +696,48 @@ class Laboratory:
 
     def numerical(self, state: State) -> NumericalFloor:
         """Return what the simulation of a model on the validation records leaves open."""
-        return numerical_floor(state.fit.variant, self.setting.validation)
+        return numerical_floor(state.fit.variant, self._close_up or self.setting.validation)
 
     def on_law(self, state: State, given: PlantModel | None) -> tuple[State, tuple[str, ...]]:
         """Return the model with the threshold law of Eq. 8 where it costs little, and remarks."""
         plays = None if given is None else given.hysteresis.n
         outcome, note = to_threshold_law(self.setting, state.outcome, plays, self.noise_um)
         return State(outcome), (*self.orientation, note)
+
+    @property
+    def searched(self) -> Setting:
+        """The samples that the search read: fewer than all where there are too many."""
+        return self._searched or self.setting
+
+    @property
+    def close_up(self) -> Setting:
+        """Samples as recorded, of records with too many of them a stretch."""
+        if self._thinned is None:
+            return self.setting
+        train, validation = close_up(self.setting.train), close_up(self.setting.validation)
+        return replace(self.setting, train=train, validation=validation)
+
+    @property
+    def reads_fewer(self) -> str | None:
+        """Say which samples the search read, where it did not read all."""
+        return None if self._thinned is None else self._thinned.sentence
+
+    def read_all(self, base: State, end: State) -> tuple[State, State]:
+        """Return two models refitted and judged on all samples, as everything is from here on."""
+        if self._thinned is None:
+            return base, end
+        self._searched, recorded = self.setting, self._recorded
+        self.dataset, self._openings = recorded.dataset, recorded.openings
+        setting = replace(_setting(self.dataset), smoothness=self.setting.smoothness)
+        setting = in_blocks(setting) if self._is_within else setting
+        self._spared = {name: self._openings[name] for name in self._spared}
+        self.setting, self.findings = leaving_out(setting, self._spared), recorded.findings
+        if self._spared:
+            kept = (f for f in self.findings if f.kind != "in motion")
+            self.findings = (*kept, unknown_past(self._spared))
+        self._least, self._whitest = math.inf, None
+        base = self.again(base)
+        return base, self.past_outliers(self.again(end))
 
     def final_noise(self, state: State) -> None:
         """Take the noise's colour from the model that is saved."""
@@ -721,6 +764,12 @@ class Laboratory:
         self.noise_um, self.noise_origin = noise_floor(
             quiet, *self._whitest[1:], colour=self._colour
         )
+
+
+def _setting(dataset: Dataset) -> Setting:
+    """Return the records to fit and to judge, and their size."""
+    train, validation = _parts(dataset)
+    return Setting(train, validation, data_scale((*train, *validation)))
 
 
 def _parts(dataset: Dataset) -> tuple[tuple[Record, ...], tuple[Record, ...]]:

@@ -1,0 +1,228 @@
+"""Fewer samples for a search: of records sampled far finer than they move, or stretches of records.
+
+Every effect and every play is simulated from sample to sample, so a record is read more coarsely only
+where the straight lines between the samples that are kept are still the command, and the displacement
+holds nothing but noise near the rate that is left. Samples are left out and not averaged: an average
+would lag, and have another noise. Where that is not enough, a stretch of the record is read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rdpi_gym.diagnosis.hygiene.finding import BoolArray, joined_records
+from rdpi_gym.identification.joint import MOST_SAMPLES, kept_samples
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.support.arrays import Array
+
+SEARCH_MOST = 2 * MOST_SAMPLES
+"""Samples of all records together from which on a search reads fewer."""
+_FEWEST = 4000  # samples that are read of a record at least
+_PER_PERIOD = 10.0  # samples in the shortest period of the displacement
+# Of the noise, or of the displacement's rms where there is less noise: motion that may be faster.
+_FASTER_NOISE, _FASTER = 0.3, 2e-5
+# What a spectrum stands above its floor by where there is more than noise; samples in a segment.
+_ABOVE, _SEGMENT = 4.0, 2**15
+# What the lines between samples may miss of the command, in the displacement: rms, of the noise or
+# of the displacement's rms; and at most anywhere, of the command's swing.
+_BETWEEN_NOISE, _BETWEEN, _ANYWHERE = 0.3, 5e-5, 2e-3
+# Bins of command and speed that tell a stretch's variety, by how much another has to be richer, and
+# the share of the swing that its history has to hold for its memory to be known.
+_BINS, _RICHER, _HISTORY = 16, 1.2, 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Thinned:
+    """What a search reads of a data set.
+
+    Parameters
+    ----------
+    dataset
+        The same records with fewer samples; quiet records and those for tests as they are.
+    openings
+        The samples at the beginning of records (``bool[N]``) that were given, of those that are read.
+    sentence
+        What is read, and what is of all samples.
+    """
+
+    dataset: Dataset
+    openings: Mapping[str, BoolArray]
+    sentence: str
+
+
+def thinned(dataset: Dataset, openings: Mapping[str, BoolArray]) -> Thinned | None:
+    """Return what a search reads of a data set; None where it reads all.
+
+    Parameters
+    ----------
+    dataset
+        Records that were looked through: spikes and clocks are told by the samples as recorded.
+    openings
+        By record, samples at its beginning.
+
+    Examples
+    --------
+    >>> t = np.arange(600_000) * 1e-5
+    >>> u = 10.0 * np.sin(6.0 * t)
+    >>> y = u + np.random.default_rng(0).normal(0.0, 0.01, t.size)
+    >>> few = thinned(Dataset("run", (Record("run", t, u, y, ts_s=1e-5),)), {})
+    >>> few.dataset.records[0].t_s.size, few.dataset.records[0].ts_s
+    (300000, 2e-05)
+    """
+    moving = [r for r in dataset.records if r.role != "test" and not r.is_quiet]
+    total = sum(int(r.error_mask.sum()) for r in moving)
+    if total <= SEARCH_MOST:
+        return None
+    room = _room([r.t_s.size for r in moving])
+    records, few = {}, dict(openings)
+    ways: dict[tuple[int, int], list[str]] = {}
+    for record in moving:
+        if record.t_s.size <= room:
+            continue
+        step = _largest_step(record, -(-record.t_s.size // room))
+        part, opened = _every(record, step), openings.get(record.name)
+        cut = _stretch(part, room) if part.t_s.size > room else slice(0, part.t_s.size)
+        records[record.name] = _with_history(part, cut, room // 2)
+        if opened is not None:
+            few[record.name] = opened[::step][cut]
+        size = cut.stop - cut.start if part.t_s.size > room else 0
+        ways.setdefault((step, size), []).append(record.name)
+    found = replace(dataset, records=tuple(records.get(r.name, r) for r in dataset.records))
+    return Thinned(found, few, _sentence(ways, dataset, total))
+
+
+def close_up(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return records as they were sampled, each no longer than what a search reads of it.
+
+    Parameters
+    ----------
+    records
+        Records; a stretch begins shortly before the first sample that counts.
+    """
+    room = _room([r.t_s.size for r in records])
+    found = []
+    for record in records:
+        start = max(0, int(np.argmax(record.error_mask)) - room // 4)
+        whole = record.t_s.size <= room
+        cut = slice(start, min(start + room, record.t_s.size))
+        found.append(record if whole else _with_history(record, cut, room // 4))
+    return tuple(found)
+
+
+def _room(sizes: Sequence[int]) -> int:
+    """Samples that each record may keep: those that have fewer leave theirs to the others."""
+    left, many = SEARCH_MOST, len(sizes)
+    for size in sorted(sizes):
+        if size * many > left:
+            break
+        left, many = left - size, many - 1
+    return max(left // max(many, 1), _FEWEST)
+
+
+def _every(record: Record, step: int) -> Record:
+    """Return one sample in so many, the first one among them."""
+    before_V = record.before_V[::-1][step - 1 :: step][::-1]
+    few = record.cut(slice(None, None, step))
+    return replace(few, ts_s=step * record.ts_s, before_V=before_V)
+
+
+def _with_history(record: Record, cut: slice, most: int) -> Record:
+    """Return a stretch with at most so many samples of the command before it."""
+    part = record.cut(cut)
+    return replace(part, before_V=part.before_V[-most:])
+
+
+def _largest_step(record: Record, most: int) -> int:
+    """Return the largest step, up to `most`, at which what a model follows is still there."""
+    noise_um, fastest_hz = _noise_and_fastest(record)
+    most = min(most, max(1, int(1.0 / (record.ts_s * _PER_PERIOD * fastest_hz))))
+    low, high = 1, most + 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if _keeps(record, middle, noise_um) else (low, middle)
+    return low
+
+
+def _noise_and_fastest(record: Record) -> tuple[float, float]:
+    """White noise (µm rms) and the highest frequency (Hz) of what moves beyond it."""
+    from scipy.signal import welch
+
+    y = record.y_um
+    segment = max(min(y.size // 8, _SEGMENT), 16)
+    frequency_hz, power = welch(y, 1.0 / record.ts_s, nperseg=segment)
+    floor = float(np.median(power[power.size // 2 :]))
+    noise_um = math.sqrt(floor * frequency_hz[-1])
+    beyond = np.where(power > _ABOVE * floor, power - floor, 0.0) * frequency_hz[1]
+    faster = np.cumsum(beyond[::-1])[::-1]
+    least_um = max(_FASTER_NOISE * noise_um, _FASTER * float(np.std(y)))
+    moves = np.flatnonzero(faster >= least_um**2)
+    return noise_um, float(frequency_hz[max(int(moves[-1]) if moves.size else 0, 1)])
+
+
+def _keeps(record: Record, step: int, noise_um: float) -> bool:
+    """Whether the command lies on the straight lines between the samples that are kept."""
+    u = record.u_V
+    at = np.arange(u.size)
+    apart = u - np.interp(at, at[::step], u[::step])
+    apart = apart[: at[::step][-1] + 1]
+    if float(np.max(np.abs(apart))) > _ANYWHERE * float(np.ptp(u)):
+        return False
+    stroke_um = float(np.std(record.y_um))
+    least_um = max(_BETWEEN_NOISE * noise_um, _BETWEEN * stroke_um)
+    missed_um = float(np.sqrt(np.mean(apart**2))) * stroke_um / float(np.std(u))
+    return missed_um <= least_um
+
+
+def _stretch(record: Record, samples: int) -> slice:
+    """Return the stretch in which command and speed vary most, of those whose memory is known."""
+    u = record.u_V
+    speed = np.gradient(u)
+    fast = float(np.quantile(np.abs(speed), 0.99)) or float(np.max(np.abs(speed)))
+    low, swing = float(u.min()), float(np.ptp(u))
+    across = np.minimum((u - low) / swing * _BINS, _BINS - 1).astype(np.int64)
+    up = np.clip((speed / fast + 1.0) * 0.5 * _BINS, 0, _BINS - 1).astype(np.int64)
+    cells = across * _BINS + up
+
+    def variety(start: int) -> int:
+        return int(np.unique(cells[start : start + samples]).size)
+
+    starts = [
+        start
+        for start in range(samples // 2, u.size - samples + 1, samples // 2)
+        if _knows(u, start, samples)
+    ]
+    best = max(starts, key=variety, default=0)
+    first = 0 if variety(best) <= _RICHER * variety(0) else best
+    return slice(first, first + samples)
+
+
+def _knows(u: Array, start: int, samples: int) -> bool:
+    """Whether the history that a stretch is given holds nearly all that the command did before."""
+    history = u[start - samples // 2 : start]
+    return float(np.ptp(history)) >= _HISTORY * float(np.ptp(u[: start + samples]))
+
+
+def _sentence(ways: Mapping[tuple[int, int], list[str]], dataset: Dataset, total: int) -> str:
+    parts = []
+    for (step, size), names in ways.items():
+        if size:
+            each = "each of " if len(names) > 1 else ""
+            what = (
+                f"a stretch of {size:,} samples{f', one in {step},' if step > 1 else ''} of {each}"
+            )
+        else:
+            what = f"one sample in {step} of "
+        parts.append(what + joined_records(names))
+    fitted = [r for r in dataset.train if r.error_mask.any()]
+    kept = sum(map(len, kept_samples(fitted, None)))
+    step = max(1, round(sum(int(r.error_mask.sum()) for r in fitted) / kept))
+    squares = f" (one in {step} of those to fit enters the squares)" if step > 1 else ""
+    return (
+        f"the search read {' and '.join(parts)}: candidates, their shares and the steps between are "
+        f"of these; the model is refitted over all {total:,} samples{squares}, and its errors, the "
+        "noise floor and the verdict are of all of them"
+    )
