@@ -34,15 +34,15 @@ def _record(name: str, samples: int, ts_s: float, hz: float, seed: int = 0) -> R
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From twelve thousand samples on a search reads fewer."""
+    """A search reads twelve thousand samples where there are twice as many."""
     monkeypatch.setattr(thinning, "SEARCH_MOST", 12_000)
 
 
 @pytest.fixture(scope="module")
 def oversampled() -> Dataset:
-    other = replace(_record("other", 20_000, 1e-4, 17.0, 1), role="validation")
+    other = replace(_record("other", 20_000, 1e-4, 5.0, 1), role="validation")
     quiet = Record("rest", np.arange(9000) * 1e-4, np.zeros(9000), np.zeros(9000), ts_s=1e-4)
-    return Dataset("streamed", (_record("run", 30_000, 1e-4, 12.0), other, quiet))
+    return Dataset("streamed", (_record("run", 30_000, 1e-4, 4.0), other, quiet))
 
 
 @pytest.mark.usefixtures("few")

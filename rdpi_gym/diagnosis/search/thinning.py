@@ -15,12 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rdpi_gym.diagnosis.hygiene.finding import BoolArray, joined_records
-from rdpi_gym.identification.joint import MOST_SAMPLES, kept_samples
+from rdpi_gym.diagnosis.search.scale import comb
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.joint import MOST_SAMPLES, fit_joint, kept_samples
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.support.arrays import Array
 
-SEARCH_MOST = 2 * MOST_SAMPLES
-"""Samples of all records together from which on a search reads fewer."""
+SEARCH_MOST = MOST_SAMPLES
+"""Samples of all records together that a search reads where there are twice as many or more."""
 _FEWEST = 4000  # samples that are read of a record at least
 _PER_PERIOD = 10.0  # samples in the shortest period of the displacement
 # Of the noise, or of the displacement's rms where there is less noise: motion that may be faster.
@@ -30,6 +32,8 @@ _ABOVE, _SEGMENT = 4.0, 2**15
 # What the lines between samples may miss of the command, in the displacement: rms, of the noise or
 # of the displacement's rms; and at most anywhere, of the command's swing.
 _BETWEEN_NOISE, _BETWEEN, _ANYWHERE = 0.3, 5e-5, 2e-3
+# Passes and samples of the fit whose plays and rate are simulated on the samples that are kept.
+_PASSES, _FITTED = 8, 12_000
 # Bins of command and speed that tell a stretch's variety, by how much another has to be richer, and
 # the share of the swing that its history has to hold for its memory to be known.
 _BINS, _RICHER, _HISTORY = 16, 1.2, 0.95
@@ -70,20 +74,22 @@ def thinned(dataset: Dataset, openings: Mapping[str, BoolArray]) -> Thinned | No
     >>> u = 10.0 * np.sin(6.0 * t)
     >>> y = u + np.random.default_rng(0).normal(0.0, 0.01, t.size)
     >>> few = thinned(Dataset("run", (Record("run", t, u, y, ts_s=1e-5),)), {})
-    >>> few.dataset.records[0].t_s.size, few.dataset.records[0].ts_s
-    (300000, 2e-05)
+    >>> few.dataset.records[0].t_s.size, round(few.dataset.records[0].ts_s, 9)
+    (200000, 3e-05)
     """
     moving = [r for r in dataset.records if r.role != "test" and not r.is_quiet]
     total = sum(int(r.error_mask.sum()) for r in moving)
-    if total <= SEARCH_MOST:
+    if total < 2 * SEARCH_MOST:
         return None
     room = _room([r.t_s.size for r in moving])
+    train = close_up([r for r in dataset.train if r.error_mask.any()])
+    model = fit_joint(train, comb(train), passes=_PASSES, samples=_FITTED).variant
     records, few = {}, dict(openings)
     ways: dict[tuple[int, int], list[str]] = {}
     for record in moving:
         if record.t_s.size <= room:
             continue
-        step = _largest_step(record, -(-record.t_s.size // room))
+        step = _largest_step(record, -(-record.t_s.size // room), model)
         part, opened = _every(record, step), openings.get(record.name)
         cut = _stretch(part, room) if part.t_s.size > room else slice(0, part.t_s.size)
         records[record.name] = _with_history(part, cut, room // 2)
@@ -136,14 +142,14 @@ def _with_history(record: Record, cut: slice, most: int) -> Record:
     return replace(part, before_V=part.before_V[-most:])
 
 
-def _largest_step(record: Record, most: int) -> int:
+def _largest_step(record: Record, most: int, model: Variant) -> int:
     """Return the largest step, up to `most`, at which what a model follows is still there."""
     noise_um, fastest_hz = _noise_and_fastest(record)
     most = min(most, max(1, int(1.0 / (record.ts_s * _PER_PERIOD * fastest_hz))))
     low, high = 1, most + 1
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if _keeps(record, middle, noise_um) else (low, middle)
+        low, high = (middle, high) if _keeps(record, middle, noise_um, model) else (low, middle)
     return low
 
 
@@ -163,8 +169,11 @@ def _noise_and_fastest(record: Record) -> tuple[float, float]:
     return noise_um, float(frequency_hz[max(int(moves[-1]) if moves.size else 0, 1)])
 
 
-def _keeps(record: Record, step: int, noise_um: float) -> bool:
-    """Whether the command lies on the straight lines between the samples that are kept."""
+def _keeps(record: Record, step: int, noise_um: float, model: Variant) -> bool:
+    """Whether the command lies on the lines between the samples that are kept, and plays do not mind.
+
+    The rate that widens thresholds is that over a sampling time: a longer one is another rate.
+    """
     u = record.u_V
     at = np.arange(u.size)
     apart = u - np.interp(at, at[::step], u[::step])
@@ -173,8 +182,15 @@ def _keeps(record: Record, step: int, noise_um: float) -> bool:
         return False
     stroke_um = float(np.std(record.y_um))
     least_um = max(_BETWEEN_NOISE * noise_um, _BETWEEN * stroke_um)
-    missed_um = float(np.sqrt(np.mean(apart**2))) * stroke_um / float(np.std(u))
-    return missed_um <= least_um
+    if _rms(apart) * stroke_um / float(np.std(u)) > least_um:
+        return False
+    part = close_up([record])[0]
+    every = simulate_effects([model], part)[::step, 0]
+    return float(np.std(simulate_effects([model], _every(part, step))[:, 0] - every)) <= least_um
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))
 
 
 def _stretch(record: Record, samples: int) -> slice:
