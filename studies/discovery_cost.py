@@ -229,6 +229,7 @@ def _measure_oversampled(chosen: Namespace) -> None:
         "found": found["found"],
         "verdict": found["verdict"],
         "seconds": round(found["seconds"], 1),
+        "cpu_s": round(found["cpu_s"], 1),
         "memory_mib": round(found["main_mib"]),
     }
     text = (

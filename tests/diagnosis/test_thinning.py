@@ -8,8 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from rdpi_gym.diagnosis.hygiene import inspect
 from rdpi_gym.diagnosis.search import thinning
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover, remove_effect
+from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.thinning import close_up, thinned
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import MOST_SAMPLES, kept_samples
@@ -85,6 +87,30 @@ def test_jumps_of_the_command_are_not_thinned(oversampled: Dataset) -> None:
     found = thinned(Dataset("stairs", (replace(run, u_V=stairs),)), {})
     assert found is not None
     assert found.dataset.records[0].ts_s == run.ts_s
+
+
+@pytest.mark.usefixtures("few")
+def test_a_rate_that_widens_thresholds_keeps_the_sampling() -> None:
+    # as fine as the slow records for its command, but half a sample of its rate is more than noise
+    found = thinned(Dataset("fast", (_record("run", 30_000, 1e-4, 12.0),)), {})
+    assert found is not None
+    assert found.dataset.records[0].ts_s == 1e-4
+
+
+@pytest.mark.usefixtures("few")
+def test_openings_that_were_left_out_are_left_out_of_all_samples(oversampled: Dataset) -> None:
+    catalogue = {"sensor_lag": CATALOGUE["sensor_lag"]}
+    laboratory = Laboratory(
+        replace(oversampled, records=oversampled.records[:2]), catalogue, 1, 0, None, None
+    )
+    state = laboratory.base(replace(named_plant("P10"), effects=(Creep(), SensorLag())))
+    opening = inspect(laboratory._recorded.dataset).openings["run"]
+    laboratory._spared = {"run": laboratory._openings["run"]}
+    laboratory.read_all(state, state)
+    train = laboratory.setting.train[0]
+    np.testing.assert_array_equal(train.error_mask, ~opening)
+    assert [f.samples for f in laboratory.findings if f.kind == "in motion"] == [opening.sum()]
+    assert laboratory.searched.train[0].t_s.size < train.t_s.size
 
 
 def test_a_stretch_is_where_most_happens_and_knows_its_history() -> None:

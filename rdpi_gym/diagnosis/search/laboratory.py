@@ -726,6 +726,7 @@ class Laboratory:
         """Return two models refitted and judged on all samples, as everything is from here on."""
         if self._thinned is None:
             return base, end
+        self._progress("all samples", 0, 2)
         self._searched, recorded = self.setting, self._recorded
         self.dataset, self._openings = recorded.dataset, recorded.openings
         setting = replace(_setting(self.dataset), smoothness=self.setting.smoothness)
@@ -737,7 +738,10 @@ class Laboratory:
             self.findings = (*kept, unknown_past(self._spared))
         self._least, self._whitest = math.inf, None
         base = self.again(base)
-        return base, self.past_outliers(self.again(end))
+        self._progress("all samples", 1, 2)
+        end = self.past_outliers(self.again(end))
+        self._progress("all samples", 2, 2)
+        return base, end
 
     def final_noise(self, state: State) -> None:
         """Take the noise's colour from the model that is saved."""

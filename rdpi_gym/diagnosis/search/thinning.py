@@ -137,9 +137,9 @@ def _every(record: Record, step: int) -> Record:
 
 
 def _with_history(record: Record, cut: slice, most: int) -> Record:
-    """Return a stretch with at most so many samples of the command before it."""
+    """Return a stretch; one within the record with at most so many samples of what came before."""
     part = record.cut(cut)
-    return replace(part, before_V=part.before_V[-most:])
+    return part if cut.start == 0 else replace(part, before_V=part.before_V[-most:])
 
 
 def _largest_step(record: Record, most: int, model: Variant) -> int:
