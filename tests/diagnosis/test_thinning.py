@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.hygiene import inspect
+from rdpi_gym.diagnosis.hygiene.finding import Finding
 from rdpi_gym.diagnosis.search import thinning
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover, remove_effect
 from rdpi_gym.diagnosis.search.laboratory import Laboratory
@@ -98,18 +98,27 @@ def test_a_rate_that_widens_thresholds_keeps_the_sampling() -> None:
 
 
 @pytest.mark.usefixtures("few")
-def test_openings_that_were_left_out_are_left_out_of_all_samples(oversampled: Dataset) -> None:
+def test_what_was_left_out_is_left_out_of_all_samples(oversampled: Dataset) -> None:
     catalogue = {"sensor_lag": CATALOGUE["sensor_lag"]}
-    laboratory = Laboratory(
-        replace(oversampled, records=oversampled.records[:2]), catalogue, 1, 0, None, None
-    )
+    data = replace(oversampled, records=oversampled.records[:2])
+    laboratory = Laboratory(data, catalogue, 1, 0, None, None)
     state = laboratory.base(replace(named_plant("P10"), effects=(Creep(), SensorLag())))
-    opening = inspect(laboratory._recorded.dataset).openings["run"]
+    recorded = laboratory._recorded
+    opening = recorded.openings["run"]
+    run, other = recorded.dataset.records
+    y_um = run.y_um.copy()
+    y_um[20_001] += 1.0  # an outlier that the search did not read
+    spoilt = replace(recorded.dataset, records=(replace(run, y_um=y_um), other))
+    spikes = Finding("spikes", "run", 1, "one outlier")
+    laboratory._recorded = replace(recorded, dataset=spoilt, findings=(spikes,))
     laboratory._spared = {"run": laboratory._openings["run"]}
     laboratory.read_all(state, state)
     train = laboratory.setting.train[0]
-    np.testing.assert_array_equal(train.error_mask, ~opening)
-    assert [f.samples for f in laboratory.findings if f.kind == "in motion"] == [opening.sum()]
+    left_out = opening.copy()
+    left_out[20_001] = True
+    np.testing.assert_array_equal(train.error_mask, ~left_out)
+    kinds = [(f.kind, f.samples) for f in laboratory.findings]
+    assert kinds == [("spikes", 1), ("in motion", opening.sum()), ("spikes", 1)]
     assert laboratory.searched.train[0].t_s.size < train.t_s.size
 
 

@@ -730,7 +730,7 @@ class Laboratory:
         self._searched, recorded = self.setting, self._recorded
         self.dataset, self._openings = recorded.dataset, recorded.openings
         setting = replace(_setting(self.dataset), smoothness=self.setting.smoothness)
-        setting = in_blocks(setting) if self._is_within else setting
+        self._whole = setting = in_blocks(setting) if self._is_within else setting
         self._spared = {name: self._openings[name] for name in self._spared}
         self.setting, self.findings = leaving_out(setting, self._spared), recorded.findings
         if self._spared:
