@@ -16,6 +16,7 @@ from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.law import plant_of
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
 from rdpi_gym.diagnosis.search.ranking import Ranked
+from rdpi_gym.diagnosis.search.record_clocks import record_clocks
 from rdpi_gym.diagnosis.search.remainder import remainder
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
@@ -96,6 +97,12 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         bool(added),
     )
     groups = _groups(laboratory, end)
+    setting = laboratory.setting
+    floor_um = math.hypot(laboratory.noise_um, numerical.total_um)
+    clocks = record_clocks(
+        end.fit.variant, setting.train, setting.validation, floor_um, setting.smoothness
+    )
+    experiment = _next_experiment(laboratory, end, search.last, judgement, groups)
     sentence, shares = _remainder(laboratory, end, judgement, numerical.total_um)
     plant = plant_of(laboratory.setting, end.outcome, search.given)
     left = [simulate_record(plant, record) for record in laboratory.setting.train]
@@ -120,9 +127,9 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         unexplained_rmse_um=math.sqrt(max(end.outcome.mean_square - laboratory.noise_um**2, 0.0)),
         remainder=sentence,
         left=shares,
-        next_experiment=_next_experiment(laboratory, end, search.last, judgement, groups),
+        next_experiment=clocks[0].next_step if clocks else experiment,
         indistinguishable=groups,
-        findings=tuple(laboratory.findings),
+        findings=(*laboratory.findings, *clocks),
         limits=laboratory.limits,
         checks=tuple(check.sentence for check in checks),
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),

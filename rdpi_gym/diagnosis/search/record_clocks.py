@@ -1,0 +1,267 @@
+"""Each record asked for a delay and a time step of its own: where one deviates, it is said."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from rdpi_gym.diagnosis.hygiene import Finding
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.measurement import Record
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import digits
+
+# Of a record's mean square over the floor, what its own clock has to take; and the floors from
+# which on its error is looked at.
+_TAKEN, _VISIBLE = 0.8, 1.5
+# Others that know: of two records, each says that the other is off.
+_FEWEST = 2
+# Of the same, what makes it worth a refit without the record; how many are tried for each of those
+# that may be named, with which samples and passes.
+_WORTH, _MOST, _NAMED, _SAMPLES, _REFITS = 0.2, 3, 2, 8_000, 6
+# Standard errors, or spreads of the others, that it has to be away from the others.
+_SURE = 6.0
+# Blocks of a record whose pulls give the standard error: what is left is no white noise.
+_BLOCKS = 20
+# Steps of a scale that stand for its derivative, and scales that are tried before.
+_STEP, _SCALES = 0.01, np.geomspace(0.4, 2.5, 11)
+_PASSES = 6
+# Least shift (samples) and least scale that a recorder makes; of the record, the largest shift.
+_LEAST_SHIFT, _LEAST_SCALE, _LONGEST = 0.05, 0.01, 0.05
+# So close to twice or half of a time step, and as good but for this, it is no delay.
+_OCTAVE, _AS_GOOD = 0.05, 0.05
+# Of the displacement (rms), what a scale has to move to be known at all.
+_MOVES = 1e-6
+
+Kind = Literal["delay", "scale"]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a record would like.
+
+    Parameters
+    ----------
+    value, error
+        Delay of the displacement (s), or logarithm of the factor to its time step (1), with its
+        standard error.
+    mean_square
+        What is left with it (µm²).
+    """
+
+    value: float
+    error: float
+    mean_square: float
+
+
+def record_clocks(
+    variant: Variant,
+    train: Sequence[Record],
+    validation: Sequence[Record],
+    floor_um: float,
+    smoothness: float = 0.0,
+) -> tuple[Finding, ...]:
+    """Look for records that lag the others, or whose time step is another than is written.
+
+    Parameters
+    ----------
+    variant
+        The final model.
+    train, validation
+        Records that it is fitted to and judged on; parts of one record have one name.
+    floor_um
+        Noise and numerical floor together (µm rms).
+    smoothness
+        Price of uneven weights, as the model was fitted.
+
+    Returns
+    -------
+    tuple of Finding
+        Of the records whose error over the floor is mostly gone with a clock of their own that the
+        others do not want; nothing is changed.
+
+    Notes
+    -----
+    A shift or a stretch of its time is what a recorder does to one record. An effect that the model
+    lacks moves all records that show it, or leaves more than a shift takes. A record that was
+    fitted has bent the model: it is asked again by one that is refitted to the others.
+    """
+    whole = {r.name: r for r in (*train, *validation)}
+    for r in train:
+        whole[r.name] = replace(r, error_mask=r.error_mask | whole[r.name].error_mask)
+    clocked = {name: _Clocked(variant, r) for name, r in whole.items()}
+    found: dict[str, Finding] = {}
+    for _ in range(_NAMED):
+        gains = {n: _gain(c, floor_um) for n, c in clocked.items() if n not in found}
+        suspects = [n for n in sorted(gains, key=lambda n: -gains[n])[:_MOST] if gains[n] > 0.0]
+        told = []
+        for name in suspects:
+            left = [r for r in train if r.name not in found and r.name != name]
+            here = clocked
+            if left and name in {r.name for r in train}:
+                fit = fit_joint(
+                    left, variant.hysteresis, variant.effects, _REFITS,
+                    samples=_SAMPLES, smoothness=smoothness,
+                )  # fmt: skip
+                here = {n: _Clocked(fit.variant, r) for n, r in whole.items()}
+            others = [c for n, c in here.items() if n != name and n not in found]
+            wishes = {
+                kind: wish
+                for kind in _KINDS
+                if (wish := _own(here[name], others, kind, floor_um)) is not None
+            }
+            if wishes:
+                rest = sum(c.left(c.still) * c.still.size for c in others)
+                told.append((rest, name, wishes, here))
+        if not told:
+            break
+        # the one without which the others agree best with one model
+        _, name, wishes, clocked = min(told, key=lambda each: each[0])
+        found[name] = _said(whole[name], wishes)
+    return tuple(found.values())
+
+
+def _gain(clocked: _Clocked, floor_um: float) -> float:
+    """What a clock of its own takes of a record's squares (µm²), or 0 where that is little."""
+    now = clocked.left(clocked.still)
+    if now <= (_VISIBLE * floor_um) ** 2:
+        return 0.0
+    gain = now - min(ask(clocked, True).mean_square for ask in _KINDS.values())
+    return gain * clocked.still.size if gain > _WORTH * (now - floor_um**2) else 0.0
+
+
+class _Clocked:
+    """A record, and what the model makes of it with another clock."""
+
+    def __init__(self, variant: Variant, record: Record) -> None:
+        self.record = record
+        self._variant = variant
+        self.still = self.scaled(0.0)
+
+    def scaled(self, log_scale: float) -> Array:
+        """Simulate the record with another time step (µm)."""
+        ts_s = self.record.ts_s * math.exp(log_scale)
+        here = replace(self.record, ts_s=ts_s, t_s=self._times(ts_s))
+        return simulate_effects([self._variant], here)[:, 0]
+
+    def delayed(self, delay_s: float) -> Array:
+        """Delay what is simulated (µm)."""
+        k = np.arange(self.still.size)
+        return np.asarray(np.interp(k - delay_s / self.record.ts_s, k, self.still))
+
+    def left(self, y_um: Array) -> float:
+        """Mean square of what is left (µm²), the offset free."""
+        return float(np.var((self.record.y_um - y_um)[self.record.error_mask]))
+
+    def _times(self, ts_s: float) -> Array:
+        return np.asarray(self.record.t_s[0] + ts_s * np.arange(self.record.t_s.size))
+
+    def pulled(self, y_um: Array, along: Array) -> tuple[float, float]:
+        """How far what is left pulls along a derivative, with the standard error."""
+        mask = self.record.error_mask
+        left, rows = (self.record.y_um - y_um)[mask], along[mask]
+        left, rows = left - left.mean(), rows - rows.mean()
+        squares = float(rows @ rows)
+        if squares <= (_MOVES * float(np.std(self.record.y_um))) ** 2 * rows.size:
+            return 0.0, math.inf
+        step = float(rows @ left) / squares
+        parts = np.array_split(rows * (left - step * rows), _BLOCKS)
+        return step, math.sqrt(sum(float(part.sum()) ** 2 for part in parts)) / squares
+
+
+def _delay(clocked: _Clocked, from_afar: bool) -> Wish:
+    """Refit the delay of a record, from none."""
+    ts_s = clocked.record.ts_s
+
+    def along(value: float, y_um: Array) -> Array:
+        return np.asarray(-np.gradient(y_um, ts_s))
+
+    most = _LONGEST * clocked.record.t_s.size * ts_s
+    return _refitted(clocked, clocked.delayed, along, 0.0, most)
+
+
+def _scale(clocked: _Clocked, from_afar: bool) -> Wish:
+    """Refit the time step of a record, from what is written or from the best of some."""
+
+    def along(value: float, y_um: Array) -> Array:
+        return (clocked.scaled(value + _STEP) - y_um) / _STEP
+
+    tried = [math.log(scale) for scale in _SCALES] if from_afar else [0.0]
+    start = min(tried, key=lambda each: clocked.left(clocked.scaled(each)))
+    return _refitted(clocked, clocked.scaled, along, start, 1.2 * math.log(_SCALES[-1]))
+
+
+_KINDS: dict[Kind, Callable[[_Clocked, bool], Wish]] = {"scale": _scale, "delay": _delay}
+
+
+def _refitted(
+    clocked: _Clocked,
+    simulated: Callable[[float], Array],
+    along: Callable[[float, Array], Array],
+    start: float,
+    most: float,
+) -> Wish:
+    value, error, y_um = start, math.inf, simulated(start)
+    left = clocked.left(y_um)
+    for _ in range(_PASSES):
+        step, error = clocked.pulled(y_um, along(value, y_um))
+        tried = min(max(value + step, -most), most)
+        y_tried = simulated(tried)
+        if math.isinf(error) or clocked.left(y_tried) >= left:
+            break
+        value, y_um, left = tried, y_tried, clocked.left(y_tried)
+    return Wish(value, error, left)
+
+
+def _own(clocked: _Clocked, others: Sequence[_Clocked], kind: Kind, floor_um: float) -> Wish | None:
+    """Return what a record wants where it takes most of its error and the others do not want it."""
+    own = _KINDS[kind](clocked, True)
+    excess = clocked.left(clocked.still) - floor_um**2
+    least = _LEAST_SCALE if kind == "scale" else _LEAST_SHIFT * clocked.record.ts_s
+    if abs(own.value) < least or clocked.left(clocked.still) - own.mean_square < _TAKEN * excess:
+        return None
+    told = [wish for other in others if math.isfinite((wish := _KINDS[kind](other, False)).error)]
+    # only those that know it as well as this one differs say that they do not want it
+    told = [w for w in told if w.error * _SURE < abs(own.value)]
+    if len(told) < _FEWEST:
+        return None
+    values = np.array([w.value for w in told])
+    middle = float(np.median(values))
+    spread = float(np.max(np.abs(values - middle)))
+    reach = _SURE * math.hypot(own.error, float(np.median([w.error for w in told])))
+    if abs(own.value - middle) <= max(reach, 2.0 * spread, 0.5 * abs(own.value)):
+        return None
+    return replace(own, value=own.value - middle)
+
+
+def _said(record: Record, wishes: dict[Kind, Wish]) -> Finding:
+    """Say the likelier of what a record wants."""
+    kind = min(wishes, key=lambda each: wishes[each].mean_square)
+    scale = wishes.get("scale")
+    if scale is not None and kind == "delay":
+        is_octave = abs(abs(scale.value) - math.log(2.0)) < _OCTAVE
+        if is_octave and scale.mean_square < (1.0 + _AS_GOOD) * wishes[kind].mean_square:
+            kind = "scale"
+    value = wishes[kind].value
+    if kind == "scale":
+        factor = digits(math.exp(-value), 2)
+        text = (
+            f"{record.name} seems to be written with {factor} times its time step: the model, "
+            f"right for the other records, fits it when {digits(record.ts_s * math.exp(value), 3)} s "
+            f"pass between its samples, not {digits(record.ts_s, 3)} s; nothing was changed."
+        )
+        step = f"Check the sampling time of {record.name}, and give it as ts_s in dataset.toml."
+    else:
+        way = "lags" if value > 0.0 else "leads"
+        text = (
+            f"{record.name} {way} the other records by {digits(1e3 * abs(value), 2)} ms "
+            f"({digits(abs(value) / record.ts_s, 2)} samples): its displacement fits when it is "
+            "moved by that; nothing was changed."
+        )
+        step = f"Check the trigger of {record.name}: sample both channels by one clock."
+    return Finding("clock", record.name, record.t_s.size, text, step)
