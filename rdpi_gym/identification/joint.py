@@ -21,6 +21,10 @@ _WEIGHT_STEP = 1e-4  # of the largest gain: behind a nonlinear stage a weight ac
 _STEP = 1e-3  # of a free number, for finite differences
 _LARGEST_FACTOR = math.log(4.0)
 _LARGEST_DAMPING = 1e6
+# Relative fall of the squares below which the first steps end.
+_SMALL = 1e-4
+# How much more than is foreseen the first steps may gain.
+_HOPE = 3.0
 # Steps between two passes that take the derivatives by the weights anew.
 _LIGHT_PASSES = 4
 _SMALLEST_A0 = 1e-6  # of the gain that the data show
@@ -209,6 +213,7 @@ class _Pass:
     motion: Array  # of every column, over the command's, in the record where it moves most
     columns: Sequence[Array]  # derivatives by the weights, by record
     squares: Sequence[Array]  # their Gram matrices
+    left: Sequence[Array]  # what the plant leaves, by record
     bends: float  # what their price adds to `total`
 
     @property
@@ -246,12 +251,39 @@ class _Problem:
 
     def light_pass(self, variant: Variant, last: _Pass) -> _Pass:
         """Derivatives by the free numbers; those by the weights are of another place near by."""
+        return self.changes_at(variant, last.columns, last.squares)
+
+    def changes_at(
+        self, variant: Variant, columns: Sequence[Array], squares: Sequence[Array]
+    ) -> _Pass:
+        """Return the same with given derivatives by the weights and their Gram matrices."""
         changed, steps = self._neighbours(variant)
         changes = []
         for record, kept in zip(self.records, self.kept, strict=True):
             rows = change_rows(variant, changed, steps, record, kept)
             changes.append(rows - rows.mean(axis=0))
-        return _products(variant, self.free, last.columns, changes, last.squares, self.price)
+        return _products(variant, self.free, columns, changes, squares, self.price)
+
+    def stepped(self, best: Variant, here: _Pass, damping: float) -> Variant:
+        """Return where a damped step of weights and free numbers leads from a place."""
+        n_weights = len(best.hysteresis.weights)
+        x = _solve(
+            here, best.hysteresis.weights, damping, [number.ways(best) for number in self.free]
+        )
+        trial = _with_weights(best, x[:n_weights])
+        for number, step in zip(self.free, x[n_weights:], strict=True):
+            trial = number.write(trial, number.read(best) + number.bounded(step))
+        return trial
+
+    def foreseen(self, best: Variant, here: _Pass) -> float:
+        """Return the least squares, were they as curved everywhere as at a place."""
+        ways = [number.ways(best) for number in self.free]
+        return here.cost(_solve(here, best.hysteresis.weights, 0.0, ways))
+
+    def priced(self, best: Variant, here: _Pass) -> float:
+        """Return what the prices of roughness and of bends add to the squares of a place."""
+        weights = np.array(best.hysteresis.weights)
+        return here.count * float(weights @ self.price @ weights) + here.bends
 
     def _neighbours(self, variant: Variant) -> tuple[list[Variant], Array]:
         changed, steps = [], []
@@ -293,7 +325,8 @@ def _products(
     inner[:n, :n] += count * price
     bends = _add_bends(variant, free, inner[n:, n:], rhs[n:])
     total = float(gram[size, size]) + bends
-    return _Pass(inner, rhs, total, count, motion, columns, squares, bends)
+    left = [change[:, -1] for change in changes]
+    return _Pass(inner, rhs, total, count, motion, columns, squares, left, bends)
 
 
 def _add_bends(variant: Variant, free: Sequence[Free], gram: Array, rhs: Array) -> float:
@@ -312,8 +345,14 @@ def _add_bends(variant: Variant, free: Sequence[Free], gram: Array, rhs: Array) 
     return paid
 
 
-def _solve(at: _Pass, n_weights: int, damping: float, ways: Sequence[tuple[bool, bool]]) -> Array:
-    """Best weights (not negative) and step of the free numbers, whose `ways` are up and down."""
+def _solve(
+    at: _Pass, weights: Sequence[float], damping: float, ways: Sequence[tuple[bool, bool]]
+) -> Array:
+    """Best weights (not negative) and step of the free numbers, whose `ways` are up and down.
+
+    The search begins at the weights that are there.
+    """
+    n_weights = len(weights)
     moves = at.gram.shape[0] - n_weights
     signs = np.concatenate([np.ones(n_weights), np.ones(moves), -np.ones(moves)])
     index = np.concatenate([np.arange(n_weights + moves), np.arange(n_weights, n_weights + moves)])
@@ -324,7 +363,8 @@ def _solve(at: _Pass, n_weights: int, damping: float, ways: Sequence[tuple[bool,
     rhs = at.rhs[index] * signs
     up, down = np.array(ways, dtype=bool).reshape(-1, 2).T
     allowed = np.concatenate([at.motion[:n_weights] >= MIN_MOTION, up, down])
-    x, _ = bounded_least_squares(gram, rhs, allowed, at.smallest_a0)
+    guess = np.concatenate([np.array(weights) > 0.0, np.zeros(2 * moves, dtype=np.bool_)])
+    x, _ = bounded_least_squares(gram, rhs, allowed, at.smallest_a0, guess)
     step = x[n_weights : n_weights + moves] - x[n_weights + moves :]
     return np.concatenate([x[:n_weights], step])
 
@@ -399,23 +439,15 @@ def fit_joint(
         stacks ask for 0.002 to 0.008; plays that are few and real ask for 0. The errors that are
         returned are those of the data alone.
     """
-    fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
-    span = max(float(np.ptp(r.u_V)) for r in records)
-    free = free_numbers(effects, 0.1 * span / fastest, held)
+    problem, best = _begun(records, start, effects, held, samples, smoothness)
     n_weights = len(start.weights)
-    price = smoothness**2 * roughness(start.thresholds_V)
-    problem = _Problem(free, records, kept_samples(records, samples), price)
-    best = _with_weights(Variant(start, tuple(effects)), np.array(start.weights))
     here = problem.whole_pass(best)
     best = _with_weights(best, _weights_alone(here, n_weights))
     here = problem.light_pass(best, here)
     cost = _least(here, n_weights)
     used, damping, moves, converged = 2, 1e-3, 0, False
     while used < passes and not converged:
-        x = _solve(here, n_weights, damping, [number.ways(best) for number in free])
-        trial = _with_weights(best, x[:n_weights])
-        for number, step in zip(free, x[n_weights:], strict=True):
-            trial = number.write(trial, number.read(best) + number.bounded(step))
+        trial = problem.stepped(best, here, damping)
         there = problem.light_pass(trial, here)
         used += 1
         trial_cost = _least(there, n_weights)
@@ -438,18 +470,121 @@ def fit_joint(
         here = problem.whole_pass(best)
         best = _with_weights(best, _weights_alone(here, n_weights))
         cost = _least(here, n_weights)
-    weights = np.array(best.hysteresis.weights)
-    cost -= here.count * float(weights @ price @ weights) + here.bends
-    edge = [n for n in free if n.effect is not None and n.at_bound(best)]
+    cost -= problem.priced(best, here)
+    edge = [n for n in problem.free if n.effect is not None and n.at_bound(best)]
     return JointFit(
         best,
         math.sqrt(max(cost, 0.0) / max(here.count, 1)),
         tuple(n.name(best) for n in edge),
-        _standard_errors(best, free, here, cost),
+        _standard_errors(best, problem.free, here, cost),
         used,
         converged,
         smoothness,
     )
+
+
+@dataclass(frozen=True)
+class FirstSteps:
+    """Where a few steps of a refit lead.
+
+    Parameters
+    ----------
+    variant
+        Hysteresis and effects.
+    train_rmse_um
+        Over the samples that entered the squares, offsets free (µm).
+    columns : sequence of float64[T', n + 1]
+        Derivatives by the weights, by record, of a place near by.
+    left_um : sequence of float64[T']
+        What the model leaves of the displacement at the same samples (µm), without offset.
+    """
+
+    variant: Variant
+    train_rmse_um: float
+    columns: Sequence[Array]
+    squares: Sequence[Array]
+    left_um: Sequence[Array]
+
+
+def first_steps(
+    records: Sequence[Record],
+    start: RDPI,
+    effects: Sequence[Effect],
+    steps: int,
+    held: frozenset[str] = frozenset(),
+    samples: int | None = None,
+    smoothness: float = 0.0,
+    near: FirstSteps | None = None,
+    least_um: float = math.inf,
+) -> FirstSteps:
+    """Go a few steps of :func:`fit_joint`, to see which of several starts is worth the rest.
+
+    The derivatives by the weights, dozens of lanes, are those of the start or of another one near
+    by: the error that is returned is that of a model in which they are linear.
+
+    Parameters
+    ----------
+    records, start, effects, held, samples, smoothness
+        As there.
+    steps
+        Gauss-Newton steps; with 0 the weights alone are solved for.
+    near
+        First steps of another start of the same effects on the same records, comb and samples,
+        whose derivatives by the weights are taken; None: they are simulated.
+    least_um
+        Training error (µm rms) that is not reached, far from it, where a step into the least of the
+        squares, were they as curved everywhere as here, would not: then no further step is gone.
+
+    Returns
+    -------
+    FirstSteps
+    """
+    problem, best = _begun(records, start, effects, held, samples, smoothness)
+    n_weights = len(start.weights)
+    here = (
+        problem.whole_pass(best)
+        if near is None
+        else problem.changes_at(best, near.columns, near.squares)
+    )
+    best = _with_weights(best, _weights_alone(here, n_weights))
+    here = problem.light_pass(best, here)
+    cost, damping, tried = _least(here, n_weights), 1e-3, 0
+    while tried < steps:
+        if cost - _HOPE * (cost - problem.foreseen(best, here)) > least_um**2 * here.count:
+            break
+        trial = problem.stepped(best, here, damping)
+        there = problem.light_pass(trial, here)
+        tried += 1
+        trial_cost = _least(there, n_weights)
+        if trial_cost < cost:
+            small = cost - trial_cost < _SMALL * cost
+            best, here, cost = trial, there, trial_cost
+            damping = max(damping / 10, 1e-9)
+            if small:
+                break
+        else:
+            damping *= 10
+    best = _with_weights(best, _weights_alone(here, n_weights))
+    cost -= problem.priced(best, here)
+    return FirstSteps(
+        best, math.sqrt(max(cost, 0.0) / max(here.count, 1)), here.columns, here.squares, here.left
+    )
+
+
+def _begun(
+    records: Sequence[Record],
+    start: RDPI,
+    effects: Sequence[Effect],
+    held: frozenset[str],
+    samples: int | None,
+    smoothness: float,
+) -> tuple[_Problem, Variant]:
+    fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
+    span = max(float(np.ptp(r.u_V)) for r in records)
+    free = free_numbers(effects, 0.1 * span / fastest, held)
+    price = smoothness**2 * roughness(start.thresholds_V)
+    problem = _Problem(free, records, kept_samples(records, samples), price)
+    return problem, _with_weights(Variant(start, tuple(effects)), np.array(start.weights))
 
 
 def _with_weights(variant: Variant, weights: Array) -> Variant:
@@ -469,7 +604,7 @@ def _least(at: _Pass, n_weights: int) -> float:
 def _weights_alone(at: _Pass, n_weights: int) -> Array:
     gram = np.ascontiguousarray(at.gram[:n_weights, :n_weights])
     allowed = at.motion[:n_weights] >= MIN_MOTION
-    x, _ = bounded_least_squares(gram, at.rhs[:n_weights].copy(), allowed, at.smallest_a0)
+    x, _ = bounded_least_squares(gram, at.rhs[:n_weights].copy(), allowed, at.smallest_a0, allowed)
     weights: Array = x
     return weights
 

@@ -62,7 +62,7 @@ def _solve_passive(gram: Array, rhs: Array, index: NDArray[np.int64]) -> tuple[b
 
 @njit(cache=True)
 def bounded_least_squares(
-    gram: Array, rhs: Array, allowed: BoolArray, floor: float
+    gram: Array, rhs: Array, allowed: BoolArray, floor: float, guess: BoolArray
 ) -> tuple[Array, BoolArray]:
     """Minimise x'Gx - 2b'x for x >= 0 and x_0 >= floor (Lawson and Hanson's active set).
 
@@ -76,6 +76,8 @@ def bounded_least_squares(
         Where False, x_i stays at its bound.
     floor : float
         Lower bound of x_0.
+    guess : bool[k]
+        Which are likely to be off their bound: where the search begins, not where it ends.
 
     Returns
     -------
@@ -104,7 +106,7 @@ def bounded_least_squares(
 
     x = np.zeros(k)
     usable = allowed & (scale > 0.0)
-    passive = usable.copy()  # a good guess: most weights are off their bound
+    passive = usable & guess
     entering = -1
     for _ in range(10 * k):
         while True:

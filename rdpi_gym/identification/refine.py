@@ -70,7 +70,7 @@ def project(gram: Array, bounds: Bounds) -> tuple[Array, BoolArray, float]:
     k = total.shape[0] - 1
     allowed = moving_plays(gram, bounds.motion)
     weights, passive = bounded_least_squares(
-        total[:k, :k].copy(), total[:k, k].copy(), allowed, bounds.a0
+        total[:k, :k].copy(), total[:k, k].copy(), allowed, bounds.a0, allowed
     )
     cost = total[k, k]
     for i in range(k):

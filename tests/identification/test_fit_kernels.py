@@ -96,7 +96,7 @@ def test_bounded_least_squares_is_as_good_as_scipys(seed, columns, zeros):
     weights = np.where(rng.random(columns) < zeros, 0.0, rng.random(columns))
     target = design @ weights + 0.3 * rng.standard_normal(50)
     found, passive = bounded_least_squares(
-        design.T @ design, design.T @ target, np.ones(columns, bool), 0.0
+        design.T @ design, design.T @ target, np.ones(columns, bool), 0.0, rng.random(columns) < 0.5
     )
     reference, residual = nnls(design, target)
     assert (found >= 0).all()
@@ -109,7 +109,7 @@ def test_bounded_least_squares_keeps_its_floor_and_what_is_not_allowed():
     design = np.random.default_rng(0).standard_normal((40, 3))
     target = -2.0 * design[:, 0] + design[:, 1] + design[:, 2]
     found, passive = bounded_least_squares(
-        design.T @ design, design.T @ target, np.array([True, False, True]), 0.01
+        design.T @ design, design.T @ target, np.array([True, False, True]), 0.01, np.ones(3, bool)
     )
     assert found[:2].tolist() == [0.01, 0.0]
     assert passive.tolist() == [False, False, True]
@@ -118,7 +118,8 @@ def test_bounded_least_squares_keeps_its_floor_and_what_is_not_allowed():
 def test_a_column_that_repeats_another_is_left_out():
     column = np.random.default_rng(0).standard_normal(30)
     design = np.column_stack([column, column, np.zeros(30)])
-    found, _ = bounded_least_squares(design.T @ design, design.T @ column, np.ones(3, bool), 0.0)
+    every = np.ones(3, bool)
+    found, _ = bounded_least_squares(design.T @ design, design.T @ column, every, 0.0, every)
     assert design @ found == pytest.approx(column)
 
 

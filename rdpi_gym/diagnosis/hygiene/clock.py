@@ -237,5 +237,6 @@ def _left(columns: Array, target: Array, rows: NDArray[np.intp], shift: float) -
     rest = gram[known:, known:] - gram[known:, :known] @ solved
     gram, products, power = rest[:-1, :-1], rest[:-1, -1].copy(), float(rest[-1, -1])
     gram = np.ascontiguousarray(gram)
-    weights, _ = bounded_least_squares(gram, products, np.ones(len(gram), dtype=np.bool_), 0.0)
+    every = np.ones(len(gram), dtype=np.bool_)
+    weights, _ = bounded_least_squares(gram, products, every, 0.0, every)
     return max(float(power - 2.0 * weights @ products + weights @ gram @ weights), 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,28 +12,31 @@ import numpy as np
 from rdpi_gym.diagnosis.results import Errors
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
-from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.identification.joint import FirstSteps, JointFit, first_steps, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 
 # Pieces that a validation record is cut into: what the spread of an improvement is judged by.
 PIECES = 8
 # Samples in the squares of a search: a thousand for each number; the errors are of all samples.
 SEARCH_SAMPLES = 24_000
-# Passes in which every start of a candidate shows which optimum is worth the rest.
-_FIRST_PASSES = 6
+# Samples and steps in which every start of a candidate shows which optimum is worth the rest.
+FIRST_SAMPLES, _FIRST_STEPS = 6_000, 4
+# Passes of a whole refit.
+_PASSES = 30
 # Along a cusp: reach in the parameter's logarithm, sections, and passes for everything else.
 _CUSP_REACH, _CUSP_STEPS, _CUSP_PASSES = 0.2, 16, 3
 # Rounds along cusps of effects that are there already, ended by one that gains less than this.
 _CUSP_ROUNDS, _CUSP_ENDS = 4, 0.9
-# Passes at a start on the way to a cusp: everything else stands where it is already.
-_SCAN_PASSES = 2
-# Starts of a form that are followed beyond the first steps.
-_RACED = 2
+# Passes of a refit that does not move on: the weights and the errors of where it stands.
+_AS_IT_IS = 2
+# Starts of a form for which the weights are solved, and those that are followed further.
+_LOOKED_AT, _RACED = 4, 2
+# Times the number of parameters over that of samples, what a fit takes of the noise by chance.
+CHANCE = 2.0
 # Only where a start takes this much from the error without the effect is there a cusp to find.
 _CUSP_SHOWS = 0.998
 
@@ -113,7 +116,7 @@ class Setting:
         self,
         hysteresis: RDPI,
         effects: Sequence[Effect] = (),
-        passes: int = 30,
+        passes: int = _PASSES,
         held: frozenset[str] = frozenset(),
         samples: int | None = None,
     ) -> JointFit:
@@ -129,6 +132,29 @@ class Setting:
         return fit_joint(
             self.train, hysteresis, effects, passes, held=held, samples=samples,
             smoothness=self.smoothness,
+        )  # fmt: skip
+
+    def first_steps(
+        self,
+        hysteresis: RDPI,
+        effects: Sequence[Effect],
+        steps: int,
+        held: frozenset[str] = frozenset(),
+        near: FirstSteps | None = None,
+        least_um: float = math.inf,
+    ) -> FirstSteps:
+        """Go the first steps of that fit on few samples, as the function of that name does.
+
+        Parameters
+        ----------
+        hysteresis, effects
+            Where it begins.
+        steps, held, near, least_um
+            As there.
+        """
+        return first_steps(
+            self.train, hysteresis, effects, steps, held, FIRST_SAMPLES, self.smoothness, near,
+            least_um,
         )  # fmt: skip
 
 
@@ -160,6 +186,7 @@ def refit(
     present: Sequence[Effect],
     kind: type[Effect] | None,
     starts: Sequence[Effect] | None = None,
+    least_um: float = math.inf,
 ) -> Outcome:
     """Fit the weights, δ2, the effects present and a candidate together, from each of its starts.
 
@@ -175,6 +202,9 @@ def refit(
         The candidate; None to refit without one.
     starts
         Where the candidate begins; None: at the starts of its own.
+    least_um
+        Training error (µm rms, over ``FIRST_SAMPLES``) from which on it is left where its first
+        steps lead.
 
     Returns
     -------
@@ -187,12 +217,13 @@ def refit(
     troubles: list[str] = []
     held = frozenset() if kind.kinked is None else frozenset({f"{kind.name}.{kind.kinked}"})
 
-    def begun(places: Sequence[Effect], passes: int) -> list[JointFit]:
-        fits: list[JointFit] = []
+    def begun(places: Sequence[Effect], steps: int) -> list[FirstSteps]:
+        fits: list[FirstSteps] = []
         for place in places:
             effects = in_chain_order([*present, place])
+            near = fits[0] if fits and not held else None
             try:
-                fit = setting.fit(hysteresis, effects, passes, held=held, samples=SEARCH_SAMPLES)
+                fit = setting.first_steps(hysteresis, effects, steps, held, near, least_um)
             except Exception as error:  # a user's effect may raise anything; the others go on
                 troubles.append(f"{type(error).__name__}: {error}".splitlines()[0])
                 continue
@@ -203,13 +234,15 @@ def refit(
     places: Sequence[Effect]
     try:
         places = kind.starts(setting.scale) if starts is None else starts
-    except InputError as error:
-        places, troubles = (), [str(error)]
+        least_um *= _by_chance(setting, kind)
+        if held or kind.form:
+            # a form has starts for each optimum: most are seen to be worse at once
+            places = _nearest(setting, Variant(hysteresis, tuple(present)), places)
+    except Exception as error:
+        places, troubles = (), [f"{type(error).__name__}: {error}".splitlines()[0]]
     if kind.form and len(places) > _RACED:
-        # a form has starts for each optimum: most are seen to be worse after a few steps
-        raced = begun(places, _SCAN_PASSES)[:_RACED]
-        places = [_own(fit, kind.name) for fit in raced]
-    first = begun(places, _SCAN_PASSES if held else _FIRST_PASSES)
+        places = [_own(fit.variant, kind.name) for fit in begun(places, 0)[:_RACED]]
+    first = begun(places, 0 if held else _FIRST_STEPS)
     if not first:
         nowhere = Errors(math.inf, math.inf, math.inf, {})
         reason = troubles[0] if troubles else "the error is not finite"
@@ -217,20 +250,39 @@ def refit(
             kind.name, None, nowhere, np.zeros((0, PIECES)), f"did not converge: {reason}",
             kind.form,
         )  # fmt: skip
-    best = first[0]
-    if kind.kinked is not None:
-        without = setting.fit(
-            hysteresis, present, _FIRST_PASSES, samples=SEARCH_SAMPLES
-        ).train_rmse_um
-        if best.train_rmse_um < _CUSP_SHOWS * without:
-            best = _along_cusp(setting, best, kind.name, kind.kinked)
-    if held or not best.converged:
-        best = setting.fit(best.variant.hysteresis, best.variant.effects, samples=SEARCH_SAMPLES)
+    variant, hopeful = first[0].variant, first[0].train_rmse_um < least_um
+    if held:
+        best = setting.fit(variant.hysteresis, variant.effects, _AS_IT_IS, held, SEARCH_SAMPLES)
+        without = setting.first_steps(hysteresis, present, _FIRST_STEPS).train_rmse_um
+        if first[0].train_rmse_um < _CUSP_SHOWS * without:
+            hopeful, best = True, _along_cusp(setting, best, kind.name, str(kind.kinked))
+        variant = best.variant
+    passes = _PASSES if hopeful else _AS_IT_IS
+    best = setting.fit(variant.hysteresis, variant.effects, passes, samples=SEARCH_SAMPLES)
     return assess(setting, kind.name, best)
 
 
-def _own(fit: JointFit, name: str) -> Effect:
-    return next(effect for effect in fit.variant.effects if effect.name == name)
+def _by_chance(setting: Setting, kind: type[Effect]) -> float:
+    """Return the factor on an error that as many numbers as a candidate has take by chance."""
+    numbers = sum(not p.fixed for p in kind.parameters)
+    counted = sum(int(record.error_mask.sum()) for record in setting.train)
+    return math.sqrt(max(1.0 - CHANCE * numbers / min(counted, FIRST_SAMPLES), 0.0))
+
+
+def _nearest(setting: Setting, model: Variant, places: Sequence[Effect]) -> Sequence[Effect]:
+    """Return the starts that leave least as they are, with the weights of the model."""
+    if len(places) <= _LOOKED_AT:
+        return places
+    lanes = [replace(model, effects=in_chain_order([*model.effects, place])) for place in places]
+    squares = np.zeros(len(places))
+    for record in setting.train:
+        left = (record.y_um[:, None] - simulate_effects(lanes, record))[record.error_mask]
+        squares += np.sum((left - left.mean(axis=0)) ** 2, axis=0)
+    return [places[k] for k in np.argsort(squares, kind="stable")[:_LOOKED_AT]]
+
+
+def _own(variant: Variant, name: str) -> Effect:
+    return next(effect for effect in variant.effects if effect.name == name)
 
 
 def past_cusps(setting: Setting, outcome: Outcome, present: Sequence[Effect]) -> Outcome:
@@ -324,6 +376,7 @@ def refit_all(
     checkpoint: Checkpoint,
     jobs: int,
     report: Callable[[int, int], None],
+    least_um: float = math.inf,
 ) -> list[Outcome]:
     """Refit every candidate, in parallel; best validation error first.
 
@@ -339,6 +392,8 @@ def refit_all(
         Processes.
     report
         Called with candidates done and in all.
+    least_um
+        As :func:`refit`.
     """
     outcomes: list[Outcome] = []
     unfinished: list[Trial] = []
@@ -352,7 +407,7 @@ def refit_all(
             outcomes.append(assess(setting, trial.kind.name, fit))
     report(len(outcomes), len(trials))
     by_name = {(trial.kind.name, trial.kind.form): trial for trial in unfinished}
-    one = partial(_refit_trial, setting, hysteresis)
+    one = partial(_refit_trial, setting, hysteresis, least_um)
     for outcome in run_cases(one, unfinished, 1 if len(unfinished) < 2 else jobs):
         if outcome.fit is not None:
             trial = by_name[outcome.effect, outcome.form]
@@ -362,5 +417,5 @@ def refit_all(
     return sorted(outcomes, key=lambda o: o.mean_square)
 
 
-def _refit_trial(setting: Setting, hysteresis: RDPI, trial: Trial) -> Outcome:
-    return refit(setting, hysteresis, trial.present, trial.kind, trial.starts)
+def _refit_trial(setting: Setting, hysteresis: RDPI, least_um: float, trial: Trial) -> Outcome:
+    return refit(setting, hysteresis, trial.present, trial.kind, trial.starts, least_um)

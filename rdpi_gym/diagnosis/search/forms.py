@@ -18,10 +18,8 @@ _AS_FREE = 0.02
 _TRAINS = 0.3
 # Candidates of a round that are tried in their further forms.
 _LEADERS = 4
-# Of the error without it, what the simplest form leaves at most to be worth another; some are tried
-# always: a soft limit can hide hard rails, and a drift to and fro has no slope.
+# Of the error without it, what the simplest form leaves at most to be worth another.
 _SHOWS = 0.995
-_ALWAYS = frozenset({"saturation", "thermal_drift", "gain_drift"})
 
 
 def further_forms(
@@ -47,12 +45,12 @@ def further_forms(
     scale
         Size of the data.
     suspects
-        Names that a test without a model speaks for.
+        Names that something else speaks for: a test without a model, or the traces of the forms.
     """
     shown = [o.effect for o in simple if o.fit and o.mean_square < _SHOWS**2 * current.mean_square]
     # what the best of them is mistaken for may be better in another form
     kin = [name for first in shown[:1] for name in kinds[first].mistaken_for]
-    others = (n for n in (*kin, *suspects, *_ALWAYS) if n in kinds)
+    others = (n for n in (*kin, *suspects) if n in kinds)
     names = dict.fromkeys((*shown[:_LEADERS], *others))
     fitted = {o.effect: o for o in simple}
     return [

@@ -17,6 +17,8 @@ from rdpi_gym.diagnosis.hygiene.finding import BoolArray
 from rdpi_gym.diagnosis.hygiene.spikes import spikes
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import (
+    CHANCE,
+    FIRST_SAMPLES,
     SEARCH_SAMPLES,
     Outcome,
     Setting,
@@ -68,10 +70,11 @@ from rdpi_gym.diagnosis.search.stability import (
 )
 from rdpi_gym.diagnosis.search.suitability import TURNED, falls, turned, unrelated
 from rdpi_gym.diagnosis.search.thinning import close_up, thinned
+from rdpi_gym.diagnosis.search.traces import taken_by
 from rdpi_gym.diagnosis.search.verdict import EXPLAINED
 from rdpi_gym.diagnosis.search.vetoes import hear
 from rdpi_gym.identification.jacobian import simulate_effects
-from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.identification.joint import FirstSteps, JointFit
 from rdpi_gym.identification.plausibility import check_motion, check_scale
 from rdpi_gym.identification.rates import rate_spread
 from rdpi_gym.identification.stack import stack_records
@@ -88,6 +91,8 @@ _NOMINEES = 4
 _RIVALS_WITHIN, _MOST_OF_IT = 3, 0.5
 # Of what the best candidate takes from the records to fit, what a drift takes that is as good.
 _AS_WELL = 0.98
+# Of the training error's excess, what a candidate's first steps have to take for it to be refined.
+_GLIMPSE = 0.01
 # Mean square without an effect over that with it from which on the error hangs on it.
 _HANGS = 1.7
 # Of a record, the outliers that a model may show beyond those that were found before.
@@ -251,12 +256,14 @@ class Laboratory:
         kinds = {name: kind for name, kind in self.catalogue.items() if name not in have}
         task = "with " + ", ".join(e.name for e in state.effects) if have else "candidates"
         scale = self.setting.scale
-        begun = self._begun(state, list(kinds.values()))
+        starts = self._starts(state, list(kinds.values()))
         new = [
             Trial(kind, state.effects, start)
-            for kind, start in zip(kinds.values(), begun, strict=True)
+            for kind, start in zip(kinds.values(), starts, strict=True)
         ]
-        simple = self._refit(state, [*new, *better_forms(state.effects, scale)], task)
+        begun = self.setting.first_steps(self._plays(state), state.effects, 0)
+        least_um = self._least_um(begun)
+        simple = self._refit(state, [*new, *better_forms(state.effects, scale)], task, least_um)
         leaders = [past_cusps(self.setting, o, state.effects) for o in simple[:_LEADERS]]
         outcomes = sorted([*leaders, *simple[_LEADERS:]], key=lambda o: o.mean_square)
         self._floor_from(outcomes)
@@ -264,11 +271,11 @@ class Laboratory:
             return []
         if outcomes[0].mean_square > (1.0 + AT_FLOOR) * self.noise_um**2:
             others = [o for o in outcomes if o.effect in kinds]
-            suspects = self._suspects
+            suspects = self._suspects | self._traced(begun, list(kinds.values()))
             if missed(self.setting, state.outcome, self._openings, self.noise_um):
                 suspects = suspects | {"initial_memory"}
             trials = further_forms(state.outcome, others, kinds, state.effects, scale, suspects)
-            outcomes += self._refit(state, trials, f"forms {task}")
+            outcomes += self._refit(state, trials, f"forms {task}", least_um)
             self._floor_from(sorted(outcomes, key=lambda o: o.mean_square))
         tried = [*kinds.values(), *(type(e) for e in state.effects)]
         best = in_best_form(outcomes, self.noise_um)
@@ -291,7 +298,7 @@ class Laboratory:
                 most[outcome.effect] = max(share, most.get(outcome.effect, share))
         return most
 
-    def _begun(
+    def _starts(
         self, state: State, kinds: Sequence[type[Effect]]
     ) -> list[tuple[Effect, ...] | None]:
         """Return the starts of candidates with those that the longest record shows, if any."""
@@ -304,13 +311,38 @@ class Laboratory:
             for kind, seen in zip(kinds, shown, strict=True)
         ]
 
-    def _refit(self, state: State, trials: Sequence[Trial], task: str) -> list[Outcome]:
+    def _plays(self, state: State) -> RDPI:
         # smooth weights are those of the whole comb
-        plays = state.hysteresis if self.setting.smoothness else pruned(state.hysteresis)
+        return state.hysteresis if self.setting.smoothness else pruned(state.hysteresis)
+
+    def _refit(
+        self, state: State, trials: Sequence[Trial], task: str, least_um: float = math.inf
+    ) -> list[Outcome]:
         return refit_all(
-            self.setting, plays, trials, self._checkpoint, self._jobs,
-            lambda done, total: self._progress(task, done, total),
+            self.setting, self._plays(state), trials, self._checkpoint, self._jobs,
+            lambda done, total: self._progress(task, done, total), least_um,
         )  # fmt: skip
+
+    def _least_um(self, begun: FirstSteps) -> float:
+        """Return the training error (µm) that is no gain: what takes no more is not refined."""
+        return math.sqrt((1.0 - self._worth_a_look(begun)) * begun.train_rmse_um**2)
+
+    def _worth_a_look(self, begun: FirstSteps) -> float:
+        """Return the share of what a model leaves that a candidate has to take to be refined."""
+        excess = 1.0 - (self.noise_um / max(begun.train_rmse_um, 1e-300)) ** 2
+        return _GLIMPSE * max(excess, 0.0)
+
+    def _traced(self, begun: FirstSteps, kinds: Sequence[type[Effect]]) -> set[str]:
+        """Return the candidates of which some form could take a share that is worth a look."""
+        records, scale = self.setting.train, self.setting.scale
+        least, counted = self._worth_a_look(begun), sum(map(len, begun.left_um))
+        traces = {kind.name: kind.traces(scale) for kind in kinds}
+        return {
+            name
+            for name, them in traces.items()
+            if them
+            and taken_by(records, begun, them, FIRST_SAMPLES) > least + CHANCE * len(them) / counted
+        }
 
     def _floor_from(self, outcomes: Sequence[Outcome]) -> None:
         for outcome in [o for o in outcomes if o.fit is not None][:_FLOOR_FROM]:

@@ -366,6 +366,20 @@ class Effect(ABC):
         return ()
 
     @classmethod
+    def traces(cls, scale: DataScale) -> tuple[Effect, ...]:
+        """Return effects of whose responses a sum comes near to that of any of the forms.
+
+        A linear fit of them tells whether a form is worth its refit where the simplest shows
+        nothing. Empty, by default: no such sum is known.
+
+        Parameters
+        ----------
+        scale
+            Size of the data.
+        """
+        return ()
+
+    @classmethod
     def bends(cls) -> Array | None:
         """Return combinations of the fitted parameters that are small where no record tells them.
 

@@ -143,6 +143,11 @@ class GainDriftToLimit(Clocked, of=GainDrift):
     block = staticmethod(gain_to_limit_block)
 
     @classmethod
+    def traces(cls, scale: DataScale) -> tuple[Effect, ...]:
+        """A smooth curve over the experiment, knot by knot."""
+        return GainByCurve.one_by_one(scale)
+
+    @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """A gain that settles within the experiment, and one that does not."""
         return tuple(

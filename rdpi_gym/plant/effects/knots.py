@@ -133,6 +133,13 @@ class ByKnots(Clocked):
         return (cls.within_bounds(**knots, duration_s=scale.lasts_s),)
 
     @classmethod
+    def one_by_one(cls, scale: DataScale) -> tuple[Effect, ...]:
+        """Return a small change at each of the knots in turn, over the whole experiment."""
+        (still,) = cls.starts(scale)
+        values = {p.name: p.typical[0] for p in cls.parameters if not p.fixed}
+        return tuple(still.with_values({name: value}) for name, value in values.items())
+
+    @classmethod
     def bends(cls) -> Array:
         """Second differences: where no record is, the curve goes on as it went."""
         return np.diff(np.eye(len(cls._knots()) + 1)[:, 1:], 2, axis=0)

@@ -9,7 +9,7 @@ from typing import Self
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Look, Parameter, Picture, Stateless
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture, Stateless
 from rdpi_gym.support.arrays import Array
 
 FAR = 10.0
@@ -93,6 +93,14 @@ class Saturation(Stateless):
         return self.limit_V - abs(self.centre_V - scale.centre_V) > FAR * scale.span_V
 
     @classmethod
+    def traces(cls, scale: DataScale) -> tuple[Effect, ...]:
+        """Hard rails at either end: what bends there at all is near a sum of such corners."""
+        reach = [share * scale.span_V for share in _CORNERS]
+        upper = [HardUpperRail.within_bounds(high_V=scale.centre_V + far) for far in reach]
+        lower = [HardLowerRail.within_bounds(low_V=scale.centre_V - far) for far in reach]
+        return (*upper, *lower)
+
+    @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Rails not far and far beyond the measured command."""
         return tuple(
@@ -113,6 +121,8 @@ def hard_rails_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: A
 
 
 _FAR_V = 1e30
+# Of half the swing, where its corners are looked for.
+_CORNERS = (0.5, 0.7, 0.85, 0.95)
 
 
 class _Hard(Stateless):

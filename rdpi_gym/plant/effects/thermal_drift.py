@@ -95,6 +95,11 @@ class ThermalDrift(Clocked):
     block = staticmethod(thermal_drift_block)
 
     @classmethod
+    def traces(cls, scale: DataScale) -> tuple[Effect, ...]:
+        """A smooth curve over the experiment, knot by knot."""
+        return DriftByCurve.one_by_one(scale)
+
+    @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Warming that settles within the longest record, and one that does not."""
         return tuple(
