@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from rdpi_gym.diagnosis.results import Errors
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
+from rdpi_gym.diagnosis.search.traces import nearest
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import FirstSteps, JointFit, first_steps, fit_joint
 from rdpi_gym.measurement import Record
@@ -235,9 +236,10 @@ def refit(
     try:
         places = kind.starts(setting.scale) if starts is None else starts
         least_um *= _by_chance(setting, kind)
-        if held or kind.form:
+        if (held or kind.form) and len(places) > _LOOKED_AT:
             # a form has starts for each optimum: most are seen to be worse at once
-            places = _nearest(setting, Variant(hysteresis, tuple(present)), places)
+            bare = setting.first_steps(hysteresis, present, 0)
+            places = nearest(setting.train, bare, places, FIRST_SAMPLES, _LOOKED_AT)
     except Exception as error:
         places, troubles = (), [f"{type(error).__name__}: {error}".splitlines()[0]]
     if kind.form and len(places) > _RACED:
@@ -267,18 +269,6 @@ def _by_chance(setting: Setting, kind: type[Effect]) -> float:
     numbers = sum(not p.fixed for p in kind.parameters)
     counted = sum(int(record.error_mask.sum()) for record in setting.train)
     return math.sqrt(max(1.0 - CHANCE * numbers / min(counted, FIRST_SAMPLES), 0.0))
-
-
-def _nearest(setting: Setting, model: Variant, places: Sequence[Effect]) -> Sequence[Effect]:
-    """Return the starts that leave least as they are, with the weights of the model."""
-    if len(places) <= _LOOKED_AT:
-        return places
-    lanes = [replace(model, effects=in_chain_order([*model.effects, place])) for place in places]
-    squares = np.zeros(len(places))
-    for record in setting.train:
-        left = (record.y_um[:, None] - simulate_effects(lanes, record))[record.error_mask]
-        squares += np.sum((left - left.mean(axis=0)) ** 2, axis=0)
-    return [places[k] for k in np.argsort(squares, kind="stable")[:_LOOKED_AT]]
 
 
 def _own(variant: Variant, name: str) -> Effect:

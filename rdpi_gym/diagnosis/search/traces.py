@@ -37,22 +37,54 @@ def taken_by(
     Returns
     -------
     float
-        0 to 1, of the squares of the records to fit. The weights may turn negative here, and the
-        effects of the model stay as they are.
+        0 to 1, of the squares of the records to fit. Plays of the model that have no weight get
+        none, and its effects do not move.
     """
-    beside = begun.columns[0].shape[1]
-    products = np.zeros((beside + len(traces) + 1,) * 2)
+    products = _products(records, begun, traces, samples)
+    beside = len(products) - len(traces) - 1
+    whole = float(products[-1, -1])
+    every = list(range(len(products) - 1))
+    return (_least(products, every[:beside]) - _least(products, every)) / max(whole, 1e-300)
+
+
+def nearest(
+    records: Sequence[Record],
+    begun: FirstSteps,
+    places: Sequence[Effect],
+    samples: int,
+    count: int,
+) -> list[Effect]:
+    """Return the starts of an effect whose response, by any factor, leaves least beside the weights.
+
+    Parameters
+    ----------
+    records, begun, samples
+        As :func:`taken_by`.
+    places
+        The starts.
+    count
+        How many.
+    """
+    products = _products(records, begun, places, samples)
+    beside = list(range(len(products) - len(places) - 1))
+    left = [_least(products, [*beside, len(beside) + k]) for k in range(len(places))]
+    return [places[k] for k in np.argsort(left, kind="stable")[:count]]
+
+
+def _products(
+    records: Sequence[Record], begun: FirstSteps, traces: Sequence[Effect], samples: int
+) -> Array:
+    """Return the products of the weights' columns, of the responses and of what is left."""
+    moving = np.array(begun.variant.hysteresis.weights) > 0.0
+    products = np.zeros((int(moving.sum()) + len(traces) + 1,) * 2)
     kept = kept_samples(records, samples)
     for record, index, columns, left in zip(
         records, kept, begun.columns, begun.left_um, strict=True
     ):
         answers = _answers(begun.variant, traces, record)[index]
-        rows = np.hstack([columns, answers - answers.mean(axis=0), left[:, None]])
+        rows = np.hstack([columns[:, moving], answers - answers.mean(axis=0), left[:, None]])
         products += rows.T @ rows
-    whole = float(products[-1, -1])
-    if whole <= 0.0:
-        return 0.0
-    return (_least(products, beside) - _least(products, beside + len(traces))) / whole
+    return products
 
 
 def _answers(variant: Variant, traces: Sequence[Effect], record: Record) -> Array:
@@ -67,11 +99,11 @@ def _answers(variant: Variant, traces: Sequence[Effect], record: Record) -> Arra
     return np.hstack(columns)
 
 
-def _least(products: Array, count: int) -> float:
-    """Return the least squares that the first columns leave of the last one."""
-    spread = np.sqrt(np.maximum(np.diag(products)[:count], 1e-300))
-    gram = products[:count, :count] / np.outer(spread, spread)
-    rhs = products[:count, -1] / spread
+def _least(products: Array, columns: Sequence[int]) -> float:
+    """Return the least squares that some columns leave of the last one."""
+    spread = np.sqrt(np.maximum(np.diag(products)[columns], 1e-300))
+    gram = products[np.ix_(columns, columns)] / np.outer(spread, spread)
+    rhs = products[columns, -1] / spread
     values, vectors = np.linalg.eigh(gram)
     own = values > _DEPENDENT * values[-1]
     part = vectors[:, own].T @ rhs
