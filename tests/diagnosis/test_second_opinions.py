@@ -116,6 +116,17 @@ def test_the_numerical_floor_holds_a_turn_that_no_sample_shows():
     assert floor.total_um < 2.0 * missed_um
 
 
+def test_the_numerical_floor_of_a_stretch_is_that_of_the_record_where_it_is_scored():
+    t = 1e-3 * np.arange(3000)
+    u = 40.0 * np.sin(2.0 * np.pi * (0.5 + 3.0 * t) * t)
+    creep = load_effect("creep", "one time constant")(gain=0.2, time_constant_s=1.0)
+    variant = Variant(P10.hysteresis, (creep, CATALOGUE["sensor_lag"](time_constant_s=3e-3)))
+    whole = Record("run", t, u, u, ts_s=1e-3, error_mask=np.arange(3000) >= 1000)
+    stretch = Record("run", t, u, u, ts_s=1e-3).cut(slice(1000, 3000))
+    ours, theirs = numerical_floor(variant, [stretch]), numerical_floor(variant, [whole])
+    assert ours.total_um == pytest.approx(theirs.total_um, rel=1e-9)
+
+
 def shaken_record(variant, off_s, ts=1e-3, fine=50):
     """Samples of a plant at times that are off an even clock, as if they were not."""
     k = np.arange(4000)

@@ -148,21 +148,13 @@ def _changed(
     effects = tuple(effect.sampled_at(record.ts_s) for effect in variant.effects)
     # jumps have no rate: only what does not hang on it is asked for
     slow = Variant(replace(variant.hysteresis, delta2_s=0.0), effects)
-    linear = simulate_effects([slow], record)[:, 0]
-    fine = replace(
-        record,
-        t_s=record.t_s[0] + np.arange(len(record.u_V) * _PARTS) * record.ts_s / _PARTS,
-        u_V=np.repeat(record.u_V, _PARTS),
-        y_um=np.repeat(record.y_um, _PARTS),
-        ts_s=record.ts_s / _PARTS,
-        reference_um=None,
-        temperature_C=None,
-        others={},
-        period=None,
-        error_mask=np.repeat(record.error_mask, _PARTS),
-    )
-    commands = [replace(fine, u_V=way(record.u_V, _PARTS)) for way in between]
-    return [simulate_effects([slow], each)[::_PARTS, 0] - linear for each in commands]
+    early, whole = record.before_V.size, record.with_history
+    linear = simulate_effects([slow], whole)[:, 0]
+    commands = [way(whole.u_V, _PARTS) for way in between]
+    ts_s = record.ts_s / _PARTS
+    t_s = whole.t_s[0] + np.arange(len(commands[0])) * ts_s
+    fine = [Record(record.name, t_s, u, np.zeros_like(u), ts_s=ts_s) for u in commands]
+    return [(simulate_effects([slow], each)[::_PARTS, 0] - linear)[early:] for each in fine]
 
 
 def _along(u_V: Array, share: Array) -> Array:
