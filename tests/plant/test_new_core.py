@@ -17,8 +17,8 @@ from rdpi_gym.support.members import Members
 
 TS_S = 1e-4
 
-FILE = '''"""Duhem: a branch that bends towards the other one."""
-from dataclasses import dataclass
+FILE = '''"""A branch that bends towards the other one."""
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -27,7 +27,7 @@ from rdpi_gym.plant.cores.base import Core
 
 
 @njit
-def duhem_block(u, v, p, state, y):
+def bent_block(u, v, p, state, y):
     for b in range(u.shape[1]):
         last, h = state[3, b], state[2, b]
         for t in range(u.shape[0]):
@@ -39,15 +39,15 @@ def duhem_block(u, v, p, state, y):
 
 
 @dataclass(frozen=True)
-class Duhem(Core):
+class Bent(Core):
     """y = a u - h, where h relaxes to ±w along the way."""
 
     gain: float
     width: float
     rate_bandwidth_hz: float | None = None
 
-    name = "duhem"
-    block = staticmethod(duhem_block)
+    name = "bent"
+    block = staticmethod(bent_block)
 
     @property
     def n(self):
@@ -60,6 +60,29 @@ class Duhem(Core):
     @property
     def A(self):
         return self.gain + self.width
+
+    @property
+    def gains(self):
+        return self.gain, self.width
+
+    @property
+    def signed(self):
+        return False, False
+
+    def with_gains(self, gains):
+        return replace(self, gain=gains[0], width=gains[1])
+
+    def responses(self, u, v, memory):
+        one = replace(self, gain=0.0, width=1.0)
+        p, y = np.array([[0.0], [1.0], [0.0], [0.0]]), np.empty((len(u), 1))
+        state = np.concatenate([[0.0, 0.0], memory / [self.width, 1.0]])[:, None]
+        one.block(u[:, None], v[:, None], p, state, y)
+        return np.hstack([u[:, None], y])
+
+    @classmethod
+    def starts(cls, scale):
+        gain = scale.stroke_um / scale.span_V
+        return (cls(gain, 0.1 * gain),)
 
     def coefficients(self):
         return [self.gain, self.width]
@@ -75,18 +98,18 @@ class Duhem(Core):
 
 
 @pytest.fixture
-def duhem(tmp_path, monkeypatch):
-    (tmp_path / "duhem.py").write_text(FILE, encoding="utf-8")
+def bent(tmp_path, monkeypatch):
+    (tmp_path / "bent.py").write_text(FILE, encoding="utf-8")
     monkeypatch.setattr(room, "__path__", [*room.__path__, str(tmp_path)])
     found = Members("rdpi_gym.plant.cores", base.Core)
     monkeypatch.setattr("rdpi_gym.plant.model.CORES", found)
-    yield found["duhem"](gain=1.0, width=0.3)
-    sys.modules.pop("rdpi_gym.plant.cores.duhem", None)
+    yield found["bent"](gain=1.0, width=0.3)
+    sys.modules.pop("rdpi_gym.plant.cores.bent", None)
 
 
 @pytest.fixture
-def model(duhem):
-    return PlantModel(duhem, "with a core of its own", (-20.0, 20.0), (0.0, 8.0))
+def model(bent):
+    return PlantModel(bent, "with a core of its own", (-20.0, 20.0), (0.0, 8.0))
 
 
 def test_the_one_core_of_the_package_is_found_by_its_file():
@@ -96,12 +119,12 @@ def test_the_one_core_of_the_package_is_found_by_its_file():
 def test_it_is_saved_by_its_name_and_loaded_back(model, tmp_path):
     document = model.to_dict()
     assert document["hysteresis"] == {
-        "core": "duhem", "gain": 1.0, "width": 0.3, "rate_bandwidth_hz": None,
+        "core": "bent", "gain": 1.0, "width": 0.3, "rate_bandwidth_hz": None,
     }  # fmt: skip
     assert PlantModel.load(model.save(tmp_path / "model.json")) == model
     assert "core" not in P5.to_dict()["hysteresis"]
     document["hysteresis"]["core"] = "os:system"
-    with pytest.raises(InputError, match="no core is named 'os:system'; known are duhem, rdpi"):
+    with pytest.raises(InputError, match="no core is named 'os:system'; known are bent, rdpi"):
         PlantModel.from_dict(document)
 
 
@@ -125,7 +148,7 @@ def test_a_plant_runs_it_in_blocks_in_steps_in_lanes_and_with_effects(model):
 
 
 def test_lanes_of_two_cores_are_refused(model):
-    with pytest.raises(InputError, match="lanes with the cores duhem and rdpi"):
+    with pytest.raises(InputError, match="lanes with the cores bent and rdpi"):
         Plant([model, P5], TS_S)
 
 

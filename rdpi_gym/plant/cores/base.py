@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Self, TypeAlias
 
+from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.members import Members
 
@@ -36,6 +37,21 @@ class Core(ABC):
         Cut-off (Hz) of a first-order low-pass on the rate; None is the literal Eq. 5.
     block, fused
         The compiled kernels, as ``staticmethod``; the second only saves a call, and may be left out.
+    title
+        What people call it, in words that read within a sentence.
+    equation, source, signature, experiment, hardware
+        The equation, where it is from, what gives it away in data, what shows it best, where it is
+        met; empty unless stated.
+    shape
+        The numbers that the displacement is not linear in and that a fit moves, as fields.
+    clockwise
+        Whether its loops turn clockwise in the plane of command and displacement, as those of a
+        friction force do; None: either way, by its numbers.
+    wipes_out
+        Whether a loop within a loop closes and is forgotten, as every sum of plays, stops or relays
+        has it.
+    rated
+        Whether it depends on how fast the command moves.
 
     Examples
     --------
@@ -47,6 +63,16 @@ class Core(ABC):
     name: ClassVar[str]
     block: ClassVar[CoreBlock]
     fused: ClassVar[FusedBlock | None] = None
+    title: ClassVar[str] = ""
+    equation: ClassVar[str] = ""
+    source: ClassVar[str] = ""
+    signature: ClassVar[str] = ""
+    experiment: ClassVar[str] = ""
+    hardware: ClassVar[str] = ""
+    shape: ClassVar[tuple[Parameter, ...]] = ()
+    clockwise: ClassVar[bool | None] = False
+    wipes_out: ClassVar[bool] = True
+    rated: ClassVar[bool] = False
     rate_bandwidth_hz: float | None
 
     @property
@@ -63,6 +89,55 @@ class Core(ABC):
     @abstractmethod
     def A(self) -> float:
         """Largest gain (µm/V): no command moves the plant farther from rest than A times it."""
+
+    @property
+    @abstractmethod
+    def gains(self) -> tuple[float, ...]:
+        """The numbers that the displacement is linear in, as :meth:`responses` orders them."""
+
+    @property
+    @abstractmethod
+    def signed(self) -> tuple[bool, ...]:
+        """Which of the gains may be negative."""
+
+    @abstractmethod
+    def with_gains(self, gains: Sequence[float]) -> Self:
+        """Return the same core with other gains, those that may not be negative at least zero."""
+
+    @abstractmethod
+    def responses(self, u: Array, v: Array, memory: Array) -> Array:
+        """Return the displacement over each of the gains: what a fit of them is linear in.
+
+        Parameters
+        ----------
+        u, v : float64[T]
+            Command (V) and rate (V/s), as the kernel sees them.
+        memory : float64[n]
+            Where the record begins; left as it is.
+
+        Returns
+        -------
+        float64[T, K]
+            With the gains it makes what :attr:`block` makes without offset.
+        """
+
+    @classmethod
+    @abstractmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Return where a fit begins, one for each optimum that it may fall into.
+
+        Parameters
+        ----------
+        scale
+            Size of the data: a core of many fixed thresholds or levels spreads them over it.
+        """
+
+    def with_shape(self, values: Mapping[str, float]) -> Self:
+        """Return the same core with other values of numbers of :attr:`shape`, within their bounds."""
+        limits = {p.name: (p.low, p.high) for p in self.shape}
+        inside = {k: min(max(float(v), limits[k][0]), limits[k][1]) for k, v in values.items()}
+        changed: Any = dataclasses.replace(self, **inside)  # type: ignore[type-var]
+        return changed  # type: ignore[no-any-return]
 
     @abstractmethod
     def coefficients(self) -> list[float]:

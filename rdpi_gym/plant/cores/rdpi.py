@@ -10,10 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.play import given_rate_block, rdpi_block
+from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
+from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
+
+# Plays of a fit's comb, and of the whole gain what a_0 is at least there.
+_COMB, _LEAST_A0 = 40, 1e-6
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,17 @@ class RDPI(Core):
     name = "rdpi"
     block = staticmethod(given_rate_block)
     fused = staticmethod(rdpi_block)
+    title = "rate-dependent Prandtl-Ishlinskii model"
+    equation = "y = a_0 u + sum of a_i P_i[u], P_i the play operator of threshold r_i + δ2 |v|"
+    source = "Aljanaideh, Al Janaideh, Rakotondrabe, Eq. 2 to 5 and 8."
+    signature = (
+        "Loops that turn counter-clockwise, are odd about their middle, and widen with the rate; "
+        "small loops of one size are alike wherever they stand."
+    )
+    experiment = "Triangles of one size at unlike bias, and one loop at several frequencies."
+    hardware = "Piezoelectric stacks, tubes and bending actuators driven by a voltage."
+    shape = (Parameter("delta2_s", "s", 0.0, 1e3, (0.0, 1e-3), "δ2 of Eq. 8"),)
+    rated = True
 
     def __post_init__(self) -> None:
         weights = _numbers("weights", self.weights)
@@ -160,6 +175,38 @@ class RDPI(Core):
         """Right-half-plane zero A / (S δ2) (rad/s) while every play slides; infinite if static."""
         lag = self.S * self.delta2_s
         return self.A / lag if lag > 0 else math.inf
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """a_0 ... a_n (µm/V)."""
+        return self.weights
+
+    @property
+    def signed(self) -> tuple[bool, ...]:
+        """None: a negative weight would turn part of the loop round."""
+        return (False,) * len(self.weights)
+
+    def with_gains(self, gains: Sequence[float]) -> RDPI:
+        """Return the model with other weights (µm/V); a_0 stays above zero."""
+        least = _LEAST_A0 * max(math.fsum(gains), _LEAST_A0)
+        first, *others = (max(float(gain), 0.0) for gain in gains)
+        return replace(self, weights=(max(first, least), *others))
+
+    def responses(self, u: Array, v: Array, memory: Array) -> Array:
+        """The command, and each play operator's output (V)."""
+        columns = np.empty((self.n + 1, len(u)))
+        columns[0] = u
+        rest = np.array(self.thresholds_V)
+        play_columns(u, v, rest, self.delta2_s, memory.copy(), columns[1:])
+        return columns.T
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[RDPI, ...]:
+        """A comb of thresholds up to half of the widest swing, finer where it is narrow."""
+        reach = scale.span_V * (np.arange(1, _COMB + 1) / _COMB) ** 1.5
+        gain = scale.stroke_um / scale.span_V
+        weights = (0.5 * gain, *[0.5 * gain / _COMB] * _COMB)
+        return (cls(weights, tuple(reach.tolist()), 0.05 * scale.span_V / scale.fastest_V_s),)
 
     def coefficients(self) -> list[float]:
         """Weights (µm/V), thresholds at rest (V), δ2 (s)."""

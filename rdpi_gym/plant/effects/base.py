@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike
 from rdpi_gym.plant.chain import CHAIN
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.parameters import DataScale as DataScale
+from rdpi_gym.plant.parameters import Parameter as Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
@@ -33,46 +35,6 @@ state ``[S, B]``, sampling time (s), output ``[T, B]``; the state is left where 
 without offset in ``hysteresis`` and ``output``; `u` is the command that the plays saw. A kernel
 changes neither, takes a NaN in row 0 of the state for a stage that has seen no sample, and ignores
 rows of the state beyond those that it asked for (lanes share the largest number)."""
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number of an effect.
-
-    Parameters
-    ----------
-    name, unit
-        As in the effect's dataclass; unit ``1`` has none.
-    low, high
-        Physical bounds: a fit stays within them and reports a value at one of them.
-    typical
-        Range that is commonly met, used for random plants.
-    meaning
-        In words.
-    neutral
-        The value at which the effect changes nothing, whatever its other parameters, or in a form
-        with several of them the part of it that this one sizes; None where no value does.
-    fixed
-        A scale that is chosen and not fitted: another parameter would trade with it.
-    step
-        Finite difference by which a fit takes derivatives, of the logarithm where `low` is above
-        zero; None: a thousandth, which is too far for a frequency that is counted over minutes.
-
-    Examples
-    --------
-    >>> Parameter("delay_s", "s", 0.0, 0.02, (1e-5, 5e-4), "delay T", neutral=0.0).fixed
-    False
-    """
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    typical: tuple[float, float]
-    meaning: str
-    neutral: float | None = None
-    fixed: bool = False
-    step: float | None = None
 
 
 class Look:
@@ -112,38 +74,6 @@ class Picture:
     values: Mapping[str, float]
     left: Look
     right: Look
-
-
-@dataclass(frozen=True)
-class DataScale:
-    """How large and how fast measured records are: what a search starts from.
-
-    Parameters
-    ----------
-    centre_V, span_V
-        Middle of the command and half of its widest swing (V).
-    stroke_um
-        Half of the displacement's widest swing (µm).
-    fastest_V_s
-        Largest rate of the command, jumps left out (V/s).
-    shortest_s, longest_s
-        Shortest sampling time and longest record (s).
-    end_s
-        Where the last record ends on the experiment's clock (s).
-    """
-
-    centre_V: float
-    span_V: float
-    stroke_um: float
-    fastest_V_s: float
-    shortest_s: float
-    longest_s: float
-    end_s: float = 0.0
-
-    @property
-    def lasts_s(self) -> float:
-        """What slow drifts go by (s): until the experiment's end, at least the longest record."""
-        return max(self.end_s, self.longest_s)
 
 
 @dataclass(frozen=True)
