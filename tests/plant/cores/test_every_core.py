@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -112,7 +113,7 @@ def test_its_loops_turn_the_way_that_it_says(core: Core) -> None:
 @every_core
 def test_a_small_loop_is_forgotten_where_it_says_so(core: Core) -> None:
     def leg(*corners: float) -> Array:
-        steps = [np.linspace(a, b, 4000)[1:] for a, b in zip(corners, corners[1:], strict=False)]
+        steps = [np.linspace(a, b, 4000)[1:] for a, b in pairwise(corners)]
         return np.concatenate(steps)
 
     plain, looped = leg(0.0, 20.0, -5.0, 12.0), leg(0.0, 20.0, -5.0, 6.0, 1.0, 12.0)
@@ -144,7 +145,7 @@ def test_memory_after_a_slow_walk_is_the_settled_one(core: Core) -> None:
 @every_core
 def test_no_command_moves_it_farther_than_its_largest_gain(core: Core) -> None:
     u = walk()
-    assert 0.0 < core.a0
+    assert core.a0 > 0.0
     assert np.all(np.abs(run(core, u, 1e3)) <= core.A * np.max(np.abs(u)) * (1 + 1e-9))
 
 
