@@ -18,8 +18,8 @@ def modules_of(package: str) -> list[ModuleType]:
 
     Examples
     --------
-    >>> [module.__name__ for module in modules_of("rdpi_gym.plant.cores")][-1]
-    'rdpi_gym.plant.cores.rdpi'
+    >>> [module.__name__ for module in modules_of("rdpi_gym.plant.cores")][0]
+    'rdpi_gym.plant.cores.base'
     """
     found = pkgutil.iter_modules(import_module(package).__path__)
     names = sorted(m.name for m in found if not m.ispkg and not m.name.startswith("_"))

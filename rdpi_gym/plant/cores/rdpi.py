@@ -10,6 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.checks import (
+    check_rate_bandwidth,
+    check_thresholds,
+    check_weights,
+    numbers,
+)
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -77,8 +83,8 @@ class RDPI(Core):
     rated = True
 
     def __post_init__(self) -> None:
-        weights = _numbers("weights", self.weights)
-        thresholds = _numbers("thresholds_V", self.thresholds_V)
+        weights = numbers("weights", self.weights)
+        thresholds = numbers("thresholds_V", self.thresholds_V)
         object.__setattr__(self, "weights", weights)
         object.__setattr__(self, "thresholds_V", thresholds)
         if not weights or not (math.isfinite(weights[0]) and weights[0] > 0):
@@ -86,27 +92,13 @@ class RDPI(Core):
             raise InputError(
                 f"a_0 is {found}; the model needs a finite a_0 above 0 µm/V (Eq. 6 divides by it)"
             )
-        for i, a in enumerate(weights):
-            if not (math.isfinite(a) and a >= 0):
-                raise InputError(f"weight a_{i} is {a}; weights are finite and not negative (µm/V)")
-        if len(thresholds) != self.n:
-            raise InputError(
-                f"{len(thresholds)} thresholds for {self.n} play weights; give one threshold for each of a_1 ... a_n"
-            )
-        for i, (low, high) in enumerate(zip((0.0, *thresholds), thresholds, strict=False), start=1):
-            if not (math.isfinite(high) and high > low):
-                raise InputError(
-                    f"threshold r_{i} is {high} V after {low} V; thresholds increase from above 0 V"
-                )
+        check_weights(weights)
+        check_thresholds(thresholds, self.n, "play")
         if not (is_finite(self.delta2_s) and self.delta2_s >= 0):
             raise InputError(
                 f"delta2_s is {shown(self.delta2_s)}; δ2 is finite and not negative (s)"
             )
-        hz = self.rate_bandwidth_hz
-        if hz is not None and not (is_finite(hz) and hz > 0):
-            raise InputError(
-                f"rate_bandwidth_hz is {shown(hz)}; give a frequency above 0 Hz, or None for the literal rate"
-            )
+        check_rate_bandwidth(self.rate_bandwidth_hz)
 
     @classmethod
     def from_law(
@@ -141,7 +133,7 @@ class RDPI(Core):
         """
         if not (is_finite(delta1_V) and delta1_V > 0):
             raise InputError(f"delta1_V is {shown(delta1_V)}; δ1 is finite and above 0 V")
-        given = _numbers("weights", weights)
+        given = numbers("weights", weights)
         thresholds = tuple(delta1_V * i for i in range(1, len(given)))
         return cls(given, thresholds, delta2_s, rate_bandwidth_hz)
 
@@ -224,13 +216,6 @@ class RDPI(Core):
     def static(self) -> RDPI:
         """Return the same model without rate dependence (δ2 = 0)."""
         return replace(self, delta2_s=0.0)
-
-
-def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
-    try:
-        return tuple(float(value) for value in values)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} is {shown(values)}; give a list of numbers") from None
 
 
 def settled_memory(thresholds_V: ArrayLike, extrema_V: ArrayLike) -> Array:

@@ -1,0 +1,108 @@
+"""What a core is given: lists of numbers, weights, thresholds and the band of its rate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.errors import InputError
+
+
+def numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
+    """Return a list of numbers as floats.
+
+    Parameters
+    ----------
+    name
+        As errors name it.
+    values
+        The numbers, of any unit.
+
+    Raises
+    ------
+    InputError
+        It is no list, or holds what is no number.
+
+    Examples
+    --------
+    >>> numbers("weights", [1, 2.5])
+    (1.0, 2.5)
+    """
+    try:
+        return tuple(float(value) for value in values)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} is {shown(values)}; give a list of numbers") from None
+
+
+def check_weights(weights: Sequence[float], first: int = 0) -> None:
+    """Refuse weights (µm/V) that are not finite or negative; `first` is the index of the first one.
+
+    Raises
+    ------
+    InputError
+        With the first of them.
+
+    Examples
+    --------
+    >>> check_weights([0.5, -0.1], first=1)
+    Traceback (most recent call last):
+    rdpi_gym.support.errors.InputError: weight a_2 is -0.1; weights are finite and not negative (µm/V)
+    """
+    for i, a in enumerate(weights, start=first):
+        if not (math.isfinite(a) and a >= 0):
+            raise InputError(f"weight a_{i} is {a}; weights are finite and not negative (µm/V)")
+
+
+def check_thresholds(thresholds_V: Sequence[float], weights: int, operator: str) -> None:
+    """Refuse thresholds (V) that do not increase from above zero, or are not one for each weight.
+
+    Parameters
+    ----------
+    thresholds_V
+        Thresholds at rest (V).
+    weights
+        Number of weights that go with them.
+    operator
+        What has one threshold and one weight, as errors name it.
+
+    Raises
+    ------
+    InputError
+        With the first that is wrong, or with the numbers of both.
+
+    Examples
+    --------
+    >>> check_thresholds([1.0, 1.0], 2, "play")
+    Traceback (most recent call last):
+    rdpi_gym.support.errors.InputError: threshold r_2 is 1.0 V after 1.0 V; thresholds increase from above 0 V
+    """
+    if len(thresholds_V) != weights:
+        raise InputError(
+            f"{len(thresholds_V)} thresholds for {weights} {operator} weights; give one threshold for each of a_1 ... a_n"
+        )
+    for i, (low, high) in enumerate(zip((0.0, *thresholds_V), thresholds_V, strict=False), start=1):
+        if not (math.isfinite(high) and high > low):
+            raise InputError(
+                f"threshold r_{i} is {high} V after {low} V; thresholds increase from above 0 V"
+            )
+
+
+def check_rate_bandwidth(rate_bandwidth_hz: float | None) -> None:
+    """Refuse a cut-off (Hz) of the rate's low-pass that is neither above zero nor None.
+
+    Raises
+    ------
+    InputError
+        With the value found.
+
+    Examples
+    --------
+    >>> check_rate_bandwidth(800.0)
+    """
+    if rate_bandwidth_hz is not None and not (
+        is_finite(rate_bandwidth_hz) and rate_bandwidth_hz > 0
+    ):
+        raise InputError(
+            f"rate_bandwidth_hz is {shown(rate_bandwidth_hz)}; give a frequency above 0 Hz, or None for the literal rate"
+        )
