@@ -104,3 +104,13 @@ def test_of_many_starts_those_that_leave_least_are_followed():
     assert found.fit is not None
     (limit,) = found.fit.variant.effects
     assert limit.values["rate_V_s"] == pytest.approx(150.0, rel=0.02)
+
+
+def test_a_start_that_spoils_the_model_is_not_where_an_idle_candidate_ends():
+    kind = CATALOGUE["slew_limit"]
+    here = setting()
+    hysteresis = fitted(here)
+    bare = here.first_steps(hysteresis, (), 0).train_rmse_um
+    slow = [kind(rate_V_s=rate) for rate in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)]
+    found = refit(here, hysteresis, (), kind, [*slow, kind(rate_V_s=1e6)], least_um=0.99 * bare)
+    assert found.errors.validation_rmse_um == pytest.approx(bare, rel=0.05)

@@ -33,7 +33,7 @@ _CUSP_REACH, _CUSP_STEPS, _CUSP_PASSES = 0.2, 16, 3
 # Rounds along cusps of effects that are there already, ended by one that gains less than this.
 _CUSP_ROUNDS, _CUSP_ENDS = 4, 0.9
 # Passes of a refit that does not move on: the weights and the errors of where it stands.
-_AS_IT_IS = 2
+AS_IT_IS = 2
 # Starts of a form for which the weights are solved, and those that are followed further.
 _LOOKED_AT, _RACED = 4, 2
 # Times the number of parameters over that of samples, what a fit takes of the noise by chance.
@@ -254,12 +254,12 @@ def refit(
         )  # fmt: skip
     variant, hopeful = first[0].variant, first[0].train_rmse_um < least_um
     if held:
-        best = setting.fit(variant.hysteresis, variant.effects, _AS_IT_IS, held, SEARCH_SAMPLES)
+        best = setting.fit(variant.hysteresis, variant.effects, AS_IT_IS, held, SEARCH_SAMPLES)
         without = setting.first_steps(hysteresis, present, _FIRST_STEPS).train_rmse_um
         if first[0].train_rmse_um < _CUSP_SHOWS * without:
             hopeful, best = True, _along_cusp(setting, best, kind.name, str(kind.kinked))
         variant = best.variant
-    passes = _PASSES if hopeful else _AS_IT_IS
+    passes = _PASSES if hopeful else AS_IT_IS
     best = setting.fit(variant.hysteresis, variant.effects, passes, samples=SEARCH_SAMPLES)
     return assess(setting, kind.name, best)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rdpi_gym.diagnosis.results import Candidate
-from rdpi_gym.diagnosis.search.candidates import Outcome
+from rdpi_gym.diagnosis.search.candidates import AS_IT_IS, Outcome
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.support.arrays import Array
@@ -118,7 +118,8 @@ def rank(
         worse = _worse_records(current, outcome, gain, variance)
         remarks += [f"{name} becomes worse" for name in worse]
         if outcome.fit and not outcome.fit.converged:
-            remarks.append("the search did not end")
+            ended = outcome.fit.passes > AS_IT_IS
+            remarks.append("the search did not end" if ended else "its first steps take nothing")
         share = gain / excess if excess > 0 else 0.0
         enough = gain > max(LEAST_GAIN * variance, LEAST_SHARE * excess)
         helps = beats(current, outcome, rng) >= LEAST_CONFIDENCE

@@ -54,7 +54,10 @@ def nearest(
     samples: int,
     count: int,
 ) -> list[Effect]:
-    """Return the starts of an effect whose response, by any factor, leaves least beside the weights.
+    """Return the starts of an effect that leave least beside the weights.
+
+    Half of them as they are; the others with their response by any factor, as the right place may
+    still have a wrong size.
 
     Parameters
     ----------
@@ -67,8 +70,18 @@ def nearest(
     """
     products = _products(records, begun, places, samples)
     beside = list(range(len(products) - len(places) - 1))
-    left = [_least(products, [*beside, len(beside) + k]) for k in range(len(places))]
-    return [places[k] for k in np.argsort(left, kind="stable")[:count]]
+    own, scaled = [], []
+    for k in range(len(places)):
+        mine = len(beside) + k
+        scaled.append(_least(products, [*beside, mine]))
+        # the response taken off what is left, in place of what is left
+        taken = products.copy()
+        taken[:, -1] -= products[:, mine]
+        taken[-1, -1] = products[-1, -1] - 2.0 * products[-1, mine] + products[mine, mine]
+        own.append(_least(taken, beside))
+    first = np.argsort(own, kind="stable")[: count - count // 2].tolist()
+    others = [k for k in np.argsort(scaled, kind="stable").tolist() if k not in first]
+    return [places[k] for k in (*first, *others[: count // 2])]
 
 
 def _products(
