@@ -1,0 +1,138 @@
+"""The stop-type core: laws of Masing and Maxwell, an integration of its own, and what it refuses."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import nnls
+
+from rdpi_gym.plant import Plant, PlantModel
+from rdpi_gym.plant.cores.stop import Stop
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+FRICTION = Stop(weights=(2.0, 0.7, 0.3), thresholds_V=(0.5, 2.0, 6.0), slope=-0.05)
+
+
+def run(core: Stop, u: Array) -> Array:
+    model = PlantModel(core, "demo", (-30.0, 30.0), (0.0, 8.0))
+    return Plant(model, 1e-3).simulate(u)  # type: ignore[arg-type]
+
+
+def path(corners: Array, samples: int = 50) -> Array:
+    legs = [np.linspace(a, b, samples)[1:] for a, b in pairwise(corners)]
+    return np.concatenate([[corners[0]], *legs])
+
+
+def slipping(r: float, corners: Array, samples: int) -> Array:
+    """A spring with a slider, ds/dt = du/dt while it sticks and 0 while it slips, at every corner and between."""
+    s, out = 0.0, [0.0]
+    for a, b in pairwise(corners):
+        rate, times, sticks = b - a, np.linspace(0.0, 1.0, samples)[1:], np.array([])
+        bound = np.copysign(r, rate)
+        slips_at = 0.0
+        if abs(s - bound) > 1e-12:
+
+            def reached(t: float, s: Array, bound: float = bound) -> float:
+                return float(s[0] - bound)
+
+            reached.terminal = True  # type: ignore[attr-defined]
+            stuck = solve_ivp(
+                lambda t, s, rate=rate: [rate], (0.0, 1.0), [s],
+                events=reached, rtol=1e-10, atol=1e-12,
+            )  # fmt: skip
+            slips_at = float(stuck.t[-1])
+            sticks = np.interp(times[times <= slips_at], stuck.t, stuck.y[0])
+            s = float(stuck.y[0, -1])
+        out += [*sticks, *[s] * int(np.sum(times > slips_at))]
+    return np.array(out)
+
+
+def test_it_is_an_independent_integration_of_springs_with_sliders() -> None:
+    corners = np.concatenate([[0.0], np.random.default_rng(3).uniform(-9.0, 9.0, 40)])
+    u = path(corners)
+    y = FRICTION.slope * u
+    for w, r in zip(FRICTION.weights, FRICTION.thresholds_V, strict=True):
+        y += w * slipping(r, corners, 50)
+    np.testing.assert_allclose(run(FRICTION, u), y, atol=1e-6 * np.ptp(y))
+
+
+def test_from_rest_each_element_carries_the_command_until_it_slips() -> None:
+    u = np.linspace(0.0, 10.0, 301)
+    virgin = sum(
+        w * np.minimum(u, r) for w, r in zip(FRICTION.weights, FRICTION.thresholds_V, strict=True)
+    )
+    np.testing.assert_allclose(run(FRICTION, u), FRICTION.slope * u + virgin, atol=1e-12)
+
+
+@given(st.floats(0.1, 20.0), st.floats(0.0, 1.0))
+def test_masing_a_branch_after_a_turn_is_the_virgin_curve_twice_as_large(
+    peak: float, share: float
+) -> None:
+    fall = 2.0 * peak * share
+    u = np.array([peak, peak - fall])
+    y = run(FRICTION, u)
+    assert y[0] - y[1] == pytest.approx(2.0 * run(FRICTION, np.array([0.5 * fall]))[0], abs=1e-10)
+
+
+@pytest.mark.parametrize("peak", [1.0, 4.0, 15.0])
+def test_a_cycle_loses_four_w_r_times_the_travel_past_the_threshold(peak: float) -> None:
+    u = path(np.array([0.0, peak, -peak, peak]), 60_001)
+    y = run(FRICTION, u)
+    lost = float(np.trapezoid(y[60_000:], u[60_000:]))  # from the first peak round to the second
+    stated = sum(
+        4.0 * w * r * max(peak - r, 0.0)
+        for w, r in zip(FRICTION.weights, FRICTION.thresholds_V, strict=True)
+    )
+    assert lost == pytest.approx(stated, rel=1e-4)
+
+
+def test_the_force_while_all_slip_is_half_the_height_of_the_loop() -> None:
+    core = Stop((2.0, 0.7), (0.5, 2.0))
+    u = path(np.array([0.0, 20.0, -20.0, 20.0]))
+    assert float(np.ptp(run(core, u))) == pytest.approx(2.0 * core.force_um, rel=1e-12)
+
+
+def test_its_gains_are_found_by_non_negative_least_squares() -> None:
+    u = path(np.array([0.0, 9.0, -7.0, 5.0, -3.0, 1.0, 0.2, 0.9]))
+    columns = FRICTION.responses(u, np.zeros_like(u), np.zeros(3))
+    both = np.column_stack([-columns[:, :1], columns])  # the slope has either sign
+    found, _ = nnls(both, run(FRICTION, u))
+    fitted = FRICTION.with_gains([found[1] - found[0], *found[2:]])
+    np.testing.assert_allclose(fitted.gains, FRICTION.gains, rtol=1e-9)
+
+
+def test_gains_that_leave_no_stiffness_at_a_turn_are_moved_until_there_is_one() -> None:
+    soft = FRICTION.with_gains([-10.0, 1.0, 2.0, -1.0])
+    assert soft.weights == (1.0, 2.0, 0.0)
+    assert 0.0 < soft.a0 < 1e-5
+    assert FRICTION.with_gains([0.0, 0.0, 0.0, 0.0]).a0 > 0.0
+    assert FRICTION.with_gains([0.4, 0.0, 0.0, 0.0]).gains[0] == 0.4
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"weights": (1.0, -0.1)}, r"weight a_2 is -0.1; weights are finite and not negative"),
+        ({"weights": (1.0, float("inf"))}, r"weight a_2 is inf"),
+        ({"weights": ()}, r"weights is empty"),
+        ({"weights": ("a", 1.0)}, r"weights is \('a', 1.0\); give a list of numbers"),
+        ({"weights": (1.0,)}, r"2 thresholds for 1 stop weights"),
+        ({"thresholds_V": (2.0, 2.0)}, r"threshold r_2 is 2.0 V after 2.0 V; thresholds increase"),
+        ({"thresholds_V": (0.0, 2.0)}, r"threshold r_1 is 0.0 V after 0.0 V"),
+        ({"thresholds_V": (1.0, float("nan"))}, r"threshold r_2 is nan V"),
+        ({"slope": float("nan")}, r"slope is nan; c is a finite gain"),
+        ({"slope": -1.5}, r"the gain right after a turn, .* is 0.0; it is above 0"),
+        ({"rate_bandwidth_hz": 0.0}, r"rate_bandwidth_hz is 0.0; give a frequency above 0 Hz"),
+    ],
+)
+def test_what_it_refuses(changed: dict[str, object], message: str) -> None:
+    good = {"weights": (1.0, 0.5), "thresholds_V": (1.0, 2.0), "slope": 0.0}
+    with pytest.raises(InputError, match=message) as error:
+        Stop(**{**good, **changed})  # type: ignore[arg-type]
+    assert "\n" not in str(error.value)
