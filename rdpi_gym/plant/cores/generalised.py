@@ -292,12 +292,27 @@ class GeneralisedPI(Core):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[GeneralisedPI, ...]:
-        """Envelopes that saturate about the middle of the data, and a comb of thresholds."""
+        """Envelopes that saturate about the middle of the data, and a comb of thresholds.
+
+        The falling envelope is the rising one, or higher by a fifth, or both are bent more, and
+        apart: the optima that fits of random plants fell into.
+        """
         reach = scale.span_V * (np.arange(1, _COMB + 1) / _COMB) ** 1.5
         gain = scale.stroke_um / scale.span_V
         weights = (0.5 * gain, *[0.5 * gain / _COMB] * _COMB)
-        bend, centre = 1.0 / scale.span_V, scale.centre_V
-        return (cls(weights, tuple(reach.tolist()), bend, centre, bend, centre),)
+        bend, centre, apart = 1.0 / scale.span_V, scale.centre_V, 0.3 * scale.span_V
+        alike = cls(weights, tuple(reach.tolist()), bend, centre, bend, centre)
+        return (
+            alike,
+            replace(alike, falling_gain=1.2),
+            replace(
+                alike,
+                rising_per_V=2.0 * bend,
+                rising_centre_V=centre + apart,
+                falling_per_V=2.0 * bend,
+                falling_centre_V=centre - apart,
+            ),
+        )
 
     def coefficients(self) -> list[float]:
         """Weights (µm/V), thresholds (V), the rows of both envelopes, gain of the falling one."""

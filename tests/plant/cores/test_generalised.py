@@ -10,9 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares, nnls
 
 from rdpi_gym.plant import PAPER_III_B, Plant, PlantModel
 from rdpi_gym.plant.cores.generalised import GeneralisedPI
+from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -196,6 +198,52 @@ def test_lanes_keep_shapes_of_their_own() -> None:
     lanes = Plant(models, 1e-3).simulate(np.repeat(u[:, None], 18, axis=1))
     for k, core in enumerate(cores):
         np.testing.assert_allclose(lanes[:, k], run(core, u), atol=1e-12)
+
+
+def fitted(start: GeneralisedPI, span: float, u: Array, y: Array) -> tuple[float, GeneralisedPI]:
+    """Gains by non-negative least squares, inside a search over the shape."""
+    sizes = np.array([1.0 / span, span, 1.0 / span, span, 1.0])
+    names = [p.name for p in start.shape]
+
+    def columns(x: Array) -> tuple[GeneralisedPI, Array]:
+        core = start.with_shape(dict(zip(names, (x * sizes).tolist(), strict=True)))
+        return core, core.responses(u, u, np.zeros(core.n))
+
+    def error(x: Array) -> Array:
+        _, responses = columns(x)
+        return np.asarray(responses @ nnls(responses, y)[0] - y)
+
+    begin = np.array([getattr(start, name) for name in names]) / sizes
+    low, high = (0.01, -4.0, 0.01, -4.0, 0.2), (10.0, 4.0, 10.0, 4.0, 5.0)
+    result = least_squares(error, begin, bounds=(low, high), max_nfev=40)
+    core, responses = columns(result.x)
+    return float(result.cost), core.with_gains(nnls(responses, y)[0])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_fit_from_its_starts_finds_a_plant_of_its_own(seed: int) -> None:
+    rng, span = np.random.default_rng(seed), 30.0
+    starts = GeneralisedPI.starts(DataScale(0.0, span, 20.0, 400.0, 1e-3, 4.0))
+    weights = np.zeros(starts[0].n + 1)
+    weights[0], weights[rng.choice(np.arange(9, 37), 6, replace=False)] = 0.3, 0.1
+    bends, centres = rng.uniform(0.4, 2.0, 2) / span, rng.uniform(-0.3, 0.3, 2) * span
+    true = replace(
+        starts[0],
+        weights=tuple(weights.tolist()),
+        rising_per_V=float(bends[0]),
+        rising_centre_V=float(centres[0]),
+        falling_per_V=float(bends[1]),
+        falling_centre_V=float(centres[1]),
+        falling_gain=float(rng.uniform(0.8, 1.25)),
+    )
+    turns = [0, 1, -1, 0.9, -0.8, 0.6, -0.5, 0.8, 0, 0.4, -0.9, -0.3, -0.7, 0.95, 0.3, 0.7, -0.2, 1]
+    u = path(span * np.array(turns), 25)
+    fits = [fitted(start, span, u, run(true, u)) for start in starts]
+    _, core = min(fits, key=lambda fit: fit[0])
+    for p in core.shape:
+        scale = span if p.unit == "V" else getattr(true, p.name)
+        assert getattr(core, p.name) == pytest.approx(getattr(true, p.name), abs=0.01 * scale)
+    np.testing.assert_allclose(core.weights, true.weights, atol=1e-3)
 
 
 @pytest.mark.parametrize(
