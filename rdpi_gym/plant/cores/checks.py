@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
@@ -106,3 +107,44 @@ def check_rate_bandwidth(rate_bandwidth_hz: float | None) -> None:
         raise InputError(
             f"rate_bandwidth_hz is {shown(rate_bandwidth_hz)}; give a frequency above 0 Hz, or None for the literal rate"
         )
+
+
+def check_shape(core: Core) -> None:
+    """Refuse a number of a core's shape that is not finite or beyond its bounds.
+
+    Raises
+    ------
+    InputError
+        With the first of them and its bounds.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import PAPER_III_B
+    >>> check_shape(PAPER_III_B)
+    """
+    for number in core.shape:
+        value = getattr(core, number.name)
+        if not (is_finite(value) and number.low <= value <= number.high):
+            unit = "" if number.unit == "1" else f" {number.unit}"
+            raise InputError(
+                f"{number.name} is {shown(value)}; give a number from {number.low:g} to {number.high:g}{unit}"
+            )
+
+
+def check_gain(name: str, value: float, signed: bool = False) -> None:
+    """Refuse a gain (µm/V) that is not finite, or negative where it may not be.
+
+    Raises
+    ------
+    InputError
+        With the value found.
+
+    Examples
+    --------
+    >>> check_gain("k", -0.5)
+    Traceback (most recent call last):
+    rdpi_gym.support.errors.InputError: k is -0.5; give a finite gain that is not negative
+    """
+    if not is_finite(value) or (value < 0 and not signed):
+        kind = "gain" if signed else "gain that is not negative"
+        raise InputError(f"{name} is {shown(value)}; give a finite {kind}")

@@ -1,0 +1,168 @@
+"""Dahl's model of dry friction: a force that rises with the way and saturates as it slides."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+from numba import njit
+
+from rdpi_gym.plant.cores.checks import check_gain, check_rate_bandwidth, check_shape
+from rdpi_gym.plant.cores.inner_variable import LENGTHS, InnerVariable
+from rdpi_gym.plant.parameters import DataScale, Parameter
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+_LEAST = 1e-12
+# Below this the series of a step is exact to 1e-12 after six terms; no way is longer than the other.
+_SHORT, _FAR = 0.01, 1e300
+
+
+@njit(cache=True)
+def _fall(q: float, way: float, exponent: float) -> float:
+    """Return by how much q >= 0 falls over a `way` h where dq/dh = -q^i, down to zero at most."""
+    if exponent == 1.0:
+        return -q * math.expm1(-way)
+    if q == 0.0:
+        return 0.0
+    m = exponent - 1.0
+    w = way * math.pow(q, m)  # q^(-m) grows by m h
+    if abs(w) < _SHORT:
+        m2, m3, m4, m5 = 1.0 + m, 1.0 + 2.0 * m, 1.0 + 3.0 * m, 1.0 + 4.0 * m
+        tail = 1.0 - w * m4 / 4.0 * (1.0 - w * m5 / 5.0 * (1.0 - w * (1.0 + 5.0 * m) / 6.0))
+        return q * w * (1.0 - w * m2 / 2.0 * (1.0 - w * m3 / 3.0 * tail))
+    if m * w <= -1.0:  # it slides: i < 1 gets there within a finite way
+        return q
+    return -q * math.expm1(-math.log1p(m * w) / m)
+
+
+@njit(cache=True)
+def dahl_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
+    """Dahl's model in the command, exactly for a command that is linear between samples.
+
+    Parameters
+    ----------
+    u, v : float64[T, B]
+        Command (V) and its rate (V/s), which is not read.
+    p, state : float64[P, B], float64[S, B]
+        Rows of ``p``: s (µm/V), limit zc (V), exponent i; last row: offset (µm). Rows 2 and 3 of
+        the state, z and the command that it has followed (V), are moved to the end of the block.
+    y : float64[T, B]
+        Filled with the displacement (µm).
+    """
+    last_row = p.shape[0] - 1
+    for t in range(u.shape[0]):
+        for b in range(u.shape[1]):
+            way = u[t, b] - state[3, b]
+            state[3, b] = u[t, b]
+            limit = p[1, b]
+            ahead = math.copysign(limit, way)
+            q = min(max(1.0 - state[2, b] / ahead, 0.0), 2.0)
+            z = state[2, b] + ahead * _fall(q, min(abs(way) / limit, _FAR), p[2, b])
+            state[2, b] = z
+            y[t, b] = p[0, b] * z + p[last_row, b]
+
+
+@dataclass(frozen=True)
+class Dahl(InnerVariable):
+    """Friction before gross sliding: z' = u' (1 - sgn(u') z / zc)^i, y = s z.
+
+    Parameters
+    ----------
+    s
+        Stiffness (µm/V; of a force over a displacement N/m), above zero.
+    limit_V
+        zc (V): z while it slides, so that the friction saturates at s zc.
+    exponent
+        i: brittle below one (zero is one stop operator), ductile from one.
+    rate_bandwidth_hz
+        Not used: the model does not depend on the rate.
+
+    Raises
+    ------
+    InputError
+        The stiffness is not above zero, or another number is beyond its bounds.
+
+    Examples
+    --------
+    >>> friction = Dahl(s=2.0, limit_V=0.5, exponent=1.0)
+    >>> friction.settled((100.0, -100.0)).tolist()
+    [-0.5, -100.0]
+
+    Notes
+    -----
+    For i = 1 it is the Bouc-Wen model of n = 1, γ = 0, k = 0.
+    """
+
+    s: float
+    limit_V: float
+    exponent: float = 1.0
+    rate_bandwidth_hz: float | None = None
+
+    name = "dahl"
+    block = staticmethod(dahl_block)
+    title = "Dahl model of friction"
+    equation = "z' = u' (1 - sgn(u') z / zc)^i, y = s z"
+    source = (
+        "Dahl, A solid friction model, Aerospace Corporation TOR-0158 (1968); Solid friction damping "
+        "of mechanical vibrations, AIAA J. 14 (1976) 1675."
+    )
+    signature = (
+        "A force that saturates at one height on both sides, with clockwise loops, whatever the rate; "
+        "it approaches that height over one length after every reversal. Small loops do not close."
+    )
+    experiment = "Loops within a loop, before sliding; a slow staircase of steps up and down."
+    hardware = "Rolling bearings and dry friction before gross sliding, cable guides, dampers."
+    shape = (
+        Parameter("limit_V", "V", 1e-9, 1e9, (0.1, 10.0), "z while it slides, zc"),
+        Parameter("exponent", "1", 0.0, 4.0, (0.5, 2.0), "shape of the approach, i"),
+    )
+    clockwise = True
+
+    def __post_init__(self) -> None:
+        check_gain("s", self.s)
+        if not self.s > 0:
+            raise InputError(f"s is {self.s}; give a stiffness above 0")
+        check_shape(self)
+        check_rate_bandwidth(self.rate_bandwidth_hz)
+
+    @property
+    def reach_V(self) -> tuple[float, float]:
+        """Lowest and highest z (V)."""
+        return -self.limit_V, self.limit_V
+
+    @property
+    def a0(self) -> float:
+        """Stiffness s (µm/V) from rest."""
+        return self.s
+
+    @property
+    def A(self) -> float:
+        """2 s (µm/V): a walk to and fro can carry z up to twice as far as the command goes."""
+        return 2.0 * self.s
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """Stiffness s (µm/V)."""
+        return (self.s,)
+
+    @property
+    def signed(self) -> tuple[bool, ...]:
+        """No: friction takes energy."""
+        return (False,)
+
+    def with_gains(self, gains: Sequence[float]) -> Self:
+        """Return the model with another stiffness (µm/V), which stays above zero."""
+        return replace(self, s=max(float(gains[0]), _LEAST))
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Limits from small to larger than the command's span."""
+        shares = [(min(share, 1.0) * scale.span_V, share * scale.span_V) for share in LENGTHS]
+        return tuple(cls(scale.stroke_um / way, limit, 1.0) for way, limit in shares)
+
+    def coefficients(self) -> list[float]:
+        """Stiffness s (µm/V), limit zc (V), exponent i."""
+        return [self.s, self.limit_V, self.exponent]
