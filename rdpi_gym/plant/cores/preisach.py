@@ -1,0 +1,492 @@
+"""Preisach model of relays with ramps (Krasnosel'skii-Pokrovskii): N levels cost N plays.
+
+The relay of the switching values β <= α (V) with a ramp of width w (V) moves along a ramp about α
+while the command rises, along one about β while it falls, and holds its output in between:
+
+    R(t) = max(ρ(u(t) - α), min(ρ(u(t) - β), R(t-))),    ρ(x) = 2 x / w, held within -1 ... 1.
+
+Max and min commute with the monotone ρ, so this is ρ of a play operator, exactly:
+
+    R_αβ[u] = ρ(P_r[u] - m),    r = (α - β) / 2,    m = (α + β) / 2.
+
+On N levels h apart the N (N + 1) / 2 relays have the N thresholds 0, h/2, h, 3h/2 ... only: all
+relays of one diagonal of the triangle hang on one play, and N - 1 plays are the whole memory.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.checks import check_rate_bandwidth, numbers
+from rdpi_gym.plant.cores.rdpi import settled_memory
+from rdpi_gym.plant.parameters import DataScale
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.errors import InputError
+
+# Levels of a fit's grid, the part of its gain that is reversible, and what c is at least there.
+_LEVELS, _REVERSIBLE, _LEAST_C = 15, 0.3, 1e-6
+# How far levels may be from evenly spaced, over their distance.
+_UNEVEN = 1e-6
+
+
+# No reordering of sums: what a sample gives hangs on the command and the plays alone, however the
+# record is cut into blocks.
+@njit(cache=True)
+def _one_lane(u: Array, p: Array, xi: Array, held: Array, y: Array) -> None:
+    """One lane; `held` is room for N + 1 sums, held[d] of the relays from diagonal d on."""
+    levels = xi.shape[0] + 1
+    lowest, apart, steep, offset = p[1], p[2], p[3], p[p.shape[0] - 1]
+    half, per_volt = 0.5 * apart, 1.0 / apart
+    # A command that rises pushes the plays of the smallest thresholds along, and these only: where
+    # `way` is 1, plays 0 ... sliding - 1 are at last - r_d, and what xi says of them is old.
+    # held[known] and all above it are up to date.
+    sliding, way, known, last = 1, 0, levels, 0.0
+    held[levels] = 0.0
+    for t in range(u.shape[0]):
+        x = u[t]
+        if (way > 0 and x < last) or (way < 0 and x > last):  # a turn: they stay where they are
+            for d in range(1, sliding):
+                xi[d - 1] = last - way * (d * half)
+            sliding, way = 1, 0
+        if way == 0:
+            if x - half >= xi[0]:
+                way = 1
+            elif x + half <= xi[0]:
+                way = -1
+        if way > 0:
+            while sliding < levels and x - sliding * half >= xi[sliding - 1]:
+                sliding += 1
+        elif way < 0:
+            while sliding < levels and x + sliding * half <= xi[sliding - 1]:
+                sliding += 1
+        known = max(known, sliding)
+        while known > sliding:
+            known -= 1
+            cell = (xi[known - 1] - lowest) * per_volt - 0.5 * known
+            i = int(min(max(cell + 0.5, 0.0), levels - known - 0.5))
+            ramp = min(max((cell - i) * steep, -1.0), 1.0)
+            row = 4 + 2 * ((i + known) * levels + known)
+            still, moves = p[row] - p[row - 2], p[row + 1] - p[row - 1]
+            held[known] = held[known + 1] + (still + ramp * moves)
+        last = x
+        # All plays that slide are on the ramps of one switching value, the command's.
+        cell = (x - lowest) * per_volt
+        i = int(min(max(cell + 0.5, 0.0), levels - 0.5))
+        ramp = min(max((cell - i) * steep, -1.0), 1.0)
+        row = 4 + 2 * ((i + (levels if way < 0 else 0)) * levels + sliding - 1)
+        y[t] = p[0] * x + offset + (p[row] + ramp * p[row + 1]) + held[sliding]
+    for d in range(1, sliding):
+        xi[d - 1] = last - way * (d * half)
+
+
+@njit(cache=True)
+def preisach_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
+    """Sum of the relays, in a time that hardly grows with their number while the command goes on.
+
+    Rows of ``p``: c (µm/V), lowest level (V), distance of two (V), its double over the ramp; then,
+    for each switching value i and each number k of plays that slide there, two sums (µm) over the
+    relays of diagonals 0 ... k - 1: those that are switched, and those on their ramps; once for
+    rising (i of α) and once for falling (i of β); pole (unused), offset (µm). Rows of ``state``
+    from 2 on: plays (V) of the thresholds h/2, h, ... (N - 1) h/2, as a past of commands leaves
+    them: neighbours at most h/2 apart.
+
+    Parameters
+    ----------
+    u, v : float64[T, B]
+        Command (V) and its rate (V/s), which does not matter.
+    p, state : float64[P, B], float64[S, B]
+        Parameters and state; the state is left where the block ended.
+    y : float64[T, B]
+        Filled with the displacement (µm).
+    """
+    held = np.empty(state.shape[0])
+    for b in range(u.shape[1]):
+        _one_lane(u[:, b], p[:, b], state[2:, b], held, y[:, b])
+
+
+@njit(cache=True)
+def _relay_rows(u: Array, lowest: float, apart: float, ramp: float, xi: Array, rows: Array) -> None:
+    """Fill ``rows[K, T]`` with every relay's output since rest, from plays ``xi``, moved along."""
+    levels = xi.shape[0] + 1
+    trace = u.copy()
+    for d in range(levels):
+        r = 0.5 * d * apart
+        if d > 0:
+            x = xi[d - 1]
+            for t in range(u.shape[0]):
+                x = max(u[t] - r, min(u[t] + r, x))
+                trace[t] = x
+            xi[d - 1] = x
+        for j in range(levels - d):
+            middle = lowest + (j + 0.5 * d) * apart
+            rest = min(max(-2.0 * middle / ramp, -1.0), 1.0)
+            row = rows[(j + d) * (j + d + 1) // 2 + j]
+            for t in range(u.shape[0]):
+                row[t] = min(max(2.0 * (trace[t] - middle) / ramp, -1.0), 1.0) - rest
+
+
+@njit(cache=True)
+def _mark_gains(u: Array, lowest: float, apart: float, ramp: float, xi: Array, met: Array) -> None:
+    """Mark in ``met[2, N, N]`` each (way, switching value, diagonals on its ramps) of a record."""
+    levels = xi.shape[0] + 1
+    shortest = 1e-9 * apart
+    for d in range(1, levels):
+        xi[d - 1] = max(u[0] - 0.5 * d * apart, min(u[0] + 0.5 * d * apart, xi[d - 1]))
+    for t in range(1, u.shape[0]):
+        x = u[t - 1]
+        way = 1.0 if u[t] > x else -1.0
+        while x != u[t]:
+            # the gain is constant as far as the next end of a ramp or the next play that slides
+            goal = u[t]
+            for side in (-0.5, 0.5):
+                end = (x + way * shortest - lowest - side * ramp) / apart
+                end = lowest + side * ramp + apart * way * math.ceil(way * end)
+                goal = way * min(way * goal, way * end)
+            for d in range(1, levels):
+                slides = xi[d - 1] + way * 0.5 * d * apart
+                if way * slides > way * x + shortest:
+                    goal = way * min(way * goal, way * slides)
+            middle = 0.5 * (x + goal)
+            i = int(min(max((middle - lowest) / apart + 0.5, 0.0), levels - 0.5))
+            most = 0
+            for d in range(1, levels):
+                if way * (middle - xi[d - 1]) > 0.5 * d * apart:
+                    most = d
+            if 2.0 * abs(middle - lowest - i * apart) < ramp:
+                met[0 if way > 0 else 1, i, min(most, i if way > 0 else levels - 1 - i)] = True
+            x = goal
+            for d in range(1, levels):
+                xi[d - 1] = max(x - 0.5 * d * apart, min(x + 0.5 * d * apart, xi[d - 1]))
+
+
+@dataclass(frozen=True)
+class Preisach(Core):
+    """Relays with ramps on a triangle of switching values, and a small reversible part.
+
+    Parameters
+    ----------
+    reversible_um_V
+        c (µm/V), not negative: the gain that is left right after a turn. Zero is the classical
+        model, which stands still there and has no inverse.
+    levels_V
+        N switching values (V), evenly spaced and increasing, two or more.
+    ramp_V
+        Width w of the ramps (V), above zero and at most the distance of two levels; where it is
+        that distance, the gain changes least from one command to the next.
+    weights_um
+        μ (µm), not negative, half of what each relay moves the plant: N (N + 1) / 2 of them. For
+        each α from the lowest level up, those of all β from the lowest level to α.
+    rate_bandwidth_hz
+        As every core has it; no rate matters here.
+
+    Raises
+    ------
+    InputError
+        Levels that do not increase evenly, a ramp wider than their distance, weights that are
+        negative, not finite, or not one for each relay.
+
+    Examples
+    --------
+    Levels 0 and 10 V have the relays (0, 0), (10, 0) and (10, 10) of (α, β); the second one is up
+    only on the way back:
+
+    >>> core = Preisach(0.1, levels_V=(0.0, 10.0), ramp_V=10.0, weights_um=(0.0, 1.0, 0.0))
+    >>> column = core.responses(np.array([0.0, 5.0, 15.0, 5.0, -5.0]), np.zeros(5), np.zeros(1))
+    >>> column[:, 2].tolist()
+    [0.0, 0.0, 2.0, 2.0, 0.0]
+
+    Notes
+    -----
+    Displacement is counted from rest, as that of every core: a plant that never moved has all
+    plays at zero, and with them the relays of α + β > 0 are down, those of α + β < 0 up. It is
+    what a slow oscillation about 0 V that dies away leaves, the demagnetised state, and what RDPI's
+    plays at zero are: a sum of plays is this model with weights that are alike along each diagonal.
+    On a range from 0 V up all relays are down then.
+
+    A command beyond the outer levels by half a ramp saturates all relays. Relays on the diagonal
+    α = β have no hysteresis: with equal weights they are a straight line within the levels, as c is,
+    so that data within the levels tell c and their mean apart by nothing.
+
+    Uneven levels are refused since each pair of them would need a play of its own.
+    """
+
+    reversible_um_V: float
+    levels_V: tuple[float, ...]
+    ramp_V: float
+    weights_um: tuple[float, ...]
+    rate_bandwidth_hz: float | None = None
+
+    name = "preisach"
+    block = staticmethod(preisach_block)
+    title = "Preisach model"
+    equation = (
+        "y = c u + sum of μ_jk R_jk[u], R <- max(ρ(u - α_k), min(ρ(u - β_j), R)), ρ(x) = 2 x / w "
+        "held within -1 and 1"
+    )
+    source = (
+        "Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989; Mayergoyz, Mathematical Models "
+        "of Hysteresis, 1991; Banks, Kurdila, Webb, Identification of hysteretic control influence "
+        "operators representing smart actuators, Mathematical Problems in Engineering 3, 1997."
+    )
+    signature = (
+        "Loops of any shape that turn counter-clockwise, also unlike on their rising and falling "
+        "branches; small loops between the same commands are congruent, whatever came before."
+    )
+    experiment = (
+        "First-order reversal curves: down from the top to each level, and up again each time."
+    )
+    hardware = "Magnetic and magnetostrictive actuators, shape-memory wires, piezoelectric stacks."
+
+    def __post_init__(self) -> None:
+        levels = numbers("levels_V", self.levels_V)
+        weights = numbers("weights_um", self.weights_um)
+        object.__setattr__(self, "levels_V", levels)
+        object.__setattr__(self, "weights_um", weights)
+        if not (is_finite(self.reversible_um_V) and self.reversible_um_V >= 0):
+            raise InputError(
+                f"reversible_um_V is {shown(self.reversible_um_V)}; c is finite and not negative (µm/V)"
+            )
+        if len(levels) < 2:
+            raise InputError(f"levels_V has {len(levels)}; give two levels (V) or more")
+        for i, level in enumerate(levels):
+            if not (math.isfinite(level) and (i == 0 or level > levels[i - 1])):
+                after = f" after {levels[i - 1]} V" if i else ""
+                raise InputError(
+                    f"level {i + 1} is {level} V{after}; levels are finite and increase"
+                )
+        for i, (level, even) in enumerate(zip(levels, self._even(), strict=True), start=1):
+            if abs(level - even) > _UNEVEN * self.apart_V:
+                raise InputError(
+                    f"level {i} is {level} V; evenly spaced from {levels[0]} to {levels[-1]} V it is {even:.9g} V"
+                )
+        # an even grid written with fewer digits has a ramp that is as much off
+        widest = self.apart_V * (1.0 + _UNEVEN)
+        if not (is_finite(self.ramp_V) and 0 < self.ramp_V <= widest):
+            raise InputError(
+                f"ramp_V is {shown(self.ramp_V)}; give a width above 0 V and at most the distance of two levels, {self.apart_V:.9g} V"
+            )
+        relays = len(levels) * (len(levels) + 1) // 2
+        if len(weights) != relays:
+            raise InputError(
+                f"{len(weights)} weights for {len(levels)} levels; give one for each of the {relays} relays β <= α"
+            )
+        for (a, b), weight in zip(self._pairs(), weights, strict=True):
+            if not (math.isfinite(weight) and weight >= 0):
+                raise InputError(
+                    f"the weight at α = {levels[a]:g} V, β = {levels[b]:g} V is {weight}; weights are finite and not negative (µm)"
+                )
+        check_rate_bandwidth(self.rate_bandwidth_hz)
+
+    def _pairs(self) -> list[tuple[int, int]]:
+        """Places of α and β among the levels, as the weights are ordered."""
+        return [(a, b) for a in range(len(self.levels_V)) for b in range(a + 1)]
+
+    def _even(self) -> list[float]:
+        return [self.levels_V[0] + i * self.apart_V for i in range(len(self.levels_V))]
+
+    @property
+    def apart_V(self) -> float:
+        """Distance h of two levels (V)."""
+        return (self.levels_V[-1] - self.levels_V[0]) / (len(self.levels_V) - 1)
+
+    @property
+    def thresholds_V(self) -> tuple[float, ...]:
+        """Thresholds (V) of the plays that the memory holds: h/2, h, ... (N - 1) h/2."""
+        return tuple(d * (0.5 * self.apart_V) for d in range(1, len(self.levels_V)))
+
+    @property
+    def triangle(self) -> Array:
+        """Weights (µm) with α along rows and β along columns, zero where β > α: float64[N, N]."""
+        square = np.zeros((len(self.levels_V),) * 2)
+        square[np.tril_indices(len(self.levels_V))] = self.weights_um
+        return square
+
+    @property
+    def n(self) -> int:
+        """Number of plays with memory, N - 1."""
+        return len(self.levels_V) - 1
+
+    @property
+    def a0(self) -> float:
+        """Least gain right after a turn, c (µm/V): relays of α = β add theirs where they are."""
+        return self.reversible_um_V
+
+    @property
+    def A(self) -> float:
+        """Gain (µm/V) where all relays of the heaviest switching value are on their ramps."""
+        triangle = self.triangle
+        heaviest = max(float(triangle.sum(axis=axis).max()) for axis in (0, 1))
+        return self.reversible_um_V + 2.0 * heaviest / self.ramp_V
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """First c (µm/V), then the weights (µm)."""
+        return (self.reversible_um_V, *self.weights_um)
+
+    @property
+    def signed(self) -> tuple[bool, ...]:
+        """None: a relay of negative weight would turn part of the loop round."""
+        return (False,) * (1 + len(self.weights_um))
+
+    def with_gains(self, gains: Sequence[float]) -> Preisach:
+        """Return the model with other gains; c stays above zero, so that there is an inverse."""
+        c, *weights = (max(float(gain), 0.0) for gain in gains)
+        range_V = self.levels_V[-1] - self.levels_V[0]
+        least = _LEAST_C * max(c + 2.0 * math.fsum(weights) / range_V, _LEAST_C)
+        return replace(self, reversible_um_V=max(c, least), weights_um=tuple(weights))
+
+    def responses(self, u: Array, v: Array, memory: Array) -> Array:
+        """The command, and each relay's output since rest.
+
+        That is 8 T (1 + N (N + 1) / 2) bytes: 100 000 samples take 97 MB at 15 levels, 169 MB at
+        20, 657 MB at 40. A fit of many levels adds up products over pieces of a record; the
+        memory for the next piece is where a plant's block ended.
+        """
+        columns = np.empty((1 + len(self.weights_um), len(u)))
+        columns[0] = u
+        _relay_rows(*self._given(u), memory.copy(), columns[1:])
+        return columns.T
+
+    def _given(self, u: Array) -> tuple[Array, float, float, float]:
+        given: Array = np.ascontiguousarray(u, dtype=np.float64)
+        return given, self.levels_V[0], self.apart_V, self.ramp_V
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Preisach, ...]:
+        """Levels whose ramps tile the command's range, and a uniform density of relays over them."""
+        apart = 2.0 * scale.span_V / _LEVELS
+        lowest = scale.centre_V - scale.span_V + 0.5 * apart
+        areas = [1.0 if b < a else 0.5 for a in range(_LEVELS) for b in range(a + 1)]
+        each = (1.0 - _REVERSIBLE) * scale.stroke_um / math.fsum(areas)
+        return (
+            cls(
+                _REVERSIBLE * scale.stroke_um / scale.span_V,
+                tuple(lowest + i * apart for i in range(_LEVELS)),
+                apart,
+                tuple(each * area for area in areas),
+            ),
+        )
+
+    def coefficients(self) -> list[float]:
+        """First c (µm/V), lowest level, distance (V), its double over the ramp; then the tables (µm)."""
+        levels, triangle = len(self.levels_V), self.triangle
+        middles = np.add.outer(self.levels_V, self.levels_V) / 2.0
+        at_rest = triangle * np.clip(-2.0 * middles / self.ramp_V, -1.0, 1.0)
+        # [way, switching value, diagonal, (switched, on the ramp)]
+        tables = np.zeros((2, levels, levels, 2))
+        for d in range(levels):
+            weights, rest = np.diagonal(triangle, -d), np.diagonal(at_rest, -d).sum()
+            below = np.concatenate([[0.0], np.cumsum(weights)])
+            switched = below[:-1] - (below[-1] - below[1:]) - rest
+            tables[0, :d, d, 0] = -below[-1] - rest  # the command is below their lowest α
+            tables[0, d:, d, 0] = tables[1, : levels - d, d, 0] = switched
+            tables[0, d:, d, 1] = tables[1, : levels - d, d, 1] = weights
+            tables[1, levels - d :, d, 0] = below[-1] - rest
+        sums = np.cumsum(tables, axis=2)
+        steep = 2.0 * self.apart_V / self.ramp_V
+        return [self.reversible_um_V, self.levels_V[0], self.apart_V, steep, *sums.ravel().tolist()]
+
+    def settled(self, turns_V: Sequence[float]) -> Array:
+        """Plays (V) after a slow walk from rest through commands (V)."""
+        return settled_memory(self.thresholds_V, turns_V)
+
+    def resting(self, memory: Array, u0_V: Array) -> Array:
+        """Plays within their thresholds of the command."""
+        r = np.array(self.thresholds_V)[:, None]
+        return np.clip(memory, u0_V - r, u0_V + r)
+
+
+def check_grid(core: Preisach, commands_V: Sequence[Array]) -> None:
+    """Refuse a grid with more relays than records can tell apart.
+
+    A plant moves between two samples by one of the model's gains, which is c and the weights of
+    the relays on their ramps: one switching value, α while the command rises and β while it
+    falls, and as many diagonals as slide there. Each of these that the records meet is one equation
+    for the weights, so there have to be as many as relays. It is needed and not enough: the
+    relays that no command reaches stay unknown.
+
+    Parameters
+    ----------
+    core
+        Its levels and its ramp; the weights do not matter.
+    commands_V
+        Commands (V) of the records, each from a plant at rest.
+
+    Raises
+    ------
+    InputError
+        With both numbers, and the number of levels over the same range that the records allow.
+
+    Examples
+    --------
+    >>> core = Preisach(0.1, (0.0, 2.0, 4.0, 6.0, 8.0, 10.0), 2.0, (1.0,) * 21)
+    >>> check_grid(core, [np.array([0.0, 12.0, 0.0])])
+    Traceback (most recent call last):
+    rdpi_gym.support.errors.InputError: a grid of 6 levels has 21 relays, and the records tell 12 of its gains apart; give 3 levels, or records that turn at more commands
+    """
+    levels, share = len(core.levels_V), core.ramp_V / core.apart_V
+    range_V = core.levels_V[-1] - core.levels_V[0] + core.apart_V
+    bottom = core.levels_V[0] - 0.5 * core.apart_V
+
+    def gains_met(count: int) -> int:
+        apart = range_V / count
+        lowest, met = bottom + 0.5 * apart, np.zeros((2, count, count), dtype=np.bool_)
+        for u in commands_V:
+            given: Array = np.ascontiguousarray(u, dtype=np.float64)
+            _mark_gains(given, lowest, apart, share * apart, np.zeros(count - 1), met)
+        # a relay of α = β that moves alone is the same one either way
+        return int(met.sum() - (met[0, :, 0] & met[1, :, 0]).sum())
+
+    found, relays = gains_met(levels), levels * (levels + 1) // 2
+    if found >= relays:
+        return
+    fewer = next((n for n in range(levels - 1, 1, -1) if gains_met(n) >= n * (n + 1) // 2), 0)
+    instead = f"give {fewer} levels, or records" if fewer else "give records"
+    raise InputError(
+        f"a grid of {levels} levels has {relays} relays, and the records tell {found} of its gains apart; {instead} that turn at more commands"
+    )
+
+
+def triangle_roughness(levels: int) -> Array:
+    """Matrix R of the roughness g'R g of the gains g of a grid (µm²).
+
+    It is L⁴ ∫∫ ((∂p/∂α)² + (∂p/∂β)²) dα dβ of the density p (µm/V²) of the weights over the
+    triangle, L the levels' range: the same for a smooth density on a coarse and on a fine grid,
+    and on levels of any unit. Cells on the diagonal α = β have half of the area.
+
+    Parameters
+    ----------
+    levels
+        Number N of levels.
+
+    Returns
+    -------
+    float64[K, K]
+        Over c, which is no part of the density, and the weights: K = 1 + N (N + 1) / 2.
+
+    Examples
+    --------
+    >>> even = np.array([7.0, 0.5, 1.0, 0.5, 1.0, 1.0, 0.5])
+    >>> float(even @ triangle_roughness(3) @ even)
+    0.0
+    """
+    at = {pair: k for k, pair in enumerate((a, b) for a in range(levels) for b in range(a + 1))}
+    neighbours = [
+        (k, at[other])
+        for (a, b), k in at.items()
+        for other in ((a + 1, b), (a, b + 1))
+        if other in at
+    ]
+    over_area = np.array([1.0 if b < a else 2.0 for a, b in at])
+    step = np.zeros((len(neighbours), 1 + len(at)))
+    for row, (one, other) in enumerate(neighbours):
+        step[row, 1 + one], step[row, 1 + other] = -over_area[one], over_area[other]
+    products: Array = levels**4 * (step.T @ step)
+    return products

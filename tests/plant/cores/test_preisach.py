@@ -1,0 +1,341 @@
+"""The Preisach core: relays with ramps, its rest, its loops, its grid, and the dense model it tends to."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.optimize import nnls
+
+from rdpi_gym.plant import RDPI, Plant, PlantModel
+from rdpi_gym.plant.cores.preisach import Preisach, check_grid, triangle_roughness
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+TS_S = 1e-3
+
+
+def grid(count: int, weights: Array | float = 1.0, low=-10.0, high=10.0, share=1.0, c=0.05):
+    """Levels whose cells tile a range; the ramp's share of their distance."""
+    apart = (high - low) / count
+    levels = tuple(low + (i + 0.5) * apart for i in range(count))
+    each = np.broadcast_to(weights, (count * (count + 1) // 2,))
+    return Preisach(c, levels, share * apart, tuple(each.tolist()))
+
+
+def uneven(count: int, seed: int = 0, **how):
+    """A grid whose weights have no symmetry."""
+    return grid(count, np.random.default_rng(seed).random(count * (count + 1) // 2), **how)
+
+
+def run(core, u: Array) -> Array:
+    model = PlantModel(core, "demo", (-99.0, 99.0), (0.0, 5.0))  # type: ignore[arg-type]
+    return Plant(model, TS_S).simulate(u)
+
+
+def relays(core: Preisach, u: Array) -> Array:
+    """Every relay by its own definition, ``(T, K)``, from the demagnetised state."""
+    a, b = np.array([(hi, lo) for hi in core.levels_V for lo in core.levels_V if lo <= hi]).T
+    out = np.clip(-(a + b) / core.ramp_V, -1.0, 1.0)
+    path = []
+    for x in u:
+        rises = np.clip(2.0 * (x - a) / core.ramp_V, -1.0, 1.0)
+        falls = np.clip(2.0 * (x - b) / core.ramp_V, -1.0, 1.0)
+        out = np.maximum(rises, np.minimum(falls, out))
+        path.append(out)
+    return np.array(path)
+
+
+def turning(*corners: float, samples: int = 200) -> Array:
+    legs = [np.linspace(a, b, samples)[1:] for a, b in pairwise(corners)]
+    return np.concatenate([corners[:1], *legs])
+
+
+def reversal_curves(core: Preisach, samples: int = 200) -> Array:
+    """Down from above the top to each level, and up again."""
+    top, half = core.levels_V[-1] + core.apart_V, 0.5 * core.apart_V
+    corners = [c for level in core.levels_V for c in (top, level - half)]
+    return turning(0.0, *corners, top, samples=samples)
+
+
+COMMANDS = arrays(np.float64, 60, elements=st.floats(-14.0, 14.0, width=32))
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3])
+@pytest.mark.parametrize("count", [2, 3, 9, 20])
+@pytest.mark.parametrize("low", [-10.0, 0.0, -3.0])
+def test_it_is_the_sum_of_its_relays(count, share, low):
+    core = uneven(count, low=low, share=share)
+    rng = np.random.default_rng(count)
+    u = np.concatenate([rng.uniform(-14.0, 14.0, 300), np.cumsum(rng.standard_normal(600))])
+    moved = relays(core, u) - relays(core, np.zeros(1))
+    expected = core.reversible_um_V * u + moved @ np.array(core.weights_um)
+    size = float(np.ptp(expected))
+    np.testing.assert_allclose(run(core, u), expected, atol=1e-12 * size)
+    columns = core.responses(u, np.zeros_like(u), core.settled(()))
+    np.testing.assert_allclose(columns[:, 1:], moved, atol=1e-12)
+
+
+@given(COMMANDS, st.lists(st.integers(1, 59), min_size=1, max_size=4))
+def test_cut_anywhere_it_gives_the_same_numbers_to_the_last_bit(u, cuts):
+    core = uneven(7)
+    u[30:33] = u[29]  # a command that stands still
+    whole = run(core, u)
+    parts = Plant(PlantModel(core, "demo", (-99.0, 99.0), (0.0, 5.0)), TS_S)  # type: ignore[arg-type]
+    edges = sorted({0, *cuts, len(u)})
+    pieces = [parts.simulate(u[a:b]) for a, b in pairwise(edges)]
+    np.testing.assert_array_equal(np.concatenate(pieces), whole)
+
+
+@given(COMMANDS)
+def test_what_lies_between_samples_does_not_matter(u):
+    core = uneven(6, share=0.5)
+    fine = np.interp(np.arange((len(u) - 1) * 50 + 1) / 50, np.arange(len(u)), u)
+    fine[::50] = u
+    coarse = run(core, u)
+    np.testing.assert_allclose(run(core, fine)[::50], coarse, atol=1e-11)
+
+
+@given(COMMANDS, arrays(np.float64, 60, elements=st.floats(0.0, 5.0)))
+def test_more_command_is_more_displacement_and_its_gain_stays_within_its_bounds(u, above):
+    core = uneven(8, share=0.7)
+    assert np.all(run(core, u) <= run(core, u + above) + 1e-12)
+    change, step = np.diff(run(core, u)), np.diff(u)
+    slack = 1e-11
+    assert np.all(np.abs(change) >= core.a0 * np.abs(step) - slack)
+    assert np.all(np.abs(change) <= core.A * np.abs(step) + slack)
+
+
+def test_its_largest_gain_is_met():
+    core = uneven(5)
+    u = turning(-12.0, 12.0, -12.0, samples=4001)
+    steepest = np.max(np.abs(np.diff(run(core, u))[1:] / np.diff(u)[1:]))
+    assert steepest == pytest.approx(core.A, rel=1e-9)
+
+
+def test_rest_is_what_a_slow_oscillation_leaves_that_dies_away():
+    core = uneven(12)
+    phase = np.linspace(0.0, 4000.0 * np.pi, 200_001)
+    u = 14.0 * np.linspace(1.0, 0.0, len(phase)) * np.cos(phase)
+    y = run(core, np.append(u, 0.0))
+    assert abs(y[-1]) < 1e-3 * np.ptp(y)
+    assert run(core, np.zeros(3)) == pytest.approx(np.zeros(3), abs=1e-13)
+
+
+def test_weights_alike_along_diagonals_are_a_sum_of_plays():
+    count, rng = 11, np.random.default_rng(4)
+    by_diagonal = rng.random(count)
+    each = np.array([by_diagonal[a - b] for a in range(count) for b in range(a + 1)])
+    core = grid(count, each)
+    slope = 2.0 * by_diagonal / core.ramp_V
+    plays = RDPI((core.reversible_um_V + slope[0], *slope[1:]), core.thresholds_V, 0.0)
+    u = np.clip(np.cumsum(rng.standard_normal(3000)), -10.0, 10.0)
+    np.testing.assert_allclose(run(core, u), run(plays, u), atol=1e-11)
+
+
+def density(a: Array, b: Array) -> Array:
+    return np.asarray(np.exp(-0.02 * (a - 3.0) ** 2 - 0.05 * (b + 1.0) ** 2) * (1.2 + 0.1 * a))
+
+
+def dense(u: Array, cells: int = 500) -> Array:
+    """Relays without ramps in the middle of 125 250 cells: the double integral of the classical model."""
+    apart = 20.0 / cells
+    middles = -10.0 + apart * (np.arange(cells) + 0.5)
+    a, b = (x[np.tril_indices(cells)] for x in np.meshgrid(middles, middles, indexing="ij"))
+    weight = density(a, b) * apart**2 * np.where(a > b, 1.0, 0.5)
+    # a cell on α = -β is half up and half down
+    up = np.where(np.isclose(a, -b), 0.5, a < -b)
+    rest, y = up.copy(), []
+    for x in u:
+        up = np.where(x >= a, 1.0, np.where(x <= b, 0.0, up))
+        y.append(2.0 * float(weight @ (up - rest)))
+    return np.array(y)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.4])
+def test_it_tends_to_the_classical_model_as_ramps_and_cells_shrink(share):
+    u = turning(0.0, 6.0, -3.0, 9.0, -8.5, 2.0, -2.0, 7.0, -9.7, 9.7, 1.0, samples=60)
+    truth = dense(u)
+    errors = []
+    for count in (5, 10, 20, 40):
+        core = grid(count, share=share, c=0.0)
+        a, b = np.array([(a, b) for a in core.levels_V for b in core.levels_V if b <= a]).T
+        weights = density(a, b) * core.apart_V**2 * np.where(a > b, 1.0, 0.5)
+        y = run(replace(core, weights_um=tuple(weights.tolist())), u)
+        errors.append(float(np.max(np.abs(y - truth))) / float(np.ptp(truth)))
+    for coarse, fine in pairwise(errors):
+        assert fine < 0.6 * coarse
+    assert errors[-1] < (0.004 if share == 1.0 else 0.02)
+
+
+def test_small_loops_between_the_same_commands_are_congruent():
+    core = uneven(15)
+    loops = []
+    for corners in ((-13.0, 4.0), (13.0, -5.0, 4.0), (-13.0, 9.0, -1.5, 4.0)):
+        before = turning(0.0, *corners)
+        y = run(core, np.concatenate([before, turning(4.0, 1.0, 4.0)]))[len(before) :]
+        loops.append(y - y[0])
+    assert np.ptp(loops[0]) > 1.0
+    for loop in loops[1:]:
+        np.testing.assert_allclose(loop, loops[0], atol=1e-11)
+
+
+def test_beyond_the_outer_levels_only_the_reversible_part_moves():
+    core = uneven(10, c=0.07)
+    y = run(core, np.array([0.0, 10.0, 14.0, 10.0, -10.0, -30.0, -10.0, 10.0]))
+    assert y[2] - y[1] == pytest.approx(0.07 * 4.0)
+    assert y[3] == pytest.approx(y[1])
+    assert y[5] - y[4] == pytest.approx(-0.07 * 20.0)
+    # the major loop's height is that of all relays, and it closes
+    assert y[7] - y[6] == pytest.approx(20.0 * 0.07 + 2.0 * sum(core.weights_um))
+    assert y[7] == pytest.approx(y[1])
+
+
+def test_weights_without_symmetry_make_rising_and_falling_branches_unlike():
+    u = turning(12.0, -12.0, 12.0)[:-1]
+    for core, odd in ((uneven(10), False), (grid(10), True)):
+        y = run(core, np.tile(u, 2))[len(u) :]
+        falling, rising = y[: len(u) // 2], y[len(u) // 2 :]
+        unlike = np.ptp(falling + rising) / np.ptp(y)
+        assert unlike < 1e-12 if odd else unlike > 0.05
+
+
+def test_lanes_have_their_own_levels_and_weights():
+    cores = [uneven(6, seed=k, low=-10.0 + k, share=0.5 + 0.1 * k) for k in range(5)]
+    u = np.random.default_rng(1).uniform(-12.0, 12.0, (200, 5))
+    models = [PlantModel(core, "demo", (-99.0, 99.0), (0.0, 5.0)) for core in cores]  # type: ignore[arg-type]
+    together = Plant(models, TS_S).simulate(u)
+    for lane, core in enumerate(cores):
+        np.testing.assert_array_equal(together[:, lane], run(core, u[:, lane].copy()))
+
+
+def test_reversal_curves_give_its_numbers_back():
+    core = uneven(12, c=0.3)
+    u = reversal_curves(core, samples=150)
+    columns = core.responses(u, np.zeros_like(u), core.settled(()))
+    gains, _ = nnls(columns, run(core, u))
+    np.testing.assert_allclose(gains, core.gains, rtol=1e-6)
+    fitted = core.with_gains(gains)
+    np.testing.assert_allclose(run(fitted, u), run(core, u), atol=1e-9)
+
+
+def test_c_stays_above_zero_in_a_fit():
+    core = grid(4).with_gains([-1.0, *[1.0] * 10])
+    assert 0.0 < core.a0 < 1e-5 * core.A
+    assert replace(core, reversible_um_V=0.0).a0 == 0.0
+
+
+GOOD = {"reversible_um_V": 0.1, "levels_V": (0.0, 5.0), "ramp_V": 5.0, "weights_um": (1.0,) * 3}
+WRONG = [
+    ({"reversible_um_V": -0.1}, "reversible_um_V is -0.1; c is finite and not negative"),
+    ({"reversible_um_V": float("nan")}, "reversible_um_V is nan"),
+    ({"levels_V": (5.0,)}, "levels_V has 1; give two levels"),
+    ({"levels_V": (5.0, 5.0)}, "level 2 is 5.0 V after 5.0 V; levels are finite and increase"),
+    ({"levels_V": (5.0, 0.0)}, "level 2 is 0.0 V after 5.0 V"),
+    ({"levels_V": (0.0, float("inf"))}, "level 2 is inf V"),
+    ({"levels_V": (float("nan"), 1.0)}, "level 1 is nan V; levels"),
+    ({"levels_V": (0.0, 5.0, 11.0)}, "level 2 is 5.0 V; evenly spaced from 0.0 to 11.0 V it is 5.5 V"),
+    ({"levels_V": "ab"}, "levels_V is 'ab'; give a list of numbers"),
+    ({"levels_V": 3.0}, "levels_V is 3.0; give a list of numbers"),
+    ({"ramp_V": 0.0}, "ramp_V is 0.0; give a width above 0 V"),
+    ({"ramp_V": 5.1}, "ramp_V is 5.1; give .* at most the distance of two levels, 5 V"),
+    ({"ramp_V": None}, "ramp_V is None"),
+    ({"weights_um": (1.0, 1.0)}, "2 weights for 2 levels; give one for each of the 3 relays"),
+    ({"weights_um": (1.0, -2.0, 1.0)}, "the weight at α = 5 V, β = 0 V is -2.0; weights are finite"),
+    ({"weights_um": (1.0, 1.0, float("nan"))}, "the weight at α = 5 V, β = 5 V is nan"),
+    ({"rate_bandwidth_hz": 0.0}, "rate_bandwidth_hz is 0.0"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "message"), WRONG)
+def test_bad_numbers_are_one_clear_line(change, message):
+    with pytest.raises(InputError, match=message) as error:
+        Preisach(**{**GOOD, **change})
+    assert "\n" not in str(error.value)
+
+
+def test_evenly_spaced_levels_may_be_rounded():
+    Preisach(0.1, (0.0, 3.3333333, 6.6666667, 10.0), 3.3333333, (1.0,) * 10)
+
+
+def test_a_grid_too_fine_for_the_records_is_refused_with_the_one_that_suits():
+    sine = 12.0 * np.sin(np.linspace(0.0, 20.0 * np.pi, 4001))
+    with pytest.raises(InputError, match="a grid of 20 levels has 210 relays, and the") as error:
+        check_grid(grid(20), [sine])
+    suits = int(re.search(r"give (\d+) levels", str(error.value))[1])  # type: ignore[index]
+    assert 2 <= suits <= 6
+    check_grid(grid(suits), [sine])
+    for count in (2, 15, 20, 40):
+        check_grid(grid(count), [reversal_curves(grid(count))])
+    with pytest.raises(InputError, match="tell 0 of its gains apart; give records that turn"):
+        check_grid(grid(20), [np.zeros(10)])
+
+
+def test_records_add_up_for_a_grid():
+    whole = reversal_curves(grid(8))
+    half = len(whole) // 2
+    records = [whole[:half], whole[half:]]
+    with pytest.raises(InputError, match="a grid of 8 levels"):
+        check_grid(grid(8), records[:1])
+    check_grid(grid(8), records)
+
+
+@settings(max_examples=40)
+@given(arrays(np.float64, 7, elements=st.floats(-11.0, 11.0, width=16)))
+def test_a_grid_is_not_refused_where_the_records_tell_every_weight(corners):
+    core = grid(5)
+    u = turning(*corners, samples=2000)
+    rows = np.diff(core.responses(u, u, core.settled(()))[:, 1:], axis=0)
+    known = int(np.linalg.matrix_rank(rows, tol=1e-7))
+    try:
+        check_grid(core, [corners])
+    except InputError as error:
+        told = int(re.search(r"tell (\d+) of", str(error))[1])  # type: ignore[index]
+        assert told >= known
+        assert known < 15
+
+
+def test_roughness_is_that_of_the_density_on_any_grid():
+    for count in (5, 20):
+        areas = np.array([1.0 if b < a else 0.5 for a in range(count) for b in range(a + 1)])
+        rough = triangle_roughness(count)
+        assert rough.shape == (1 + len(areas),) * 2
+        even = np.concatenate([[3.0], areas])
+        assert even @ rough @ even == pytest.approx(0.0, abs=1e-9)
+    # p = s (α - β) over a triangle of side L: its slopes' squares are 2 s², its area L²/2
+    values = []
+    for count in (20, 40):
+        apart = 20.0 / count
+        weights = [0.01 * (a - b) * apart * apart**2 for a in range(count) for b in range(a + 1)]
+        gains = np.array([0.0, *weights])
+        values.append(float(gains @ triangle_roughness(count) @ gains))
+    exact = 20.0**4 * 2.0 * 0.01**2 * 20.0**2 / 2.0
+    assert values[0] == pytest.approx(exact, rel=0.1)
+    assert values[1] == pytest.approx(exact, rel=0.05)
+
+
+def test_a_price_on_roughness_keeps_weights_from_learning_noise():
+    count = 10
+    core = grid(count)
+    a, b = np.array([(a, b) for a in core.levels_V for b in core.levels_V if b <= a]).T
+    truth = density(a, b) * core.apart_V**2 * np.where(a > b, 1.0, 0.5)
+    core = replace(core, weights_um=tuple(truth.tolist()))
+    u = reversal_curves(core, samples=20)
+    rng = np.random.default_rng(2)
+    y = run(core, u)
+    noisy = y + 0.01 * np.ptp(y) * rng.standard_normal(len(u))
+    columns = core.responses(u, np.zeros_like(u), core.settled(()))
+    miss = []
+    for price in (0.0, 1e-6):
+        rough = price * len(u) * triangle_roughness(count)
+        values, vectors = np.linalg.eigh(rough)
+        root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        gains, _ = nnls(np.vstack([columns, root]), np.append(noisy, np.zeros(len(root))))
+        miss.append(float(np.linalg.norm(gains[1:] - truth) / np.linalg.norm(truth)))
+    assert miss[1] < 0.1 < 0.3 < miss[0]
