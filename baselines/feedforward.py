@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numba import njit
@@ -53,10 +53,28 @@ class Feedforward(Baseline):
     ----------
     belief, layout
         As :class:`baselines.base.Baseline`.
+
+    Raises
+    ------
+    InputError
+        As there; the belief has a hysteresis core that it does not invert.
+
+    Attributes
+    ----------
+    any_core : bool
+        Whether it inverts other cores than RDPI.
     """
+
+    any_core: ClassVar[bool] = False
 
     def __init__(self, belief: PlantModel, layout: ObservationLayout) -> None:
         super().__init__(belief, layout)
+        core = belief.hysteresis
+        if not (self.any_core or isinstance(core, RDPI)):
+            raise InputError(
+                f"{self.name} inverts the core {RDPI.name}, and belief {belief.name} has the core "
+                f"{core.name}; core-inverse inverts any"
+            )
         self.model = self.compensator_model(belief.hysteresis)
         self._parameters = self._packed()
         plant = Plant(belief, layout.ts_s)

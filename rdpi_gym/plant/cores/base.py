@@ -151,6 +151,13 @@ class Core(ABC):
     def resting(self, memory: Array, u0_V: Array) -> Array:
         """Return what a rest at commands (V) ``(B,)`` allows of memories ``(n, B)``."""
 
+    def rises_at(self, ts_s: float) -> bool:
+        """Whether the displacement rises with the newest command at sampling time `ts_s` (s).
+
+        True, unless the rate of that command would take more than the command gives.
+        """
+        return True
+
     def rate_pole(self, ts_s: float) -> float:
         """Pole exp(-2π f_c Ts) of the rate's low-pass at sampling time `ts_s` (s); 0 if literal."""
         if self.rate_bandwidth_hz is None:

@@ -200,6 +200,10 @@ class RDPI(Core):
         weights = (0.5 * gain, *[0.5 * gain / _COMB] * _COMB)
         return (cls(weights, tuple(reach.tolist()), 0.05 * scale.span_V / scale.fastest_V_s),)
 
+    def rises_at(self, ts_s: float) -> bool:
+        """Whether A Ts exceeds what the thresholds' growth takes, S δ2 (1 - pole)."""
+        return self.A * ts_s > self.S * self.delta2_s * (1.0 - self.rate_pole(ts_s))
+
     def coefficients(self) -> list[float]:
         """Weights (µm/V), thresholds at rest (V), δ2 (s)."""
         return [*self.weights, *self.thresholds_V, self.delta2_s]

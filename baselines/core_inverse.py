@@ -1,0 +1,86 @@
+"""``core-inverse``: the inverse of any hysteresis core, by a bracketed search in each sample."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from baselines.feedforward import Feedforward
+from rdpi_gym.plant import pack
+from rdpi_gym.plant.cores.play import rate_block
+from rdpi_gym.support.arrays import Array
+
+# Commands that are tried at once, and how often: the bracket shrinks to (1/32)^5 of the range.
+_TRIED, _ROUNDS = 33, 5
+
+
+class CoreInverse(Feedforward):
+    """The command at which one step of the belief's core gives the reference, found by search.
+
+    It runs the core's own kernel on copies of its memory, 33 commands at a time, and keeps the
+    bracket in which the displacement passes the reference; the last one is linear. Any core that
+    rises with the newest command is inverted, up to the command's limits. Where the rate of the
+    command itself would turn that round (a rate-dependent model at a short sampling time), the
+    core is given the rate of the reference over its largest gain.
+
+    Examples
+    --------
+    >>> from rdpi_gym.envs.layout import ObservationLayout
+    >>> from rdpi_gym.plant import Plant, named_plant
+    >>> plant = named_plant("P5-static")
+    >>> controller = CoreInverse(plant, ObservationLayout.for_plant(plant, ts_s=1e-3))
+    >>> reference = 10.0 * np.sin(np.arange(100.0) / 10.0)[:, None]
+    >>> y = Plant(plant, 1e-3).simulate(controller.command_block(reference))
+    >>> bool(np.abs(y - reference).max() < 1e-9)
+    True
+    """
+
+    name = "core-inverse"
+    any_core = True
+
+    def _packed(self) -> Array:
+        return pack([self.belief.hysteresis], self.layout.ts_s, [0.0])
+
+    def _rest_memory(self, plays_V: Array) -> Array:
+        return plays_V
+
+    def _fill(self, reference_um: Array, parameters: Array, state: Array, u: Array) -> None:
+        core, lanes = self.belief.hysteresis, reference_um.shape[1]
+        target = reference_um - self.belief.offset_um
+        own_rate = core.rises_at(self.layout.ts_s)
+        reference_rate = self._reference_rate(reference_um, state)
+        many = np.repeat(parameters, _TRIED, axis=1)
+        shares = np.linspace(0.0, 1.0, _TRIED)
+        lane = np.arange(lanes)
+        for t in range(len(target)):
+            low, high = self._reach(state[0])
+            for _ in range(_ROUNDS):
+                tried = low[:, None] + (high - low)[:, None] * shares
+                rate = None if own_rate else np.repeat(reference_rate[t], _TRIED)
+                y = self._stepped(tried.ravel(), rate, many, state[:-1].repeat(_TRIED, axis=1))
+                y = y.reshape(lanes, _TRIED)
+                passed = np.clip(np.sum(y <= target[t][:, None], axis=1), 1, _TRIED - 1)
+                low, high = tried[lane, passed - 1], tried[lane, passed]
+                before, after = y[lane, passed - 1], y[lane, passed]
+            rise = np.where(after > before, after - before, 1.0)
+            u[t] = low + (high - low) * np.clip((target[t] - before) / rise, 0.0, 1.0)
+            rate = None if own_rate else reference_rate[t]
+            self._stepped(u[t], rate, parameters, state[:-1])
+
+    def _reach(self, last_V: Array) -> tuple[Array, Array]:
+        """Lowest and highest command (V) that may follow the last ones."""
+        low, high, step = self.limits
+        last = np.where(np.isnan(last_V), 0.5 * (low + high), last_V)
+        far = np.where(np.isnan(last_V), np.inf, step)
+        return np.maximum(low, last - far), np.minimum(high, last + far)
+
+    def _stepped(self, u: Array, rate: Array | None, parameters: Array, state: Array) -> Array:
+        """Displacement (µm) of lanes after one sample; their state is moved on."""
+        command, y = u[None], np.empty((1, len(u)))
+        v = np.empty_like(command)
+        if rate is None:
+            rate_block(command, parameters, state, self.layout.ts_s, v)
+        else:
+            v[0], state[0], state[1] = rate, u, rate
+        self.belief.hysteresis.block(command, v, parameters, state, y)
+        displacement: Array = y[0]
+        return displacement
