@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.foreign_effects.chain import Bench
 from benchmarks.foreign_effects.forms import Form, Mechanism, Scale, mechanism
-from rdpi_gym.diagnosis.search.scale import data_scale
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.arrays import Array

@@ -16,10 +16,11 @@ from rdpi_gym.diagnosis.search.openings import (
     missed,
     unknown_past,
 )
-from rdpi_gym.diagnosis.search.scale import comb, data_scale
+from rdpi_gym.diagnosis.search.scale import comb
 from rdpi_gym.diagnosis.search.stability import LEAST_STABLE, splits, stability
 from rdpi_gym.diagnosis.search.vetoes import MOST_UNSEEN, SEEN_BY, capped, hear
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, load_effect

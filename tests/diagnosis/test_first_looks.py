@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis.search.candidates import FIRST_SAMPLES, Setting, refit
-from rdpi_gym.diagnosis.search.scale import comb, data_scale
+from rdpi_gym.diagnosis.search.scale import comb
 from rdpi_gym.diagnosis.search.traces import taken_by
 from rdpi_gym.identification.joint import first_steps
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10, RDPI, Plant
 from rdpi_gym.plant.effects import CATALOGUE, load_effect

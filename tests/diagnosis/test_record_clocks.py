@@ -9,7 +9,8 @@ from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.candidates import Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.record_clocks import record_clocks
-from rdpi_gym.diagnosis.search.scale import comb, data_scale
+from rdpi_gym.diagnosis.search.scale import comb
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.report.discovery.sentences import lines

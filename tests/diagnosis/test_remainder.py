@@ -9,9 +9,10 @@ from scipy.signal import lfilter
 from benchmarks.hidden_effects.outside import BoucWen, Force, Preisach
 from rdpi_gym.diagnosis.features.memory import FAMILIES, memory_features
 from rdpi_gym.diagnosis.search.remainder import FOLLOWS, remainder
-from rdpi_gym.diagnosis.search.scale import comb, data_scale
+from rdpi_gym.diagnosis.search.scale import comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record, hold_out_quarter, load, measured_data
 from rdpi_gym.measurement.published import DATA_HINT
 from rdpi_gym.plant import P10

@@ -12,9 +12,9 @@ from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.numerics import numerical_floor
-from rdpi_gym.diagnosis.search.scale import data_scale
 from rdpi_gym.diagnosis.search.verdict import judge
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, RDPI
 from rdpi_gym.plant.effects import CATALOGUE, load_effect

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.search.scale import data_scale
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, forms_of, load_effect

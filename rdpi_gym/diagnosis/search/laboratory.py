@@ -55,7 +55,7 @@ from rdpi_gym.diagnosis.search.ranking import (
     rank,
     share_of_train,
 )
-from rdpi_gym.diagnosis.search.scale import comb, data_scale, on_comb, one_size, pruned
+from rdpi_gym.diagnosis.search.scale import comb, on_comb, one_size, pruned
 from rdpi_gym.diagnosis.search.separability import (
     RATE,
     separability,
@@ -77,6 +77,7 @@ from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import FirstSteps, JointFit
 from rdpi_gym.identification.plausibility import check_motion, check_scale
 from rdpi_gym.identification.rates import rate_spread
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.identification.stack import stack_records
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import RDPI, PlantModel

@@ -1,4 +1,4 @@
-"""The size of a data set: what starting values and typical parameters are measured by."""
+"""The comb of thresholds that a search begins with, and what it is cut down to."""
 
 from __future__ import annotations
 
@@ -7,52 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.diagnosis.features.half_cycles import half_cycles, vary
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI
-from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.support.arrays import Array
 
 # Thresholds of the comb: enough that a play between two of them is not missed.
 COMB = 60
 _SPREAD = 1.5  # finer at small thresholds, where the small loops are
-
-
-def data_scale(records: Sequence[Record]) -> DataScale:
-    """Return centre, span, stroke, fastest rate and times of the records that move.
-
-    Parameters
-    ----------
-    records
-        Records of one plant.
-
-    Examples
-    --------
-    >>> t = np.arange(1000) * 1e-3
-    >>> wave = 10.0 * np.sin(2 * np.pi * t)
-    >>> scale = data_scale([Record("sine", t, wave, 2 * wave, ts_s=1e-3)])
-    >>> round(scale.span_V, 2), round(scale.stroke_um, 2)
-    (10.0, 20.0)
-    """
-    low = min(float(r.u_V.min()) for r in records)
-    high = max(float(r.u_V.max()) for r in records)
-    y_low = min(float(r.y_um[r.error_mask].min()) for r in records)
-    y_high = max(float(r.y_um[r.error_mask].max()) for r in records)
-    return DataScale(
-        centre_V=0.5 * (low + high),
-        span_V=0.5 * (high - low),
-        stroke_um=0.5 * (y_high - y_low),
-        fastest_V_s=_fastest_V_s(records),
-        shortest_s=min(r.ts_s for r in records),
-        longest_s=max(float(r.t_s[-1] - r.t_s[0]) for r in records),
-        end_s=max(float(r.t_s[-1]) for r in records),
-    )
-
-
-def _fastest_V_s(records: Sequence[Record]) -> float:
-    """Largest rate of the command, jumps left out where it does anything but jump (V/s)."""
-    moves = [(np.abs(np.diff(r.u_V)), r.ts_s) for r in records]
-    usual = max(float(np.quantile(change, 0.99)) / ts for change, ts in moves)
-    return usual or max(float(np.max(change)) / ts for change, ts in moves)
 
 
 def one_size(records: Sequence[Record]) -> bool:

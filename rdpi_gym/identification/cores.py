@@ -1,0 +1,308 @@
+"""Any hysteresis core fitted to records: its gains by least squares, its shape around them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from rdpi_gym.identification.joint import kept_samples
+from rdpi_gym.identification.nonnegative import bounded_least_squares
+from rdpi_gym.identification.plausibility import check_motion
+from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
+from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.identification.stack import command_rate
+from rdpi_gym.measurement import Dataset, Quantities, Record
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.parameters import Parameter
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress, silent
+
+# Samples that enter the squares: a core of a hundred gains has hundreds for each.
+_SAMPLES = 40_000
+# Steps of the search over the shape from each start, and in all from the best.
+_FIRST_STEPS, _STEPS = 6, 60
+# Of the samples that move with a gain, the share of the one that moves most from which on it counts.
+_LEAST_MOTION = 1e-6
+
+
+@dataclass(frozen=True)
+class CoreFit:
+    """A hysteresis core fitted to records.
+
+    Parameters
+    ----------
+    plant
+        The model, ready to simulate and to save.
+    shape
+        The numbers that the displacement is not linear in, by name.
+    standard_errors
+        Of those, for white residuals; infinite where the data say nothing.
+    at_bound
+        Names of those that ended at a physical bound.
+    offsets_um
+        Offset (µm) of each training record by name.
+    rmse_um
+        Error (µm) of each record by name, one offset free.
+    train_rmse_um, validation_rmse_um
+        Error (µm) over all training and all validation records; None without any of the latter.
+    evaluations
+        Passes over the data.
+    quantities
+        What was measured; numbers named ``_V`` and ``_um`` are in the units of its input and
+        output.
+    """
+
+    plant: PlantModel[Any]
+    shape: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    at_bound: tuple[str, ...]
+    offsets_um: Mapping[str, float]
+    rmse_um: Mapping[str, float]
+    train_rmse_um: float
+    validation_rmse_um: float | None
+    evaluations: int
+    quantities: Quantities = field(default_factory=Quantities)
+
+
+def fit_core(
+    data: Dataset | Sequence[Record],
+    kind: type[Core],
+    *,
+    name: str = "fit",
+    progress: Progress | None = None,
+) -> CoreFit:
+    """Fit a hysteresis core to records by variable projection.
+
+    For a given shape the gains are least squares, not negative where the core forbids it, with one
+    free offset a record; the shape is searched around them, from each of the core's starts.
+
+    Parameters
+    ----------
+    data
+        A data set, of which the training records are fitted and the validation records judged, or
+        records, all of which are fitted. Each begins at rest where the plant never moved, or with
+        the history that is recorded before it.
+    kind
+        The core.
+    name
+        Name of the plant.
+    progress
+        Called as starts are done.
+
+    Returns
+    -------
+    CoreFit
+
+    Raises
+    ------
+    InputError
+        No training record that moves, or more gains than samples.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import CORES, P5, Plant
+    >>> t = np.arange(0, 2.0, 1e-3)
+    >>> u = 20 * np.sin(2 * np.pi * t) * t
+    >>> y = Plant(P5, 1e-3).simulate(u)
+    >>> found = fit_core([Record("growing", t, u, y, ts_s=1e-3)], CORES["rdpi"])
+    >>> bool(found.train_rmse_um < 3e-3 * np.ptp(y))
+    True
+
+    Notes
+    -----
+    Golub, Pereyra, SIAM J. Numer. Anal. 10 (1973).
+    """
+    quantities = data.quantities if isinstance(data, Dataset) else Quantities()
+    moving = data.train if isinstance(data, Dataset) else [r for r in data if not r.is_quiet]
+    train, validation = list(moving), list(data.validation) if isinstance(data, Dataset) else []
+    check_motion(train)
+    problem = _Problem(train)
+    begun: list[_Point] = []
+    starts = kind.starts(data_scale(train))
+    report = progress or silent
+    for done, start in enumerate(starts):
+        report(f"starts of {kind.name}", done, len(starts))
+        begun.append(problem.searched(start, _FIRST_STEPS))
+    best = min(begun, key=lambda point: point.squares)
+    best = problem.searched(best.core, _STEPS)
+    report(f"starts of {kind.name}", len(starts), len(starts))
+    model = _plant(best, train, name)
+    trained, validated = ([simulate_record(model, r) for r in part] for part in (train, validation))
+    offsets = {left.record.name: model.offset_um + left.offset_um for left in trained}
+    rmse = {left.record.name: left.rmse_um for left in trained}
+    for left in validated:
+        label = left.record.name
+        rmse[f"{label} (validation)" if label in rmse else label] = left.rmse_um
+    numbers = {p.name: float(getattr(best.core, p.name)) for p in kind.shape}
+    return CoreFit(
+        model,
+        numbers,
+        problem.standard_errors(best),
+        tuple(p.name for p in kind.shape if _is_at_bound(p, numbers[p.name])),
+        offsets,
+        rmse,
+        pooled_rmse(trained),
+        pooled_rmse(validated) if validated else None,
+        problem.passes,
+        quantities,
+    )
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A core with the best gains for its shape."""
+
+    core: Core
+    squares: float
+    left: Array
+
+
+class _Problem:
+    """Records, and what a core leaves of them."""
+
+    def __init__(self, records: Sequence[Record]) -> None:
+        self._records = records
+        self._kept = kept_samples(records, _SAMPLES)
+        self.passes = 0
+
+    def projected(self, core: Core) -> _Point:
+        """Solve for the gains of a core of this shape."""
+        self.passes += 1
+        columns, measured = [], []
+        for record, kept in zip(self._records, self._kept, strict=True):
+            rows = _responses(core, record)[kept]
+            columns.append(rows - rows.mean(axis=0))
+            y = record.y_um[kept]
+            measured.append(y - y.mean())
+        x, y = np.vstack(columns), np.concatenate(measured)
+        if len(y) < 2 * x.shape[1]:
+            raise InputError(
+                f"{len(y)} samples count for {x.shape[1]} gains of the core {core.name}; give twice "
+                "as many samples, or a core with fewer"
+            )
+        gains = _bounded(x, y, core.signed)
+        fitted = core.with_gains(gains.tolist())
+        left: Array = y - x @ np.array(fitted.gains)
+        return _Point(fitted, float(left @ left), left)
+
+    def searched(self, start: Core, steps: int) -> _Point:
+        """Search over the shape from a start, the gains solved for at each step."""
+        numbers = [p for p in type(start).shape if not p.fixed]
+        if not numbers:
+            return self.projected(start)
+        low, high = np.array([[_inward(p, bound) for p in numbers] for bound in ("low", "high")])
+
+        def at(place: Array) -> Core:
+            values = zip(numbers, place.tolist(), strict=True)
+            return start.with_shape({p.name: _outward(p, value) for p, value in values})
+
+        begun = np.array([_coordinate(p, float(getattr(start, p.name))) for p in numbers])
+        scale = float(np.sqrt(sum(np.sum(r.y_um[k] ** 2) for r, k in self._pairs())))
+
+        def left(place: Array) -> Array:
+            return self.projected(at(place)).left / max(scale, 1e-300)
+
+        inside = np.clip(begun, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+        sizes = np.array([1.0 if _is_scale(p) else max(map(abs, p.typical)) for p in numbers])
+        found = least_squares(
+            left, inside, bounds=(low, high), x_scale=sizes, diff_step=[1e-5] * len(numbers), max_nfev=steps,
+            xtol=1e-12, ftol=1e-12, gtol=1e-14,
+        )  # fmt: skip
+        return self.projected(at(found.x))
+
+    def _pairs(self) -> list[tuple[Record, NDArray[np.intp]]]:
+        return list(zip(self._records, self._kept, strict=True))
+
+    def standard_errors(self, point: _Point) -> dict[str, float]:
+        """Return those of the shape, gains solved for anew at each difference."""
+        numbers = [p for p in type(point.core).shape if not p.fixed]
+        if not numbers:
+            return {}
+        changes = []
+        for p in numbers:
+            here = float(getattr(point.core, p.name))
+            step = 1e-4 * (abs(here) if here != 0.0 else max(map(abs, p.typical)))
+            step = step if here + step <= p.high else -step
+            moved = self.projected(point.core.with_shape({p.name: here + step}))
+            changes.append((moved.left - point.left) / step)
+        slopes = np.stack(changes, axis=1)
+        spread = np.sqrt(np.maximum(np.sum(slopes**2, axis=0), 1e-300))
+        gram = (slopes / spread).T @ (slopes / spread)
+        variance = point.squares / max(len(point.left) - len(numbers) - len(point.core.gains), 1)
+        covariance = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
+        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0) * variance) / spread
+        return {
+            p.name: float(value) if size > 1e-140 else math.inf
+            for p, value, size in zip(numbers, deviation, spread, strict=True)
+        }
+
+
+def _responses(core: Core, record: Record) -> Array:
+    whole = record.with_history
+    u = np.ascontiguousarray(whole.u_V)
+    v = command_rate(u, record.ts_s, core.rate_bandwidth_hz)
+    return core.responses(u, v, core.settled(()))[record.before_V.size :]
+
+
+def _bounded(x: Array, y: Array, signed: Sequence[bool]) -> Array:
+    """Least squares with the gains that may not be negative at zero or above."""
+    free = np.flatnonzero(signed)
+    doubled = np.hstack([x, -x[:, free]])
+    gram, rhs = doubled.T @ doubled, doubled.T @ y
+    spread = np.sqrt(np.diag(gram))
+    allowed = spread > _LEAST_MOTION * spread.max()
+    found, _ = bounded_least_squares(gram, rhs, allowed, 0.0, allowed)
+    gains: Array = found[: x.shape[1]].copy()
+    gains[free] -= found[x.shape[1] :]
+    return gains
+
+
+def _plant(point: _Point, train: Sequence[Record], name: str) -> PlantModel[Any]:
+    low = min(float(record.u_V.min()) for record in train)
+    high = max(float(record.u_V.max()) for record in train)
+    least = min(float(record.y_um[record.error_mask].min()) for record in train)
+    most = max(float(record.y_um[record.error_mask].max()) for record in train)
+    margin = 0.05 * (high - low)
+    make: Callable[..., PlantModel[Any]] = PlantModel
+    model = make(
+        point.core,
+        name,
+        command_range_V=(low - margin, high + margin),
+        reference_um=((least + most) / 2, 0.9 * (most - least) / 2),
+    )
+    lefts = [simulate_record(model, record) for record in train]
+    offset = float(np.average([o.offset_um for o in lefts], weights=[o.counted for o in lefts]))
+    return make(
+        point.core, name, model.command_range_V, model.reference_um, offset,
+        note=f"core {point.core.name} fitted to {', '.join(record.name for record in train)}.",
+    )  # fmt: skip
+
+
+def _is_scale(parameter: Parameter) -> bool:
+    return parameter.low > 0.0
+
+
+def _coordinate(parameter: Parameter, value: float) -> float:
+    return math.log(value) if _is_scale(parameter) else value
+
+
+def _inward(parameter: Parameter, bound: str) -> float:
+    return _coordinate(parameter, float(getattr(parameter, bound)))
+
+
+def _outward(parameter: Parameter, place: float) -> float:
+    return math.exp(place) if _is_scale(parameter) else place
+
+
+def _is_at_bound(parameter: Parameter, value: float) -> bool:
+    near = 1e-6 * max(abs(value), max(map(abs, parameter.typical)))
+    low_counts = parameter.neutral != parameter.low
+    return value >= parameter.high - near or (low_counts and value <= parameter.low + 1e-3 * near)
