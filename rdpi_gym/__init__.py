@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.comparison import Comparison, compare
     from rdpi_gym.face.data import Dataset, load
     from rdpi_gym.face.fitting import FitResult, fit
+    from rdpi_gym.face.fitting_core import CoreFit, fit_core
     from rdpi_gym.face.paper import PaperResults, reproduce
     from rdpi_gym.face.result import Result
     from rdpi_gym.face.results import load_result
@@ -49,6 +50,7 @@ _HOME = {
     "comparison": ("Comparison", "compare"),
     "data": ("Dataset", "load"),
     "fitting": ("FitResult", "fit"),
+    "fitting_core": ("CoreFit", "fit_core"),
     "paper": ("PaperResults", "reproduce"),
     "result": ("Result",),
     "results": ("load_result",),
@@ -62,6 +64,7 @@ _ROOMS = {"environments": f"{__name__}.face.environments", "signals": f"{__name_
 
 __all__ = [
     "Comparison",
+    "CoreFit",
     "Dataset",
     "Evaluation",
     "FitResult",
@@ -82,6 +85,7 @@ __all__ = [
     "environments",
     "export",
     "fit",
+    "fit_core",
     "load",
     "load_result",
     "make_controller",

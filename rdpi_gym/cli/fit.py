@@ -1,4 +1,4 @@
-"""`rdpi fit`: identifies the RDPI model from a measurement."""
+"""`rdpi fit`: identifies the RDPI model, or another kind of hysteresis, from a measurement."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from rdpi_gym.cli.tables import print_table
 from rdpi_gym.face.options import DataOptions
 from rdpi_gym.support.progress import progress_bar
 
+_PLAYS = 10
+
 
 def fit(
     data: DataArgument,
@@ -20,7 +22,7 @@ def fit(
     out: OutOption = Path("results/fit"),
     plays: Annotated[
         int, typer.Option("--plays", "-n", min=1, help="Number of play operators.")
-    ] = 10,
+    ] = _PLAYS,
     free_memory: Annotated[
         bool,
         typer.Option("--free-memory", help="Also find the extremum that each record came from."),
@@ -33,12 +35,19 @@ def fit(
             help="Cut-off of the low-pass on the model's rate; by default the literal rate.",
         ),
     ] = None,
+    core: Annotated[
+        str,
+        typer.Option("--core", help="Kind of hysteresis: rdpi, stop, preisach, bouc_wen, ..."),
+    ] = "rdpi",
     seed: SeedOption = 0,  # accepted by every command; nothing is drawn at random here
 ) -> None:
-    """Identify the RDPI model from a measurement, by Equations 9 and 10.
+    """Identify the RDPI model from a measurement, by Equations 9 and 10, or another kind of hysteresis.
 
     Writes model.json: the plant, its standard errors, and what the data do not determine.
     """
+    if core != "rdpi":
+        _fit_core(data, reading, core, out, plays != _PLAYS or free_memory or rate_bandwidth)
+        return
     with progress_bar() as show:
         show("reading", 0, 0)
         records = rg.load(data, **vars(reading))
@@ -49,6 +58,23 @@ def fit(
             free_memory=free_memory,
             progress=show,
         )
+        path = model.plant.save(out / "model.json")
+    print(model, records.describe(), sep="\n\n")
+    print_table(model.overview())
+    print(path)
+
+
+def _fit_core(
+    data: Path, reading: DataOptions, core: str, out: Path, of_the_rdpi_model: object
+) -> None:
+    if of_the_rdpi_model:
+        raise rg.InputError(
+            f"--plays, --free-memory and --rate-bandwidth belong to the core rdpi; leave them out with --core {core}"
+        )
+    with progress_bar() as show:
+        show("reading", 0, 0)
+        records = rg.load(data, **vars(reading))
+        model = rg.fit_core(records, core, progress=show)
         path = model.plant.save(out / "model.json")
     print(model, records.describe(), sep="\n\n")
     print_table(model.overview())

@@ -38,6 +38,18 @@ def test_fit(folder, tmp_path):
     assert PlantModel.load(tmp_path / "model.json").to_dict() == model.plant.to_dict()
 
 
+def test_fit_of_another_kind_of_hysteresis(folder, tmp_path, capsys):
+    run("fit", folder, "--core", "stop", "--out", tmp_path)
+    model = rg.fit_core(rg.load(folder), "stop")
+    assert PlantModel.load(tmp_path / "model.json") == model.plant
+    assert main(["fit", str(folder), "--core", "stpo", "--out", str(tmp_path)]) == 2
+    assert "'stpo' is unknown; did you mean 'stop'?" in capsys.readouterr().err
+    assert main(["fit", str(folder), "--core", "stop", "--plays", "3"]) == 2
+    assert "--plays, --free-memory and --rate-bandwidth belong to the core rdpi" in (
+        capsys.readouterr().err
+    )
+
+
 def test_compare(folder, tmp_path):
     run("compare", folder, "--model", "P5", "--validate", "sine-5*", "--out", tmp_path)
     result = rg.compare(rg.load(folder, validate="sine-5*"), "P5")

@@ -1,0 +1,90 @@
+"""Every core is found again on records of its own plant, and named plainly where it cannot be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rdpi_gym.identification.cores import fit_core
+from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant import CORES, Plant, PlantModel
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.parameters import DataScale
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+TS_S = 1e-3
+SCALE = DataScale(
+    centre_V=0.0, span_V=30.0, stroke_um=20.0, fastest_V_s=600.0, shortest_s=TS_S, longest_s=4.0
+)
+
+
+def drive(seconds: float, slow_hz: float, fast_hz: float) -> Array:
+    t = TS_S * np.arange(round(seconds / TS_S))
+    growing = np.minimum(t / (0.7 * seconds), 1.0)
+    return np.asarray(
+        growing * (21.0 * np.sin(2 * np.pi * slow_hz * t) + 9.0 * np.sin(2 * np.pi * fast_hz * t))
+    )
+
+
+def records(core: Core, noise_um: float = 0.0) -> list[Record]:
+    found = []
+    for number, u in enumerate((drive(4.0, 0.8, 3.1), drive(3.0, 2.3, 0.31))):
+        model = PlantModel(core, "own", (-30.0, 30.0), (0.0, 5.0), offset_um=3.0)  # type: ignore[arg-type]
+        y = Plant(model, TS_S).simulate(u)
+        noise = noise_um * np.random.default_rng(number).standard_normal(len(u))
+        t = TS_S * np.arange(len(u))
+        found.append(Record(f"run {number}", t, u, y + noise, ts_s=TS_S))
+    return found
+
+
+@pytest.mark.parametrize("name", CORES)
+def test_the_shape_of_its_own_plant_is_found_within_a_per_cent(name: str) -> None:
+    kind = CORES[name]
+    # a comb lies over the data: a plant on the comb that the fit will use
+    (first,) = {data_scale(records(start)) for start in kind.starts(SCALE)[:1]}
+    start = kind.starts(first)[0]
+    away = {p.name: 1.3 * float(getattr(start, p.name)) for p in kind.shape if not p.fixed}
+    truth = start.with_shape(away)
+    data = records(truth)
+    found = fit_core(data, kind)
+    stroke = float(np.ptp(data[0].y_um))
+    assert found.train_rmse_um < 2e-4 * stroke
+    for p in kind.shape:
+        if not p.fixed:
+            assert found.shape[p.name] == pytest.approx(getattr(truth, p.name), rel=0.01)
+    assert found.offsets_um["run 0"] == pytest.approx(3.0, abs=2e-3 * stroke)
+    again = PlantModel.from_dict(found.plant.to_dict())
+    assert again == found.plant
+
+
+def test_records_to_validate_on_are_judged_and_not_fitted() -> None:
+    first, second = records(CORES["rdpi"].starts(SCALE)[0], noise_um=0.01)
+    found = fit_core(Dataset("own", (first, replace(second, role="validation"))), CORES["rdpi"])
+    assert found.train_rmse_um == pytest.approx(0.01, rel=0.05)
+    assert found.validation_rmse_um == pytest.approx(0.01, rel=0.1)
+    assert list(found.offsets_um) == ["run 0"]
+
+
+def test_standard_errors_are_those_of_repeated_noise() -> None:
+    kind = CORES["rdpi"]
+    truth = kind.starts(SCALE)[0].with_shape({"delta2_s": 2e-3})
+    found = []
+    for seed in range(12):
+        clean = records(truth)
+        rng = np.random.default_rng(seed)
+        noisy = [replace(r, y_um=r.y_um + 0.05 * rng.standard_normal(len(r.y_um))) for r in clean]
+        found.append(fit_core(noisy, kind))
+    scatter = float(np.std([fit.shape["delta2_s"] for fit in found], ddof=1))
+    told = float(np.mean([fit.standard_errors["delta2_s"] for fit in found]))
+    assert told == pytest.approx(scatter, rel=0.6)
+
+
+def test_more_gains_than_samples_are_refused_in_a_line() -> None:
+    (first, _) = records(CORES["rdpi"].starts(SCALE)[0])
+    short = replace(first, error_mask=np.arange(len(first.u_V)) < 60)
+    with pytest.raises(InputError, match=r"60 samples count for 41 gains of the core rdpi; give"):
+        fit_core([short], CORES["rdpi"])
