@@ -7,8 +7,9 @@ common: a change behind the plays does not run the plays again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Generic
 
 import numpy as np
 from numba import njit
@@ -25,9 +26,10 @@ from rdpi_gym.plant.chain import (
     in_order,
     walk,
 )
-from rdpi_gym.plant.cores.play import given_rate_block
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.plant.model import AnyCore
 from rdpi_gym.plant.packing import empty_state, pack
 from rdpi_gym.plant.stages import Stage, core_links
 from rdpi_gym.support.arrays import Array
@@ -37,18 +39,18 @@ _CHUNK = 1024
 
 
 @dataclass(frozen=True)
-class Variant:
+class Variant(Generic[AnyCore]):
     """One lane: the plant with one number changed.
 
     Parameters
     ----------
     hysteresis
-        RDPI parameters.
+        The hysteresis core.
     effects
         In the chain's order.
     """
 
-    hysteresis: RDPI
+    hysteresis: AnyCore
     effects: tuple[Effect, ...]
 
 
@@ -57,7 +59,7 @@ def _in_front(effect: Effect) -> bool:
 
 
 def _links(
-    variants: Sequence[Variant], record: Record, places: Sequence[Place]
+    variants: Sequence[Variant[Any]], record: Record, places: Sequence[Place]
 ) -> dict[Place, Sequence[Link]]:
     """Return the stages of variants in some places, which begin with the record."""
     columns = [
@@ -74,7 +76,7 @@ def _links(
     return dict(links)
 
 
-def _front(variants: Sequence[Variant], record: Record) -> tuple[Array, Array, Array, Array]:
+def _front(variants: Sequence[Variant[Any]], record: Record) -> tuple[Array, Array, Array, Array]:
     """Commands and rates ``[T, F]`` of variants, their packed parameters and initial states."""
     lanes = len(variants)
     u = np.repeat(record.u_V[:, None], lanes, axis=1)
@@ -94,7 +96,7 @@ def _front(variants: Sequence[Variant], record: Record) -> tuple[Array, Array, A
     return u, v, parameters, state
 
 
-def simulate_effects(variants: Sequence[Variant], record: Record) -> Array:
+def simulate_effects(variants: Sequence[Variant[Any]], record: Record) -> Array:
     """Simulate variants of a plant over a record.
 
     Parameters
@@ -115,7 +117,12 @@ def simulate_effects(variants: Sequence[Variant], record: Record) -> Array:
 
 
 def _behind(
-    variants: Sequence[Variant], record: Record, u: Array, v: Array, parameters: Array, state: Array
+    variants: Sequence[Variant[Any]],
+    record: Record,
+    u: Array,
+    v: Array,
+    parameters: Array,
+    state: Array,
 ) -> Array:
     """Displacement ``[T, B]`` from commands and rates: the plays, and all that comes after them."""
     links = _links(variants, record, BEHIND) | core_links(
@@ -125,7 +132,7 @@ def _behind(
     return y
 
 
-def simulate_between(variant: Variant, record: Record, parts: int) -> Array:
+def simulate_between(variant: Variant[Any], record: Record, parts: int) -> Array:
     """Simulate a plant with steps between the samples of a record.
 
     The command and the thresholds are linear from sample to sample, and the rate of Eq. 5 stays
@@ -168,7 +175,14 @@ def simulate_between(variant: Variant, record: Record, parts: int) -> Array:
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
 def _weight_lanes(
-    u: Array, v: Array, weights: Array, rest: Array, delta2: float, xi: Array, step: float, x: Array
+    u: Array,
+    v: Array,
+    weights: Array,
+    rest: Array,
+    delta2: float,
+    xi: Array,
+    steps: Array,
+    x: Array,
 ) -> None:
     """Fill lane 0 with the RDPI sum, Eq. 3, the n + 1 next with it after a step of each weight."""
     n = rest.shape[0]
@@ -184,9 +198,9 @@ def _weight_lanes(
             xi[i] = z
             total += weights[i + 1] * z
         x[t, 0] = total
-        x[t, 1] = total + step * u[t]
+        x[t, 1] = total + steps[0] * u[t]
         for i in range(n):
-            x[t, 2 + i] = total + step * xi[i]
+            x[t, 2 + i] = total + steps[i + 1] * xi[i]
 
 
 @njit(cache=True)
@@ -207,10 +221,10 @@ def _difference_rows(
 
 
 def jacobian_rows(
-    base: Variant,
-    changed: Sequence[Variant],
+    base: Variant[Any],
+    changed: Sequence[Variant[Any]],
     steps: Array,
-    weight_step: float,
+    gain_steps: Array,
     record: Record,
     kept: NDArray[np.intp],
 ) -> Array:
@@ -221,11 +235,11 @@ def jacobian_rows(
     base
         The plant.
     changed
-        The plant with δ2 or one parameter of an effect changed.
+        The plant with one number of the core's shape or of an effect changed.
     steps : float64[K]
         By how much.
-    weight_step
-        Change of a weight (µm/V).
+    gain_steps : float64[G]
+        Change of each of the core's gains.
     record
         Its command, sampling time and displacement.
     kept : int[T']
@@ -233,36 +247,34 @@ def jacobian_rows(
 
     Returns
     -------
-    float64[T', n + 2 + K]
-        Derivatives by a_0 ... a_n and by the changed numbers; last the measured displacement less
+    float64[T', G + K + 1]
+        Derivatives by the gains and by the changed numbers; last the measured displacement less
         that of the plant (µm), without offset.
     """
     kept, record = kept + record.before_V.size, record.with_history
     ahead = [v for v in changed if _changes_front(base, v)]
     behind = [v for v in changed if not _changes_front(base, v)]
     u, v, parameters, state = _front([base, *ahead], record)
-    n, first = base.hysteresis.n, base.hysteresis.n + 2
-    weights, rest = np.array(base.hysteresis.weights), np.array(base.hysteresis.thresholds_V)
-    xi, front_u, front_v = state[2:, 0].copy(), u[:, 0].copy(), v[:, 0].copy()
+    core, first = base.hysteresis, len(gain_steps) + 1
+    memory, front_u, front_v = state[2:, 0].copy(), u[:, 0].copy(), v[:, 0].copy()
     ahead_u, ahead_y = np.ascontiguousarray(u[:, 1:]), np.empty((len(u), len(ahead)))
     ahead_state = np.ascontiguousarray(state[:, 1:])
-    given_rate_block(
+    type(core).block(
         ahead_u, np.ascontiguousarray(v[:, 1:]), np.ascontiguousarray(parameters[:, 1:]),
         ahead_state, ahead_y,
     )  # fmt: skip
-    lanes = [base, *_weights_changed(base, weight_step), *ahead, *behind]
+    lanes = [base, *_gains_changed(base, gain_steps), *ahead, *behind]
     behind_core = in_order(_links(lanes, record, BEHIND), BEHIND)
+    core_lanes = _core_lanes(core, front_u, front_v, memory, gain_steps)
     order = np.array([changed.index(v) for v in (*ahead, *behind)], dtype=np.intp)
-    scale = 1.0 / np.concatenate([np.full(n + 1, weight_step), steps[order]])
-    target = np.concatenate([np.arange(n + 1), n + 1 + order])
+    scale = 1.0 / np.concatenate([gain_steps, steps[order]])
+    target = np.concatenate([np.arange(first - 1), first - 1 + order])
     rows = np.empty((len(kept), len(lanes)))
     done = 0
     for start in range(0, len(record.u_V), _CHUNK):
         part = slice(start, start + _CHUNK)
         x = np.empty((len(front_u[part]), len(lanes)))
-        _weight_lanes(
-            front_u[part], front_v[part], weights, rest, base.hysteresis.delta2_s, xi, weight_step, x
-        )  # fmt: skip
+        core_lanes(part, x)
         x[:, first : first + len(ahead)] = ahead_y[part]
         x[:, first + len(ahead) :] = x[:, :1]
         if behind_core:
@@ -278,8 +290,8 @@ def jacobian_rows(
 
 
 def change_rows(
-    base: Variant,
-    changed: Sequence[Variant],
+    base: Variant[Any],
+    changed: Sequence[Variant[Any]],
     steps: Array,
     record: Record,
     kept: NDArray[np.intp],
@@ -301,7 +313,7 @@ def change_rows(
     behind = [v for v in changed if not _changes_front(base, v)]
     u, v, parameters, state = _front([base, *ahead], record)
     y = np.empty_like(u)
-    given_rate_block(u, v, parameters, state, y)
+    type(base.hysteresis).block(u, v, parameters, state, y)
     lanes, same = [base, *ahead, *behind], len(behind)
     x = np.concatenate([y, np.repeat(y[:, :1], same, axis=1)], axis=1)
     commands = np.concatenate([u, np.repeat(u[:, :1], same, axis=1)], axis=1)
@@ -313,22 +325,45 @@ def change_rows(
     return rows
 
 
-def _changes_front(base: Variant, variant: Variant) -> bool:
+def _changes_front(base: Variant[Any], variant: Variant[Any]) -> bool:
     if variant.hysteresis != base.hysteresis:
         return True
     pairs = zip(base.effects, variant.effects, strict=True)
     return any(_in_front(a) and a != b for a, b in pairs)
 
 
-def _weights_changed(base: Variant, step: float) -> list[Variant]:
-    """The plant after a step of each weight, for the stages that read them.
+def _core_lanes(
+    core: Core, u: Array, v: Array, memory: Array, steps: Array
+) -> Callable[[slice, Array], None]:
+    """Return what fills, part after part, lane 0 with the core's sum and the next with a step of each gain."""
+    if isinstance(core, RDPI):  # dozens of plays, of which a record's columns are not kept
+        weights, rest = np.array(core.weights), np.array(core.thresholds_V)
 
-    A stage with plays of its own reads all, any other a_0 alone: the same lane is packed once.
+        def fill(part: slice, x: Array) -> None:
+            _weight_lanes(u[part], v[part], weights, rest, core.delta2_s, memory, steps, x)
+
+        return fill
+    columns = core.responses(u, v, memory)
+    total = columns @ np.array(core.gains)
+
+    def spread(part: slice, x: Array) -> None:
+        x[:, 0] = total[part]
+        x[:, 1 : len(steps) + 1] = total[part, None] + steps * columns[part]
+
+    return spread
+
+
+def _gains_changed(base: Variant[Any], steps: Array) -> list[Variant[Any]]:
+    """The plant after a step of each gain, for the stages that read them.
+
+    Of the RDPI model a stage with plays of its own reads all, any other a_0 alone: the same lane is
+    packed once.
     """
     core = base.hysteresis
-    count = len(core.weights) if any(effect.weighs_plays for effect in base.effects) else 1
+    every = not isinstance(core, RDPI) or any(effect.weighs_plays for effect in base.effects)
+    count = len(steps) if every else 1
     changed = []
     for k in range(count):
-        weights = (*core.weights[:k], core.weights[k] + step, *core.weights[k + 1 :])
-        changed.append(replace(base, hysteresis=replace(core, weights=weights)))
-    return [*changed, *[base] * (len(core.weights) - count)]
+        gains = [*core.gains[:k], core.gains[k] + float(steps[k]), *core.gains[k + 1 :]]
+        changed.append(replace(base, hysteresis=core.with_gains(gains)))
+    return [*changed, *[base] * (len(steps) - count)]

@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rdpi_gym.identification.fitting import MIN_MOTION
 from rdpi_gym.identification.jacobian import Variant, change_rows, jacobian_rows
-from rdpi_gym.identification.nonnegative import bounded_least_squares
+from rdpi_gym.identification.nonnegative import BoolArray, bounded_least_squares
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, Parameter
 from rdpi_gym.support.arrays import Array
 
-_WEIGHT_STEP = 1e-4  # of the largest gain: behind a nonlinear stage a weight acts nonlinearly
+_GAIN_STEP = 1e-4  # of the largest gain: behind a nonlinear stage a gain acts nonlinearly
+_LEAST_MOTION = 1e-6  # of the gain that moves most: what moves less is not solved for
 _STEP = 1e-3  # of a free number, for finite differences
 _LARGEST_FACTOR = math.log(4.0)
 _LARGEST_DAMPING = 1e6
@@ -37,12 +40,12 @@ MOST_SAMPLES = 200_000
 
 @dataclass(frozen=True)
 class Free:
-    """A number that the search moves: δ2 (effect is None) or a parameter of an effect.
+    """A number that the search moves: of the core's shape (effect is None) or of an effect.
 
     Parameters
     ----------
     effect
-        Place in the list of effects; None for δ2.
+        Place in the list of effects; None for the core.
     parameter
         Its bounds; one whose lower bound is above zero is searched in its logarithm.
     size
@@ -75,7 +78,7 @@ class Free:
             return self.parameter.step
         return _STEP if self.logarithmic else _STEP * self.size
 
-    def name(self, variant: Variant) -> str:
+    def name(self, variant: Variant[Any]) -> str:
         """Return ``effect.parameter``."""
         owner = "" if self.effect is None else f"{variant.effects[self.effect].name}."
         return owner + self.parameter.name
@@ -84,32 +87,34 @@ class Free:
         """Return the step that one pass may take: a logarithm moves by a factor of 4 at most."""
         return min(max(step, -_LARGEST_FACTOR), _LARGEST_FACTOR) if self.logarithmic else step
 
-    def at_bound(self, variant: Variant) -> bool:
+    def at_bound(self, variant: Variant[Any]) -> bool:
         """Whether a variant stands at a bound; the value at which the effect vanishes is none."""
         here = self.read(variant)
         edges = (self.parameter.low, self.low), (self.parameter.high, self.high)
         bounds = [edge for physical, edge in edges if physical != self.parameter.neutral]
         return any(abs(here - bound) < 2 * self.step for bound in bounds)
 
-    def ways(self, variant: Variant) -> tuple[bool, bool]:
+    def ways(self, variant: Variant[Any]) -> tuple[bool, bool]:
         """Whether a variant may go up and down: one that would leave the bounds misleads others."""
         here = self.read(variant)
         return here < self.high, here > self.low
 
-    def read(self, variant: Variant) -> float:
+    def read(self, variant: Variant[Any]) -> float:
         """Return where a variant stands."""
         if self.effect is None:
-            return variant.hysteresis.delta2_s
-        value = variant.effects[self.effect].values[self.parameter.name]
+            value = float(getattr(variant.hysteresis, self.parameter.name))
+        else:
+            value = variant.effects[self.effect].values[self.parameter.name]
         return math.log(value) if self.logarithmic else value
 
-    def write(self, variant: Variant, value: float) -> Variant:
+    def write(self, variant: Variant[Any], value: float) -> Variant[Any]:
         """Return the variant moved to a place, kept within the bounds."""
         inside = min(max(value, self.low), self.high)
-        if self.effect is None:
-            return replace(variant, hysteresis=replace(variant.hysteresis, delta2_s=inside))
         physical = math.exp(inside) if self.logarithmic else inside
         physical = min(max(physical, self.parameter.low), self.parameter.high)
+        if self.effect is None:
+            core = variant.hysteresis.with_shape({self.parameter.name: float(physical)})
+            return replace(variant, hysteresis=core)
         effects = list(variant.effects)
         effects[self.effect] = effects[self.effect].with_values(
             {self.parameter.name: float(physical)}
@@ -150,23 +155,29 @@ class JointFit:
 
 
 def free_numbers(
-    effects: Sequence[Effect], delta2_scale_s: float, held: frozenset[str] = frozenset()
+    core: Core,
+    effects: Sequence[Effect],
+    delta2_scale_s: float,
+    held: frozenset[str] = frozenset(),
 ) -> list[Free]:
-    """δ2 and every parameter of the effects.
+    """Return the numbers of the core's shape and every parameter of the effects.
 
     Parameters
     ----------
-    effects
-        The effects that are fitted.
+    core, effects
+        What is fitted.
     delta2_scale_s
         Size of δ2 (s) that the data would show.
     held
         Parameters that keep their value, as ``effect.parameter``.
     """
-    delta2 = Parameter(
-        "delta2_s", "s", 0.0, 100 * delta2_scale_s, (0.0, delta2_scale_s), "δ2 of Eq. 8"
-    )
-    numbers = [Free(None, delta2, delta2_scale_s)]
+    if isinstance(core, RDPI):
+        delta2 = Parameter(
+            "delta2_s", "s", 0.0, 100 * delta2_scale_s, (0.0, delta2_scale_s), "δ2 of Eq. 8"
+        )
+        numbers = [Free(None, delta2, delta2_scale_s)]
+    else:
+        numbers = [Free(None, p, max(map(abs, p.typical))) for p in core.shape if not p.fixed]
     numbers += [
         Free(i, p, _size(effect, p))
         for i, effect in enumerate(effects)
@@ -215,10 +226,19 @@ class _Pass:
     squares: Sequence[Array]  # their Gram matrices
     left: Sequence[Array]  # what the plant leaves, by record
     bends: float  # what their price adds to `total`
+    core: Core
 
     @property
-    def smallest_a0(self) -> float:
-        """Lower bound of a_0 (µm/V): a share of the gain that a_0 alone would have."""
+    def allowed(self) -> BoolArray:
+        """Which gains move enough in some record to be told from its offset."""
+        least = MIN_MOTION if self.core.keeps_first else _LEAST_MOTION
+        return np.asarray(self.motion[: len(self.core.gains)] >= least)
+
+    @property
+    def floor(self) -> float:
+        """Lower bound of the first gain: of a_0 (µm/V) a share of the gain that it alone would have."""
+        if not self.core.keeps_first:
+            return 0.0
         gain = abs(float(self.rhs[0])) / max(float(self.gram[0, 0]), 1e-300)
         return max(_SMALLEST_A0 * gain, 1e-300)
 
@@ -234,27 +254,28 @@ class _Problem:
     records: Sequence[Record]
     kept: Sequence[NDArray[np.intp]]
     price: Array  # of the weights' roughness, a sample (µm² over the products of two weights)
+    gain_sizes: Array  # of each gain that makes as much as the largest of the command
 
-    def whole_pass(self, variant: Variant) -> _Pass:
+    def whole_pass(self, variant: Variant[Any]) -> _Pass:
         """Derivatives by every weight and every free number."""
         changed, steps = self._neighbours(variant)
-        weight_step = _WEIGHT_STEP * variant.hysteresis.A
-        n_weights = len(variant.hysteresis.weights)
+        gain_steps = self.gain_sizes * (_GAIN_STEP * variant.hysteresis.A)
+        n_weights = len(variant.hysteresis.gains)
         columns, changes = [], []
         for record, kept in zip(self.records, self.kept, strict=True):
-            rows = jacobian_rows(variant, changed, steps, weight_step, record, kept)
+            rows = jacobian_rows(variant, changed, steps, gain_steps, record, kept)
             rows -= rows.mean(axis=0)
             columns.append(rows[:, :n_weights])
             changes.append(rows[:, n_weights:])
         squares = [c.T @ c for c in columns]
         return _products(variant, self.free, columns, changes, squares, self.price)
 
-    def light_pass(self, variant: Variant, last: _Pass) -> _Pass:
+    def light_pass(self, variant: Variant[Any], last: _Pass) -> _Pass:
         """Derivatives by the free numbers; those by the weights are of another place near by."""
         return self.changes_at(variant, last.columns, last.squares)
 
     def changes_at(
-        self, variant: Variant, columns: Sequence[Array], squares: Sequence[Array]
+        self, variant: Variant[Any], columns: Sequence[Array], squares: Sequence[Array]
     ) -> _Pass:
         """Return the same with given derivatives by the weights and their Gram matrices."""
         changed, steps = self._neighbours(variant)
@@ -264,28 +285,28 @@ class _Problem:
             changes.append(rows - rows.mean(axis=0))
         return _products(variant, self.free, columns, changes, squares, self.price)
 
-    def stepped(self, best: Variant, here: _Pass, damping: float) -> Variant:
+    def stepped(self, best: Variant[Any], here: _Pass, damping: float) -> Variant[Any]:
         """Return where a damped step of weights and free numbers leads from a place."""
-        n_weights = len(best.hysteresis.weights)
+        n_weights = len(best.hysteresis.gains)
         x = _solve(
-            here, best.hysteresis.weights, damping, [number.ways(best) for number in self.free]
+            here, best.hysteresis.gains, damping, [number.ways(best) for number in self.free]
         )
-        trial = _with_weights(best, x[:n_weights])
+        trial = _with_gains(best, x[:n_weights])
         for number, step in zip(self.free, x[n_weights:], strict=True):
             trial = number.write(trial, number.read(best) + number.bounded(step))
         return trial
 
-    def foreseen(self, best: Variant, here: _Pass) -> float:
+    def foreseen(self, best: Variant[Any], here: _Pass) -> float:
         """Return the least squares, were they as curved everywhere as at a place."""
         ways = [number.ways(best) for number in self.free]
-        return here.cost(_solve(here, best.hysteresis.weights, 0.0, ways))
+        return here.cost(_solve(here, best.hysteresis.gains, 0.0, ways))
 
-    def priced(self, best: Variant, here: _Pass) -> float:
+    def priced(self, best: Variant[Any], here: _Pass) -> float:
         """Return what the prices of roughness and of bends add to the squares of a place."""
-        weights = np.array(best.hysteresis.weights)
+        weights = np.array(best.hysteresis.gains)
         return here.count * float(weights @ self.price @ weights) + here.bends
 
-    def _neighbours(self, variant: Variant) -> tuple[list[Variant], Array]:
+    def _neighbours(self, variant: Variant[Any]) -> tuple[list[Variant[Any]], Array]:
         changed, steps = [], []
         for number in self.free:
             here = number.read(variant)
@@ -296,7 +317,7 @@ class _Problem:
 
 
 def _products(
-    variant: Variant,
+    variant: Variant[Any],
     free: Sequence[Free],
     columns: Sequence[Array],
     changes: Sequence[Array],
@@ -304,7 +325,7 @@ def _products(
     price: Array,
 ) -> _Pass:
     """Gram matrix of columns of the weights, by record, and of the free numbers beside them."""
-    weights = np.array(variant.hysteresis.weights)
+    weights = np.array(variant.hysteresis.gains)
     n, size = len(weights), len(weights) + changes[0].shape[1] - 1
     gram, motion = np.zeros((size + 1, size + 1)), np.zeros(size)
     for own, change, square in zip(columns, changes, squares, strict=True):
@@ -314,7 +335,8 @@ def _products(
         part[n:, :n] = part[:n, n:].T
         part[n:, n:] = change.T @ change
         spread = np.sqrt(np.diag(part)[:size])
-        motion = np.maximum(motion, spread / max(float(spread[0]), 1e-300))
+        moves = spread[0] if variant.hysteresis.keeps_first else spread[:n].max()
+        motion = np.maximum(motion, spread / max(float(moves), 1e-300))
         gram += part
     # what is left, plus what the weights give now: to be solved for weights, not for their steps
     whole = np.eye(size + 1)
@@ -326,10 +348,11 @@ def _products(
     bends = _add_bends(variant, free, inner[n:, n:], rhs[n:])
     total = float(gram[size, size]) + bends
     left = [change[:, -1] for change in changes]
-    return _Pass(inner, rhs, total, count, motion, columns, squares, left, bends)
+    core = variant.hysteresis
+    return _Pass(inner, rhs, total, count, motion, columns, squares, left, bends, core)
 
 
-def _add_bends(variant: Variant, free: Sequence[Free], gram: Array, rhs: Array) -> float:
+def _add_bends(variant: Variant[Any], free: Sequence[Free], gram: Array, rhs: Array) -> float:
     """Add the price of the effects' bends to the products of the free numbers; return it."""
     paid = 0.0
     for i, effect in enumerate(variant.effects):
@@ -346,27 +369,27 @@ def _add_bends(variant: Variant, free: Sequence[Free], gram: Array, rhs: Array) 
 
 
 def _solve(
-    at: _Pass, weights: Sequence[float], damping: float, ways: Sequence[tuple[bool, bool]]
+    at: _Pass, gains: Sequence[float], damping: float, ways: Sequence[tuple[bool, bool]]
 ) -> Array:
-    """Best weights (not negative) and step of the free numbers, whose `ways` are up and down.
+    """Best gains and step of the free numbers, whose `ways` are up and down.
 
-    The search begins at the weights that are there.
+    Gains that may not be negative stay at zero or above; the search begins at those that are there.
     """
-    n_weights = len(weights)
-    moves = at.gram.shape[0] - n_weights
-    signs = np.concatenate([np.ones(n_weights), np.ones(moves), -np.ones(moves)])
-    index = np.concatenate([np.arange(n_weights + moves), np.arange(n_weights, n_weights + moves)])
-    damped = at.gram + np.diag(
-        np.concatenate([np.zeros(n_weights), damping * np.diag(at.gram)[n_weights:]])
-    )
+    n, moves = len(gains), at.gram.shape[0] - len(gains)
+    down_too = np.array([*np.flatnonzero(at.core.signed), *range(n, n + moves)], dtype=np.intp)
+    signs = np.concatenate([np.ones(n + moves), -np.ones(len(down_too))])
+    index = np.concatenate([np.arange(n + moves), down_too])
+    damped = at.gram + np.diag(np.concatenate([np.zeros(n), damping * np.diag(at.gram)[n:]]))
     gram = damped[np.ix_(index, index)] * np.outer(signs, signs)
     rhs = at.rhs[index] * signs
     up, down = np.array(ways, dtype=bool).reshape(-1, 2).T
-    allowed = np.concatenate([at.motion[:n_weights] >= MIN_MOTION, up, down])
-    guess = np.concatenate([np.array(weights) > 0.0, np.zeros(2 * moves, dtype=np.bool_)])
-    x, _ = bounded_least_squares(gram, rhs, allowed, at.smallest_a0, guess)
-    step = x[n_weights : n_weights + moves] - x[n_weights + moves :]
-    return np.concatenate([x[:n_weights], step])
+    both = at.allowed[down_too[: len(down_too) - moves]]
+    allowed = np.concatenate([at.allowed, up, both, down])
+    guess = np.concatenate([np.array(gains) > 0.0, np.zeros(len(index) - n, dtype=np.bool_)])
+    found, _ = bounded_least_squares(gram, rhs, allowed, at.floor, guess)
+    x: Array = found[: n + moves].copy()
+    x[down_too] -= found[n + moves :]
+    return x
 
 
 def roughness(thresholds_V: Sequence[float]) -> Array:
@@ -404,7 +427,7 @@ def roughness(thresholds_V: Sequence[float]) -> Array:
 
 def fit_joint(
     records: Sequence[Record],
-    start: RDPI,
+    start: Core,
     effects: Sequence[Effect] = (),
     passes: int = 30,
     tolerance: float = 1e-4,
@@ -440,9 +463,9 @@ def fit_joint(
         returned are those of the data alone.
     """
     problem, best = _begun(records, start, effects, held, samples, smoothness)
-    n_weights = len(start.weights)
+    n_weights = len(start.gains)
     here = problem.whole_pass(best)
-    best = _with_weights(best, _weights_alone(here, n_weights))
+    best = _with_gains(best, _gains_alone(here, n_weights))
     here = problem.light_pass(best, here)
     cost = _least(here, n_weights)
     used, damping, moves, converged = 2, 1e-3, 0, False
@@ -457,7 +480,7 @@ def fit_joint(
             best, here, cost, moves = trial, there, trial_cost, moves + 1
             damping = max(damping / 10, 1e-9)
         if stale and (small or moves > _LIGHT_PASSES):
-            best = _with_weights(best, _weights_alone(here, n_weights))
+            best = _with_gains(best, _gains_alone(here, n_weights))
             here, moves = problem.whole_pass(best), 0
             cost = _least(here, n_weights)
         elif better:
@@ -465,10 +488,10 @@ def fit_joint(
         else:
             converged = damping > _LARGEST_DAMPING
             damping *= 10
-    best = _with_weights(best, _weights_alone(here, n_weights))
+    best = _with_gains(best, _gains_alone(here, n_weights))
     if moves > 0:
         here = problem.whole_pass(best)
-        best = _with_weights(best, _weights_alone(here, n_weights))
+        best = _with_gains(best, _gains_alone(here, n_weights))
         cost = _least(here, n_weights)
     cost -= problem.priced(best, here)
     edge = [n for n in problem.free if n.effect is not None and n.at_bound(best)]
@@ -508,7 +531,7 @@ class FirstSteps:
 
 def first_steps(
     records: Sequence[Record],
-    start: RDPI,
+    start: Core,
     effects: Sequence[Effect],
     steps: int,
     held: frozenset[str] = frozenset(),
@@ -540,13 +563,13 @@ def first_steps(
     FirstSteps
     """
     problem, best = _begun(records, start, effects, held, samples, smoothness)
-    n_weights = len(start.weights)
+    n_weights = len(start.gains)
     here = (
         problem.whole_pass(best)
         if near is None
         else problem.changes_at(best, near.columns, near.squares)
     )
-    best = _with_weights(best, _weights_alone(here, n_weights))
+    best = _with_gains(best, _gains_alone(here, n_weights))
     here = problem.light_pass(best, here)
     cost, damping, tried = _least(here, n_weights), 1e-3, 0
     while tried < steps:
@@ -564,7 +587,7 @@ def first_steps(
                 break
         else:
             damping *= 10
-    best = _with_weights(best, _weights_alone(here, n_weights))
+    best = _with_gains(best, _gains_alone(here, n_weights))
     cost -= problem.priced(best, here)
     return FirstSteps(
         best, math.sqrt(max(cost, 0.0) / max(here.count, 1)), here.columns, here.squares, here.left
@@ -573,22 +596,39 @@ def first_steps(
 
 def _begun(
     records: Sequence[Record],
-    start: RDPI,
+    start: Core,
     effects: Sequence[Effect],
     held: frozenset[str],
     samples: int | None,
     smoothness: float,
-) -> tuple[_Problem, Variant]:
+) -> tuple[_Problem, Variant[Any]]:
     fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
     span = max(float(np.ptp(r.u_V)) for r in records)
-    free = free_numbers(effects, 0.1 * span / fastest, held)
-    price = smoothness**2 * roughness(start.thresholds_V)
-    problem = _Problem(free, records, kept_samples(records, samples), price)
-    return problem, _with_weights(Variant(start, tuple(effects)), np.array(start.weights))
+    free = free_numbers(start, effects, 0.1 * span / fastest, held)
+    price = np.zeros((len(start.gains), len(start.gains)))
+    sizes = np.ones(len(start.gains))
+    if isinstance(start, RDPI):
+        price = smoothness**2 * roughness(start.thresholds_V)
+    else:
+        sizes = _gain_sizes(start, records)
+    problem = _Problem(free, records, kept_samples(records, samples), price, sizes)
+    return problem, _with_gains(Variant(start, tuple(effects)), np.array(start.gains))
 
 
-def _with_weights(variant: Variant, weights: Array) -> Variant:
-    return replace(variant, hysteresis=replace(variant.hysteresis, weights=tuple(weights.tolist())))
+def _gain_sizes(core: Core, records: Sequence[Record]) -> Array:
+    """Return the size of each gain over the largest one that acts on the command itself."""
+    largest, u_V = np.zeros(len(core.gains)), 0.0
+    for record in records:
+        u, v = record.u_V, np.diff(record.u_V, prepend=record.u_V[0]) / record.ts_s
+        columns = core.responses(u, v, core.settled(()))
+        largest = np.maximum(largest, np.abs(columns).max(axis=0))
+        u_V = max(u_V, float(np.abs(u).max()))
+    sizes: Array = u_V / np.where(largest > 0.0, largest, u_V)
+    return sizes
+
+
+def _with_gains(variant: Variant[Any], gains: Array) -> Variant[Any]:
+    return replace(variant, hysteresis=variant.hysteresis.with_gains(gains.tolist()))
 
 
 def _padded(weights: Array, at: _Pass) -> Array:
@@ -598,23 +638,27 @@ def _padded(weights: Array, at: _Pass) -> Array:
 
 
 def _least(at: _Pass, n_weights: int) -> float:
-    return at.cost(_padded(_weights_alone(at, n_weights), at))
+    return at.cost(_padded(_gains_alone(at, n_weights), at))
 
 
-def _weights_alone(at: _Pass, n_weights: int) -> Array:
-    gram = np.ascontiguousarray(at.gram[:n_weights, :n_weights])
-    allowed = at.motion[:n_weights] >= MIN_MOTION
-    x, _ = bounded_least_squares(gram, at.rhs[:n_weights].copy(), allowed, at.smallest_a0, allowed)
-    weights: Array = x
-    return weights
+def _gains_alone(at: _Pass, n: int) -> Array:
+    turned = np.flatnonzero(at.core.signed)
+    index = np.concatenate([np.arange(n), turned])
+    signs = np.concatenate([np.ones(n), -np.ones(len(turned))])
+    gram = np.ascontiguousarray(at.gram[np.ix_(index, index)] * np.outer(signs, signs))
+    allowed = at.allowed[index]
+    found, _ = bounded_least_squares(gram, at.rhs[index] * signs, allowed, at.floor, allowed)
+    gains: Array = found[:n].copy()
+    gains[turned] -= found[n:]
+    return gains
 
 
 def _standard_errors(
-    best: Variant, free: Sequence[Free], at: _Pass, cost: float
+    best: Variant[Any], free: Sequence[Free], at: _Pass, cost: float
 ) -> dict[str, float | None]:
     """From the curvature over the free numbers and the weights that are off their bounds."""
-    n_weights = len(best.hysteresis.weights)
-    active = [i for i, a in enumerate(best.hysteresis.weights) if a > 0]
+    n_weights = len(best.hysteresis.gains)
+    active = [i for i, a in enumerate(best.hysteresis.gains) if a != 0.0]
     index = np.array([*active, *range(n_weights, n_weights + len(free))])
     gram = at.gram[np.ix_(index, index)]
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))

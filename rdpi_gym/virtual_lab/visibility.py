@@ -124,7 +124,8 @@ def _products(
     kept: NDArray[np.intp], more: Array,
 ) -> tuple[Array, Array, float]:  # fmt: skip
     """Gram matrix, right-hand side and total of a record, its offset taken out."""
-    rows = jacobian_rows(base, changed, steps, _STEP * base.hysteresis.a0, record, kept)
+    gain_steps = np.full(len(base.hysteresis.gains), _STEP * base.hysteresis.a0)
+    rows = jacobian_rows(base, changed, steps, gain_steps, record, kept)
     columns = np.column_stack([rows[:, :-1], more])
     columns -= columns.mean(axis=0)
     target = difference[kept] - difference[kept].mean()

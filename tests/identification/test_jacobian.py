@@ -23,7 +23,8 @@ def test_a_fit_steps_the_weights_of_plays_between_envelopes_too():
     record = Record("run", np.arange(u.size) * TS, u, np.zeros_like(u), ts_s=TS)
     base = Variant(core, in_chain_order(effects))
     faster = replace(base, hysteresis=replace(core, delta2_s=2e-4))
-    rows = jacobian_rows(base, [faster], np.array([1e-4]), 1e-3, record, np.arange(u.size))
+    gain_steps = np.full(len(core.gains), 1e-3)
+    rows = jacobian_rows(base, [faster], np.array([1e-4]), gain_steps, record, np.arange(u.size))
     y = simulate_effects([base], record)[:, 0]
     for k in range(3):
         stepped = (*core.weights[:k], core.weights[k] + 1e-3, *core.weights[k + 1 :])

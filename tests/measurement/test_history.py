@@ -28,8 +28,9 @@ def test_a_record_with_its_history_runs_as_the_end_of_the_whole():
     expected = simulate_effects([variant], whole)[EARLY:]
     np.testing.assert_allclose(simulate_effects([variant], late), expected, rtol=1e-12)
     kept = np.arange(0, len(late.u_V), 3)
+    gain_steps = np.full(len(P5.hysteresis.gains), 1e-4)
     rows = [
-        jacobian_rows(variant, [changed], np.array([0.005]), 1e-4, record, at)
+        jacobian_rows(variant, [changed], np.array([0.005]), gain_steps, record, at)
         for record, at in ((late, kept), (whole, kept + EARLY))
     ]
     np.testing.assert_allclose(*rows, rtol=1e-9, atol=1e-9)

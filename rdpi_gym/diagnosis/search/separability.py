@@ -87,10 +87,11 @@ def separability(
     base = Variant(bare, tuple(present))
     weights, size = len(hysteresis.weights), len(hysteresis.weights) + len(names)
     gram, samples = np.zeros((size, size)), 0
+    steps = np.full(weights, 0.1 * hysteresis.A)
     rated = Variant(replace(bare, delta2_s=_typical_delta2(hysteresis, records)), base.effects)
     for record in records:
         counted = np.flatnonzero(record.error_mask)
-        columns = jacobian_rows(base, [], np.zeros(0), 0.1 * hysteresis.A, record, counted)[:, :-1]
+        columns = jacobian_rows(base, [], np.zeros(0), steps, record, counted)[:, :-1]
         still = simulate_effects([base], record)[:, 0]
         moved = [_with(rated if e.slot == "rate" else base, e) for e in effects.values()]
         directions = [simulate_effects([v], record)[:, 0] - still for v in (*moved, rated)]

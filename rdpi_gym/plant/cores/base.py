@@ -52,6 +52,8 @@ class Core(ABC):
         has it.
     rated
         Whether it depends on how fast the command moves.
+    keeps_first
+        Whether its first gain, of the command itself, stays above zero.
 
     Examples
     --------
@@ -73,6 +75,7 @@ class Core(ABC):
     clockwise: ClassVar[bool | None] = False
     wipes_out: ClassVar[bool] = True
     rated: ClassVar[bool] = False
+    keeps_first: ClassVar[bool] = False
     rate_bandwidth_hz: float | None
 
     @property

@@ -81,6 +81,7 @@ class RDPI(Core):
     hardware = "Piezoelectric stacks, tubes and bending actuators driven by a voltage."
     shape = (Parameter("delta2_s", "s", 0.0, 1e3, (0.0, 1e-3), "δ2 of Eq. 8"),)
     rated = True
+    keeps_first = True  # Eq. 6 divides by it
 
     def __post_init__(self) -> None:
         weights = numbers("weights", self.weights)
@@ -180,9 +181,9 @@ class RDPI(Core):
 
     def with_gains(self, gains: Sequence[float]) -> RDPI:
         """Return the model with other weights (µm/V); a_0 stays above zero."""
-        least = _LEAST_A0 * max(math.fsum(gains), _LEAST_A0)
         first, *others = (max(float(gain), 0.0) for gain in gains)
-        return replace(self, weights=(max(first, least), *others))
+        least = first or _LEAST_A0 * max(math.fsum(others), _LEAST_A0)
+        return replace(self, weights=(least, *others))
 
     def responses(self, u: Array, v: Array, memory: Array) -> Array:
         """The command, and each play operator's output (V)."""
