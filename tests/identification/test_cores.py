@@ -47,7 +47,11 @@ def test_the_shape_of_its_own_plant_is_found_within_a_per_cent(name: str) -> Non
     # a comb lies over the data: a plant on the comb that the fit will use
     (first,) = {data_scale(records(start)) for start in kind.starts(SCALE)[:1]}
     start = kind.starts(first)[0]
-    away = {p.name: 1.3 * float(getattr(start, p.name)) for p in kind.shape if not p.fixed}
+    away = {
+        p.name: 1.3 * float(getattr(start, p.name)) or 0.5 * max(p.typical)
+        for p in kind.shape
+        if not p.fixed
+    }
     truth = start.with_shape(away)
     data = records(truth)
     found = fit_core(data, kind)
