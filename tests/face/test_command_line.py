@@ -43,7 +43,7 @@ def test_fit_of_another_kind_of_hysteresis(folder, tmp_path, capsys):
     model = rg.fit_core(rg.load(folder), "stop")
     assert PlantModel.load(tmp_path / "model.json") == model.plant
     assert main(["fit", str(folder), "--core", "stpo", "--out", str(tmp_path)]) == 2
-    assert "'stpo' is unknown; did you mean 'stop'?" in capsys.readouterr().err
+    assert "'stpo' is unknown (did you mean 'stop'?)" in capsys.readouterr().err
     assert main(["fit", str(folder), "--core", "stop", "--plays", "3"]) == 2
     assert "--plays, --free-memory and --rate-bandwidth belong to the core rdpi" in (
         capsys.readouterr().err
