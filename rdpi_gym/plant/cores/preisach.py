@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from zlib import crc32
 
 import numpy as np
 from numba import njit
@@ -38,64 +39,80 @@ _UNEVEN = 1e-6
 
 # No reordering of sums: what a sample gives hangs on the command and the plays alone, however the
 # record is cut into blocks.
+@njit(cache=True, inline="always")
+def _on_ramp(x: float, steep: float, cells: float) -> tuple[int, float]:
+    """Nearest of a number of cells to a place in units of them, and how far up its ramp that is."""
+    place = x + 0.5
+    place = place if place > 0.0 else 0.0
+    place = place if place < cells - 0.5 else cells - 0.5
+    i = int(place)
+    ramp = (x - i) * steep
+    ramp = ramp if ramp < 1.0 else 1.0
+    return i, ramp if ramp > -1.0 else -1.0
+
+
 @njit(cache=True)
-def _one_lane(u: Array, p: Array, xi: Array, held: Array, y: Array) -> None:
-    """One lane; `held` is room for N + 1 sums, held[d] of the relays from diagonal d on."""
-    levels = xi.shape[0] + 1
-    lowest, apart, steep, offset = p[1], p[2], p[3], p[p.shape[0] - 1]
+def _one_lane(u: Array, p: Array, memory: Array, y: Array) -> None:
+    levels = (memory.shape[0] - 2) // 2
+    lowest, apart, steep, mark = p[1], p[2], p[3], p[4]
+    offset = p[p.shape[0] - 1]
     half, per_volt = 0.5 * apart, 1.0 / apart
+    xi, held = memory[1:], memory[levels + 1 :]  # from index 1 on
     # A command that rises pushes the plays of the smallest thresholds along, and these only: where
-    # `way` is 1, plays 0 ... sliding - 1 are at last - r_d, and what xi says of them is old.
-    # held[known] and all above it are up to date.
-    sliding, way, known, last = 1, 0, levels, 0.0
-    held[levels] = 0.0
+    # `way` is 1, plays 0 ... sliding - 1 are at last - r_d, and what xi says of them is old. What
+    # the relays from diagonal d on add is in held[d] for d >= known.
+    sliding, last = int(abs(memory[0])), memory[1]
+    way = 0 if sliding == 0 else (1 if memory[0] > 0.0 else -1)
+    sliding = max(sliding, 1)
+    known = sliding
+    if held[0] != mark:  # of another plant, or none yet
+        known, held[0], held[levels] = levels, mark, 0.0
     for t in range(u.shape[0]):
         x = u[t]
         if (way > 0 and x < last) or (way < 0 and x > last):  # a turn: they stay where they are
             for d in range(1, sliding):
-                xi[d - 1] = last - way * (d * half)
+                xi[d] = last - way * (d * half)
             sliding, way = 1, 0
         if way == 0:
-            if x - half >= xi[0]:
+            if x - half >= xi[1]:
                 way = 1
-            elif x + half <= xi[0]:
+            elif x + half <= xi[1]:
                 way = -1
         if way > 0:
-            while sliding < levels and x - sliding * half >= xi[sliding - 1]:
+            while sliding < levels and x - sliding * half >= xi[sliding]:
                 sliding += 1
         elif way < 0:
-            while sliding < levels and x + sliding * half <= xi[sliding - 1]:
+            while sliding < levels and x + sliding * half <= xi[sliding]:
                 sliding += 1
         known = max(known, sliding)
         while known > sliding:
             known -= 1
-            cell = (xi[known - 1] - lowest) * per_volt - 0.5 * known
-            i = int(min(max(cell + 0.5, 0.0), levels - known - 0.5))
-            ramp = min(max((cell - i) * steep, -1.0), 1.0)
-            row = 4 + 2 * ((i + known) * levels + known)
+            cell = (xi[known] - lowest) * per_volt - 0.5 * known
+            i, ramp = _on_ramp(cell, steep, levels - known)
+            row = 5 + 2 * ((i + known) * levels + known)
             still, moves = p[row] - p[row - 2], p[row + 1] - p[row - 1]
             held[known] = held[known + 1] + (still + ramp * moves)
         last = x
         # All plays that slide are on the ramps of one switching value, the command's.
-        cell = (x - lowest) * per_volt
-        i = int(min(max(cell + 0.5, 0.0), levels - 0.5))
-        ramp = min(max((cell - i) * steep, -1.0), 1.0)
-        row = 4 + 2 * ((i + (levels if way < 0 else 0)) * levels + sliding - 1)
+        i, ramp = _on_ramp((x - lowest) * per_volt, steep, levels)
+        row = 5 + 2 * ((i + (levels if way < 0 else 0)) * levels + sliding - 1)
         y[t] = p[0] * x + offset + (p[row] + ramp * p[row + 1]) + held[sliding]
-    for d in range(1, sliding):
-        xi[d - 1] = last - way * (d * half)
+    memory[0], memory[1] = way * sliding, last
 
 
 @njit(cache=True)
 def preisach_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     """Sum of the relays, in a time that hardly grows with their number while the command goes on.
 
-    Rows of ``p``: c (µm/V), lowest level (V), distance of two (V), its double over the ramp; then,
-    for each switching value i and each number k of plays that slide there, two sums (µm) over the
-    relays of diagonals 0 ... k - 1: those that are switched, and those on their ramps; once for
-    rising (i of α) and once for falling (i of β); pole (unused), offset (µm). Rows of ``state``
-    from 2 on: plays (V) of the thresholds h/2, h, ... (N - 1) h/2, as a past of commands leaves
-    them: neighbours at most h/2 apart.
+    Rows of ``p``: c (µm/V), lowest level (V), distance h of two (V), 2 h over the ramp, a mark of
+    the plant; then, for each switching value i and each number k of plays that slide there, two
+    sums (µm) over the relays of diagonals 0 ... k - 1: those that are switched, and those on their
+    ramps; once for rising (i of α) and once for falling (i of β); pole (unused), offset (µm).
+
+    Rows of ``state`` from 2 on: how many plays slide with the command, negative while it falls;
+    the last command (V); N - 1 plays (V) of the thresholds h/2, h, ... as a past of commands leaves
+    them, neighbours at most h/2 apart, old where they slide; the mark of the plant whose N sums of
+    held relays (µm) follow: where it is another's, they are made anew.
 
     Parameters
     ----------
@@ -106,15 +123,14 @@ def preisach_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None
     y : float64[T, B]
         Filled with the displacement (µm).
     """
-    held = np.empty(state.shape[0])
     for b in range(u.shape[1]):
-        _one_lane(u[:, b], p[:, b], state[2:, b], held, y[:, b])
+        _one_lane(u[:, b], p[:, b], state[2:, b], y[:, b])
 
 
 @njit(cache=True)
 def _relay_rows(u: Array, lowest: float, apart: float, ramp: float, xi: Array, rows: Array) -> None:
     """Fill ``rows[K, T]`` with every relay's output since rest, from plays ``xi``, moved along."""
-    levels = xi.shape[0] + 1
+    levels, steep = xi.shape[0] + 1, 2.0 / ramp
     trace = u.copy()
     for d in range(levels):
         r = 0.5 * d * apart
@@ -126,10 +142,13 @@ def _relay_rows(u: Array, lowest: float, apart: float, ramp: float, xi: Array, r
             xi[d - 1] = x
         for j in range(levels - d):
             middle = lowest + (j + 0.5 * d) * apart
-            rest = min(max(-2.0 * middle / ramp, -1.0), 1.0)
+            rest = min(max(-steep * middle, -1.0), 1.0)
             row = rows[(j + d) * (j + d + 1) // 2 + j]
             for t in range(u.shape[0]):
-                row[t] = min(max(2.0 * (trace[t] - middle) / ramp, -1.0), 1.0) - rest
+                x = steep * (trace[t] - middle)
+                x = x if x < 1.0 else 1.0
+                x = x if x > -1.0 else -1.0
+                row[t] = x - rest
 
 
 @njit(cache=True)
@@ -198,7 +217,7 @@ class Preisach(Core):
     only on the way back:
 
     >>> core = Preisach(0.1, levels_V=(0.0, 10.0), ramp_V=10.0, weights_um=(0.0, 1.0, 0.0))
-    >>> column = core.responses(np.array([0.0, 5.0, 15.0, 5.0, -5.0]), np.zeros(5), np.zeros(1))
+    >>> column = core.responses(np.array([0.0, 5.0, 15.0, 5.0, -5.0]), np.zeros(5), core.settled(()))
     >>> column[:, 2].tolist()
     [0.0, 0.0, 2.0, 2.0, 0.0]
 
@@ -310,8 +329,8 @@ class Preisach(Core):
 
     @property
     def n(self) -> int:
-        """Number of plays with memory, N - 1."""
-        return len(self.levels_V) - 1
+        """Rows of memory: those of the kernel, N - 1 plays and what it holds of them."""
+        return 2 * len(self.levels_V) + 2
 
     @property
     def a0(self) -> float:
@@ -351,7 +370,7 @@ class Preisach(Core):
         """
         columns = np.empty((1 + len(self.weights_um), len(u)))
         columns[0] = u
-        _relay_rows(*self._given(u), memory.copy(), columns[1:])
+        _relay_rows(*self._given(u), self._plays(memory[:, None])[:, 0], columns[1:])
         return columns.T
 
     def _given(self, u: Array) -> tuple[Array, float, float, float]:
@@ -375,7 +394,7 @@ class Preisach(Core):
         )
 
     def coefficients(self) -> list[float]:
-        """First c (µm/V), lowest level, distance (V), its double over the ramp; then the tables (µm)."""
+        """First c (µm/V), levels (V) and ramp, and a mark of them all; then the tables (µm)."""
         levels, triangle = len(self.levels_V), self.triangle
         middles = np.add.outer(self.levels_V, self.levels_V) / 2.0
         at_rest = triangle * np.clip(-2.0 * middles / self.ramp_V, -1.0, 1.0)
@@ -391,16 +410,32 @@ class Preisach(Core):
             tables[1, levels - d :, d, 0] = below[-1] - rest
         sums = np.cumsum(tables, axis=2)
         steep = 2.0 * self.apart_V / self.ramp_V
-        return [self.reversible_um_V, self.levels_V[0], self.apart_V, steep, *sums.ravel().tolist()]
+        head = [self.reversible_um_V, self.levels_V[0], self.apart_V, steep]
+        mark = 1.0 + crc32(np.append(sums, head).tobytes())
+        return [*head, mark, *sums.ravel().tolist()]
 
     def settled(self, turns_V: Sequence[float]) -> Array:
-        """Plays (V) after a slow walk from rest through commands (V)."""
-        return settled_memory(self.thresholds_V, turns_V)
+        """Memory after a slow walk from rest through commands (V)."""
+        return self._memory(settled_memory(self.thresholds_V, turns_V)[:, None])[:, 0]
 
     def resting(self, memory: Array, u0_V: Array) -> Array:
         """Plays within their thresholds of the command."""
         r = np.array(self.thresholds_V)[:, None]
-        return np.clip(memory, u0_V - r, u0_V + r)
+        return self._memory(np.clip(self._plays(memory), u0_V - r, u0_V + r))
+
+    def _plays(self, memory: Array) -> Array:
+        """Plays (V) of a memory, ``(N - 1, B)``, those that slide with the command as well."""
+        r, sliding = np.array(self.thresholds_V)[:, None], memory[0]
+        slides = np.arange(1, len(self.levels_V))[:, None] < np.abs(sliding)
+        plays: Array = np.where(
+            slides, memory[1] - np.sign(sliding) * r, memory[2 : len(self.levels_V) + 1]
+        )
+        return plays
+
+    def _memory(self, plays: Array) -> Array:
+        memory = np.zeros((self.n, plays.shape[1]))
+        memory[2 : len(self.levels_V) + 1] = plays
+        return memory
 
 
 def check_grid(core: Preisach, commands_V: Sequence[Array]) -> None:

@@ -215,6 +215,25 @@ def test_lanes_have_their_own_levels_and_weights():
         np.testing.assert_array_equal(together[:, lane], run(core, u[:, lane].copy()))
 
 
+def test_memory_of_other_weights_is_the_same_plays():
+    one, other = uneven(9, seed=1), uneven(9, seed=2)
+    u, rest = turning(0.0, 7.0, -4.0, 5.0, -1.0), turning(-1.0, 3.0, -6.0, 9.0)
+    model = PlantModel(other, "demo", (-99.0, 99.0), (0.0, 5.0))  # type: ignore[arg-type]
+    before = Plant(PlantModel(one, "demo", (-99.0, 99.0), (0.0, 5.0)), TS_S)  # type: ignore[arg-type]
+    before.simulate(u)
+    after = Plant(model, TS_S)
+    after.reset(memory=before.memory)
+    np.testing.assert_array_equal(
+        after.simulate(rest), run(other, np.concatenate([u, rest]))[len(u) :]
+    )
+    columns = other.responses(rest, rest, before.memory[:, 0])
+    np.testing.assert_allclose(
+        columns, other.responses(np.append(u, rest), rest, other.settled(()))[len(u) :], atol=1e-12
+    )
+    after.reset(u0_V=-20.0, memory=before.memory)
+    assert after.simulate(np.array([-20.0]))[0] == pytest.approx(run(other, np.array([-20.0]))[0])
+
+
 def test_reversal_curves_give_its_numbers_back():
     core = uneven(12, c=0.3)
     u = reversal_curves(core, samples=150)
