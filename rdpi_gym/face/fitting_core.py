@@ -59,7 +59,7 @@ class CoreFit(Shown, cores.CoreFit):
         if self.at_bound:
             what = "stands at its bound" if len(self.at_bound) == 1 else "stand at their bounds"
             lines.append(
-                f"- {joined(self.at_bound)} {what}: these records do not say how large it is."
+                f"- {joined(self.at_bound)} {what}: these records do not determine {'it' if len(self.at_bound) == 1 else 'them'}."
             )
         return lines
 

@@ -1,0 +1,145 @@
+"""The page of the kinds of hysteresis, from what their files declare: `python -m studies.kinds_page`.
+
+The picture shows, for each kind, a large loop with small ones inside it.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from argparse import Namespace
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from rdpi_gym.plant import CORES, Plant, PlantModel
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.parameters import DataScale, Parameter
+from rdpi_gym.report.style import PALETTE, matplotlib_style
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import table
+from studies.png import small_png
+
+OUT = Path(__file__).parents[1] / "docs"
+PAGE, PICTURE = "kinds-of-hysteresis.md", "kinds-of-hysteresis.png"
+_MAKER = "python -m studies.kinds_page"
+_TS_S = 1e-3
+_SCALE = DataScale(
+    centre_V=0.0, span_V=20.0, stroke_um=20.0, fastest_V_s=200.0, shortest_s=_TS_S, longest_s=6.0
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the page and its picture.
+
+    Parameters
+    ----------
+    arguments
+        Words after the command; those of the process by default.
+
+    Returns
+    -------
+    int
+        0, else as :func:`~rdpi_gym.support.command.run_command` says.
+    """
+    options = Options("kinds_page", __doc__, out=OUT)
+    return options.run(arguments, _run)
+
+
+def _run(options: Namespace) -> None:
+    write_atomic(options.out / PAGE, page_text())
+    write_atomic(options.out / PICTURE, small_png(_picture()))
+    print(options.out / PAGE)
+
+
+def page_text() -> str:
+    """Return the page.
+
+    Examples
+    --------
+    >>> page_text().splitlines()[0]
+    '# Kinds of hysteresis'
+    """
+    kinds = CORES.values()
+    overview = table(
+        ["name", "kind", "loops turn", "small loops", "depends on the rate"],
+        [
+            [
+                f"[`{kind.name}`](#{kind.name})",
+                kind.title,
+                {True: "clockwise", False: "counter-clockwise", None: "either way"}[kind.clockwise],
+                "close and are forgotten" if kind.wipes_out else "leave a trace",
+                "yes" if kind.rated else "no",
+            ]
+            for kind in kinds
+        ],
+    )
+    return (
+        "# Kinds of hysteresis\n\n"
+        f"The middle of a plant's chain is one of {len(CORES)} hysteresis cores; whatever stands before and behind "
+        "it, from the amplifier's lag to the sensor's noise, goes with any of them. `rdpi fit DATA --core NAME` fits "
+        "one to a measurement, `rg.fit_core` does the same in Python, and the controller `core-inverse` undoes it. "
+        "The RDPI model has more: standard errors of every weight, the paper's compensators, the search for missing "
+        "effects.\n\n"
+        f"{overview}\n\n"
+        f"![One large loop with small ones inside, by each kind]({PICTURE})\n\n"
+        "*One command for all: triangles over the whole range with small loops on both branches. Each kind stands "
+        "where its fits begin.*\n\n" + "\n".join(_section(kind) for kind in kinds) + f"\nMade from "
+        f"[`rdpi_gym/plant/cores`](../rdpi_gym/plant/cores) by `{_MAKER}`.\n"
+    )
+
+
+def _section(kind: type[Core]) -> str:
+    numbers = (
+        table(
+            ["number", "unit", "bounds", "meaning"],
+            [[f"`{p.name}`", p.unit, _bounds(p), p.meaning] for p in kind.shape],
+        )
+        if kind.shape
+        else "No number beside its gains and the fixed thresholds or levels that they stand at.\n"
+    )
+    return (
+        f"## {kind.name}\n\n{kind.title[0].upper()}{kind.title[1:]}: `{kind.equation}`.\n\n"
+        f"**Met in:** {kind.hardware}\n\n**What gives it away:** {kind.signature}\n\n"
+        f"**What shows it best:** {kind.experiment}\n\n{numbers}\n\n*Source: {kind.source}*\n"
+    )
+
+
+def _bounds(parameter: Parameter) -> str:
+    return f"{parameter.low:g} to {parameter.high:g}"
+
+
+def _command() -> Array:
+    turns = [0.0, 20.0, -20.0, 20.0, 8.0, 14.0, 2.0, 8.0, -20.0, -8.0, -14.0, 0.0]
+    legs = [np.linspace(a, b, 400)[1:] for a, b in pairwise(turns)]
+    return np.concatenate(legs)
+
+
+def _picture() -> bytes:
+    stream = io.BytesIO()
+    u = _command()
+    with rc_context(matplotlib_style()):  # type: ignore[arg-type]
+        figure = Figure(figsize=(9.0, 8.4), layout="constrained")
+        axes = figure.subplots(3, 3).ravel()
+        for panel, kind in zip(axes, CORES.values(), strict=False):
+            core = kind.starts(_SCALE)[-1]
+            model = PlantModel(core, "shown", (-25.0, 25.0), (0.0, 10.0))
+            y = Plant(model, _TS_S * 20.0).simulate(u)
+            panel.plot(u, y, color=PALETTE[0], linewidth=1.2)
+            panel.set_title(kind.name)
+            panel.set_xlabel("Command (V)")
+            panel.set_ylabel("Displacement (µm)")
+        for panel in axes[len(CORES) :]:
+            panel.set_visible(False)
+        figure.savefig(stream, format="png", dpi=110)
+    return stream.getvalue()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
