@@ -42,13 +42,8 @@ _UNEVEN = 1e-6
 @njit(cache=True, inline="always")
 def _on_ramp(x: float, steep: float, cells: float) -> tuple[int, float]:
     """Nearest of a number of cells to a place in units of them, and how far up its ramp that is."""
-    place = x + 0.5
-    place = place if place > 0.0 else 0.0
-    place = place if place < cells - 0.5 else cells - 0.5
-    i = int(place)
-    ramp = (x - i) * steep
-    ramp = ramp if ramp < 1.0 else 1.0
-    return i, ramp if ramp > -1.0 else -1.0
+    i = int(min(max(x + 0.5, 0.0), cells - 0.5))
+    return i, min(max((x - i) * steep, -1.0), 1.0)
 
 
 @njit(cache=True)
