@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
+import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.checks import check_gain, check_rate_bandwidth, check_shape
+from rdpi_gym.plant.cores.elementary import power_lanes
 from rdpi_gym.plant.cores.inner_variable import LENGTHS, InnerVariable
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -20,15 +22,17 @@ _LEAST = 1e-12
 _SHORT, _FAR = 0.01, 1e300
 
 
-@njit(cache=True)
-def _fall(q: float, way: float, exponent: float) -> float:
-    """Return by how much q >= 0 falls over a `way` h where dq/dh = -q^i, down to zero at most."""
-    if exponent == 1.0:
+@njit(cache=True, error_model="numpy")
+def _fall(q: float, way: float, m: float, power: float) -> float:
+    """Return by how much q >= 0 falls over a `way` h where dq/dh = -q^(m + 1), to zero at most.
+
+    Given is q^m.
+    """
+    if m == 0.0:
         return -q * math.expm1(-way)
     if q == 0.0:
         return 0.0
-    m = exponent - 1.0
-    w = way * math.pow(q, m)  # q^(-m) grows by m h
+    w = way * power  # q^(-m) grows by m h
     if abs(w) < _SHORT:
         m2, m3, m4, m5 = 1.0 + m, 1.0 + 2.0 * m, 1.0 + 3.0 * m, 1.0 + 4.0 * m
         tail = 1.0 - w * m4 / 4.0 * (1.0 - w * m5 / 5.0 * (1.0 - w * (1.0 + 5.0 * m) / 6.0))
@@ -38,7 +42,7 @@ def _fall(q: float, way: float, exponent: float) -> float:
     return -q * math.expm1(-math.log1p(m * w) / m)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def dahl_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     """Dahl's model in the command, exactly for a command that is linear between samples.
 
@@ -52,15 +56,18 @@ def dahl_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     y : float64[T, B]
         Filled with the displacement (µm).
     """
-    last_row = p.shape[0] - 1
+    last_row, lanes = p.shape[0] - 1, u.shape[1]
+    q, m, power = np.empty(lanes), p[2] - 1.0, np.empty(lanes)
     for t in range(u.shape[0]):
-        for b in range(u.shape[1]):
-            way = u[t, b] - state[3, b]
+        for b in range(lanes):
+            ahead = math.copysign(p[1, b], u[t, b] - state[3, b])
+            q[b] = min(max(1.0 - state[2, b] / ahead, 0.0), 2.0)
+        power_lanes(q, m, power)
+        for b in range(lanes):
+            way, limit = u[t, b] - state[3, b], p[1, b]
             state[3, b] = u[t, b]
-            limit = p[1, b]
-            ahead = math.copysign(limit, way)
-            q = min(max(1.0 - state[2, b] / ahead, 0.0), 2.0)
-            z = state[2, b] + ahead * _fall(q, min(abs(way) / limit, _FAR), p[2, b])
+            fall = _fall(q[b], min(abs(way) / limit, _FAR), m[b], power[b])
+            z = state[2, b] + math.copysign(limit, way) * fall
             state[2, b] = z
             y[t, b] = p[0, b] * z + p[last_row, b]
 

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
+import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.checks import check_gain, check_rate_bandwidth, check_shape
+from rdpi_gym.plant.cores.elementary import expm1_lanes
 from rdpi_gym.plant.cores.inner_variable import LENGTHS, InnerVariable
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -19,7 +21,7 @@ from rdpi_gym.support.errors import InputError
 _LEAST = 1e-6
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def duhem_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     """Coleman-Hodgdon model in the command, exactly for a command that is linear between samples.
 
@@ -35,14 +37,17 @@ def duhem_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     y : float64[T, B]
         Filled with the displacement (µm).
     """
-    last_row = p.shape[0] - 1
+    last_row, lanes = p.shape[0] - 1, u.shape[1]
+    limit, way_over, fall = np.empty(lanes), np.empty(lanes), np.empty(lanes)
     for t in range(u.shape[0]):
-        for b in range(u.shape[1]):
+        for b in range(lanes):
             way = u[t, b] - state[3, b]
             state[3, b] = u[t, b]
-            limit = math.copysign(p[2, b], way)
-            z = state[2, b]
-            z -= (limit - z) * math.expm1(-abs(way) / p[2, b])
+            limit[b] = math.copysign(p[2, b], way)
+            way_over[b] = -abs(way) / p[2, b]
+        expm1_lanes(way_over, fall)
+        for b in range(lanes):
+            z = state[2, b] - (limit[b] - state[2, b]) * fall[b]
             state[2, b] = z
             y[t, b] = p[0, b] * (u[t, b] - z) + p[1, b] * z + p[last_row, b]
 

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
+import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.checks import check_gain, check_rate_bandwidth, check_shape
+from rdpi_gym.plant.cores.elementary import expm1_lanes
 from rdpi_gym.plant.cores.inner_variable import LENGTHS, InnerVariable
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -18,7 +20,7 @@ from rdpi_gym.support.errors import InputError
 _LEAST = 1e-12
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def lugre_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     """LuGre model, with the exact step of z over a sampling interval in which the rate is constant.
 
@@ -37,17 +39,24 @@ def lugre_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     y : float64[T, B]
         Filled with the displacement (µm).
     """
-    last_row = p.shape[0] - 1
+    last_row, lanes = p.shape[0] - 1, u.shape[1]
+    limit, w, fall = np.empty(lanes), np.empty(lanes), np.empty(lanes)
     for t in range(u.shape[0]):
-        for b in range(u.shape[1]):
-            way, rate = u[t, b] - state[3, b], v[t, b]
+        for b in range(lanes):
+            relative = v[t, b] * p[5, b]
+            w[b] = -relative * relative
+        expm1_lanes(w, fall)
+        for b in range(lanes):
+            limit[b] = p[3, b] + p[4, b] * (1.0 + fall[b])
+            w[b] = -abs(u[t, b] - state[3, b]) / limit[b]
+        expm1_lanes(w, fall)
+        for b in range(lanes):
+            ahead = math.copysign(limit[b], u[t, b] - state[3, b])
             state[3, b] = u[t, b]
-            limit = p[3, b] + p[4, b] * math.exp(-((rate * p[5, b]) ** 2))
-            ahead = math.copysign(limit, way)
-            z = state[2, b]
-            z -= (ahead - z) * math.expm1(-abs(way) / limit)
+            z = state[2, b] - (ahead - state[2, b]) * fall[b]
             state[2, b] = z
-            moves = rate - abs(rate) * z / limit
+            rate = v[t, b]
+            moves = rate - abs(rate) * z / limit[b]
             y[t, b] = p[0, b] * z + p[1, b] * moves + p[2, b] * rate + p[last_row, b]
 
 
