@@ -297,7 +297,9 @@ class GeneralisedPI(Core):
         The falling envelope is the rising one, or higher by a fifth, or both are bent more, and
         apart: the optima that fits of random plants fell into.
         """
-        reach = scale.span_V * (np.arange(1, _COMB + 1) / _COMB) ** 1.5
+        # Where a play's threshold is all that its envelopes move, it is a relay at the ends of the
+        # data, and takes any weight: half of what these envelopes move is tanh(1) = 0.76 of the span.
+        reach = 0.75 * scale.span_V * (np.arange(1, _COMB + 1) / _COMB) ** 1.5
         gain = scale.stroke_um / scale.span_V
         weights = (0.5 * gain, *[0.5 * gain / _COMB] * _COMB)
         bend, centre, apart = 1.0 / scale.span_V, scale.centre_V, 0.3 * scale.span_V
