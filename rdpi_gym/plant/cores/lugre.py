@@ -18,6 +18,8 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
 _LEAST = 1e-12
+# Stribeck rates of a fit's starts, of the command's fastest.
+_RATES = (0.02, 0.3)
 
 
 @njit(cache=True, error_model="numpy")
@@ -178,14 +180,19 @@ class LuGre(InnerVariable):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """Limits from small to larger than the command's span, a Stribeck rate amid the rates."""
-        starts = []
-        for share in LENGTHS:
-            s0 = scale.stroke_um / (min(share, 1.0) * scale.span_V)
-            viscous = 0.05 * scale.stroke_um / scale.fastest_V_s
-            limit, rate = share * scale.span_V, 0.1 * scale.fastest_V_s
-            starts.append(cls(s0, viscous, viscous, limit, 1.3, rate))
-        return tuple(starts)
+        """Limits from small to larger than the command's span, each at a slow and a fast Stribeck rate.
+
+        Where that rate begins too far from the data's own, a fit takes the effect out of their range.
+        """
+        viscous = 0.05 * scale.stroke_um / scale.fastest_V_s
+        return tuple(
+            cls(
+                scale.stroke_um / (min(length, 1.0) * scale.span_V), viscous, viscous,
+                length * scale.span_V, 1.3, rate * scale.fastest_V_s,
+            )
+            for length in LENGTHS
+            for rate in _RATES
+        )  # fmt: skip
 
     def coefficients(self) -> list[float]:
         """Gains s0, s1, s2; Fc / s0 (V), (Fs - Fc) / s0 (V), 1 / vs (s/V)."""
