@@ -73,6 +73,11 @@ def pack(models: Sequence[Core], ts_s: float, offsets_um: Sequence[float]) -> Ar
         [*m.coefficients(), m.rate_pole(ts_s), float(offset)]
         for m, offset in zip(models, offsets_um, strict=True)
     ]
+    if len({len(column) for column in columns}) != 1:
+        counts = sorted({len(model.gains) for model in models})
+        raise InputError(
+            f"lanes with {counts} gains; all lanes of one plant need as many of the core {models[0].name}"
+        )
     return np.ascontiguousarray(np.array(columns, dtype=np.float64).T)
 
 
