@@ -29,7 +29,7 @@ from studies.png import small_png
 OUT = Path(__file__).parents[1] / "docs"
 PAGE, PICTURE = "kinds-of-hysteresis.md", "kinds-of-hysteresis.png"
 _MAKER = "python -m studies.kinds_page"
-_TS_S = 1e-3
+_TS_S, _COLUMNS = 1e-3, 3
 _SCALE = DataScale(
     centre_V=0.0, span_V=20.0, stroke_um=20.0, fastest_V_s=200.0, shortest_s=_TS_S, longest_s=6.0
 )
@@ -125,8 +125,9 @@ def _picture() -> bytes:
     stream = io.BytesIO()
     u = _command()
     with rc_context(matplotlib_style()):  # type: ignore[arg-type]
-        figure = Figure(figsize=(9.0, 8.4), layout="constrained")
-        axes = figure.subplots(3, 3).ravel()
+        rows = -(-len(CORES) // _COLUMNS)
+        figure = Figure(figsize=(9.0, 2.8 * rows), layout="constrained")
+        axes = figure.subplots(rows, _COLUMNS).ravel()
         for panel, kind in zip(axes, CORES.values(), strict=False):
             core = kind.starts(_SCALE)[-1]
             model = PlantModel(core, "shown", (-25.0, 25.0), (0.0, 10.0))
