@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from rdpi_gym.measurement import Dataset, Record, other_name, write_csv
-from rdpi_gym.plant import PlantModel, Sensor
+from rdpi_gym.plant import RDPI, PlantModel, Sensor
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.signals.experiments import PAUSE_S, Experiment
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
+from rdpi_gym.virtual_lab.core_deformation import CoreDeformation
 from rdpi_gym.virtual_lab.independent.simulation import LARGEST_STEP_S, simulate_truth
 from rdpi_gym.virtual_lab.truth import Truth
 
@@ -110,13 +113,11 @@ def plant_displacement(
     largest_step_s: float = LARGEST_STEP_S,
 ) -> Array:
     """Displacement (µm) of a plant with these effects in place of its own, on a fine grid (s)."""
-    h = plant.hysteresis
-    hysteresis = {
-        "weights": h.weights,
-        "thresholds_V": h.thresholds_V,
-        "delta2_s": h.delta2_s,
-        "rate_bandwidth_hz": h.rate_bandwidth_hz,
-    }
+    hysteresis = (
+        dataclasses.asdict(plant.hysteresis)
+        if isinstance(plant.hysteresis, RDPI)
+        else partial(CoreDeformation, plant.hysteresis)
+    )
     hold = plant.converter.samples(float(t[1] - t[0]))
     index = np.arange(len(u))
     held = u[index - index % hold]

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE, SLOTS, Effect, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -119,6 +121,12 @@ def hide(names: Sequence[str], truth: Truth, rng: np.random.Generator) -> Truth:
     """
     if not names:
         return truth
+    core: Core = truth.plant.hysteresis
+    if not isinstance(core, RDPI):
+        raise InputError(
+            f"effects are hidden in plants of the core {RDPI.name}, and plant {truth.plant.name} has "
+            f"the core {core.name}; give the plant its effects in its file, and hide nothing"
+        )
     view = View(truth)
     for attempt in range(_ATTEMPTS):
         widened = _WIDER ** (attempt // _PATIENCE)

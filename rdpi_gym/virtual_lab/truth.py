@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.signals.experiments import Experiment, standard_protocol
 from rdpi_gym.support.checks import is_finite, shown
@@ -18,6 +19,9 @@ from rdpi_gym.virtual_lab.independent.simulation import LARGEST_STEP_S
 FORMAT, VERSION = "rdpi-truth", 1
 TS_FACTORS = (0.1, 4.0)
 """Beyond the larger one the fastest lines of the protocol are not sampled."""
+
+# Of the span, the smallest loops of the protocol where no threshold says how small they should be.
+_SMALL = 0.05
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,8 @@ class Truth:
 
     def experiments(self) -> tuple[Experiment, ...]:
         """Return the standard protocol of this plant."""
-        thresholds = self.plant.hysteresis.thresholds_V
+        core: Core = self.plant.hysteresis
+        thresholds = core.thresholds_V if isinstance(core, RDPI) else (_SMALL * self.span_V,)
         first_V = thresholds[0] if thresholds else self.span_V
         protocol = standard_protocol(self.centre_V, self.span_V, first_V, self.seed)
         return tuple(replace(e, ts_s=e.ts_s * self.ts_factor) for e in protocol)

@@ -81,6 +81,7 @@ from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.identification.stack import stack_records
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, forms_of, in_chain_order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -203,6 +204,12 @@ class Laboratory:
     def base(self, given: PlantModel | None) -> State:
         """Refit the base model, with the effects that a given model has, on the comb."""
         present = () if given is None else given.effects
+        core: Core = RDPI((1.0,), (), 0.0) if given is None else given.hysteresis
+        if not isinstance(core, RDPI):
+            raise InputError(
+                f"a search refits the core {RDPI.name}, and the model has the core {core.name}; "
+                "leave it out, or fit one without --core"
+            )
         self._progress("base model", 0, 1)
         state = State(refit(self.setting, comb(self.setting.train), present, None))
         self._update_noise(state)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +23,7 @@ _BLOCK = 1 << 18
 
 
 def simulate_truth(
-    hysteresis: Mapping[str, Any],
+    hysteresis: Mapping[str, Any] | Callable[[float, int], Mechanism],
     effects: Sequence[Mapping[str, Any]],
     t_s: ArrayLike,
     u_V: ArrayLike,
@@ -34,7 +34,8 @@ def simulate_truth(
     Parameters
     ----------
     hysteresis
-        ``weights`` (µm/V), ``thresholds_V``, ``delta2_s``, ``rate_bandwidth_hz`` (or None).
+        ``weights`` (µm/V), ``thresholds_V``, ``delta2_s``, ``rate_bandwidth_hz`` (or None); or what
+        makes another material of the fine step (s) and the number of steps in a sampling interval.
     effects
         ``{"effect": name, parameter: value, ...}`` each, in any order.
     t_s, u_V
@@ -95,13 +96,14 @@ def _through(chain: Sequence[Mechanism], x: Array) -> Array:
 
 
 def _chain(
-    hysteresis: Mapping[str, Any],
+    hysteresis: Mapping[str, Any] | Callable[[float, int], Mechanism],
     effects: Sequence[Mapping[str, Any]],
     start_s: float,
     h: float,
     parts: int,
 ) -> list[Mechanism]:
-    ceramic, grid = Ceramic(**hysteresis), Grid(start_s, h)
+    ceramic = None if callable(hysteresis) else Ceramic(**hysteresis)
+    grid = Grid(start_s, h)
     mechanisms: list[tuple[int, Mechanism]] = []
     for effect in effects:
         values = dict(effect)
@@ -117,10 +119,18 @@ def _chain(
             )
         try:
             if isinstance(twin, MaterialTwin):
+                if ceramic is None:
+                    raise InputError(
+                        f"{name} changes the RDPI model itself, and this plant has another hysteresis "
+                        "core; leave it out"
+                    )
                 ceramic = replace(ceramic, **twin.change(**values))
             else:
                 mechanisms.append((twin.place, twin.make(grid, **values)))
         except TypeError as error:
             raise InputError(f"{name}: {error}") from error
-    mechanisms.append((0, Deformation(ceramic, h, parts)))
+    if ceramic is not None:
+        mechanisms.append((0, Deformation(ceramic, h, parts)))
+    elif callable(hysteresis):
+        mechanisms.append((0, hysteresis(h, parts)))
     return [mechanism for _, mechanism in sorted(mechanisms, key=lambda item: item[0])]
