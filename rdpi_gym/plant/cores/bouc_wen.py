@@ -29,9 +29,8 @@ _TOGETHER, _APART = 8.0, 1e-9
 
 
 @njit(cache=True, error_model="numpy")
-def _way_from_zero(x: float, c: float, n: float) -> float:
-    """Return the integral of 1 / (1 + c ξ^n) from 0 to x, for |c| x^n well below one."""
-    ratio = -c * math.pow(x, n)
+def _way_from_zero(x: float, ratio: float, n: float) -> float:
+    """Return the integral of 1 / (1 + c ξ^n) from 0 to x, for a ratio -c x^n well below one."""
     term, total = x, x
     for j in range(1, _TERMS):
         term *= ratio
@@ -44,12 +43,14 @@ def _way_from_zero(x: float, c: float, n: float) -> float:
 @njit(cache=True, error_model="numpy")
 def _near(x: float, h: float, c: float, n: float) -> float:
     """Return x after a step h of dx/dh = sgn(h) (1 + c x^n) that stays above zero, near zero."""
-    goal = _way_from_zero(x, c, n) + h
-    found = max(x + h * (1.0 + c * math.pow(x, n)), 0.0)
+    ratio = -c * math.pow(x, n)
+    goal = _way_from_zero(x, ratio, n) + h
+    found = max(x + h * (1.0 - ratio), 0.0)
     for _ in range(_NEWTON):
-        change = (_way_from_zero(found, c, n) - goal) * (1.0 + c * math.pow(found, n))
+        ratio = -c * math.pow(found, n)
+        change = (_way_from_zero(found, ratio, n) - goal) * (1.0 - ratio)
         found = max(found - change, 0.0)
-        if abs(change) < 1e-9:  # of which the next one is the square
+        if abs(change) < 1e-8:  # of which the next one is the square
             break
     return found
 
@@ -141,7 +142,7 @@ def _fall(x: float, h: float, kappa: float, n: float) -> tuple[float, float]:
     while h > 0.0:
         step = min(h, longest)
         if x < _NEAR * step:
-            way = _way_from_zero(x, kappa, n)
+            way = _way_from_zero(x, -kappa * math.pow(x, n), n)
             if way <= step:
                 return 0.0, h - way
             x = _near(x, -step, kappa, n)
