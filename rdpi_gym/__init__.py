@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.comparison import Comparison, compare
     from rdpi_gym.face.data import Dataset, load
     from rdpi_gym.face.fitting import FitResult, fit
-    from rdpi_gym.face.fitting_core import CoreFit, fit_core
+    from rdpi_gym.face.fitting_core import CoreFit, KindChoice, choose_kind, fit_core
     from rdpi_gym.face.paper import PaperResults, reproduce
     from rdpi_gym.face.result import Result
     from rdpi_gym.face.results import load_result
@@ -50,7 +50,7 @@ _HOME = {
     "comparison": ("Comparison", "compare"),
     "data": ("Dataset", "load"),
     "fitting": ("FitResult", "fit"),
-    "fitting_core": ("CoreFit", "fit_core"),
+    "fitting_core": ("CoreFit", "KindChoice", "choose_kind", "fit_core"),
     "paper": ("PaperResults", "reproduce"),
     "result": ("Result",),
     "results": ("load_result",),
@@ -69,6 +69,7 @@ __all__ = [
     "Evaluation",
     "FitResult",
     "InputError",
+    "KindChoice",
     "PaperResults",
     "Result",
     "SearchResult",
@@ -77,6 +78,7 @@ __all__ = [
     "__version__",
     "add",
     "benchmark",
+    "choose_kind",
     "compare",
     "controllers",
     "diagnose",

@@ -37,7 +37,10 @@ def fit(
     ] = None,
     core: Annotated[
         str,
-        typer.Option("--core", help="Kind of hysteresis: rdpi, stop, preisach, bouc_wen, ..."),
+        typer.Option(
+            "--core",
+            help="Kind of hysteresis: rdpi, stop, preisach, ...; auto fits them all and chooses.",
+        ),
     ] = "rdpi",
     seed: SeedOption = 0,  # accepted by every command; nothing is drawn at random here
 ) -> None:
@@ -74,7 +77,11 @@ def _fit_core(
     with progress_bar() as show:
         show("reading", 0, 0)
         records = rg.load(data, **vars(reading))
-        model = rg.fit_core(records, core, progress=show)
+        model = (
+            rg.choose_kind(records, progress=show)
+            if core == "auto"
+            else rg.fit_core(records, core, progress=show)
+        )
         path = model.plant.save(out / "model.json")
     print(model, records.describe(), sep="\n\n")
     print_table(model.overview())

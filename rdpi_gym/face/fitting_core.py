@@ -1,4 +1,4 @@
-"""`fit_core`: from records to any kind of hysteresis, that shows itself."""
+"""`fit_core` and `choose_kind`: from records to any kind of hysteresis, that shows itself."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.identification import cores, interval_95
 from rdpi_gym.measurement.options import unknown_name
-from rdpi_gym.plant import CORES
+from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import joined, micrometres
@@ -159,3 +159,136 @@ def fit_core(
     with in_words_of(dataset):
         found = cores.fit_core(dataset, CORES[core], name=name, progress=progress)
     return CoreFit.of(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KindChoice(Shown, cores.KindChoice):
+    """Kinds of hysteresis fitted to the same records; `plant` is that of the kind chosen.
+
+    Everything that :class:`rdpi_gym.identification.cores.KindChoice` is, and it shows itself.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> found = rg.choose_kind(rg.simulate("P5", seed=1, ts_factor=4.0))
+    >>> found.chosen.plant.hysteresis.name
+    'rdpi'
+    """
+
+    saved_as: ClassVar[str] = "kinds"
+
+    @classmethod
+    def of(cls, found: cores.KindChoice) -> Self:
+        """Return the same choice as a result that shows itself."""
+        return cls(**{f.name: getattr(found, f.name) for f in fields(cores.KindChoice)})
+
+    @property
+    def plant(self) -> PlantModel[Any]:
+        """The plant of the kind chosen."""
+        return self.chosen.plant
+
+    @property
+    def quantities(self) -> measurement.Quantities:
+        """What was measured."""
+        return self.chosen.quantities
+
+    def _lines(self) -> Sequence[str]:
+        core = self.plant.hysteresis
+        others = [fit for fit in self.fits if fit is not self.chosen]
+        error = micrometres(self.chosen.validation_rmse_um or 0.0)
+        lines = [f"Kind of hysteresis: {core.name}, the {core.title}. Error {error} rms held out."]
+        apart = [fit for fit in others if fit.plant.hysteresis.name not in self.alike]
+        if apart:
+            nearest = apart[0]
+            lines.append(
+                f"The next kind, {nearest.plant.hysteresis.name}, leaves "
+                f"{micrometres(nearest.validation_rmse_um or 0.0)}."
+            )
+        if self.clockwise is not None:
+            turn = "clockwise" if self.clockwise else "counter-clockwise"
+            lines.append(f"The loops turn {turn}; kinds that turn the other way were left out.")
+        if self.alike:
+            lines.append(
+                f"- Indistinguishable on these records: {joined([core.name, *self.alike])}. "
+                f"Of these, {core.name} has the fewest numbers. To tell them apart: {core.experiment}"
+            )
+        lines += [f"- {name} was not fitted: {why}" for name, why in self.refused.items()]
+        return lines
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the kinds, best first.
+
+        Returns
+        -------
+        DataFrame
+            ``kind``, ``held_out_um`` and ``fitted_um`` (rms), ``gains`` that are not zero,
+            ``at_bound``.
+        """
+        import pandas as pd
+
+        rows = [
+            {
+                "kind": fit.plant.hysteresis.name,
+                "held_out_um": fit.validation_rmse_um,
+                "fitted_um": fit.train_rmse_um,
+                "gains": sum(gain != 0.0 for gain in fit.plant.hysteresis.gains),
+                "at_bound": ", ".join(fit.at_bound),
+            }
+            for fit in self.fits
+        ]
+        return pd.DataFrame(rows)
+
+    def overview(self) -> pd.DataFrame:
+        """Return the kinds with their errors, as texts."""
+        frame = self.to_dataframe()
+        heads = {"held_out_um": "held out (µm)", "fitted_um": "fitted (µm)", "at_bound": "at bound"}
+        for name in ("held_out_um", "fitted_um"):
+            frame[name] = [f"{value:.3g}" for value in frame[name]]
+        return self._told_table(frame.rename(columns=heads))
+
+    def _names(self) -> Sequence[str]:
+        return tuple(fit.plant.hysteresis.name for fit in self.fits)
+
+    def _draw(self, figure: Figure) -> Any:
+        axes = figure.subplots()
+        axes.barh(self._names(), [fit.validation_rmse_um or 0.0 for fit in self.fits])
+        axes.invert_yaxis()
+        axes.set_xlabel("RMS error, held out (µm)")
+        return axes
+
+
+@checked
+def choose_kind(
+    data: measurement.Dataset | PathLike[str] | str,
+    *,
+    name: str = "fit",
+    progress: Progress | None = None,
+) -> KindChoice:
+    """Fit every kind of hysteresis to measured records and choose by the held-out error.
+
+    Parameters
+    ----------
+    data, name, progress
+        As :func:`fit_core`.
+
+    Returns
+    -------
+    KindChoice
+        It prints the kind, its rivals, and what these records cannot tell apart; its `plant` is the
+        model.
+
+    Raises
+    ------
+    InputError
+        No training record whose voltage moves.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> rg.choose_kind(rg.simulate("P5", seed=1, ts_factor=4.0)).clockwise
+    False
+    """
+    dataset = as_dataset(data)
+    with in_words_of(dataset):
+        found = cores.choose_kind(dataset, name=name, progress=progress)
+    return KindChoice.of(found)

@@ -50,11 +50,12 @@ def _kinds() -> list[Any]:
     from rdpi_gym.face.comparison import Comparison
     from rdpi_gym.face.data import Dataset
     from rdpi_gym.face.fitting import FitResult
-    from rdpi_gym.face.fitting_core import CoreFit
+    from rdpi_gym.face.fitting_core import CoreFit, KindChoice
     from rdpi_gym.face.paper import PaperResults
     from rdpi_gym.face.search import SearchResult
     from rdpi_gym.face.simulation import Simulation
 
     return [
-        Dataset, Simulation, FitResult, CoreFit, Comparison, SearchResult, Evaluation, PaperResults,
+        Dataset, Simulation, FitResult, CoreFit, KindChoice, Comparison, SearchResult, Evaluation,
+        PaperResults,
     ]  # fmt: skip

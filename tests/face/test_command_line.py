@@ -50,6 +50,18 @@ def test_fit_of_another_kind_of_hysteresis(folder, tmp_path, capsys):
     )
 
 
+def test_fit_chooses_the_kind_of_hysteresis(folder, tmp_path, capsys):
+    run("fit", folder, "--core", "auto", "--out", tmp_path)
+    said = capsys.readouterr().out
+    assert "Kind of hysteresis: rdpi, the rate-dependent Prandtl-Ishlinskii model." in said
+    assert "The loops turn counter-clockwise; kinds that turn the other way were left out." in said
+    found = rg.choose_kind(rg.load(folder))
+    assert PlantModel.load(tmp_path / "model.json") == found.plant
+    again = rg.load_result(found.save(tmp_path / "kinds.npz"))
+    assert repr(again) == repr(found)
+    assert again.plant == found.plant
+
+
 def test_compare(folder, tmp_path):
     run("compare", folder, "--model", "P5", "--validate", "sine-5*", "--out", tmp_path)
     result = rg.compare(rg.load(folder, validate="sine-5*"), "P5")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.identification.cores import fit_core
+from rdpi_gym.identification.cores import choose_kind, fit_core, orientation
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, Plant, PlantModel
@@ -92,3 +92,29 @@ def test_more_gains_than_samples_are_refused_in_a_line() -> None:
     short = replace(first, error_mask=np.arange(len(first.u_V)) < 60)
     with pytest.raises(InputError, match=r"60 samples count for 41 gains of the core rdpi; give"):
         fit_core([short], CORES["rdpi"])
+
+
+@pytest.mark.parametrize("name", CORES)
+def test_the_kind_of_a_plant_is_chosen_or_stands_among_those_that_are_alike(name: str) -> None:
+    kind = CORES[name]
+    start = kind.starts(SCALE)[0]
+    sizes = np.random.default_rng(1).uniform(0.5, 1.5, len(start.gains))
+    truth = start.with_gains((np.array(start.gains) * sizes).tolist())
+    stroke = float(np.ptp(records(truth)[0].y_um))
+    noise_um = 5e-4 * stroke
+    found = choose_kind(records(truth, noise_um))
+    chosen = found.chosen.plant.hysteresis
+    assert name in (chosen.name, *found.alike)
+    assert found.clockwise in (None, kind.clockwise) or kind.clockwise is None
+    # a comb or a grid of the data's own lies beside that of the plant
+    assert found.chosen.validation_rmse_um is not None
+    assert found.chosen.validation_rmse_um < 2e-3 * stroke
+
+
+def test_loops_that_enclose_no_area_turn_neither_way() -> None:
+    t = TS_S * np.arange(5000)
+    u = 10.0 * np.sin(2 * np.pi * t)
+    rng = np.random.default_rng(0)
+    still = Record("line", t, u, 2.0 * u + 0.1 * rng.standard_normal(5000), ts_s=TS_S)
+    assert orientation([still]) is None
+    assert orientation([replace(still, u_V=t)]) is None
