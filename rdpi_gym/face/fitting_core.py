@@ -14,6 +14,7 @@ from rdpi_gym.face.shown import Shown
 from rdpi_gym.identification import cores, interval_95
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.plant import CORES, PlantModel
+from rdpi_gym.plant.effects import Effect
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import joined, micrometres
@@ -111,6 +112,11 @@ class CoreFit(Shown, cores.CoreFit):
         return axes
 
 
+def _valued(effect: Effect) -> str:
+    values = ", ".join(f"{name} {value:.3g}" for name, value in effect.values.items())
+    return f"{effect.full_name()} ({values})"
+
+
 def _error(value: float) -> str:
     return f"{value:.2g}" if math.isfinite(value) else "not determined"
 
@@ -194,7 +200,7 @@ class KindChoice(Shown, cores.KindChoice):
 
     def _lines(self) -> Sequence[str]:
         core = self.plant.hysteresis
-        others = [fit for fit in self.fits if fit is not self.chosen]
+        others = [fit for fit in self.fits if fit.plant.hysteresis.name != core.name]
         error = micrometres(self.chosen.validation_rmse_um or 0.0)
         lines = [f"Kind of hysteresis: {core.name}, the {core.title}. Error {error} rms held out."]
         apart = [fit for fit in others if fit.plant.hysteresis.name not in self.alike]
@@ -206,7 +212,8 @@ class KindChoice(Shown, cores.KindChoice):
             )
         if self.clockwise is not None:
             turn = "clockwise" if self.clockwise else "counter-clockwise"
-            lines.append(f"The loops turn {turn}; kinds that turn the other way were left out.")
+            lines.append(f"The loops turn {turn}.")
+        lines.append(f"Fitted beside it: {joined([_valued(e) for e in self.plant.effects])}.")
         if self.alike:
             lines.append(
                 f"- Indistinguishable on these records: {joined([core.name, *self.alike])}. "

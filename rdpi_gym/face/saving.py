@@ -149,7 +149,7 @@ def _writer(arrays: dict[str, NDArray[Any]]) -> cattrs.Converter:
 
     converter.register_unstructure_hook_func(_is_array, keep)
     converter.register_unstructure_hook(pd.DataFrame, keep_table)
-    converter.register_unstructure_hook(PlantModel, lambda plant: plant.to_dict())
+    converter.register_unstructure_hook_func(_is_plant, lambda plant: plant.to_dict())
     converter.register_unstructure_hook(Effect, lambda effect: effect.to_dict())
     # a user's own code is not saved
     converter.register_unstructure_hook_func(_is_classes, lambda classes: None)
@@ -173,8 +173,8 @@ def _reader(archive: Npz) -> cattrs.Converter:
 
     converter.register_structure_hook_func(_is_array, lambda name, _: archive.read(name))
     converter.register_structure_hook(pd.DataFrame, kept_table)
-    converter.register_structure_hook(
-        PlantModel, lambda document, _: PlantModel.from_dict(document, "plant")
+    converter.register_structure_hook_func(
+        _is_plant, lambda document, _: PlantModel.from_dict(document, "plant")
     )
     converter.register_structure_hook(
         Effect, lambda document, _: effect_from_dict(CATALOGUE, document, "effect")
@@ -184,6 +184,11 @@ def _reader(archive: Npz) -> cattrs.Converter:
     for kind in (str, int, float, bool):
         converter.register_structure_hook(kind, _exactly)
     return converter
+
+
+def _is_plant(hint: Any) -> bool:
+    # with any hysteresis core: PlantModel[...] too
+    return hint is PlantModel or get_origin(hint) is PlantModel
 
 
 def _is_array(hint: Any) -> bool:

@@ -54,7 +54,8 @@ def test_fit_chooses_the_kind_of_hysteresis(folder, tmp_path, capsys):
     run("fit", folder, "--core", "auto", "--out", tmp_path)
     said = capsys.readouterr().out
     assert "Kind of hysteresis: rdpi, the rate-dependent Prandtl-Ishlinskii model." in said
-    assert "The loops turn counter-clockwise; kinds that turn the other way were left out." in said
+    assert "The loops turn counter-clockwise." in said
+    assert "Fitted beside it: creep (" in said
     found = rg.choose_kind(rg.load(folder))
     assert PlantModel.load(tmp_path / "model.json") == found.plant
     again = rg.load_result(found.save(tmp_path / "kinds.npz"))

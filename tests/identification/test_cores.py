@@ -12,6 +12,8 @@ from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, Plant, PlantModel
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -30,10 +32,10 @@ def drive(seconds: float, slow_hz: float, fast_hz: float) -> Array:
     )
 
 
-def records(core: Core, noise_um: float = 0.0) -> list[Record]:
+def records(core: Core, noise_um: float = 0.0, effects: tuple[Effect, ...] = ()) -> list[Record]:
     found = []
     for number, u in enumerate((drive(4.0, 0.8, 3.1), drive(3.0, 2.3, 0.31))):
-        model = PlantModel(core, "own", (-30.0, 30.0), (0.0, 5.0), offset_um=3.0)  # type: ignore[arg-type]
+        model = PlantModel(core, "own", (-30.0, 30.0), (0.0, 5.0), 3.0, effects)  # type: ignore[arg-type]
         y = Plant(model, TS_S).simulate(u)
         noise = noise_um * np.random.default_rng(number).standard_normal(len(u))
         t = TS_S * np.arange(len(u))
@@ -109,6 +111,16 @@ def test_the_kind_of_a_plant_is_chosen_or_stands_among_those_that_are_alike(name
     # a comb or a grid of the data's own lies beside that of the plant
     assert found.chosen.validation_rmse_um is not None
     assert found.chosen.validation_rmse_um < 2e-3 * stroke
+
+
+def test_a_lag_and_a_creep_are_not_taken_for_another_kind() -> None:
+    kind = CORES["bouc_wen"]
+    effects = (CATALOGUE["creep"](), CATALOGUE["sensor_lag"]())
+    found = choose_kind(records(kind.starts(SCALE)[0], 0.01, effects))
+    assert "bouc_wen" in (found.chosen.plant.hysteresis.name, *found.alike)
+    for beside, hidden in zip(found.chosen.plant.effects, effects, strict=True):
+        for name, value in hidden.values.items():
+            assert beside.values[name] == pytest.approx(value, rel=0.2)
 
 
 def test_loops_that_enclose_no_area_turn_neither_way() -> None:
