@@ -1,0 +1,41 @@
+"""The study of kinds of hysteresis: its plants, one row, its table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rdpi_gym.plant import CORES
+from studies import kind_choice
+
+RESULT = Path(kind_choice.RESULTS) / "kind_choice.md"
+
+
+def test_every_kind_is_drawn_bare_and_with_an_effect_by_both_protocols():
+    found = kind_choice.cases(4, 0)
+    assert len(found) == 8 * len(CORES)
+    assert {case.kind for case in found} == set(CORES)
+    assert sum(case.effect == "" for case in found) == len(found) // 2
+    assert {case.protocol for case in found if case.kind == "stop"} == set(kind_choice.PROTOCOLS)
+    assert len({case.key for case in found}) == len(found)
+
+
+def test_a_plant_is_drawn_again_by_its_seed_and_another_by_another():
+    case = kind_choice.Case("bouc_wen", "creep", kind_choice.PROTOCOLS[1], 2, 7)
+    plants = [kind_choice.drawn(each)[0] for each in (case, case)]
+    assert plants[0] == plants[1]
+    other, data = kind_choice.drawn(kind_choice.Case(*(*vars(case).values(),)[:-1], 8))
+    assert other != plants[0]
+    assert [effect.name for effect in other.effects] == ["creep"]
+    assert all(np.isfinite(record.y_um).all() for record in data.records)
+    assert len(data.validation) == 1
+
+
+def test_a_row_says_what_was_chosen_and_the_table_counts_it():
+    row = kind_choice.run_case(kind_choice.Case("stop", "", kind_choice.PROTOCOLS[1], 0, 0), "code")
+    assert row["status"] == "done"
+    assert row["right"]
+    text = kind_choice.report([row, row | {"right": False, "sure": True, "chosen": "dahl"}], 1, 0)
+    assert "in 1 of 2 (50 %); a wrong kind is named alone in 1." in text
+    assert RESULT.read_text(encoding="utf-8").startswith("# Which kind of hysteresis?")
