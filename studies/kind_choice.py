@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.hidden_effects.run import run_rows
-from rdpi_gym.identification.cores import choose_kind
+from rdpi_gym.identification.kinds import choose_kind
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
 from rdpi_gym.plant import CORES, PlantModel

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from rdpi_gym import measurement
 from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.shown import Shown
-from rdpi_gym.identification import cores, interval_95
+from rdpi_gym.identification import cores, interval_95, kinds
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import Effect
@@ -168,10 +168,10 @@ def fit_core(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class KindChoice(Shown, cores.KindChoice):
+class KindChoice(Shown, kinds.KindChoice):
     """Kinds of hysteresis fitted to the same records; `plant` is that of the kind chosen.
 
-    Everything that :class:`rdpi_gym.identification.cores.KindChoice` is, and it shows itself.
+    Everything that :class:`rdpi_gym.identification.kinds.KindChoice` is, and it shows itself.
 
     Examples
     --------
@@ -184,9 +184,9 @@ class KindChoice(Shown, cores.KindChoice):
     saved_as: ClassVar[str] = "kinds"
 
     @classmethod
-    def of(cls, found: cores.KindChoice) -> Self:
+    def of(cls, found: kinds.KindChoice) -> Self:
         """Return the same choice as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(cores.KindChoice)})
+        return cls(**{f.name: getattr(found, f.name) for f in fields(kinds.KindChoice)})
 
     @property
     def plant(self) -> PlantModel[Any]:
@@ -297,5 +297,5 @@ def choose_kind(
     """
     dataset = as_dataset(data)
     with in_words_of(dataset):
-        found = cores.choose_kind(dataset, name=name, progress=progress)
+        found = kinds.choose_kind(dataset, name=name, progress=progress)
     return KindChoice.of(found)

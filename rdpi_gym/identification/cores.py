@@ -5,24 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from rdpi_gym.identification.joint import fit_joint, kept_samples
+from rdpi_gym.identification.joint import kept_samples
 from rdpi_gym.identification.nonnegative import bounded_least_squares
 from rdpi_gym.identification.plausibility import check_motion
 from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.identification.stack import command_rate
-from rdpi_gym.measurement import Dataset, Quantities, Record, hold_out_blocks
-from rdpi_gym.plant import CORES, PlantModel
+from rdpi_gym.measurement import Dataset, Quantities, Record
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.plant.effects.base import in_chain_order
 from rdpi_gym.plant.parameters import Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -34,13 +31,6 @@ _SAMPLES = 40_000
 _FIRST_STEPS, _STEPS = 6, 60
 # Of the samples that move with a gain, the share of the one that moves most from which on it counts.
 _LEAST_MOTION = 1e-6
-# Of the best held-out error, what another kind may have more and not be told from it.
-_ALIKE = 0.05
-# Effects that every kind is fitted beside, passes and samples of those refits.
-_BESIDE, _STEPS_BESIDE, _SAMPLES_BESIDE = ("creep", "sensor_lag"), 15, 20_000
-# Cycles, area over the product of the standard deviations, and its standard errors, from which on
-# loops are said to turn one way.
-_CYCLES, _AREA, _SURE = 2, 0.02, 4.0
 
 
 @dataclass(frozen=True)
@@ -134,11 +124,12 @@ def fit_core(
     moving = data.train if isinstance(data, Dataset) else [r for r in data if not r.is_quiet]
     validation = list(data.validation) if isinstance(data, Dataset) else []
     check_motion(moving)
-    found = _fitted(kind, list(moving), name, progress or silent)
-    return replace(_judged(found, validation), quantities=quantities)
+    found = fitted_core(kind, list(moving), name, progress or silent)
+    return replace(judged(found, validation), quantities=quantities)
 
 
-def _fitted(kind: type[Core], train: Sequence[Record], name: str, report: Progress) -> CoreFit:
+def fitted_core(kind: type[Core], train: Sequence[Record], name: str, report: Progress) -> CoreFit:
+    """Return the fit of :func:`fit_core` to records, none of them judged beside."""
     problem = _Problem(train)
     begun: list[_Point] = []
     starts = kind.starts(data_scale(train))
@@ -155,7 +146,7 @@ def _fitted(kind: type[Core], train: Sequence[Record], name: str, report: Progre
         model,
         numbers,
         problem.standard_errors(best),
-        tuple(p.name for p in kind.shape if _is_at_bound(p, numbers[p.name])),
+        tuple(p.name for p in kind.shape if is_at_bound(p, numbers[p.name])),
         {left.record.name: model.offset_um + left.offset_um for left in trained},
         {left.record.name: left.rmse_um for left in trained},
         pooled_rmse(trained),
@@ -164,7 +155,7 @@ def _fitted(kind: type[Core], train: Sequence[Record], name: str, report: Progre
     )
 
 
-def _judged(found: CoreFit, validation: Sequence[Record]) -> CoreFit:
+def judged(found: CoreFit, validation: Sequence[Record]) -> CoreFit:
     """Return a fit with the errors of the records to validate on."""
     if not validation:
         return found
@@ -174,165 +165,6 @@ def _judged(found: CoreFit, validation: Sequence[Record]) -> CoreFit:
         label = left.record.name
         rmse[f"{label} (validation)" if label in rmse else label] = left.rmse_um
     return replace(found, rmse_um=rmse, validation_rmse_um=pooled_rmse(validated))
-
-
-@dataclass(frozen=True)
-class KindChoice:
-    """Kinds of hysteresis, each fitted to the same records.
-
-    Parameters
-    ----------
-    fits : tuple of CoreFit
-        Best held-out error first.
-    chosen
-        That of the fewest numbers among those that the records do not tell from the best.
-    alike
-        Names of the others among those.
-    clockwise
-        Whether the loops turn clockwise; None: they enclose no area that stands out.
-    refused
-        Why a kind was not fitted, by its name.
-    """
-
-    fits: tuple[CoreFit, ...]
-    chosen: CoreFit
-    alike: tuple[str, ...]
-    clockwise: bool | None
-    refused: Mapping[str, str]
-
-
-def choose_kind(
-    data: Dataset | Sequence[Record], *, name: str = "fit", progress: Progress | None = None
-) -> KindChoice:
-    """Fit every kind of hysteresis and order them by their held-out error.
-
-    Each is fitted together with a creep and a lag of the sensor, which bend and widen loops as well:
-    without them the rate-dependent kinds take a lag for hysteresis. Without records to validate on,
-    blocks of each record are held out.
-
-    Parameters
-    ----------
-    data, name, progress
-        As :func:`fit_core`.
-
-    Returns
-    -------
-    KindChoice
-
-    Raises
-    ------
-    InputError
-        As :func:`fit_core`.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P5, Plant
-    >>> t = np.arange(0, 2.0, 1e-3)
-    >>> u = 20 * np.sin(2 * np.pi * t) * t
-    >>> y = Plant(P5, 1e-3).simulate(u)
-    >>> found = choose_kind([Record("growing", t, u, y, ts_s=1e-3)])
-    >>> found.chosen.plant.hysteresis.name, found.clockwise
-    ('rdpi', False)
-    """
-    dataset = data if isinstance(data, Dataset) else Dataset("records", tuple(data))
-    train, validation = list(dataset.train), list(dataset.validation)
-    check_motion(train)
-    if dataset.holds_out_quarters or not validation:
-        whole = [r for r in dataset.records if r.role == "train" and not r.is_quiet]
-        parts = [hold_out_blocks(record) for record in whole]
-        train, validation = [fit for fit, _ in parts], [held for _, held in parts]
-    clockwise = orientation(train)
-    kinds = list(CORES.values())
-    report, fits, refused = progress or silent, [], {}
-    for done, kind in enumerate(kinds):
-        report("kinds of hysteresis", done, len(kinds))
-        try:
-            found = _beside(_fitted(kind, train, name, silent), train)
-        except InputError as error:
-            refused[kind.name] = str(error)
-            continue
-        fits.append(replace(_judged(found, validation), quantities=dataset.quantities))
-    report("kinds of hysteresis", len(kinds), len(kinds))
-    if not fits:
-        raise InputError(next(iter(refused.values())))
-    fits.sort(key=_held_out)
-    best = _held_out(fits[0])
-    near = [fit for fit in fits if _held_out(fit) <= (1.0 + _ALIKE) * best]
-    chosen = min(near, key=_freedom)
-    alike = tuple(fit.plant.hysteresis.name for fit in near if fit is not chosen)
-    return KindChoice(tuple(fits), chosen, alike, clockwise, refused)
-
-
-def _beside(found: CoreFit, train: Sequence[Record]) -> CoreFit:
-    """Return a fit with a creep and a lag of the sensor refitted beside the core."""
-    scale = data_scale(train)
-    beside = in_chain_order([CATALOGUE[name].starts(scale)[0] for name in _BESIDE])
-    core = found.plant.hysteresis
-    variant = fit_joint(train, core, beside, _STEPS_BESIDE, samples=_SAMPLES_BESIDE).variant
-    make: Callable[..., PlantModel[Any]] = PlantModel
-    bench = found.plant
-    plant = make(
-        variant.hysteresis, bench.name, bench.command_range_V, bench.reference_um,
-        effects=variant.effects, note=bench.note,
-    )  # fmt: skip
-    trained = [simulate_record(plant, record) for record in train]
-    offset = float(np.average([o.offset_um for o in trained], weights=[o.counted for o in trained]))
-    core = variant.hysteresis
-    numbers = {p.name: float(getattr(core, p.name)) for p in type(core).shape}
-    return replace(
-        found,
-        plant=replace(plant, offset_um=offset),
-        shape=numbers,
-        at_bound=tuple(p.name for p in type(core).shape if _is_at_bound(p, numbers[p.name])),
-        offsets_um={left.record.name: left.offset_um for left in trained},
-        rmse_um={left.record.name: left.rmse_um for left in trained},
-        train_rmse_um=pooled_rmse(trained),
-    )
-
-
-def orientation(records: Sequence[Record]) -> bool | None:
-    """Return whether loops turn clockwise in the plane of command and displacement.
-
-    None where the area that they enclose does not stand out from its scatter over the cycles.
-
-    Parameters
-    ----------
-    records
-        Records that move.
-
-    Examples
-    --------
-    >>> t = np.arange(0.0, 5.0, 1e-3)
-    >>> u, lag, lead = (np.sin(2 * np.pi * t + shift) for shift in (0.0, -0.3, 0.3))
-    >>> orientation([Record("lag", t, u, lag, ts_s=1e-3)])
-    False
-    >>> orientation([Record("lead", t, u, lead, ts_s=1e-3)])
-    True
-    """
-    areas = []
-    for record in records:
-        u, y = record.u_V - record.u_V.mean(), record.y_um - record.y_um[record.error_mask].mean()
-        size = float(np.std(u) * np.std(y))
-        crossings = np.flatnonzero((u[:-1] < 0.0) & (u[1:] >= 0.0))
-        for start, end in pairwise(crossings.tolist()):
-            part = slice(start, end + 1)
-            if size > 0.0 and record.error_mask[part].all():
-                areas.append(float(np.trapezoid(y[part], u[part])) / size)
-    if len(areas) < _CYCLES:
-        return None
-    middle = float(np.median(areas))
-    spread = float(np.median(np.abs(np.array(areas) - middle)))
-    if abs(middle) < max(_AREA, _SURE * 1.4826 * spread / math.sqrt(len(areas))):
-        return None
-    return middle > 0.0
-
-
-def _held_out(fit: CoreFit) -> float:
-    return math.inf if fit.validation_rmse_um is None else fit.validation_rmse_um
-
-
-def _freedom(fit: CoreFit) -> int:
-    return int(np.count_nonzero(fit.plant.hysteresis.gains)) + len(fit.shape)
 
 
 @dataclass(frozen=True)
@@ -481,7 +313,8 @@ def _outward(parameter: Parameter, place: float) -> float:
     return math.exp(place) if _is_scale(parameter) else place
 
 
-def _is_at_bound(parameter: Parameter, value: float) -> bool:
+def is_at_bound(parameter: Parameter, value: float) -> bool:
+    """Whether a number of a core stands at a physical bound that is not its neutral value."""
     near = 1e-6 * max(abs(value), max(map(abs, parameter.typical)))
     low_counts = parameter.neutral != parameter.low
     return value >= parameter.high - near or (low_counts and value <= parameter.low + 1e-3 * near)

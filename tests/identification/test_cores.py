@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.identification.cores import choose_kind, fit_core, orientation
+from rdpi_gym.identification.cores import fit_core
+from rdpi_gym.identification.kinds import choose_kind, orientation
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, Plant, PlantModel
