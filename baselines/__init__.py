@@ -26,7 +26,13 @@ from baselines.base import Baseline
 from baselines.feedforward import Feedforward
 from baselines.lookup import LEARNED, find_factory, make_controller
 from baselines.preview import ORACLE, PreviewOracle
-from baselines.registry import CONTROLLERS, FEEDFORWARDS, inverts_effects, known_controller
+from baselines.registry import (
+    CONTROLLERS,
+    FEEDFORWARDS,
+    inverts_any_core,
+    inverts_effects,
+    known_controller,
+)
 from rdpi_gym.envs.controller import Controller, ControllerFactory
 
 __all__ = [
@@ -40,6 +46,7 @@ __all__ = [
     "Feedforward",
     "PreviewOracle",
     "find_factory",
+    "inverts_any_core",
     "inverts_effects",
     "known_controller",
     "make_controller",

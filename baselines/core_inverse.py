@@ -9,14 +9,14 @@ from rdpi_gym.plant import pack
 from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.support.arrays import Array
 
-# Commands that are tried at once, and how often: the bracket shrinks to (1/32)^5 of the range.
-_TRIED, _ROUNDS = 33, 5
+# Commands that are tried at once, and how often: the bracket shrinks to (1/512)^2 of the range.
+_TRIED, _ROUNDS = 513, 2
 
 
 class CoreInverse(Feedforward):
     """The command at which one step of the belief's core gives the reference, found by search.
 
-    It runs the core's own kernel on copies of its memory, 33 commands at a time, and keeps the
+    It runs the core's own kernel on copies of its memory, 513 commands at a time, and keeps the
     bracket in which the displacement passes the reference; the last one is linear. Any core that
     rises with the newest command is inverted, up to the command's limits. Where the rate of the
     command itself would turn that round (a rate-dependent model at a short sampling time), the

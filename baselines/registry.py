@@ -130,8 +130,25 @@ def inverts_effects(name: str) -> bool:
     >>> inverts_effects("pi-extended-inverse"), inverts_effects("pi-classical-static")
     (True, False)
     """
+    return _states(name, "inverts_effects")
+
+
+def inverts_any_core(name: str) -> bool:
+    """Whether a controller of this package inverts any hysteresis core.
+
+    On a belief with the RDPI model such a one is the double of another.
+
+    Examples
+    --------
+    >>> inverts_any_core("pi-core-inverse"), inverts_any_core("pi-classical-static")
+    (True, False)
+    """
+    return _states(name, "any_core")
+
+
+def _states(name: str, attribute: str) -> bool:
     factory = CONTROLLERS.get(name)
     kinds = (
         [factory.func, *factory.keywords.values()] if isinstance(factory, partial) else [factory]
     )
-    return any(getattr(kind, "inverts_effects", False) for kind in kinds)
+    return any(getattr(kind, attribute, False) for kind in kinds)

@@ -8,14 +8,21 @@ from dataclasses import dataclass, field, replace
 from inspect import isfunction, signature
 from pathlib import Path
 
-from baselines import CONTROLLERS, ORACLE, ControllerFactory, find_factory, inverts_effects
+from baselines import (
+    CONTROLLERS,
+    ORACLE,
+    ControllerFactory,
+    find_factory,
+    inverts_any_core,
+    inverts_effects,
+)
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
 from benchmarks.tracking.learned import is_learned, shipped_policies, trained_at_s
 from benchmarks.tracking.own import Made
 from benchmarks.tracking.stages import Stage, make_stage
 from benchmarks.tracking.suite import REFERENCES, SEEDS
 from benchmarks.tracking.trial import try_controller
-from rdpi_gym.plant import PLANTS, PlantModel, check_ts, find_plant
+from rdpi_gym.plant import PLANTS, RDPI, PlantModel, check_ts, find_plant
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.plugins import load_attribute
 from rdpi_gym.support.words import guess
@@ -117,7 +124,13 @@ def select(
     if controllers is None:
         shipped, notes = shipped_policies()
         with_effects = any(model.effects for model in models)
-        controllers = [name for name in CONTROLLERS if with_effects or not inverts_effects(name)]
+        with_cores = any(model.hysteresis.name != RDPI.name for model in models)
+        controllers = [
+            name
+            for name in CONTROLLERS
+            if (with_effects or not inverts_effects(name))
+            and (with_cores or not inverts_any_core(name))
+        ]
         controllers += [ORACLE, *shipped]
     factories = dict(factories or {})
     names = tuple(dict.fromkeys((*controllers, *own_controllers, *factories)))

@@ -176,7 +176,8 @@ class KindChoice(Shown, kinds.KindChoice):
     Examples
     --------
     >>> import rdpi_gym as rg
-    >>> found = rg.choose_kind(rg.simulate("P5", seed=1, ts_factor=4.0))
+    >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
+    >>> found = rg.choose_kind(data.select("minor-loops", "validation-loops"))
     >>> found.chosen.plant.hysteresis.name
     'rdpi'
     """
@@ -292,7 +293,8 @@ def choose_kind(
     Examples
     --------
     >>> import rdpi_gym as rg
-    >>> rg.choose_kind(rg.simulate("P5", seed=1, ts_factor=4.0)).clockwise
+    >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
+    >>> rg.choose_kind(data.select("sine-10hz", "validation-loops")).clockwise
     False
     """
     dataset = as_dataset(data)

@@ -230,7 +230,7 @@ class _Pass:
 
     @property
     def allowed(self) -> BoolArray:
-        """Which gains move enough in some record to be told from its offset."""
+        """Which gains move enough in some record to stand out from its offset."""
         least = MIN_MOTION if self.core.keeps_first else _LEAST_MOTION
         return np.asarray(self.motion[: len(self.core.gains)] >= least)
 

@@ -86,8 +86,8 @@ def choose_kind(
     >>> u = 20 * np.sin(2 * np.pi * t) * t
     >>> y = Plant(P5, 1e-3).simulate(u)
     >>> found = choose_kind([Record("growing", t, u, y, ts_s=1e-3)])
-    >>> found.chosen.plant.hysteresis.name, found.clockwise
-    ('rdpi', False)
+    >>> found.chosen.plant.hysteresis.name
+    'rdpi'
     """
     dataset = data if isinstance(data, Dataset) else Dataset("records", tuple(data))
     train, validation = list(dataset.train), list(dataset.validation)

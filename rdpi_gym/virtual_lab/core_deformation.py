@@ -52,10 +52,10 @@ class CoreDeformation:
         if self._filtered:
             rate_block(command, self._parameters, self._state, self._step, v)
         else:
-            parts = min(self._parts, len(u))
-            ends = u[parts - 1 :: parts]
-            rates = np.diff(ends, prepend=self._last) / (parts * self._step)
-            v[:, 0] = np.repeat(rates, parts)[: len(u)]
+            begins = np.arange(0, len(u), self._parts)
+            steps = np.minimum(begins + self._parts, len(u)) - begins
+            ends = u[begins + steps - 1]
+            v[:, 0] = np.repeat(np.diff(ends, prepend=self._last) / (steps * self._step), steps)
         self._block(command, v, self._parameters, self._state, y)
         self._last = float(u[-1])
         displacement: Array = y[:, 0]

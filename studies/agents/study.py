@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from baselines import CONTROLLERS, inverts_effects
+from baselines import CONTROLLERS, inverts_any_core, inverts_effects
 from rdpi_gym.envs.layout import ActionMode
 
 BASELINE = "inversion-free-low-passed"
@@ -60,7 +60,9 @@ class Study:
     # Plants side by side; None: `n_envs` of the hyper-parameters.
     every: int | None = None
     # Steps between evaluations and checkpoints; None: a twentieth of all.
-    rivals: tuple[str, ...] = tuple(name for name in CONTROLLERS if not inverts_effects(name))
+    rivals: tuple[str, ...] = tuple(
+        name for name in CONTROLLERS if not (inverts_effects(name) or inverts_any_core(name))
+    )
     # What agents are compared with. Without effects in the belief those left out are others' doubles.
     plants: int = 10
     # Held-out plants of a group, each drawn with a seed of its own.
