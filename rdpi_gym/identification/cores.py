@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from rdpi_gym.identification.joint import kept_samples
-from rdpi_gym.identification.nonnegative import bounded_least_squares
+from rdpi_gym.identification.nonnegative import signed_least_squares
 from rdpi_gym.identification.plausibility import check_motion
 from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
-from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.identification.scale import data_scale, plant_ranges
 from rdpi_gym.identification.stack import command_rate
 from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import PlantModel
@@ -199,7 +199,10 @@ class _Problem:
                 f"{len(y)} samples count for {x.shape[1]} gains of the core {core.name}; give twice "
                 "as many samples, or a core with fewer"
             )
-        gains = _bounded(x, y, core.signed)
+        gram = x.T @ x
+        spread = np.sqrt(np.diag(gram))
+        moves = spread > _LEAST_MOTION * spread.max()
+        gains = signed_least_squares(gram, x.T @ y, core.signed, moves, 0.0)
         fitted = core.with_gains(gains.tolist())
         left: Array = y - x @ np.array(fitted.gains)
         return _Point(fitted, float(left @ left), left)
@@ -263,32 +266,9 @@ def _responses(core: Core, record: Record) -> Array:
     return core.responses(u, v, core.settled(()))[record.before_V.size :]
 
 
-def _bounded(x: Array, y: Array, signed: Sequence[bool]) -> Array:
-    """Least squares with the gains that may not be negative at zero or above."""
-    free = np.flatnonzero(signed)
-    doubled = np.hstack([x, -x[:, free]])
-    gram, rhs = doubled.T @ doubled, doubled.T @ y
-    spread = np.sqrt(np.diag(gram))
-    allowed = spread > _LEAST_MOTION * spread.max()
-    found, _ = bounded_least_squares(gram, rhs, allowed, 0.0, allowed)
-    gains: Array = found[: x.shape[1]].copy()
-    gains[free] -= found[x.shape[1] :]
-    return gains
-
-
 def _plant(point: _Point, train: Sequence[Record], name: str) -> PlantModel[Any]:
-    low = min(float(record.u_V.min()) for record in train)
-    high = max(float(record.u_V.max()) for record in train)
-    least = min(float(record.y_um[record.error_mask].min()) for record in train)
-    most = max(float(record.y_um[record.error_mask].max()) for record in train)
-    margin = 0.05 * (high - low)
     make: Callable[..., PlantModel[Any]] = PlantModel
-    model = make(
-        point.core,
-        name,
-        command_range_V=(low - margin, high + margin),
-        reference_um=((least + most) / 2, 0.9 * (most - least) / 2),
-    )
+    model = make(point.core, name, *plant_ranges(train))
     lefts = [simulate_record(model, record) for record in train]
     offset = float(np.average([o.offset_um for o in lefts], weights=[o.counted for o in lefts]))
     return make(

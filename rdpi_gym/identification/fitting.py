@@ -16,6 +16,7 @@ from rdpi_gym.identification.rates import RateSpread, rate_spread
 from rdpi_gym.identification.refine import Point, moving_plays
 from rdpi_gym.identification.residuals import RecordResidual, pooled_rmse, simulate_record
 from rdpi_gym.identification.result import FitResult, finite
+from rdpi_gym.identification.scale import plant_ranges
 from rdpi_gym.identification.search import search
 from rdpi_gym.identification.stack import Stack, stack_records
 from rdpi_gym.identification.uncertainty import Z95, correlation_length, standard_errors
@@ -28,14 +29,10 @@ from rdpi_gym.support.progress import Progress, silent
 # Plays that move (rms) less than this part of their command are told from the offset by a sliver
 # of the data near the extremes; their weights would fit whatever else happens there.
 MIN_MOTION = 0.1
-# The commands of the data, widened by this part of their range, are the plant's.
-_RANGE_MARGIN = 0.05
 # An error below this part of the stroke is rounding.
 _ROUNDING = 1e-9
 # Correlation of voltage and displacement from which on the sign of either means something.
 _NO_RELATION = 0.1
-# References take this part of the measured stroke.
-_REFERENCE_PART = 0.9
 
 
 def fit(
@@ -224,18 +221,14 @@ def _plant(
     rate_bandwidth_hz: float | None,
 ) -> PlantModel:
     counted = [np.count_nonzero(record.error_mask) for record in train]
-    low = min(float(record.u_V.min()) for record in train)
-    high = max(float(record.u_V.max()) for record in train)
-    least = min(float(record.y_um[record.error_mask].min()) for record in train)
-    most = max(float(record.y_um[record.error_mask].max()) for record in train)
-    margin = _RANGE_MARGIN * (high - low)
+    command_range_V, reference_um = plant_ranges(train)
     return PlantModel(
         RDPI.from_law(
             point.weights.tolist(), float(point.theta[0]), float(point.theta[1]), rate_bandwidth_hz
         ),
         name,
-        command_range_V=(low - margin, high + margin),
-        reference_um=((least + most) / 2, _REFERENCE_PART * (most - least) / 2),
+        command_range_V=command_range_V,
+        reference_um=reference_um,
         offset_um=float(np.average(offsets, weights=counted)),
     )
 

@@ -12,7 +12,11 @@ from numpy.typing import NDArray
 
 from rdpi_gym.identification.fitting import MIN_MOTION
 from rdpi_gym.identification.jacobian import Variant, change_rows, jacobian_rows
-from rdpi_gym.identification.nonnegative import BoolArray, bounded_least_squares
+from rdpi_gym.identification.nonnegative import (
+    BoolArray,
+    bounded_least_squares,
+    signed_least_squares,
+)
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
@@ -642,15 +646,7 @@ def _least(at: _Pass, n_weights: int) -> float:
 
 
 def _gains_alone(at: _Pass, n: int) -> Array:
-    turned = np.flatnonzero(at.core.signed)
-    index = np.concatenate([np.arange(n), turned])
-    signs = np.concatenate([np.ones(n), -np.ones(len(turned))])
-    gram = np.ascontiguousarray(at.gram[np.ix_(index, index)] * np.outer(signs, signs))
-    allowed = at.allowed[index]
-    found, _ = bounded_least_squares(gram, at.rhs[index] * signs, allowed, at.floor, allowed)
-    gains: Array = found[:n].copy()
-    gains[turned] -= found[n:]
-    return gains
+    return signed_least_squares(at.gram[:n, :n], at.rhs[:n], at.core.signed, at.allowed, at.floor)
 
 
 def _standard_errors(

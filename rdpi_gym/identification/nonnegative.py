@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -148,3 +150,36 @@ def bounded_least_squares(
     x *= scale
     x[0] += floor
     return x, passive
+
+
+def signed_least_squares(
+    gram: Array, rhs: Array, signed: Sequence[bool], allowed: BoolArray, floor: float
+) -> Array:
+    """Minimise x'Gx - 2b'x where only some x may be negative.
+
+    Parameters
+    ----------
+    gram, rhs, allowed, floor
+        As :func:`bounded_least_squares`.
+    signed
+        Which may be negative: each of them is the difference of two that may not.
+
+    Returns
+    -------
+    float64[k]
+
+    Examples
+    --------
+    >>> every = np.ones(2, dtype=np.bool_)
+    >>> signed_least_squares(np.eye(2), np.array([-1.0, -2.0]), (False, True), every, 0.0).tolist()
+    [0.0, -2.0]
+    """
+    turned, n = np.flatnonzero(signed), len(rhs)
+    index = np.concatenate([np.arange(n), turned])
+    signs = np.concatenate([np.ones(n), -np.ones(len(turned))])
+    both = np.ascontiguousarray(gram[np.ix_(index, index)] * np.outer(signs, signs))
+    may = allowed[index]
+    found, _ = bounded_least_squares(both, rhs[index] * signs, may, floor, may)
+    x: Array = found[:n].copy()
+    x[turned] -= found[n:]
+    return x

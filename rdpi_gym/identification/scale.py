@@ -9,6 +9,44 @@ import numpy as np
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.parameters import DataScale
 
+# The commands of the data, widened by this part of their range, are a fitted plant's.
+_RANGE_MARGIN = 0.05
+# References take this part of the measured stroke.
+_REFERENCE_PART = 0.9
+
+
+def plant_ranges(
+    records: Sequence[Record],
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the command range (V) of a plant fitted to records, and its references (µm).
+
+    Parameters
+    ----------
+    records
+        Records of one plant.
+
+    Returns
+    -------
+    tuple of float
+        Lowest and highest command: those of the data, a little wider.
+    tuple of float
+        Centre and amplitude of references: nine tenths of the measured stroke.
+
+    Examples
+    --------
+    >>> wave = np.sin(np.linspace(0.0, 2 * np.pi, 1001))
+    >>> record = Record("one", np.arange(1001.0), 10.0 * wave, 5.0 * wave, ts_s=1.0)
+    >>> plant_ranges([record])
+    ((-11.0, 11.0), (0.0, 4.5))
+    """
+    low = min(float(record.u_V.min()) for record in records)
+    high = max(float(record.u_V.max()) for record in records)
+    least = min(float(record.y_um[record.error_mask].min()) for record in records)
+    most = max(float(record.y_um[record.error_mask].max()) for record in records)
+    margin = _RANGE_MARGIN * (high - low)
+    stroke = (least + most) / 2, _REFERENCE_PART * (most - least) / 2
+    return (low - margin, high + margin), stroke
+
 
 def data_scale(records: Sequence[Record]) -> DataScale:
     """Return centre, span, stroke, fastest rate and times of the records that move.
