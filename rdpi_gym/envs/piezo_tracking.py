@@ -164,7 +164,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
     | `baseline` | `None` | controller under `correction`: name of `baselines.CONTROLLERS` or `module:attribute`; one that plans ahead knows the first 2048 samples |
     | `belief` | the nominal plant, without effects | what the baseline believes, as `plant` |
     | `noise_um`, `resolution_um` | the plant's | standard deviation and step of the sensor's reading (µm) |
-    | `randomise` | `0.0` | relative half-width of weights, thresholds and δ2, drawn per episode |
+    | `randomise` | `0.0` | relative half-width of the hysteresis core's gains, thresholds and shape (RDPI: weights, thresholds, δ2), drawn per episode |
     | `randomise_effects` | `0.0` | relative half-width of the parameters of the plant's effects, drawn per episode at one of 33 levels |
     | `command_cost` | `0.0` | price of a command change over the whole range |
     | `render_mode` | `None` | `"rgb_array"`: hysteresis loop, tracking and error of the last moments |

@@ -10,12 +10,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.plant import RDPI, PlantModel, find_plant
+from rdpi_gym.plant import PlantModel, find_plant
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
-# What an episode's options may say of its plant: a plant, and fields of its RDPI.
+# What an episode's options may say of its plant: a plant, and fields of its hysteresis.
 PLANT_OPTIONS = ("plant", "weights", "thresholds_V", "delta2_s")
 # The bound of readings in units of what the hysteresis reaches; effects (a resonance) go farther.
 _MARGIN, _MARGIN_WITH_EFFECTS = 2.0, 10.0
@@ -75,16 +75,11 @@ def limit_band(model: PlantModel, rate_bandwidth_hz: float | None) -> PlantModel
 def randomise_plant(
     model: PlantModel[Any], half_width: float, rng: np.random.Generator
 ) -> PlantModel:
-    """Return the plant with its weights, thresholds and δ2 drawn about their values.
+    """Return the plant with the numbers of its hysteresis drawn about their values.
 
-    Every weight, every gap between neighbouring thresholds and δ2 is multiplied by its own number,
-    uniform over ``1 - half_width`` to ``1 + half_width``: the thresholds stay in order, and each
-    within the same relative bounds.
-
-    Raises
-    ------
-    InputError
-        The plant has another core than RDPI.
+    Every gain, every gap between neighbouring thresholds and every number of the shape is
+    multiplied by its own number, uniform over ``1 - half_width`` to ``1 + half_width``, within its
+    bounds: the thresholds stay in order. Of the RDPI model that is weights, gaps and δ2.
 
     Examples
     --------
@@ -95,20 +90,8 @@ def randomise_plant(
     if half_width == 0.0:
         return model
     nominal = model.hysteresis
-    if not isinstance(nominal, RDPI):
-        raise InputError(
-            f"randomise draws the parameters of the core {RDPI.name}, and plant {model.name} has the "
-            f"core {nominal.name}; give randomise=0"
-        )
-    factors = rng.uniform(1.0 - half_width, 1.0 + half_width, 2 * nominal.n + 2)
-    gaps = np.diff(nominal.thresholds_V, prepend=0.0)
-    hysteresis = replace(
-        nominal,
-        weights=tuple((np.array(nominal.weights) * factors[: nominal.n + 1]).tolist()),
-        thresholds_V=tuple(np.cumsum(gaps * factors[nominal.n + 1 : -1]).tolist()),
-        delta2_s=nominal.delta2_s * float(factors[-1]),
-    )
-    return model.with_hysteresis(hysteresis)
+    factors = rng.uniform(1.0 - half_width, 1.0 + half_width, nominal.factors)
+    return model.with_hysteresis(nominal.scaled(factors))
 
 
 def drawn_parameters(effect: Effect) -> list[str]:
@@ -167,7 +150,7 @@ def randomise_effects(model: PlantModel, half_width: float, rng: np.random.Gener
 
 
 def with_parameters(model: PlantModel, parameters: Mapping[str, Any]) -> PlantModel:
-    """Return the plant with other values of some fields of its `RDPI`.
+    """Return the plant with other values of some fields of its hysteresis.
 
     Raises
     ------

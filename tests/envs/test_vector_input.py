@@ -96,7 +96,10 @@ def test_actions_of_other_numbers_and_strides_are_read(actions):
         ({"options": {"weights": [0.0, 1.0]}}, "a_0 is 0.0"),
         ({"options": {"weights": [100.0] * 11}}, "what can be shown ends at"),
         ({"options": {"reference": {"signal": "sine", "amplitude_um": 1e4}}}, "smaller amplitude"),
-        ({"options": {"plant": "P5"}}, "plant P5 has 5 play operators, and the lanes of this"),
+        (
+            {"options": {"plant": "P5"}},
+            "plant P5 has 6 gains of the core rdpi, and the lanes of this",
+        ),
         (
             {"options": {"plant": replace(named_plant("P10"), effects=(CATALOGUE["creep"](),))}},
             "plant P10 has creep, and the lanes of this environment have no effects",

@@ -1,17 +1,20 @@
 """Lane by lane, step by step, the vector environment is the single one, to rounding."""
 
+import warnings
 from dataclasses import dataclass, replace
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 from numba import njit
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
-from rdpi_gym.plant import named_plant
+from rdpi_gym.plant import CORES, named_plant
 from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter, forms_of, load_effect
 from rdpi_gym.plant.effects.base import SLOTS
+from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.errors import InputError
 
 NAME = "rdpi_gym/PiezoTracking-v0"
@@ -27,6 +30,17 @@ def with_forms(number):
     kinds = [forms_of(kind) for kind in CATALOGUE.values()]
     effects = tuple(forms[min(number, len(forms) - 1)]() for forms in kinds)
     return replace(EVERY_EFFECT, effects=effects)
+
+
+SCALE = DataScale(
+    centre_V=0.0, span_V=30.0, stroke_um=20.0, fastest_V_s=400.0, shortest_s=1e-4, longest_s=4.0
+)
+
+
+def with_core(name):
+    """The plant of every effect around that core, at numbers that a fit of it begins with."""
+    core = CORES[name].starts(SCALE)[-1]
+    return replace(EVERY_EFFECT, hysteresis=core, name=name, command_range_V=(-30.0, 30.0))
 
 
 MOST_FORMS = max(len(forms_of(kind)) for kind in CATALOGUE.values())
@@ -182,6 +196,66 @@ def test_an_effect_of_ones_own_among_those_of_the_catalogue():
         lanes=3, steps=60, episode=25, plant=plant, randomise=0.1, randomise_effects=0.3
     )
     assert found < 100.0 * ROUNDING
+
+
+@pytest.mark.parametrize("bare", [True, False])
+@pytest.mark.parametrize("name", list(CORES))
+def test_every_core_randomised_over_episodes(name, bare):
+    plant = with_core(name)
+    found = largest_difference(
+        lanes=3,
+        steps=60,
+        episode=25,
+        plant=replace(plant, effects=()) if bare else plant,
+        randomise=0.2,
+        randomise_effects=0.3,
+        noise_um=0.05,
+    )
+    assert found < 100.0 * ROUNDING
+
+
+@pytest.mark.parametrize("name", list(CORES))
+def test_numbers_of_a_core_are_drawn_within_their_bounds(name):
+    env = gym.make(NAME, plant=with_core(name), randomise=0.3).unwrapped
+    nominal, gains, shapes = env.nominal.hysteresis, [], []
+    for _ in range(12):
+        env.reset(seed=None if gains else 0)
+        core = env.truth.hysteresis
+        gains.append(core.gains)
+        shapes.append([getattr(core, p.name) for p in core.shape])
+        assert np.all(np.diff(getattr(core, "thresholds_V", ())) > 0)
+        for p, value in zip(core.shape, shapes[-1], strict=True):
+            assert p.low <= value <= p.high
+    size = np.abs(nominal.gains) + 1e-12
+    assert np.all(np.abs(np.array(gains) - nominal.gains) <= 0.3 * size * (1.0 + 1e-9))
+    assert len({gain[-1] for gain in gains}) == 12
+    for p, values in zip(nominal.shape, np.array(shapes).T, strict=True):
+        assert len(set(values.tolist())) > 3 or getattr(nominal, p.name) == 0.0
+
+
+@pytest.mark.parametrize("name", list(CORES))
+def test_checkers_have_no_complaint_of_a_core(name):
+    plant = replace(with_core(name), effects=()).to_dict()  # as a file holds it
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gym.make(NAME, plant=plant).unwrapped, skip_render_check=True)
+    envs = gym.make_vec(
+        NAME, num_envs=3, vectorization_mode="vector_entry_point", plant=plant, randomise=0.1
+    )
+    observation, _ = envs.reset(seed=0)
+    for _ in range(3):
+        assert observation in envs.observation_space
+        observation, reward, terminated, truncated, info = envs.step(envs.action_space.sample())
+        assert (reward.dtype, terminated.dtype, truncated.dtype) == (np.float64, bool, bool)
+        assert all(len(values) == 3 for values in info.values())
+
+
+def test_a_plant_with_another_core_is_refused():
+    env = PiezoTrackingVectorEnv(2, plant=with_core("stop"))
+    with pytest.raises(
+        InputError, match=r"duhem has the core duhem, and the lanes of .* have stop;"
+    ):
+        env.reset(options={"plant": with_core("duhem")})
 
 
 def test_effects_are_drawn_at_levels_of_their_range():

@@ -60,7 +60,7 @@ def test_the_vector_environment_runs_what_the_plant_does(compiled):
         work[0] = u
         if compiled:
             row = run_chain(
-                lanes.p[0], lanes.state[0], stages.table, lanes.stage_p[0], lanes.stage_state[0],
+                0, lanes.p[0], lanes.state[0], stages.table, lanes.stage_p[0], lanes.stage_state[0],
                 TS_S, work,
             )  # fmt: skip
         else:

@@ -154,17 +154,18 @@ def test_lanes_of_two_cores_are_refused(model):
         Plant([model, P5], TS_S)
 
 
-def test_the_environment_runs_it_and_says_what_it_cannot_do(model):
-    env = gym.make("rdpi_gym/PiezoTracking-v0", plant=model)
-    env.reset(seed=0)
+def test_the_environment_and_its_vector_twin_run_it(model):
+    options = {"plant": model, "randomise": 0.1}
+    singles = [gym.make("rdpi_gym/PiezoTracking-v0", **options) for _ in range(3)]
+    lanes = gym.make_vec("rdpi_gym/PiezoTracking-v0", num_envs=3, **options)
+    lanes.reset(seed=0)
+    for seed, env in enumerate(singles):
+        env.reset(seed=seed)
     for _ in range(50):
-        observation, *_ = env.step(env.action_space.sample())
-        assert env.observation_space.contains(observation)
-    with pytest.raises(InputError, match="randomise draws the parameters of the core rdpi"):
-        gym.make("rdpi_gym/PiezoTracking-v0", plant=model, randomise=0.1).reset(seed=0)
-    with pytest.raises(InputError, match="vectorization_mode='sync'"):
-        gym.make_vec("rdpi_gym/PiezoTracking-v0", num_envs=2, plant=model)
-    lanes = gym.make_vec(
-        "rdpi_gym/PiezoTracking-v0", num_envs=2, plant=model, vectorization_mode="sync"
-    )
-    assert lanes.reset(seed=0)[0].shape == (2, 11)
+        action = lanes.action_space.sample()
+        _, _, _, _, info = lanes.step(action)
+        for lane, env in enumerate(singles):
+            observation, _, _, _, own = env.step(action[lane])
+            assert env.observation_space.contains(observation)
+            assert abs(info["displacement_um"][lane] - own["displacement_um"]) < 1e-12
+    assert len(set(info["displacement_um"].tolist())) == 3

@@ -44,7 +44,6 @@ class Column(NamedTuple):
     """A plant as the lanes hold it."""
 
     p: Array  # float64[P]: as rdpi_gym.plant.packing packs it
-    gaps_V: Array  # float64[n]: between neighbouring thresholds
     stage_p: Array  # float64[P']
     turns_V: Array  # float64[K]: commands at which it turned before the episode, in order
     offset_um: float  # behind its effects
@@ -55,7 +54,7 @@ class Column(NamedTuple):
 class Drawn(NamedTuple):
     """What m episodes draw."""
 
-    factors: Array  # float64[m, 2n + 2]: of weights, gaps and δ2; empty without randomisation
+    factors: Array  # float64[m, K]: of the core's numbers; empty without randomisation
     levels: Integers  # int64[m, L]: of the effects' parameters; empty without randomisation
     choice: Integers  # int64[m]: of the references
     position: Array  # float64[m]: between the lowest and the highest frequency
@@ -116,8 +115,7 @@ def draw_episodes(
 
 @njit(cache=True)
 def place_plants(step: int, rest_V: float, column: Column, drawn: Drawn, fresh: Lanes) -> None:
-    """Put plants, at rest and without memory, into a block of lanes that begin at a step."""
-    n = len(column.gaps_V)
+    """Put plants as a column has them, without memory, into a block of lanes that begin at a step."""
     p, state, numbers = fresh.p[0], fresh.state[0], fresh.numbers[0]
     for row in range(len(p)):
         p[row] = column.p[row]
@@ -131,17 +129,33 @@ def place_plants(step: int, rest_V: float, column: Column, drawn: Drawn, fresh: 
         numbers[OFFSET, b] = column.offset_um
         numbers[NOISE, b] = column.noise_um
         numbers[RESOLUTION, b] = column.resolution_um
-    if drawn.factors.shape[1] == 0:
-        return
-    for b in range(len(drawn.choice)):
-        factors = drawn.factors[b]
+
+
+@njit(cache=True)
+def scale_packed(gains: int, gaps_V: Array, factors: Array, fresh: Lanes) -> None:
+    """Multiply the parameters of lanes that begin: gains, gaps between thresholds, and the rest.
+
+    Parameters
+    ----------
+    gains
+        Number of gains.
+    gaps_V : float64[n]
+        Between neighbouring thresholds (V).
+    factors : float64[m, K]
+        As :meth:`rdpi_gym.plant.cores.base.Core.scaled` takes them.
+    fresh
+        One block, whose lanes have the parameters of one plant.
+    """
+    p, rest = fresh.p[0], gains + len(gaps_V)
+    for b in range(len(factors)):
         threshold = 0.0
-        p[0, b] *= factors[0]
-        for i in range(n):
-            p[1 + i, b] *= factors[1 + i]
-            threshold += column.gaps_V[i] * factors[n + 1 + i]
-            p[n + 1 + i, b] = threshold
-        p[2 * n + 1, b] *= factors[2 * n + 1]
+        for i in range(gains):
+            p[i, b] *= factors[b, i]
+        for i in range(len(gaps_V)):
+            threshold += gaps_V[i] * factors[b, gains + i]
+            p[gains + i, b] = threshold
+        for i in range(rest, factors.shape[1]):
+            p[i, b] *= factors[b, i]
 
 
 @njit(cache=True)
@@ -164,8 +178,8 @@ def place_sines(low_hz: float, high_hz: float, table: Array, drawn: Drawn, fresh
 
 
 @njit(cache=True)
-def settle(rest_V: float, turns_V: Array, fresh: Lanes, u: Array) -> None:
-    """Set the play states that a rest at `rest_V` leaves of earlier turns (V), and the command.
+def settle_plays(rest_V: float, turns_V: Array, fresh: Lanes) -> None:
+    """Set the play states that a rest at `rest_V` leaves of earlier turns (V).
 
     Parameters
     ----------
@@ -174,14 +188,11 @@ def settle(rest_V: float, turns_V: Array, fresh: Lanes, u: Array) -> None:
     turns_V : float64[K, m]
         Commands at which each lane turned, in order.
     fresh
-        One block.
-    u : float64[W]
-        Filled with the command (V).
+        One block, with parameters as :mod:`rdpi_gym.plant.cores.play` states them.
     """
     p, state = fresh.p[0], fresh.state[0]
     n = len(state) - 2
-    for b in range(len(u)):
-        u[b] = rest_V
+    for b in range(state.shape[1]):
         for i in range(n):
             r, x = p[n + 1 + i, b], 0.0
             if b < turns_V.shape[1]:

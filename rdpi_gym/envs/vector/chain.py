@@ -8,7 +8,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from rdpi_gym.plant.cores.base import CoreBlock
+from rdpi_gym.plant.cores.bouc_wen import bouc_wen_block
+from rdpi_gym.plant.cores.dahl import dahl_block
+from rdpi_gym.plant.cores.duhem import duhem_block
+from rdpi_gym.plant.cores.generalised import generalised_block
+from rdpi_gym.plant.cores.lugre import lugre_block
+from rdpi_gym.plant.cores.pinched_stop import pinched_block
 from rdpi_gym.plant.cores.play import given_rate_block
+from rdpi_gym.plant.cores.preisach import preisach_block
 from rdpi_gym.plant.effects.asymmetry import asymmetry_block
 from rdpi_gym.plant.effects.backlash import backlash_block
 from rdpi_gym.plant.effects.base import SLOTS, Block
@@ -34,6 +42,12 @@ KERNELS: tuple[Block, ...] = (
     mains_hum_block,
 )  # fmt: skip
 """The catalogue's kernels by their number. A stage with another kernel runs through Python."""
+
+CORE_KERNELS: tuple[CoreBlock, ...] = (
+    given_rate_block, generalised_block, pinched_block, preisach_block, bouc_wen_block, duhem_block,
+    dahl_block, lugre_block,
+)  # fmt: skip
+"""The cores' kernels by their number; a core with another one runs through Python, too."""
 
 _INPUT, _RATE = SLOTS.index("input"), SLOTS.index("rate")
 
@@ -69,6 +83,26 @@ def _run_kernel(
         mains_hum_block(x, u, p, state, ts, y)
 
 
+@njit(inline="always")
+def _run_core(number: int, u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
+    if number == 0:
+        given_rate_block(u, v, p, state, y)
+    elif number == 1:
+        generalised_block(u, v, p, state, y)
+    elif number == 2:
+        pinched_block(u, v, p, state, y)
+    elif number == 3:
+        preisach_block(u, v, p, state, y)
+    elif number == 4:
+        bouc_wen_block(u, v, p, state, y)
+    elif number == 5:
+        duhem_block(u, v, p, state, y)
+    elif number == 6:
+        dahl_block(u, v, p, state, y)
+    else:
+        lugre_block(u, v, p, state, y)
+
+
 @njit(cache=True)
 def _rate(u: Array, pole: Array, last: Array, rate: Array, per_s: float, v: Array) -> None:
     # rate_block for one sample, in loops that compile to vector instructions.
@@ -94,6 +128,7 @@ def _run_stage(
 
 @njit(cache=True)
 def run_chain(
+    core: int,
     p: Array,
     state: Array,
     stages: Table,
@@ -106,8 +141,10 @@ def run_chain(
 
     Parameters
     ----------
+    core
+        Number of the core's kernel.
     p, state : float64[P, W], float64[S, W]
-        As :mod:`rdpi_gym.plant.cores.play` states them.
+        As that kernel states them.
     stages : int64[n, 6]
         See :data:`Table`.
     stage_p, stage_state : float64[P', W], float64[S', W]
@@ -132,7 +169,7 @@ def run_chain(
         _run_stage(stages[i], v, u, 5 - v, stage_p, stage_state, ts, work)
         v, i = 5 - v, i + 1
     y = 4
-    given_rate_block(work[u : u + 1], work[v : v + 1], p, state, work[y : y + 1])
+    _run_core(core, work[u : u + 1], work[v : v + 1], p, state, work[y : y + 1])
     while i < len(stages):
         _run_stage(stages[i], y, u, 9 - y, stage_p, stage_state, ts, work)
         y, i = 9 - y, i + 1

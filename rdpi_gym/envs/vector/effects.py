@@ -10,10 +10,12 @@ import numpy as np
 
 from rdpi_gym.envs.truth import EFFECT_LEVELS, drawn_parameters, effect_at
 from rdpi_gym.envs.vector.chain import KERNELS, Table
+from rdpi_gym.envs.vector.core import LaneCores
 from rdpi_gym.envs.vector.lanes import Integers, Lanes
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.chain import ACTS_ON, COMMAND, DISPLACEMENT, RATE, Link, Place, in_order, walk
-from rdpi_gym.plant.cores.play import given_rate_block, rate_block
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import SLOTS
 from rdpi_gym.support.arrays import Array
@@ -24,9 +26,9 @@ _ROWS = (0, 2, 4)
 
 
 class _Watched:
-    """A plant's RDPI parameters that notices whether they are read."""
+    """A plant's hysteresis core that notices whether it is read."""
 
-    def __init__(self, hysteresis: RDPI) -> None:
+    def __init__(self, hysteresis: Core) -> None:
         self._hysteresis, self.read = hysteresis, False
 
     def __getattr__(self, name: str) -> Any:
@@ -55,12 +57,13 @@ class EffectStages:
     compiled : bool
         Whether every kernel is one of the catalogue, so that steps need not return to Python.
     reads_hysteresis : bool
-        Whether a stage's parameters follow from the RDPI parameters too.
+        Whether a stage's parameters follow from those of the core too.
     """
 
     def __init__(self, model: PlantModel, ts_s: float, half_width: float) -> None:
         self._ts_s, self._half_width = ts_s, half_width
         self._effects = model.effects
+        self._core_block = type(model.hysteresis).block
         self._stages = [i for i, e in enumerate(model.effects) if e.slot != "memory"]
         self._counts = [len(drawn_parameters(effect)) for effect in model.effects]
         self._at: dict[tuple[int, ...], tuple[Effect, list[float]]] = {}
@@ -69,7 +72,7 @@ class EffectStages:
         for i in self._stages:
             effect = model.effects[i]
             watched = _Watched(model.hysteresis)
-            size = len(effect.coefficients(ts_s, cast(RDPI, watched)))
+            size = len(effect.coefficients(ts_s, cast(Core, watched)))
             if watched.read:
                 self._reading.add(i)
             states = self._state_rows(effect, model.hysteresis)
@@ -112,7 +115,7 @@ class EffectStages:
         self,
         levels: Integers,
         fresh: Lanes,
-        bandwidth_hz: float | None,
+        cores: LaneCores,
         rest_V: float,
         turns_V: Array,
     ) -> Array:
@@ -123,9 +126,9 @@ class EffectStages:
         levels : int64[m, L]
             Levels of all drawn parameters; L = 0: the effects stay as they are.
         fresh
-            One block, whose RDPI parameters stand.
-        bandwidth_hz
-            Cut-off of the rate (Hz) in these plants.
+            The block.
+        cores
+            Cores of its lanes.
         rest_V
             Command (V) at which the episodes begin.
         turns_V : float64[K, m]
@@ -137,12 +140,11 @@ class EffectStages:
             The same in these lanes.
         """
         for lane, at in enumerate(levels.tolist()):
-            hysteresis = _hysteresis(fresh, lane, bandwidth_hz) if self._reading else None
             effects, columns = self._at_levels(at)
             for i, (first, end) in zip(self._stages, self.table[:, 2:4].tolist(), strict=True):
                 column = columns[i]
-                if i in self._reading and hysteresis is not None:
-                    column = effects[i].coefficients(self._ts_s, hysteresis)
+                if i in self._reading:
+                    column = effects[i].coefficients(self._ts_s, cores[lane])
                 fresh.stage_p[0, first:end, lane] = column
             for effect in effects:
                 if effect.slot == "memory":
@@ -165,7 +167,7 @@ class EffectStages:
 
         def core(rows: Sequence[int]) -> int:
             u, v, y = rows[COMMAND], rows[RATE], _ROWS[DISPLACEMENT]
-            given_rate_block(at(u), at(v), p, state, at(y))
+            self._core_block(at(u), at(v), p, state, at(y))
             return y
 
         def stage(effect: Effect, row: Sequence[int]) -> Link:
@@ -206,11 +208,11 @@ class EffectStages:
     def _coefficients(self, effect: Effect) -> list[float]:
         return effect.coefficients(self._ts_s, RDPI((1.0,), (), 0.0))
 
-    def _packed(self, effects: Sequence[Effect], hysteresis: RDPI) -> Array:
+    def _packed(self, effects: Sequence[Effect], hysteresis: Core) -> Array:
         columns = [effect.coefficients(self._ts_s, hysteresis) for effect in effects]
         return np.array([value for column in columns for value in column], dtype=np.float64)
 
-    def _state_rows(self, effect: Effect, hysteresis: RDPI) -> int:
+    def _state_rows(self, effect: Effect, hysteresis: Core) -> int:
         """Rows of the largest state among an effect's levels.
 
         At every corner of the parameters that change it by themselves: of dozens there are too many.
@@ -229,11 +231,3 @@ class EffectStages:
             alone = [rows([middle] * i + [end] + [middle] * (count - 1 - i)) for end in (0, last)]
             ends.append((middle,) if alone == [centre, centre] else (0, middle, last))
         return max(rows(levels) for levels in product(*ends))
-
-
-def _hysteresis(fresh: Lanes, lane: int, bandwidth_hz: float | None) -> RDPI:
-    column = fresh.p[0, :, lane].tolist()
-    n = (len(column) - 4) // 2
-    return RDPI(
-        tuple(column[: n + 1]), tuple(column[n + 1 : 2 * n + 1]), column[2 * n + 1], bandwidth_hz
-    )

@@ -79,8 +79,8 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
     | `render_mode` | `None` | `"rgb_array"`: a frame for each lane |
 
     A reset's `seed` is a number (lane i takes seed + i) or one for each lane; its `options` are the
-    single environment's, for all lanes that it resets, and `reset_mask`. A `plant` there has as
-    many play operators, and the same effects and converter, as that of the environment.
+    single environment's, for all lanes that it resets, and `reset_mask`. A `plant` there has the
+    same hysteresis core with as many gains, effects and converter as that of the environment.
 
     Raises
     ------

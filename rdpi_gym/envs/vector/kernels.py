@@ -222,7 +222,7 @@ def _advance_blocks(
     for n in range(begin, end):
         command_block(n, step, actions, base_V, law, work, lanes.numbers)
         row = run_chain(
-            lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n], sources.stages,
+            law.core, lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n], sources.stages,
             lanes.stage_p[min(n, len(lanes.stage_p) - 1)], lanes.stage_state[n], law.ts_s, work,
         )  # fmt: skip
         show_block(n, step, row, work, record)

@@ -89,6 +89,7 @@ class Law(NamedTuple):
     hold: int  # samples that the converter holds
     sensed: bool  # a sensor has noise or a resolution
     max_steps: int
+    core: int  # number of the core's kernel
 
 
 class Shown(NamedTuple):
@@ -150,11 +151,11 @@ def make_lanes(
     shape
         Number of blocks and their width.
     rows
-        Of the RDPI parameters, their state, the stages' parameters, and their state.
+        Of the core's parameters, its state, the stages' parameters, and their state.
     preview
         Samples of the reference shown ahead.
     shared
-        Whether all lanes share the RDPI parameters, and those of the stages.
+        Whether all lanes share the core's parameters, and those of the stages.
     """
     blocks, width = shape
     p_blocks, stage_blocks = (1 if share else blocks for share in shared)

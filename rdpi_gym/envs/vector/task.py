@@ -16,11 +16,11 @@ from rdpi_gym.envs.vector.begin import (
     place_plants,
     place_sines,
     seed_generators,
-    settle,
     show_first,
 )
 from rdpi_gym.envs.vector.chain import run_chain
 from rdpi_gym.envs.vector.commands import command_block
+from rdpi_gym.envs.vector.core import CoreLanes
 from rdpi_gym.envs.vector.correction import VectorCorrection
 from rdpi_gym.envs.vector.effects import EffectStages
 from rdpi_gym.envs.vector.kernels import advance, advance_parallel, show_block
@@ -43,7 +43,7 @@ from rdpi_gym.envs.vector.lanes import (
 from rdpi_gym.envs.vector.noise import NoiseTables
 from rdpi_gym.envs.vector.random import Words
 from rdpi_gym.envs.vector.references import References
-from rdpi_gym.plant import RDPI, PlantModel, empty_state, pack
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -79,7 +79,7 @@ class VectorTask:
         self._single, self._layout, self._lane_count = single, single.layout, lanes
         truths, layout = single.truths, single.layout
         nominal = truths.nominal
-        self._n = _checked_core(nominal).n
+        self._core = CoreLanes(nominal, layout.ts_s)
         self._effects = EffectStages(nominal, layout.ts_s, truths.effects_half_width)
         self._hold = nominal.converter.samples(layout.ts_s)
         self._draws_effects = self._effects.levels > 0 or (
@@ -103,9 +103,10 @@ class VectorTask:
             hold=self._hold,
             sensed=sensor.noise_um > 0.0 or sensor.resolution_um > 0.0,
             max_steps=self._max_steps,
+            core=self._core.kernel,
         )
-        stage_rows, state_rows = self._effects.rows
-        self._rows = (len(self._column.p), len(empty_state(self._n, 1)), stage_rows, state_rows)
+        self._compiled = self._effects.compiled and self._core.kernel >= 0
+        self._rows = (*self._core.rows, *self._effects.rows)
         shape = block_shape(lanes)
         shared = (truths.half_width == 0.0, not self._draws_effects)
         self._lanes = make_lanes(shape, self._rows, layout.preview, shared)
@@ -166,9 +167,9 @@ class VectorTask:
         given = truths.given(options, self._layout)
         column = self._column if given is None else self._column_of(given)
         offer = self._references.offered(options.get("reference"), options.get("frequency_hz"))
-        drawing = given is None
+        drawing, core = given is None, (given or truths.nominal).hysteresis
         drawn = Drawn(
-            factors=np.empty((count, 2 * self._n + 2 if drawing and truths.half_width > 0 else 0)),
+            factors=np.empty((count, core.factors if drawing and truths.half_width > 0 else 0)),
             levels=np.empty((count, self._effects.levels if drawing else 0), dtype=np.int64),
             choice=np.empty(count, dtype=np.int64),
             position=np.empty(count),
@@ -182,12 +183,13 @@ class VectorTask:
         fresh = make_lanes((1, max(32, -(-count // 32) * 32)), self._rows, self._layout.preview)
         work = aligned((WORK, fresh.state.shape[2]))
         place_plants(self.step, self._rest_V, column, drawn, fresh)
+        cores = self._core.draw(core, drawn.factors, fresh)
         place_sines(*offer.bounds_hz, offer.table, drawn, fresh)
         turns = np.repeat(column.turns_V[:, None], count, axis=1)
         if drawing and self._draws_effects:
-            bandwidth_hz = truths.nominal.hysteresis.rate_bandwidth_hz
-            turns = self._effects.draw(drawn.levels, fresh, bandwidth_hz, self._rest_V, turns)
-        settle(self._rest_V, turns, fresh, work[0])
+            turns = self._effects.draw(drawn.levels, fresh, cores, self._rest_V, turns)
+        self._core.settle(self._rest_V, turns, cores, fresh)
+        work[0] = self._rest_V
         tables = self._references.begin(self.step, indices, offer, drawn, fresh)
         noise = self._noise.begin(self.step, indices, column.noise_um, drawn.noise_seed)
         sources = Sources(self._effects.table, self._references.rises, tables, noise)
@@ -238,7 +240,7 @@ class VectorTask:
             np.empty((5, lanes)),
         )
         blocks = len(self._lanes.state)
-        if self._effects.compiled:
+        if self._compiled:
             run = advance_parallel if self.threads > 1 else advance
             # Flat: a call that hands named tuples over takes twice as long to find its kernel.
             fields = (*self._lanes, *self._sources, *out, *self._law)
@@ -252,10 +254,10 @@ class VectorTask:
         return out
 
     def _run_chain(self, lanes: Any, n: int, work: Array) -> int:
-        if not self._effects.compiled:
+        if not self._compiled:
             return self._effects.run(lanes, n, work)
         row: int = run_chain(
-            lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n], self._effects.table,
+            self._core.kernel, lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n], self._effects.table,
             lanes.stage_p[min(n, len(lanes.stage_p) - 1)], lanes.stage_state[n],
             self._layout.ts_s, work,
         )  # fmt: skip
@@ -277,12 +279,6 @@ class VectorTask:
 
     def _column_of(self, model: PlantModel) -> Column:
         """Return a plant as the lanes hold it, or refuse one that is built unlike the nominal one."""
-        hysteresis = _checked_core(model)
-        if hysteresis.n != self._n:
-            raise InputError(
-                f"plant {model.name} has {hysteresis.n} play operators, and the lanes of this environment "
-                f"have {self._n}; make an environment of that plant instead"
-            )
         if model.converter.samples(self._layout.ts_s) != self._hold:
             raise InputError(
                 f"the converter of plant {model.name} holds another number of samples than the lanes of "
@@ -293,21 +289,10 @@ class VectorTask:
             (0.0, model.offset_um) if len(self._effects.table) else (model.offset_um, 0.0)
         )
         return Column(
-            p=pack([hysteresis], self._layout.ts_s, [inside])[:, 0].copy(),
-            gaps_V=np.diff(hysteresis.thresholds_V, prepend=0.0),
+            p=self._core.column(model, inside),
             stage_p=self._effects.column(model),
             turns_V=np.array(model.turns_from(self._rest_V)),
             offset_um=behind,
             noise_um=float(model.sensor.noise_um),
             resolution_um=float(model.sensor.resolution_um),
         )
-
-
-def _checked_core(model: PlantModel[Any]) -> RDPI:
-    """Return the plant's core, or refuse one that the lanes' kernels do not run."""
-    if not isinstance(model.hysteresis, RDPI):
-        raise InputError(
-            f"plant {model.name} has the core {model.hysteresis.name}, and the lanes of a vector "
-            f"environment run {RDPI.name}; use vectorization_mode='sync' of gymnasium.make_vec"
-        )
-    return model.hysteresis

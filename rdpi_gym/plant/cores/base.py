@@ -8,6 +8,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Self, TypeAlias
 
+import numpy as np
+
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.members import Members
@@ -54,6 +56,12 @@ class Core(ABC):
         Whether it depends on how fast the command moves.
     keeps_first
         Whether its first gain, of the command itself, stays above zero.
+    spaced
+        Whether `thresholds_V` is one of its fields, increasing (V): their gaps are drawn where
+        plants are randomised, with the gains and the shape.
+    drawn_as_packed
+        Whether :meth:`coefficients` are gains, thresholds and shape as they stand, and a factor
+        above zero of any of them is allowed: many lanes are drawn without a core for each.
 
     Examples
     --------
@@ -76,6 +84,8 @@ class Core(ABC):
     wipes_out: ClassVar[bool] = True
     rated: ClassVar[bool] = False
     keeps_first: ClassVar[bool] = False
+    spaced: ClassVar[bool] = False
+    drawn_as_packed: ClassVar[bool] = False
     rate_bandwidth_hz: float | None
 
     @property
@@ -141,6 +151,46 @@ class Core(ABC):
         inside = {k: min(max(float(v), limits[k][0]), limits[k][1]) for k, v in values.items()}
         changed: Any = dataclasses.replace(self, **inside)  # type: ignore[type-var]
         return changed  # type: ignore[no-any-return]
+
+    @property
+    def gaps_V(self) -> Array:
+        """Gaps (V) between neighbouring thresholds, the first one from zero; empty without any."""
+        thresholds: Any = getattr(self, "thresholds_V") if self.spaced else ()  # noqa: B009
+        gaps: Array = np.diff(np.array(thresholds, dtype=np.float64), prepend=0.0)
+        return gaps
+
+    @property
+    def factors(self) -> int:
+        """Number of factors that :meth:`scaled` takes."""
+        return len(self.gains) + len(self.gaps_V) + len(self.shape)
+
+    def scaled(self, factors: Array) -> Self:
+        """Return the core with each of its numbers times a factor: what a randomised plant is.
+
+        Parameters
+        ----------
+        factors : float64[K]
+            Above zero: of the gains, of the gaps between thresholds, of the shape. What would pass
+            a bound is at that bound.
+
+        Examples
+        --------
+        >>> from rdpi_gym.plant import CORES
+        >>> stop = CORES["stop"]((2.0, 1.0), (1.0, 4.0), slope=0.5)
+        >>> stop.scaled(np.array([1.0, 0.5, 1.0, 2.0, 1.0])).thresholds_V
+        (2.0, 5.0)
+        """
+        gains, gaps = np.array(self.gains), self.gaps_V
+        own, between, rest = np.split(factors, [len(gains), len(gains) + len(gaps)])
+        core: Any = self.with_gains((gains * own).tolist())
+        if self.spaced:
+            core = dataclasses.replace(core, thresholds_V=tuple(np.cumsum(gaps * between).tolist()))
+        if self.shape:
+            values = [
+                getattr(self, p.name) * f for p, f in zip(self.shape, rest.tolist(), strict=True)
+            ]
+            core = core.with_shape({p.name: x for p, x in zip(self.shape, values, strict=True)})
+        return core  # type: ignore[no-any-return]
 
     @abstractmethod
     def coefficients(self) -> list[float]:

@@ -215,6 +215,7 @@ class GeneralisedPI(Core):
         Parameter("falling_centre_V", "V", -1e9, 1e9, (-20.0, 20.0), "centre m_f, falling"),
         Parameter("falling_gain", "1", 0.05, 20.0, (0.8, 1.25), "falling over rising, q", 1.0),
     )
+    spaced = True
 
     def __post_init__(self) -> None:
         weights = numbers("weights", self.weights)

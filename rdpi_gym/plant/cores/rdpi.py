@@ -82,6 +82,8 @@ class RDPI(Core):
     shape = (Parameter("delta2_s", "s", 0.0, 1e3, (0.0, 1e-3), "δ2 of Eq. 8"),)
     rated = True
     keeps_first = True  # Eq. 6 divides by it
+    spaced = True
+    drawn_as_packed = True
 
     def __post_init__(self) -> None:
         weights = numbers("weights", self.weights)

@@ -87,6 +87,7 @@ class Stop(Core):
     experiment = "Triangles of falling size about one point, down to less than the smallest slip."
     hardware = "Friction dampers, bearings and guides: force over displacement."
     clockwise = True
+    spaced = True
 
     def __post_init__(self) -> None:
         weights = numbers("weights", self.weights)
