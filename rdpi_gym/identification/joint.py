@@ -149,7 +149,7 @@ class JointFit:
         That was asked of the weights.
     """
 
-    variant: Variant
+    variant: Variant[Core]
     train_rmse_um: float
     at_bound: tuple[str, ...]
     standard_errors: Mapping[str, float | None]
@@ -526,7 +526,7 @@ class FirstSteps:
         What the model leaves of the displacement at the same samples (µm), without offset.
     """
 
-    variant: Variant
+    variant: Variant[Core]
     train_rmse_um: float
     columns: Sequence[Array]
     squares: Sequence[Array]

@@ -132,8 +132,7 @@ class PlantModel(Generic[AnyCore]):
         """Return the plant as a JSON object of format ``rdpi-plant``."""
         document = dataclasses.asdict(self)
         document["effects"] = [effect.to_dict() for effect in self.effects]
-        if self.hysteresis.name != RDPI.name:
-            document["hysteresis"] = {"core": self.hysteresis.name, **document["hysteresis"]}
+        document["hysteresis"] = core_to_dict(self.hysteresis)
         return {"format": FORMAT, "version": VERSION, **document}
 
     def save(self, path: Path | str) -> Path:
@@ -193,7 +192,7 @@ def _build(kind: type, body: Any, source: str) -> Any:
         if key == "effects" and kind is PlantModel:
             values[key] = _build_effects(value, where)
         elif key == "hysteresis" and kind is PlantModel:
-            values[key] = _build_core(value, where)
+            values[key] = core_from_dict(value, where)
         elif key in _PARTS and kind is PlantModel:
             values[key] = _build(_PARTS[key], value, where)
         elif isinstance(value, list | tuple):
@@ -217,7 +216,27 @@ def _build(kind: type, body: Any, source: str) -> Any:
         ) from None
 
 
-def _build_core(document: Any, where: str) -> Core:
+def core_to_dict(core: Core) -> dict[str, Any]:
+    """Return a core as it stands in the JSON of a plant: named, unless it is the RDPI model."""
+    document = dataclasses.asdict(cast(Any, core))
+    return document if core.name == RDPI.name else {"core": core.name, **document}
+
+
+def core_from_dict(document: Any, where: str) -> Core:
+    """Build a core from what :func:`core_to_dict` returns.
+
+    Parameters
+    ----------
+    document
+        The object.
+    where
+        Named in errors.
+
+    Raises
+    ------
+    InputError
+        No such core, a key is missing or unknown, or a value is not what the core needs.
+    """
     if not isinstance(document, Mapping):
         raise InputError(f"{where} is {type(document).__name__}; expected a JSON object")
     body = dict(document)

@@ -68,7 +68,3 @@ def test_simulate_takes_such_a_plant_and_hides_nothing_in_it():
     assert len(data.records) > 10
     with pytest.raises(InputError, match="plant own has the core stop; give the plant its effects"):
         rg.simulate(plant, hide="creep", seed=2, ts_factor=4.0)
-    with pytest.raises(
-        InputError, match="a search refits the core rdpi, and the model has the core stop"
-    ):
-        rg.discover(data, plant)

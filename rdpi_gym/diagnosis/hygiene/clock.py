@@ -26,6 +26,8 @@ _KNOWN = 0.15  # of the displacement: what may be left where a shift is believed
 _AGREE, _MOSTLY = 0.35, 0.8  # samples; share of the evidence
 _UNLIKE = 1.5  # times the sampling time
 _WHOLE = 0.2  # samples from a whole number
+# Of the squares that plays leave at their best shift, what stops leave where loops turn clockwise.
+_CLOCKWISE = 0.5
 
 
 @dataclass(frozen=True)
@@ -154,7 +156,8 @@ def lag(record: Record, bad: BoolArray) -> Lag | None:
     """Estimate the lag between command and displacement; hysteresis itself is none.
 
     Play operators with weights that are not negative, fitted for each shift: they turn where the
-    command turns, so what turns earlier has another clock.
+    command turns, so what turns earlier has another clock. Where stop operators explain more of a
+    record that leads, its loops turn clockwise, and the lag is theirs.
 
     Parameters
     ----------
@@ -179,9 +182,20 @@ def lag(record: Record, bad: BoolArray) -> Lag | None:
         return None
     columns = _columns(u)
     target = y[rows] - y[rows].mean()
-    power = float(target @ target)
-    if power == 0.0:
+    if not np.any(target):
         return None
+    found = _best_lag(record, columns, target, rows)
+    if found.samples < 0.0:
+        columns[1:] *= -1.0  # beside a free slope, stops are plays turned round
+        stops = _best_lag(record, columns, target, rows)
+        if stops.left**2 < _CLOCKWISE * found.left**2:
+            return stops
+    return found
+
+
+def _best_lag(record: Record, columns: Array, target: Array, rows: NDArray[np.intp]) -> Lag:
+    """Return the shift of the operators that leaves least of the displacement."""
+    power = float(target @ target)
 
     def left(shift: float) -> float:
         return _left(columns, target, rows, shift)

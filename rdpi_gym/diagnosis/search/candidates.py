@@ -15,7 +15,7 @@ from rdpi_gym.diagnosis.search.traces import nearest
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import FirstSteps, JointFit, first_steps, fit_joint
 from rdpi_gym.measurement import Record
-from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.parallel import run_cases
@@ -115,7 +115,7 @@ class Setting:
 
     def fit(
         self,
-        hysteresis: RDPI,
+        hysteresis: Core,
         effects: Sequence[Effect] = (),
         passes: int = _PASSES,
         held: frozenset[str] = frozenset(),
@@ -137,7 +137,7 @@ class Setting:
 
     def first_steps(
         self,
-        hysteresis: RDPI,
+        hysteresis: Core,
         effects: Sequence[Effect],
         steps: int,
         held: frozenset[str] = frozenset(),
@@ -183,20 +183,20 @@ def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
 
 def refit(
     setting: Setting,
-    hysteresis: RDPI,
+    hysteresis: Core,
     present: Sequence[Effect],
     kind: type[Effect] | None,
     starts: Sequence[Effect] | None = None,
     least_um: float = math.inf,
 ) -> Outcome:
-    """Fit the weights, δ2, the effects present and a candidate together, from each of its starts.
+    """Fit the core, the effects present and a candidate together, from each of its starts.
 
     Parameters
     ----------
     setting
         The data.
     hysteresis
-        Comb of thresholds with the weights to start from.
+        The core to start from: its thresholds or levels are kept.
     present
         Effects added before, with their values; another form of the candidate gives way to it.
     kind
@@ -271,7 +271,7 @@ def _by_chance(setting: Setting, kind: type[Effect]) -> float:
     return math.sqrt(max(1.0 - CHANCE * numbers / min(counted, FIRST_SAMPLES), 0.0))
 
 
-def _own(variant: Variant, name: str) -> Effect:
+def _own(variant: Variant[Core], name: str) -> Effect:
     return next(effect for effect in variant.effects if effect.name == name)
 
 
@@ -341,7 +341,7 @@ def _along_cusp(setting: Setting, fit: JointFit, effect: str, parameter: str) ->
 
 
 def _squares(
-    variant: Variant, records: Sequence[Record], by_record: dict[str, float]
+    variant: Variant[Core], records: Sequence[Record], by_record: dict[str, float]
 ) -> tuple[float, Array]:
     total, samples, pieces = 0.0, 0, []
     for record in records:
@@ -361,7 +361,7 @@ def _squares(
 
 def refit_all(
     setting: Setting,
-    hysteresis: RDPI,
+    hysteresis: Core,
     trials: Sequence[Trial],
     checkpoint: Checkpoint,
     jobs: int,
@@ -407,5 +407,5 @@ def refit_all(
     return sorted(outcomes, key=lambda o: o.mean_square)
 
 
-def _refit_trial(setting: Setting, hysteresis: RDPI, least_um: float, trial: Trial) -> Outcome:
+def _refit_trial(setting: Setting, hysteresis: Core, least_um: float, trial: Trial) -> Outcome:
     return refit(setting, hysteresis, trial.present, trial.kind, trial.starts, least_um)

@@ -14,8 +14,9 @@ import numpy as np
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.measurement import Record
-from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.plant.model import core_from_dict, core_to_dict
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fingerprint import fingerprint, room_files
 from rdpi_gym.support.store import named_rows
@@ -58,7 +59,7 @@ class Checkpoint:
 
     def get(
         self,
-        hysteresis: RDPI,
+        hysteresis: Core,
         present: Sequence[Effect],
         kind: type[Effect],
         starts: Sequence[Effect] | None = None,
@@ -89,7 +90,7 @@ class Checkpoint:
         ]
         return JointFit(
             Variant(
-                RDPI(tuple(row["weights"]), tuple(row["thresholds_V"]), row["delta2_s"]),
+                core_from_dict(row["hysteresis"], "a finished candidate"),
                 tuple(kinds[effect.pop("effect")](**effect) for effect in effects),
             ),
             row["train_rmse_um"],
@@ -102,7 +103,7 @@ class Checkpoint:
 
     def put(
         self,
-        hysteresis: RDPI,
+        hysteresis: Core,
         present: Sequence[Effect],
         kind: type[Effect],
         starts: Sequence[Effect] | None,
@@ -117,12 +118,9 @@ class Checkpoint:
         """
         if self._store is None:
             return
-        found = fit.variant.hysteresis
         row = {
             "key": self._key(hysteresis, present, kind, starts, fit.smoothness),
-            "weights": found.weights,
-            "thresholds_V": found.thresholds_V,
-            "delta2_s": found.delta2_s,
+            "hysteresis": core_to_dict(fit.variant.hysteresis),
             "effects": [effect.to_dict() for effect in fit.variant.effects],
             "train_rmse_um": fit.train_rmse_um,
             "at_bound": fit.at_bound,
@@ -135,13 +133,13 @@ class Checkpoint:
 
     def _key(
         self,
-        hysteresis: RDPI,
+        hysteresis: Core,
         present: Sequence[Effect],
         kind: type[Effect],
         starts: Sequence[Effect] | None,
         smoothness: float,
     ) -> str:
-        start = [hysteresis.weights, hysteresis.thresholds_V, hysteresis.delta2_s, smoothness]
+        start = [core_to_dict(hysteresis), smoothness]
         effects = [effect.to_dict() for effect in (*present, *(starts or ()))]
         numbers = json.dumps(_rounded([*start, *effects]))
         sources = [_source(each) for each in (*map(type, present), kind)]

@@ -13,7 +13,7 @@ from rdpi_gym.diagnosis.search.conclusion import Search, conclude
 from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.measurement import Dataset
-from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
@@ -313,6 +313,12 @@ def add_effect(
     began = time.perf_counter()
     if any(effect.name == kind.name for effect in given.effects):
         raise InputError(f"the model has {kind.name} already; choose another effect")
+    core = type(given.hysteresis)
+    if not kind.fits_in(core):
+        raise InputError(
+            f"{kind.name} changes what only the core {RDPI.name} has, and the model has the core "
+            f"{core.name}; choose another effect"
+        )
     laboratory = Laboratory(dataset, {kind.name: kind}, jobs, seed, progress, checkpoint)
     base = laboratory.base(given)
     ranked = [r for r in laboratory.ranked(base) if r.candidate.effect == kind.name]

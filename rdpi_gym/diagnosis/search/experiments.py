@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from rdpi_gym.diagnosis.hygiene import Finding
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.separability import next_experiment
-from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect
 
 # By what a limit of the records is about: what lifts it.
@@ -38,7 +38,7 @@ def what_to_measure(
     effects: Sequence[Effect],
     typical: Mapping[str, Effect],
     groups: Sequence[Sequence[str]],
-    hysteresis: RDPI,
+    hysteresis: Core,
     scale: DataScale,
     again: str | None,
     findings: Sequence[Finding],

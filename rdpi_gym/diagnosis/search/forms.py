@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, Trial, refit
 from rdpi_gym.diagnosis.search.ranking import LEAST_GAIN, not_missed
-from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
 
 # A form of more freedom takes at least this share of what the simpler one leaves over the noise,
@@ -141,7 +141,7 @@ def _freedom(outcome: Outcome) -> int:
 def simplified(
     setting: Setting,
     outcome: Outcome,
-    hysteresis: RDPI,
+    hysteresis: Core,
     noise_um: float,
     report: Callable[[int, int], None],
 ) -> tuple[Outcome, dict[str, str]]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from rdpi_gym.diagnosis.hygiene import inspect, limits
 from rdpi_gym.diagnosis.hygiene.finding import BoolArray
 from rdpi_gym.diagnosis.hygiene.spikes import spikes
 from rdpi_gym.diagnosis.results import Candidate
+from rdpi_gym.diagnosis.search.base_models import begun, on_comb
 from rdpi_gym.diagnosis.search.candidates import (
     CHANCE,
     FIRST_SAMPLES,
@@ -35,7 +37,7 @@ from rdpi_gym.diagnosis.search.forms import (
     in_best_form,
     simplified,
 )
-from rdpi_gym.diagnosis.search.law import to_threshold_law
+from rdpi_gym.diagnosis.search.law import in_few_numbers
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor, numerical_floor
 from rdpi_gym.diagnosis.search.openings import (
     leaving_out,
@@ -55,7 +57,7 @@ from rdpi_gym.diagnosis.search.ranking import (
     rank,
     share_of_train,
 )
-from rdpi_gym.diagnosis.search.scale import comb, on_comb, one_size, pruned
+from rdpi_gym.diagnosis.search.scale import one_size
 from rdpi_gym.diagnosis.search.separability import (
     RATE,
     separability,
@@ -138,8 +140,8 @@ class State:
         return self.fit.variant.effects
 
     @property
-    def hysteresis(self) -> RDPI:
-        """Its comb of thresholds and weights."""
+    def hysteresis(self) -> Core:
+        """Its core: of many, a comb of thresholds and weights."""
         return self.fit.variant.hysteresis
 
 
@@ -201,17 +203,13 @@ class Laboratory:
         self._like_rate: tuple[str, ...] = ()
         self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
 
-    def base(self, given: PlantModel | None) -> State:
-        """Refit the base model, with the effects that a given model has, on the comb."""
+    def base(self, given: PlantModel[Any] | None) -> State:
+        """Refit the base model, with the core and the effects that a given model has."""
         present = () if given is None else given.effects
-        core: Core = RDPI((1.0,), (), 0.0) if given is None else given.hysteresis
-        if not isinstance(core, RDPI):
-            raise InputError(
-                f"a search refits the core {RDPI.name}, and the model has the core {core.name}; "
-                "leave it out, or fit one without --core"
-            )
+        kind: type[Core] = RDPI if given is None else type(given.hysteresis)
+        self.catalogue = {n: k for n, k in self.catalogue.items() if k.fits_in(kind)}
         self._progress("base model", 0, 1)
-        state = State(refit(self.setting, comb(self.setting.train), present, None))
+        state = State(refit(self.setting, begun(kind, self.setting.train), present, None))
         self._update_noise(state)
         state = self.past_outliers(self.past_openings(state))
         state = self._smoothed(state)
@@ -319,15 +317,17 @@ class Laboratory:
             for kind, seen in zip(kinds, shown, strict=True)
         ]
 
-    def _plays(self, state: State) -> RDPI:
+    def _plays(self, state: State) -> Core:
         # smooth weights are those of the whole comb
-        return state.hysteresis if self.setting.smoothness else pruned(state.hysteresis)
+        return state.hysteresis if self.setting.smoothness else state.hysteresis.pruned()
 
     def _refit(
         self, state: State, trials: Sequence[Trial], task: str, least_um: float = math.inf
     ) -> list[Outcome]:
+        core = type(state.hysteresis)
         return refit_all(
-            self.setting, self._plays(state), trials, self._checkpoint, self._jobs,
+            self.setting, self._plays(state), [t for t in trials if t.kind.fits_in(core)],
+            self._checkpoint, self._jobs,
             lambda done, total: self._progress(task, done, total), least_um,
         )  # fmt: skip
 
@@ -411,6 +411,7 @@ class Laboratory:
             refit(here, state.hysteresis, state.effects, form)
             for kind in kinds
             for form in forms_of(kind)
+            if form.fits_in(type(state.hysteresis))
         ]
         others = [r for r in ranked if r.candidate.effect not in asked and r.outcome.fit]
         for r in sorted(others, key=lambda r: r.train_share)[-_RIVALS_WITHIN:]:
@@ -534,7 +535,7 @@ class Laboratory:
 
     def on_whole_comb(self, state: State) -> State:
         """Return a model refitted on the whole comb."""
-        whole = on_comb(state.hysteresis, comb(self.setting.train))
+        whole = on_comb(state.hysteresis, self.setting.train)
         fit = self.setting.fit(whole, state.effects)
         return self._smoothed(State(assess(self.setting, "", fit)))
 
@@ -738,11 +739,10 @@ class Laboratory:
         """Return what the simulation of a model on the validation records leaves open."""
         return numerical_floor(state.fit.variant, self._close_up or self.setting.validation)
 
-    def on_law(self, state: State, given: PlantModel | None) -> tuple[State, tuple[str, ...]]:
-        """Return the model with the threshold law of Eq. 8 where it costs little, and remarks."""
-        plays = None if given is None else given.hysteresis.n
-        outcome, note = to_threshold_law(self.setting, state.outcome, plays, self.noise_um)
-        return State(outcome), (*self.orientation, note)
+    def on_law(self, state: State, given: PlantModel[Any] | None) -> tuple[State, tuple[str, ...]]:
+        """Return the model with a core of few numbers where that costs little, and remarks."""
+        outcome, notes = in_few_numbers(self.setting, state.outcome, given, self.noise_um)
+        return State(outcome), (*self.orientation, *notes)
 
     @property
     def searched(self) -> Setting:

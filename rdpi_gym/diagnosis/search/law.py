@@ -1,9 +1,11 @@
-"""From the comb of a diagnosis back to the threshold law of Eq. 8, and what that costs."""
+"""From what a search works on to a core of few numbers: Eq. 8 of the RDPI model, and what that costs."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +24,38 @@ _RESOLUTION, _REFINEMENTS = 3e-4, 16
 _MOST_PLAYS, _LEAST_WEIGHT = 14, 1e-3
 
 
-def to_threshold_law(
+def in_few_numbers(
+    setting: Setting, outcome: Outcome, given: PlantModel[Any] | None, noise_um: float
+) -> tuple[Outcome, tuple[str, ...]]:
+    """Return the refit that a diagnosis ends with, and a sentence where there was a choice.
+
+    The RDPI model takes the threshold law of Eq. 8 where that costs little. Of any other core the
+    thresholds without a weight are left out where it is saved, and what else it has is few numbers.
+
+    Parameters
+    ----------
+    setting
+        The data.
+    outcome
+        The refit that the search ended with.
+    given
+        The model that it started from: one of Eq. 8 says how many plays.
+    noise_um
+        Noise floor (µm rms).
+    """
+    assert outcome.fit is not None
+    if not isinstance(outcome.fit.variant.hysteresis, RDPI):
+        return outcome, ()
+    own = given is not None and isinstance(given.hysteresis, RDPI)
+    plays = given.hysteresis.n if given is not None and own else None
+    law, sentence = _to_threshold_law(setting, outcome, plays, noise_um)
+    return law, (sentence,)
+
+
+def _to_threshold_law(
     setting: Setting, outcome: Outcome, given: int | None, noise_um: float
 ) -> tuple[Outcome, str]:
-    """Return the refit that a diagnosis ends with, and a sentence on what was decided.
+    """Return the refit with the thresholds of Eq. 8 where they cost little, and what was decided.
 
     Parameters
     ----------
@@ -64,8 +94,8 @@ def to_threshold_law(
     )
 
 
-def plant_of(setting: Setting, outcome: Outcome, given: PlantModel | None) -> PlantModel:
-    """Return a refit as a plant to save, without the plays that have no weight.
+def plant_of(setting: Setting, outcome: Outcome, given: PlantModel[Any] | None) -> PlantModel[Any]:
+    """Return a refit as a plant to save, without the thresholds that have no weight.
 
     Parameters
     ----------
@@ -77,16 +107,18 @@ def plant_of(setting: Setting, outcome: Outcome, given: PlantModel | None) -> Pl
         The model that the diagnosis started from: its name and ranges are kept.
     """
     assert outcome.fit is not None
-    fit = _slim(outcome.fit)
+    fit = outcome.fit
+    variant = replace(fit.variant, hysteresis=fit.variant.hysteresis.slim())
     record = setting.train[0]
-    y = simulate_effects([fit.variant], record)[:, 0]
+    y = simulate_effects([variant], record)[:, 0]
     offset = float(np.mean((record.y_um - y)[record.error_mask]))
     scale = setting.scale
     span = 1.02 * scale.span_V
     shown = [r.y_um[r.error_mask] for r in setting.train]
     low, high = min(map(np.min, shown)), max(map(np.max, shown))
-    return PlantModel(
-        hysteresis=fit.variant.hysteresis,
+    make: Callable[..., PlantModel[Any]] = PlantModel
+    return make(
+        hysteresis=variant.hysteresis,
         name="discovered" if given is None else given.name,
         command_range_V=(scale.centre_V - span, scale.centre_V + span)
         if given is None
@@ -95,7 +127,7 @@ def plant_of(setting: Setting, outcome: Outcome, given: PlantModel | None) -> Pl
         if given is None
         else given.reference_um,
         offset_um=offset,
-        effects=fit.variant.effects,
+        effects=variant.effects,
         note="found by a diagnosis of measured records",
         identification={
             "train_rmse_um": outcome.errors.train_rmse_um,
@@ -111,7 +143,7 @@ def _best_law(setting: Setting, fit: JointFit, plays: int) -> JointFit:
     from scipy.optimize import minimize_scalar
 
     span = setting.scale.span_V
-    a = fit.variant.hysteresis
+    a = _rdpi(fit)
     best = fit
 
     def attempt(log_delta1: float) -> float:
@@ -136,20 +168,14 @@ def _best_law(setting: Setting, fit: JointFit, plays: int) -> JointFit:
 
 def _without_tail(fit: JointFit) -> JointFit:
     """Drop the last plays of a law that carry next to nothing."""
-    h = fit.variant.hysteresis
+    h = _rdpi(fit)
     carrying = np.flatnonzero(np.array(h.weights[1:]) > _LEAST_WEIGHT * h.S)
     n = int(carrying[-1]) + 1 if carrying.size else 1
     law = RDPI(h.weights[: n + 1], h.thresholds_V[:n], h.delta2_s, h.rate_bandwidth_hz)
     return replace(fit, variant=replace(fit.variant, hysteresis=law))
 
 
-def _slim(fit: JointFit) -> JointFit:
-    """Drop the plays that have no weight; those of a law belong together."""
-    h = fit.variant.hysteresis
-    if np.allclose(h.thresholds_V, h.thresholds_V[0] * np.arange(1, h.n + 1)):
-        return fit
-    kept = [i for i, a in enumerate(h.weights[1:]) if a > 0] or [0]
-    weights = (h.a0, *(h.weights[1 + i] for i in kept))
-    thresholds = tuple(h.thresholds_V[i] for i in kept)
-    slim = RDPI(weights, thresholds, h.delta2_s, h.rate_bandwidth_hz)
-    return replace(fit, variant=replace(fit.variant, hysteresis=slim))
+def _rdpi(fit: JointFit) -> RDPI:
+    core = fit.variant.hysteresis
+    assert isinstance(core, RDPI)
+    return core

@@ -10,6 +10,7 @@ import numpy as np
 
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 
 # The error of a linear interpolation falls with the square of the step: half of it shows three
@@ -82,7 +83,7 @@ class NumericalFloor:
         return self.fastest_hz * math.sqrt(max(self.sampled_um / least, 1.0))
 
 
-def numerical_floor(variant: Variant, records: Sequence[Record]) -> NumericalFloor:
+def numerical_floor(variant: Variant[Core], records: Sequence[Record]) -> NumericalFloor:
     """Simulate a model again: half the step, another command between samples, another clock.
 
     Parameters
@@ -110,7 +111,7 @@ def numerical_floor(variant: Variant, records: Sequence[Record]) -> NumericalFlo
     return NumericalFloor(_WHOLE * step, held, fastest_hz, turns, jittered_um, off_s)
 
 
-def _jitter(variant: Variant, records: Sequence[Record]) -> tuple[float, float]:
+def _jitter(variant: Variant[Core], records: Sequence[Record]) -> tuple[float, float]:
     """What uneven sampling times change (µm rms over all records), and the largest of them (s)."""
     squares = [
         float(np.var(_shaken(variant, r)[r.error_mask])) if r.jitter_s > 0.0 else 0.0
@@ -120,7 +121,7 @@ def _jitter(variant: Variant, records: Sequence[Record]) -> tuple[float, float]:
     return math.sqrt(np.average(squares, weights=counts)), max(r.jitter_s for r in records)
 
 
-def _shaken(variant: Variant, record: Record) -> Array:
+def _shaken(variant: Variant[Core], record: Record) -> Array:
     """What the same samples, taken at times that are off by those of the stamps, change (µm).
 
     Command and displacement are taken at one time: each sample is moved to and fro by one of a few
@@ -142,12 +143,12 @@ def _shaken(variant: Variant, record: Record) -> Array:
 
 
 def _changed(
-    variant: Variant, record: Record, *between: Callable[[Array, int], Array]
+    variant: Variant[Core], record: Record, *between: Callable[[Array, int], Array]
 ) -> list[Array]:
     """What other commands between the samples change at the samples (µm)."""
     effects = tuple(effect.sampled_at(record.ts_s) for effect in variant.effects)
     # jumps have no rate: only what does not hang on it is asked for
-    slow = Variant(replace(variant.hysteresis, delta2_s=0.0), effects)
+    slow = Variant(variant.hysteresis.static(), effects)
     early, whole = record.before_V.size, record.with_history
     linear = simulate_effects([slow], whole)[:, 0]
     commands = [way(whole.u_V, _PARTS) for way in between]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import joined, micrometres
 
@@ -60,7 +61,7 @@ class OtherInput:
 
 
 def other_inputs(
-    variant: Variant, train: Sequence[Record], validation: Sequence[Record], noise_um: float
+    variant: Variant[Core], train: Sequence[Record], validation: Sequence[Record], noise_um: float
 ) -> tuple[OtherInput, ...]:
     """Test whether another recorded input explains what a model leaves.
 
@@ -188,7 +189,7 @@ class _Parts:
 
     def __init__(
         self,
-        variant: Variant,
+        variant: Variant[Core],
         records: Sequence[Record],
         most: int,
         features: Callable[[Record, NDArray[np.int64]], Mapping[str, Array]],

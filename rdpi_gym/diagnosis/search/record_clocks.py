@@ -13,6 +13,7 @@ from rdpi_gym.diagnosis.hygiene import Finding
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import digits
 
@@ -60,7 +61,7 @@ class Wish:
 
 
 def record_clocks(
-    variant: Variant,
+    variant: Variant[Core],
     train: Sequence[Record],
     validation: Sequence[Record],
     floor_um: float,
@@ -138,7 +139,7 @@ def _gain(clocked: _Clocked, floor_um: float) -> float:
 class _Clocked:
     """A record, and what the model makes of it with another clock."""
 
-    def __init__(self, variant: Variant, record: Record) -> None:
+    def __init__(self, variant: Variant[Core], record: Record) -> None:
         self.record = record
         self._variant = variant
         self.still = self.scaled(0.0)

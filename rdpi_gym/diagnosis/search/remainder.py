@@ -17,6 +17,7 @@ from rdpi_gym.diagnosis.results import Left
 from rdpi_gym.diagnosis.search.learner import HeldOut, Part, learn_across
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import micrometres
@@ -60,7 +61,7 @@ class Remainder(Left):
 
 
 def remainder(
-    variant: Variant,
+    variant: Variant[Core],
     train: Sequence[Record],
     validation: Sequence[Record],
     scale: DataScale,

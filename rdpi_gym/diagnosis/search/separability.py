@@ -9,7 +9,7 @@ import numpy as np
 
 from rdpi_gym.identification.jacobian import Variant, jacobian_rows, simulate_effects
 from rdpi_gym.measurement import Record
-from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.signals.experiments import Experiment, standard_protocol
 from rdpi_gym.support.arrays import Array
@@ -21,12 +21,12 @@ RATE = "rate-dependent threshold (δ2)"
 
 @dataclass(frozen=True)
 class Separability:
-    """Directions of effects after the weights and offsets have taken what they can.
+    """Directions of effects after the gains and offsets have taken what they can.
 
     Parameters
     ----------
     names
-        Effects, and the rate-dependent threshold.
+        Effects, and the rate-dependent threshold where the core has any.
     cosines : float64[E, E]
         Between the directions; 1 is the same.
     visible_um : float64[E]
@@ -39,6 +39,8 @@ class Separability:
 
     def alike(self, name: str, limit: float = ALIKE) -> tuple[str, ...]:
         """Return what cannot be told from an effect at a cosine, itself left out."""
+        if name not in self.names:
+            return ()
         row = np.abs(self.cosines[self.names.index(name)])
         return tuple(n for n, c in zip(self.names, row, strict=True) if c > limit and n != name)
 
@@ -67,7 +69,7 @@ class Separability:
 
 def separability(
     records: Sequence[Record],
-    hysteresis: RDPI,
+    hysteresis: Core,
     present: Sequence[Effect],
     effects: Mapping[str, Effect],
 ) -> Separability:
@@ -82,24 +84,27 @@ def separability(
     effects
         Effects at the size that is asked for.
     """
-    names = (*effects, RATE)
-    bare = replace(hysteresis, delta2_s=0.0)
-    base = Variant(bare, tuple(present))
-    weights, size = len(hysteresis.weights), len(hysteresis.weights) + len(names)
-    gram, samples = np.zeros((size, size)), 0
-    steps = np.full(weights, 0.1 * hysteresis.A)
-    rated = Variant(replace(bare, delta2_s=_typical_delta2(hysteresis, records)), base.effects)
+    base: Variant[Core] = Variant(hysteresis.static(), tuple(present))
+    fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
+    widened = hysteresis.rated_at(fastest)
+    names = tuple(effects) if widened is None else (*effects, RATE)
+    rated = base if widened is None else Variant(widened, base.effects)
+    count = len(hysteresis.gains)
+    gram, samples = np.zeros((count + len(names),) * 2), 0
+    steps = np.full(count, 0.1 * hysteresis.A)
     for record in records:
         counted = np.flatnonzero(record.error_mask)
         columns = jacobian_rows(base, [], np.zeros(0), steps, record, counted)[:, :-1]
         still = simulate_effects([base], record)[:, 0]
         moved = [_with(rated if e.slot == "rate" else base, e) for e in effects.values()]
-        directions = [simulate_effects([v], record)[:, 0] - still for v in (*moved, rated)]
+        if widened is not None:
+            moved.append(rated)
+        directions = [simulate_effects([v], record)[:, 0] - still for v in moved]
         rows = np.column_stack([columns, *(d[counted] for d in directions)])
         rows -= rows.mean(axis=0)
         gram += rows.T @ rows
         samples += len(rows)
-    return _angles(gram, weights, names, samples)
+    return _angles(gram, count, names, samples)
 
 
 def typical_effects(catalogue: Mapping[str, type[Effect]], scale: DataScale) -> dict[str, Effect]:
@@ -121,14 +126,9 @@ def typical_effects(catalogue: Mapping[str, type[Effect]], scale: DataScale) -> 
     return found
 
 
-def _with(base: Variant, effect: Effect) -> Variant:
+def _with(base: Variant[Core], effect: Effect) -> Variant[Core]:
     others = [e for e in base.effects if e.name != effect.name]
     return replace(base, effects=in_chain_order([*others, effect]))
-
-
-def _typical_delta2(hysteresis: RDPI, records: Sequence[Record]) -> float:
-    fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
-    return hysteresis.delta2_s or 0.1 * hysteresis.thresholds_V[-1] / fastest
 
 
 def _angles(gram: Array, weights: int, names: tuple[str, ...], samples: int) -> Separability:
@@ -145,7 +145,7 @@ def _angles(gram: Array, weights: int, names: tuple[str, ...], samples: int) -> 
 def next_experiment(
     first: Effect,
     second: Effect,
-    hysteresis: RDPI,
+    hysteresis: Core,
     scale: DataScale,
 ) -> str | None:
     """Name the experiment of the standard protocol that tells two effects apart best.
@@ -165,10 +165,8 @@ def next_experiment(
         A sentence; None where no experiment shows a difference.
     """
     best: tuple[float, Experiment] | None = None
-    threshold = hysteresis.thresholds_V[0]
-    for experiment in standard_protocol(
-        scale.centre_V, scale.span_V, max(threshold, 0.02 * scale.span_V)
-    ):
+    smallest_V = max(hysteresis.first_threshold_V, 0.02 * scale.span_V)
+    for experiment in standard_protocol(scale.centre_V, scale.span_V, smallest_V):
         if experiment.role == "validation" or experiment.name in ("quiet", "triangle-slow-again"):
             continue
         u = experiment.command_V()

@@ -11,7 +11,7 @@ from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.diagnosis.search.ranking import beats
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record, hold_out_blocks
-from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
 
 # Samples and passes of a refit that begins where the final model stands.
@@ -206,7 +206,7 @@ def stability(
 
 
 def _quick(
-    setting: Setting, hysteresis: RDPI, effects: Sequence[Effect], smoothness: float
+    setting: Setting, hysteresis: Core, effects: Sequence[Effect], smoothness: float
 ) -> Outcome:
     fit = fit_joint(
         setting.train, hysteresis, effects, _PASSES, samples=_SAMPLES, smoothness=smoothness

@@ -19,6 +19,7 @@ from rdpi_gym.diagnosis.search.scale import comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import MOST_SAMPLES, fit_joint, kept_samples
 from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 
 SEARCH_MOST = MOST_SAMPLES
@@ -142,7 +143,7 @@ def _with_history(record: Record, cut: slice, most: int) -> Record:
     return part if cut.start == 0 else replace(part, before_V=part.before_V[-most:])
 
 
-def _largest_step(record: Record, most: int, model: Variant) -> int:
+def _largest_step(record: Record, most: int, model: Variant[Core]) -> int:
     """Return the largest step, up to `most`, at which what a model follows is still there."""
     noise_um, fastest_hz = _noise_and_fastest(record)
     most = min(most, max(1, int(1.0 / (record.ts_s * _PER_PERIOD * fastest_hz))))
@@ -169,7 +170,7 @@ def _noise_and_fastest(record: Record) -> tuple[float, float]:
     return noise_um, float(frequency_hz[max(int(moves[-1]) if moves.size else 0, 1)])
 
 
-def _keeps(record: Record, step: int, noise_um: float, model: Variant) -> bool:
+def _keeps(record: Record, step: int, noise_um: float, model: Variant[Core]) -> bool:
     """Whether the command lies on the lines between the samples that are kept, and plays do not mind.
 
     The rate that widens thresholds is that over a sampling time: a longer one is another rate.

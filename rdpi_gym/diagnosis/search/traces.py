@@ -11,6 +11,7 @@ import numpy as np
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import FirstSteps, kept_samples
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
 
@@ -88,7 +89,7 @@ def _products(
     records: Sequence[Record], begun: FirstSteps, traces: Sequence[Effect], samples: int
 ) -> Array:
     """Return the products of the weights' columns, of the responses and of what is left."""
-    moving = np.array(begun.variant.hysteresis.weights) > 0.0
+    moving = np.array(begun.variant.hysteresis.gains) != 0.0
     products = np.zeros((int(moving.sum()) + len(traces) + 1,) * 2)
     kept = kept_samples(records, samples)
     for record, index, columns, left in zip(
@@ -100,7 +101,7 @@ def _products(
     return products
 
 
-def _answers(variant: Variant, traces: Sequence[Effect], record: Record) -> Array:
+def _answers(variant: Variant[Core], traces: Sequence[Effect], record: Record) -> Array:
     """Return by how much each of the effects moves the displacement (µm), ``[T, K]``."""
     without = simulate_effects([variant], record)
     columns = []

@@ -14,6 +14,7 @@ from rdpi_gym.diagnosis.search.numerics import NumericalFloor
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import digits, micrometres
 
@@ -56,7 +57,7 @@ class Judgement:
 
 def judge(
     setting: Setting,
-    variant: Variant,
+    variant: Variant[Core],
     rmse_um: float,
     noise_um: float,
     numerical: NumericalFloor,
@@ -128,18 +129,18 @@ def _faster(numerical: NumericalFloor, noise_um: float) -> str:
     )
 
 
-def _misses(variant: Variant, records: Sequence[Record]) -> float:
+def _misses(variant: Variant[Core], records: Sequence[Record]) -> float:
     """Return what steps between the samples change in the displacement (µm², mean square)."""
     changes = [_change(variant, record)[record.error_mask] for record in records]
     return float(np.average([np.var(c) for c in changes], weights=[len(c) for c in changes]))
 
 
-def _change(variant: Variant, record: Record) -> Array:
+def _change(variant: Variant[Core], record: Record) -> Array:
     still = simulate_effects([variant], record)[:, 0]
     return simulate_between(variant, record, _PARTS[-1]) - still
 
 
-def _corrected(setting: Setting, variant: Variant) -> Variant:
+def _corrected(setting: Setting, variant: Variant[Core]) -> Variant[Core]:
     """Return the model fitted to records from which the motion between samples is taken off."""
     for _ in range(_CORRECTIONS):
         train = [replace(r, y_um=r.y_um - _change(variant, r)) for r in setting.train]
@@ -147,7 +148,9 @@ def _corrected(setting: Setting, variant: Variant) -> Variant:
     return variant
 
 
-def _between_samples(variant: Variant, noise_um: float, validation: Sequence[Record]) -> str | None:
+def _between_samples(
+    variant: Variant[Core], noise_um: float, validation: Sequence[Record]
+) -> str | None:
     """Say how fast to sample where steps between the samples bring the error to the noise floor."""
     samples = [int(np.count_nonzero(r.error_mask)) for r in validation]
     before = [_mean_square(variant, r, 1) for r in validation]
@@ -165,12 +168,12 @@ def _between_samples(variant: Variant, noise_um: float, validation: Sequence[Rec
     return None
 
 
-def _mean_square(variant: Variant, record: Record, parts: int) -> float:
+def _mean_square(variant: Variant[Core], record: Record, parts: int) -> float:
     error = (record.y_um - simulate_between(variant, record, parts))[record.error_mask]
     return float(np.var(error))
 
 
-def _beyond_sampling(variant: Variant, validation: Sequence[Record]) -> str | None:
+def _beyond_sampling(variant: Variant[Core], validation: Sequence[Record]) -> str | None:
     """Say how fast to sample for an effect that is faster than the records can show."""
     fastest_hz = max(1.0 / record.ts_s for record in validation)
     needed: dict[str, float] = {}

@@ -11,6 +11,7 @@ from rdpi_gym.diagnosis.checks import Check, run_checks
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Dataset
+from rdpi_gym.plant.cores.base import Core
 
 MOST_UNSEEN = 0.5
 """Largest confidence in an effect that no test without a model can see in the records."""
@@ -86,7 +87,7 @@ def _sees(check: Check) -> bool:
 def hear(
     dataset: Dataset,
     measured: Sequence[Check],
-    variant: Variant,
+    variant: Variant[Core],
     effect: str,
     noise_um: float,
     seed: int,

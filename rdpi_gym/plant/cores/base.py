@@ -145,6 +145,55 @@ class Core(ABC):
             Size of the data: a core of many fixed thresholds or levels spreads them over it.
         """
 
+    @classmethod
+    def comb(cls, scale: DataScale) -> Self:
+        """Return what a search for effects begins with: as many fixed thresholds as it needs.
+
+        The first of :meth:`starts`, unless stated.
+
+        Parameters
+        ----------
+        scale
+            Size of the data.
+        """
+        return cls.starts(scale)[0]
+
+    def pruned(self) -> Self:
+        """Return the core without the gains that a round of candidates can do without."""
+        return self
+
+    def on(self, whole: Self) -> Self:
+        """Return the core with all the gains that `whole` has, one of :meth:`comb`, where it has more."""
+        return self
+
+    def slim(self) -> Self:
+        """Return the core as it is saved, without the gains that are zero."""
+        return self
+
+    def static(self) -> Self:
+        """Return the core as slow motion sees it: without what depends on the rate."""
+        return self
+
+    def rated_at(self, fastest_V_s: float) -> Self | None:
+        """Return the core as it would show its dependence on the rate of thresholds, where it has any.
+
+        Parameters
+        ----------
+        fastest_V_s
+            Largest rate of the command (V/s): what a core without it is given is seen there.
+
+        Returns
+        -------
+        Core or None
+            None: no core of this kind has thresholds that grow with the rate.
+        """
+        return None
+
+    @property
+    def first_threshold_V(self) -> float:
+        """Reach (V) of a small signal that the core follows without a loop; zero unless stated."""
+        return 0.0
+
     def with_shape(self, values: Mapping[str, float]) -> Self:
         """Return the same core with other values of numbers of :attr:`shape`, within their bounds."""
         limits = {p.name: (p.low, p.high) for p in self.shape}

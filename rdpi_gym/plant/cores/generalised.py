@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.checks import (
     check_rate_bandwidth,
     check_thresholds,
     check_weights,
     numbers,
 )
+from rdpi_gym.plant.cores.thresholds import ThresholdCore, spread_thresholds
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
@@ -138,7 +138,7 @@ def generalised_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> N
 
 
 @dataclass(frozen=True)
-class GeneralisedPI(Core):
+class GeneralisedPI(ThresholdCore):
     """Sum of plays between two increasing envelopes of the command, a rising and a falling one.
 
     Parameters
@@ -300,11 +300,11 @@ class GeneralisedPI(Core):
         """
         # Where a play's threshold is all that its envelopes move, it is a relay at the ends of the
         # data, and takes any weight: half of what these envelopes move is tanh(1) = 0.76 of the span.
-        reach = 0.75 * scale.span_V * (np.arange(1, _COMB + 1) / _COMB) ** 1.5
+        thresholds = spread_thresholds(0.75 * scale.span_V, _COMB)
         gain = scale.stroke_um / scale.span_V
         weights = (0.5 * gain, *[0.5 * gain / _COMB] * _COMB)
         bend, centre, apart = 1.0 / scale.span_V, scale.centre_V, 0.3 * scale.span_V
-        alike = cls(weights, tuple(reach.tolist()), bend, centre, bend, centre)
+        alike = cls(weights, thresholds, bend, centre, bend, centre)
         return (
             alike,
             replace(alike, falling_gain=1.2),

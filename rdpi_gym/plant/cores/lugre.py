@@ -172,6 +172,11 @@ class LuGre(InnerVariable):
         s0, s1, s2 = (max(float(gain), 0.0) for gain in gains)
         return replace(self, s0=max(s0, _LEAST), s1_s=s1, s2_s=s2)
 
+    def static(self) -> Self:
+        """Return the model of slow motion: friction at Fs, whatever the rate, without damping."""
+        limit = self.coulomb_V * self.static_ratio
+        return replace(self, s1_s=0.0, s2_s=0.0, coulomb_V=limit, static_ratio=1.0)
+
     def steady_um(self, rate_V_s: float) -> float:
         """Displacement (µm) while the command keeps sliding at a rate (V/s): g(v) sgn(v) + s2 v."""
         fall = math.exp(-((rate_V_s / self.stribeck_V_s) ** 2))

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.checks import (
     check_rate_bandwidth,
     check_thresholds,
@@ -17,6 +16,7 @@ from rdpi_gym.plant.cores.checks import (
     numbers,
 )
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
+from rdpi_gym.plant.cores.thresholds import ThresholdCore, spread_thresholds
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
@@ -24,10 +24,13 @@ from rdpi_gym.support.errors import InputError
 
 # Plays of a fit's comb, and of the whole gain what a_0 is at least there.
 _COMB, _LEAST_A0 = 40, 1e-6
+# Plays of a search's comb: enough that one between two of them is not missed.
+_SEARCHED = 60
+_LEAST_GAIN = 1e-9  # µm/V, of data that hardly move
 
 
 @dataclass(frozen=True)
-class RDPI(Core):
+class RDPI(ThresholdCore):
     """Parameters of the rate-dependent Prandtl-Ishlinskii model.
 
     Parameters
@@ -198,10 +201,18 @@ class RDPI(Core):
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[RDPI, ...]:
         """A comb of thresholds up to half of the widest swing, finer where it is narrow."""
-        reach = scale.span_V * (np.arange(1, _COMB + 1) / _COMB) ** 1.5
-        gain = scale.stroke_um / scale.span_V
-        weights = (0.5 * gain, *[0.5 * gain / _COMB] * _COMB)
-        return (cls(weights, tuple(reach.tolist()), 0.05 * scale.span_V / scale.fastest_V_s),)
+        return (cls.comb(scale, _COMB),)
+
+    @classmethod
+    def comb(cls, scale: DataScale, plays: int = _SEARCHED) -> RDPI:
+        """A comb of `plays` thresholds up to half of the widest swing, finer where it is narrow.
+
+        A play wider than that only shifts the offset after the first excursion.
+        """
+        gain = max(scale.stroke_um / scale.span_V, _LEAST_GAIN)
+        weights = (0.5 * gain, *[0.5 * gain / plays] * plays)
+        delta2_s = 0.05 * scale.span_V / scale.fastest_V_s
+        return cls(weights, spread_thresholds(scale.span_V, plays), delta2_s)
 
     def rises_at(self, ts_s: float) -> bool:
         """Whether A Ts exceeds what the thresholds' growth takes, S δ2 (1 - pole)."""
@@ -223,6 +234,11 @@ class RDPI(Core):
     def static(self) -> RDPI:
         """Return the same model without rate dependence (δ2 = 0)."""
         return replace(self, delta2_s=0.0)
+
+    def rated_at(self, fastest_V_s: float) -> RDPI:
+        """Return the model with its δ2, or with one that widens its last play by a tenth."""
+        delta2_s = self.delta2_s or 0.1 * self.thresholds_V[-1] / fastest_V_s
+        return replace(self, delta2_s=delta2_s)
 
 
 def settled_memory(thresholds_V: ArrayLike, extrema_V: ArrayLike) -> Array:

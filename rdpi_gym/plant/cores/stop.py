@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.checks import (
     check_rate_bandwidth,
     check_thresholds,
@@ -17,6 +16,7 @@ from rdpi_gym.plant.cores.checks import (
 )
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
 from rdpi_gym.plant.cores.rdpi import settled_memory
+from rdpi_gym.plant.cores.thresholds import ThresholdCore, spread_thresholds
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
@@ -24,10 +24,12 @@ from rdpi_gym.support.errors import InputError
 
 # Stops of a fit's comb, and what is left at least of the gain at a turn.
 _COMB, _LEAST_SHARE = 40, 1e-6
+# Stops of a search's comb.
+_SEARCHED = 60
 
 
 @dataclass(frozen=True)
-class Stop(Core):
+class Stop(ThresholdCore):
     """Sum of a line and of stop operators, whose loops turn clockwise.
 
     A stop is a spring with a slider: it follows the command until it carries its threshold, and
@@ -157,9 +159,22 @@ class Stop(Core):
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Stop, ...]:
         """A comb of thresholds up to half of the widest swing, finer where it is narrow."""
-        reach = scale.span_V * (np.arange(1, _COMB + 1) / _COMB) ** 1.5
-        weights = scale.stroke_um / (_COMB * reach)  # each slips at its share of the stroke
-        return (cls(tuple(weights.tolist()), tuple(reach.tolist())),)
+        return (cls._comb(scale, _COMB),)
+
+    @classmethod
+    def comb(cls, scale: DataScale) -> Stop:
+        """The same comb with thresholds so close that a stop between two of them is not missed."""
+        return cls._comb(scale, _SEARCHED)
+
+    @classmethod
+    def _comb(cls, scale: DataScale, stops: int) -> Stop:
+        thresholds = spread_thresholds(scale.span_V, stops)
+        # each slips at its share of the stroke
+        return cls(tuple(scale.stroke_um / (stops * r) for r in thresholds), thresholds)
+
+    def pruned(self) -> Stop:
+        """The whole comb: friction has few elements, and those that bear an effect not yet there are others."""
+        return self
 
     def coefficients(self) -> list[float]:
         """Those of the RDPI kernel: gain at a turn and weights of its plays (µm/V), thresholds (V), δ2 of 0 s."""

@@ -179,6 +179,21 @@ class Effect(ABC):
                     f"physical values lie in {parameter.low:g} to {parameter.high:g}"
                 )
 
+    @classmethod
+    def fits_in(cls, core: type[Core]) -> bool:
+        """Whether it has a meaning in a plant with a core of this kind.
+
+        What acts on the rate of the thresholds, or runs their plays again, needs the RDPI model's.
+
+        Examples
+        --------
+        >>> from rdpi_gym.plant import CORES
+        >>> from rdpi_gym.plant.effects import CATALOGUE
+        >>> [CATALOGUE["rate_law"].fits_in(CORES[name]) for name in ("rdpi", "stop")]
+        [True, False]
+        """
+        return issubclass(core, RDPI) or not (cls.weighs_plays or cls.slot == "rate")
+
     @abstractmethod
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Return the column of ``p`` that the kernel reads.
