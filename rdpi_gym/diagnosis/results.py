@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
 from rdpi_gym.diagnosis.hygiene.finding import Finding
+from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.words import headline, sized
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import PlantModel
@@ -85,7 +86,8 @@ class Candidate:
     parameters, standard_errors
         Of the effect; a standard error is None where the data do not fix the parameter.
     confidence
-        0 to 1: how sure it is that this effect, or one that is indistinguishable from it, is there.
+        0 to 1: how often this effect, or one that is indistinguishable from it, wins where the records
+        are split or drawn anew. How probable it is then is told by :class:`Probabilities`.
     share
         Of the excess over the noise floor on validation records, how much disappears.
     indistinguishable
@@ -300,6 +302,8 @@ class SearchResult:
         Time taken.
     notes
         What else was decided on the way: a sentence each.
+    probabilities
+        Of a discovery, how probable each effect is; else None.
     quantities
         What was measured: sentences use its words and units, and numbers named ``_um`` are in the
         unit of its output.
@@ -331,6 +335,7 @@ class SearchResult:
     left: Left | None = None
     findings: tuple[Finding, ...] = ()
     limits: tuple[str, ...] = ()
+    probabilities: Probabilities | None = None
     quantities: Quantities = field(default_factory=Quantities)
 
     @property
@@ -382,6 +387,7 @@ class SearchResult:
             "unexplained_rmse": self.unexplained_rmse_um,
             "remainder": self.remainder,
             "left": None if self.left is None else self.left.to_dict(),
+            "probabilities": None if self.probabilities is None else self.probabilities.to_dict(),
             "next_experiment": self.next_experiment,
             "indistinguishable": [list(group) for group in self.indistinguishable],
             "findings": [finding.to_dict() for finding in self.findings],
@@ -487,6 +493,9 @@ class SearchResult:
             indistinguishable=fields.groups("classes" if one else "indistinguishable"),
             findings=tuple(map(Finding.from_fields, fields.objects("findings"))),
             limits=fields.texts("limits"),
+            probabilities=Probabilities.from_fields(fields.inner("probabilities"))
+            if document.get("probabilities") is not None
+            else None,
             checks=fields.texts("checks"),
             views=(),
             seconds=fields.number("seconds"),

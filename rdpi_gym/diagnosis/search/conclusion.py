@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rdpi_gym.diagnosis.probability import Probabilities, probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, Left, SearchResult, View, steps_of
 from rdpi_gym.diagnosis.search.candidates import assess
 from rdpi_gym.diagnosis.search.experiments import what_to_measure
@@ -27,6 +28,7 @@ from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.plausibility import plausibility_warnings
 from rdpi_gym.identification.residuals import simulate_record
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.effects.base import kin_of
 
 Groups = tuple[tuple[str, ...], ...]
 
@@ -131,6 +133,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         indistinguishable=groups,
         findings=(*laboratory.findings, *clocks),
         limits=laboratory.limits,
+        probabilities=_probabilities(laboratory, search, added),
         checks=tuple(check.sentence for check in checks),
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
         seconds=time.perf_counter() - search.began,
@@ -143,6 +146,17 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         quantities=dataset.quantities,
     )
     return told(found, dataset.quantities, (dataset.title, *(r.name for r in dataset.records)))
+
+
+def _probabilities(
+    laboratory: Laboratory, search: Search, added: Sequence[Candidate]
+) -> Probabilities | None:
+    """Return how probable each effect is; they are known of whole discoveries alone."""
+    if search.kind != "discovery":
+        return None
+    tried = [r.candidate for r in search.rounds[0]] if search.rounds else []
+    course = laboratory.course(search.base, search.end, added, tried)
+    return probabilities(course, kin_of(laboratory.catalogue))
 
 
 def _on_all_samples(laboratory: Laboratory, search: Search) -> Search:

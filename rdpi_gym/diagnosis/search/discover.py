@@ -120,6 +120,9 @@ def discover(
     state, merged = laboratory.merge(state, [c.effect for c in sure if c.effect not in unstable])
     unstable = (*unstable, *merged)
     added = [c for c in sure if c.effect not in unstable]
+    tried = [r.candidate for r in rounds[0]] if rounds else []
+    state, improbable, why = laboratory.improbable(way.base, state, added, tried)
+    added = [c for c in added if c.effect not in improbable]
     if rounds:  # what was taken out again does not lead the ranking
         rounds[0] = _chosen_first(added, rounds[0])
     if added:  # the last step ends at the model that is saved
@@ -134,8 +137,8 @@ def discover(
         added=[laboratory.final(state, candidate) for candidate in added],
         rounds=rounds,
         last=way.last,
-        removed=(*way.removed, *unstable),
-        notes=notes,
+        removed=(*way.removed, *unstable, *improbable),
+        notes=(*notes, *why),
     )
     return conclude(laboratory, search)
 

@@ -16,6 +16,7 @@ from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
 from rdpi_gym.diagnosis.hygiene import inspect, limits
 from rdpi_gym.diagnosis.hygiene.finding import BoolArray
 from rdpi_gym.diagnosis.hygiene.spikes import spikes
+from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.base_models import begun, on_comb
 from rdpi_gym.diagnosis.search.candidates import (
@@ -716,6 +717,43 @@ class Laboratory:
             if loss < least or (unstable and not hangs):
                 state, removed = without, [*removed, step.effect]
         return state, tuple(removed)
+
+    def improbable(
+        self, base: State, state: State, added: Sequence[Candidate], tried: Sequence[Candidate]
+    ) -> tuple[State, tuple[str, ...], tuple[str, ...]]:
+        """Take out what is less probable than not, with all that is indistinguishable from it.
+
+        What the error hangs on stays, as little as its name may be believed. Returns the model, what
+        went, and what it would have taken away, in sentences.
+        """
+        kept, removed, notes = list(added), list[str](), list[str]()
+        needed: set[str] = set()
+        while len(needed) < len(kept):
+            chances = of_classes(self.course(base, state, kept, tried))
+            asked = [k for k, step in enumerate(kept) if step.effect not in needed]
+            least = min(asked, key=chances.__getitem__)
+            if chances[least] >= LEAST_PROBABLE:
+                break
+            name, without = kept[least].effect, self.without(state, [kept[least].effect])
+            if without.outcome.mean_square > _HANGS * state.outcome.mean_square:
+                needed.add(name)
+                continue
+            with_um, without_um = (s.outcome.errors.validation_rmse_um for s in (state, without))
+            notes.append(
+                f"{name} was taken out again, as it is {100.0 * chances[least]:.0f} % probable: the "
+                f"validation error is {with_um:.4g} µm with it and {without_um:.4g} µm without"
+            )
+            state, removed = without, [*removed, name]
+            del kept[least]
+        return state, tuple(removed), tuple(notes)
+
+    def course(
+        self, base: State, state: State, added: Sequence[Candidate], tried: Sequence[Candidate]
+    ) -> Course:
+        """Return how the search went, as far as probabilities are read from it."""
+        floor_um = math.hypot(self.noise_um, self.numerical(state).total_um)
+        base_um, end_um = (s.outcome.errors.validation_rmse_um for s in (base, state))
+        return Course(base_um, end_um, floor_um, added, tried)
 
     def without(self, state: State, names: Sequence[str]) -> State:
         """Return the model without some effects, refitted."""

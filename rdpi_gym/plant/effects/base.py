@@ -506,6 +506,30 @@ def in_chain_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     return tuple(sorted(effects, key=lambda effect: (SLOTS.index(effect.slot), effect.order)))
 
 
+def kin_of(kinds: Mapping[str, type[Effect]]) -> dict[str, frozenset[str]]:
+    """Return, by effect, those that are mistaken for it or that it is mistaken for.
+
+    Parameters
+    ----------
+    kinds
+        Effects by name.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> sorted(kin_of(CATALOGUE)["delay"])
+    ['actuator_lag', 'resonance', 'sensor_lag']
+    """
+    return {
+        name: frozenset(
+            other
+            for other, its in kinds.items()
+            if other in kind.mistaken_for or name in its.mistaken_for
+        )
+        for name, kind in kinds.items()
+    }
+
+
 def effect_from_dict(
     catalogue: Mapping[str, type[Effect]], document: Mapping[str, Any], source: str
 ) -> Effect:

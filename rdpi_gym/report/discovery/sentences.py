@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult
 from rdpi_gym.support.words import closed, joined, micrometres
 
 AS_GIVEN = "model as given"
 """Name of the model that a search started from, in the list of models."""
+# Probability from which on it is said that something outside the catalogue may be missing.
+_WORTH_SAYING = 0.05
 
 
 def staircase(result: SearchResult) -> list[tuple[str, Errors]]:
@@ -18,10 +21,18 @@ def staircase(result: SearchResult) -> list[tuple[str, Errors]]:
     return stairs
 
 
-def candidate_sentence(candidate: Candidate) -> str:
-    """State how sure an effect is, its rivals, what speaks for it and what speaks against it."""
+def candidate_sentence(candidate: Candidate, chances: Probabilities | None = None) -> str:
+    """State how sure an effect is, its rivals, what speaks for it and what speaks against it.
+
+    Parameters
+    ----------
+    candidate
+        The effect.
+    chances
+        How probable it is, where that is known.
+    """
     form = f", {candidate.form}" if candidate.form else ""
-    sure = f"{candidate.effect}{form}: confidence {100 * candidate.confidence:.0f} %"
+    sure = f"{candidate.effect}{form}: {_how_sure(candidate, chances)}"
     if candidate.without_um is not None:
         sure += f"; without it, with all else refitted, {micrometres(candidate.without_um)}"
     if candidate.indistinguishable:
@@ -34,13 +45,47 @@ def candidate_sentence(candidate: Candidate) -> str:
     return text
 
 
+def _how_sure(candidate: Candidate, chances: Probabilities | None) -> str:
+    wins = f"{100 * candidate.confidence:.0f} %"
+    if chances is None or candidate.effect not in chances.effects:
+        return f"confidence {wins}"
+    own = chances.effects[candidate.effect]
+    said = f"{100 * own:.0f} % probable"
+    of_class = max(chances.classes[candidate.effect], own)
+    if candidate.indistinguishable:
+        said += f", {100 * of_class:.0f} % that it or an indistinguishable one is there"
+    return f"{said} (best in {wins} of the ways to split the records)"
+
+
+def chances_sentence(result: SearchResult) -> str:
+    """Say what else is probable, beside what was added; empty where nothing is known of that."""
+    chances = result.probabilities
+    if chances is None:
+        return ""
+    added = {candidate.effect for candidate in result.added}
+    said = [f"{n} {_percent(chances.effects[n])}" for n in chances.probable if n not in added]
+    if chances.other >= _WORTH_SAYING:
+        said.append(f"something outside the catalogue {_percent(chances.other)}")
+    if not added:
+        said.append(f"nothing {_percent(chances.none)}")
+    if not said:
+        return ""
+    what = "besides, " if added else ""
+    return f"Probable {what}to be missing: {joined(said)}"
+
+
+def _percent(chance: float) -> str:
+    return f"{100 * chance:.0f} %"
+
+
 def lines(result: SearchResult) -> list[str]:
     """Say the result: the answer, how sure it is, what is left, and what would tell more."""
     next_experiment = result.next_experiment and f"Next experiment: {result.next_experiment}"
     undecided = result.undecided is not None
     said = [
         result.headline,
-        *(f"- {candidate_sentence(candidate)}" for candidate in result.added),
+        *(f"- {candidate_sentence(c, result.probabilities)}" for c in result.added),
+        chances_sentence(result),
         result.sampling,
         "" if undecided else result.remainder,
         confounded_sentence(result),

@@ -1,0 +1,356 @@
+"""From how a search went to probabilities: `python -m studies.calibration`.
+
+The rows of the second study (`benchmarks.foreign_effects`) with an even number are fitted: what an
+effect's share, the error left and its rivals say about whether it is there. Those with an odd number,
+and all of the first study (`benchmarks.hidden_effects`: other plants, protocols, noise and forms), are
+checked. The fit is written to the package, the check to the results, with its reliability diagram.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import sys
+from argparse import Namespace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from benchmarks.foreign_effects.__main__ import OUT as FOREIGN
+from benchmarks.hidden_effects.__main__ import OUT as HIDDEN
+from benchmarks.hidden_effects.run import ROWS_FILE
+from rdpi_gym.diagnosis import probability
+from rdpi_gym.diagnosis.probability import (
+    COVERED,
+    ELSE,
+    IN_CLASS,
+    NAMED,
+    NOTHING,
+    UNNAMED,
+    Calibration,
+    Course,
+    Probabilities,
+    probabilities,
+)
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects.base import kin_of
+from rdpi_gym.report.style import MUTED, PALETTE, matplotlib_style
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic, write_json
+from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.store import Row, named_rows
+from studies.png import small_png
+
+RESULTS = Path(__file__).parent / "results" / "calibration"
+_PACKAGE = Path(probability.__file__).with_name("probabilities.json")
+# Price of the squares of the weights, of features of unit spread.
+_RIDGE = 1.0
+_BINS = 10
+# A feature that does not vary is not read.
+_STILL = 1e-9
+KINDS = {
+    "added": "an effect that was added",
+    "class": "an effect that was added, or one indistinguishable from it",
+    "not added": "an effect that was tried and not added",
+    "other": "something outside the catalogue",
+    "none": "no missing effect",
+}
+"""What is asked of each probability, by its name in the tables."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a row of a study says of one candidate."""
+
+    effect: str
+    share: float
+    confidence: float
+    indistinguishable: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Known:
+    """A search whose truth is known.
+
+    Parameters
+    ----------
+    course
+        How it went.
+    hidden
+        What was hidden.
+    excused
+        What is there as well, or cannot be told: by the protocol, not drawn.
+    alike
+        What the records do not tell from what is hidden.
+    outside
+        Whether something outside the catalogue was hidden.
+    """
+
+    course: Course
+    hidden: frozenset[str]
+    excused: frozenset[str]
+    alike: frozenset[str]
+    outside: bool
+
+    @classmethod
+    def of(cls, row: Row) -> Known:
+        """Read a row of either study."""
+        truth: Mapping[str, Any] = row["truth"]
+        floor_um = math.hypot(row["floor_um"], row.get("numerical_floor_um") or 0.0)
+        steps, ranking = (tuple(map(_told, row[key])) for key in ("steps", "ranking"))
+        course = Course(row["base_um"], row["validation_um"], floor_um, steps, ranking)
+        outside = row["study"] == "outside"
+        hidden = frozenset() if outside else frozenset(h["effect"] for h in truth["hidden"])
+        alike = frozenset(n for names in truth.get("alike", {}).values() for n in names)
+        return cls(course, hidden, frozenset(truth.get("excused", ())), alike, outside)
+
+    @property
+    def there(self) -> frozenset[str]:
+        """Whatever is there."""
+        return self.hidden | self.excused
+
+    def samples(self) -> dict[str, list[tuple[dict[str, float], bool]]]:
+        """Return features and what is true, by what is asked."""
+        course, names = self.course, {sign.effect for sign in self.course.added}
+        others = [s for s in course.tried if s.effect not in names | self.excused]
+        return {
+            "added": [(course.of_added(k), s.effect in self.there) for k, s in enumerate(course.added)],
+            "class": [(course.of_added(k), self._in_class(s)) for k, s in enumerate(course.added)],
+            "not added": [
+                (course.of_other(s, KIN[s.effect]), s.effect in self.hidden) for s in others
+            ],
+            "other": [(course.common, self.outside)],
+            "none": [(course.common, not self.hidden and not self.outside)],
+        }  # fmt: skip
+
+    def judged(self, found: Probabilities) -> dict[str, list[tuple[float, bool]]]:
+        """Return probabilities and what is true, by what is asked."""
+        course, names = self.course, {sign.effect for sign in self.course.added}
+        others = [s for s in course.tried if s.effect not in names | self.excused]
+        return {
+            "added": [(found.effects[s.effect], s.effect in self.there) for s in course.added],
+            "class": [(found.classes[s.effect], self._in_class(s)) for s in course.added],
+            "not added": [(found.effects[s.effect], s.effect in self.hidden) for s in others],
+            "other": [(found.other, self.outside)],
+            "none": [(found.none, not self.hidden and not self.outside)],
+        }
+
+    def _in_class(self, sign: probability.Sign) -> bool:
+        names = {sign.effect, *sign.indistinguishable}
+        return bool(names & self.there) or sign.effect in self.alike
+
+
+KIN: Mapping[str, Collection[str]] = kin_of(CATALOGUE)
+
+
+def _told(candidate: Mapping[str, Any]) -> Told:
+    share = candidate["share"]
+    return Told(
+        candidate["effect"], -math.inf if share is None else share, candidate["confidence"],
+        tuple(candidate["indistinguishable"]),
+    )  # fmt: skip
+
+
+def fitted(known: Sequence[Known]) -> Calibration:
+    """Fit the probabilities to searches whose truth is known.
+
+    Parameters
+    ----------
+    known
+        The searches.
+    """
+    samples: dict[str, list[tuple[dict[str, float], bool]]] = {name: [] for name in KINDS}
+    for one in known:
+        for name, own in one.samples().items():
+            samples[name] += own
+    open_ended = Calibration(
+        named=_logistic(samples["added"], NAMED),
+        in_class=_logistic(samples["class"], IN_CLASS),
+        unnamed=_logistic(samples["not added"], UNNAMED),
+        other=_logistic(samples["other"], ELSE),
+        none=_logistic(samples["none"], NOTHING),
+        least=0.0,
+    )
+    least = [_least_of_hidden(one, probabilities(one.course, KIN, open_ended)) for one in known]
+    quantile = np.quantile([p for p in least if p is not None], 1.0 - COVERED)
+    return replace(open_ended, least=round(float(quantile), 4))
+
+
+def _least_of_hidden(one: Known, found: Probabilities) -> float | None:
+    """Probability of the least probable effect of those that are hidden; None where none is."""
+    return min((found.effects.get(name, 0.0) for name in one.hidden), default=None)
+
+
+def _logistic(
+    samples: Sequence[tuple[Mapping[str, float], bool]], features: Sequence[str]
+) -> dict[str, float]:
+    from scipy.optimize import minimize
+
+    x = np.array([[f[name] for name in features] for f, _ in samples])
+    signs = np.array([1.0 if true else -1.0 for _, true in samples])
+    mean, spread = x.mean(axis=0), x.std(axis=0)
+    spread = np.where(spread > _STILL, spread, np.inf)
+    z = np.column_stack([np.ones(len(x)), (x - mean) / spread])
+
+    def cost(w: Array) -> float:
+        return float(np.logaddexp(0.0, -signs * (z @ w)).sum() + 0.5 * _RIDGE * (w[1:] @ w[1:]))
+
+    best = minimize(cost, np.zeros(z.shape[1])).x
+    slopes = best[1:] / spread
+    weights = dict(zip(features, slopes, strict=True))
+    found = {"constant": best[0] - slopes @ mean} | weights
+    return {name: round(float(value), 4) for name, value in found.items()}
+
+
+def calibration_error(chances: Array, true: Array) -> float:
+    """Return the mean distance of probability and frequency, over ten bins of equal counts.
+
+    Examples
+    --------
+    >>> calibration_error(np.full(100, 0.7), np.arange(100) % 10 < 7)
+    0.0
+    """
+    order = np.argsort(chances, kind="stable")
+    parts = np.array_split(order, min(_BINS, len(order)))
+    gaps = [abs(float(np.mean(chances[k]) - np.mean(true[k]))) * len(k) for k in parts]
+    return round(sum(gaps) / len(order), 12)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Fit the probabilities, write them to the package, print and write what the check says."""
+    options = Options("calibration", __doc__, out=RESULTS)
+    for option, folder, which in (("--foreign", FOREIGN, "second"), ("--hidden", HIDDEN, "first")):
+        options.add_argument(
+            option, type=Path, default=folder, metavar="DIR", help=f"rows of the {which} study"
+        )
+    return options.run(arguments, _study)
+
+
+def _study(asked: Namespace) -> None:
+    foreign, hidden = _rows(asked.foreign), _rows(asked.hidden)
+    even = [Known.of(row) for row in foreign if row["number"] % 2 == 0]
+    found = fitted(even)
+    checked = {
+        "second study, odd numbers": [Known.of(r) for r in foreign if r["number"] % 2 == 1],
+        "first study": [Known.of(row) for row in hidden],
+    }
+    write_json(_PACKAGE, found.to_dict())
+    text, judged = report(found, len(even), checked)
+    print(text)
+    write_atomic(asked.out / "calibration.md", text)
+    write_atomic(asked.out / "reliability.png", small_png(picture(judged)))
+
+
+def _rows(folder: Path) -> list[Row]:
+    """Read the searches of a study that came to an end."""
+    stored = named_rows(folder / ROWS_FILE).rows
+    if not stored:
+        raise InputError(f"{folder / ROWS_FILE} has no rows; run the study first")
+    return [row for row in stored.values() if row["status"] == "done"]
+
+
+Judged = Mapping[str, Mapping[str, tuple[Array, Array]]]
+
+
+def report(
+    found: Calibration, count: int, checked: Mapping[str, Sequence[Known]]
+) -> tuple[str, Judged]:
+    """Return the tables as Markdown, and the probabilities with what is true, by study and question.
+
+    Parameters
+    ----------
+    found
+        What was fitted.
+    count
+        To how many searches.
+    checked
+        Other searches, by study.
+    """
+    errors, sets, judged = [], [], {}
+    for study, known in checked.items():
+        results = [probabilities(one.course, KIN, found) for one in known]
+        pairs: dict[str, list[tuple[float, bool]]] = {name: [] for name in KINDS}
+        for one, result in zip(known, results, strict=True):
+            for name, own in one.judged(result).items():
+                pairs[name] += own
+        judged[study] = {
+            name: (np.array([p for p, _ in own]), np.array([t for _, t in own], dtype=np.float64))
+            for name, own in pairs.items()
+        }
+        for name, (chances, true) in judged[study].items():
+            errors.append(
+                {
+                    "study": study, "of": KINDS[name], "answers": len(true),
+                    "true (%)": round(100.0 * float(true.mean()), 1),
+                    "said (%)": round(100.0 * float(chances.mean()), 1),
+                    "calibration error (%)": round(100.0 * calibration_error(chances, true), 1),
+                }
+            )  # fmt: skip
+        told = [
+            (one.hidden <= set(result.probable), len(result.probable))
+            for one, result in zip(known, results, strict=True)
+            if one.hidden
+        ]
+        sets.append(
+            {
+                "study": study, "plants": len(told),
+                "sets that hold all that is hidden (%)": round(100.0 * float(np.mean([a for a, _ in told])), 1),
+                "effects in a set": round(float(np.mean([n for _, n in told])), 1),
+            }
+        )  # fmt: skip
+    worst = float(pd.DataFrame(errors)["calibration error (%)"].max())
+    text = (
+        "# Are the probabilities true?\n\n"
+        f"Fitted to {count} searches of the second study; the largest calibration error on others is "
+        f"{worst} % (asked: at most 5).\n\n{frame_table(pd.DataFrame(errors))}\n\n"
+        f"Sets made to hold all that is hidden in {100.0 * COVERED:.0f} % of the plants (asked: 88 to 92):\n\n"
+        f"{frame_table(pd.DataFrame(sets))}\n\nMade by `python -m studies.calibration`.\n"
+    )
+    return text, judged
+
+
+def picture(judged: Judged) -> bytes:
+    """Draw how often what is called so probable is true, one panel a study.
+
+    Parameters
+    ----------
+    judged
+        As :func:`report` returns them.
+    """
+    style: Any = matplotlib_style()
+    shown = ("added", "class", "not added")
+    with rc_context(style):
+        figure = Figure(figsize=(4.6 * len(judged), 4.8))
+        figure.set_layout_engine("constrained")
+        panels = figure.subplots(1, len(judged), sharey=True, squeeze=False)[0]
+        for axes, (study, results) in zip(panels, judged.items(), strict=True):
+            axes.plot([0, 100], [0, 100], color=MUTED, linewidth=1, zorder=1)
+            for name, colour in zip(shown, PALETTE, strict=False):
+                chances, true = results[name]
+                parts = np.array_split(np.argsort(chances, kind="stable"), _BINS)
+                said = [100.0 * float(chances[k].mean()) for k in parts]
+                was = [100.0 * float(true[k].mean()) for k in parts]
+                bars = [100.0 * float(true[k].std() / math.sqrt(len(k))) for k in parts]
+                axes.errorbar(
+                    said, was, bars, fmt="o", color=colour, markersize=4, label=KINDS[name]
+                )
+            axes.set_title(study, loc="left")
+            axes.set_xlabel("said (%)")
+        panels[0].set_ylabel("true (%)")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=1)
+        stream = io.BytesIO()
+        figure.savefig(stream, format="png", metadata={"Software": None})
+    return stream.getvalue()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
