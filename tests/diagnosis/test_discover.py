@@ -6,8 +6,11 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.results import SearchResult
+from rdpi_gym.diagnosis.results import Candidate, SearchResult
+from rdpi_gym.diagnosis.search import laboratory
+from rdpi_gym.diagnosis.search.candidates import refit
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover
+from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
@@ -66,13 +69,17 @@ def lagging():
 
 
 @pytest.fixture(scope="module")
-def made(lagging):
+def found(lagging):
+    return discover(lagging, catalogue=FEW)
+
+
+@pytest.fixture(scope="module")
+def made(found):
     """The content of discovery.json."""
-    return json.dumps(discover(lagging, catalogue=FEW).to_dict())
+    return json.dumps(found.to_dict())
 
 
-def test_a_hidden_effect_is_named_with_its_parameter(lagging):
-    found = discover(lagging, catalogue=FEW)
+def test_a_hidden_effect_is_named_with_its_parameter(found):
     assert [c.effect for c in found.added] == ["sensor_lag"]
     step = found.added[0]
     assert step.parameters["time_constant_s"] == pytest.approx(1.5e-4, rel=0.02)
@@ -80,6 +87,21 @@ def test_a_hidden_effect_is_named_with_its_parameter(lagging):
     assert found.verdict == "explained"
     assert step.errors.validation_rmse_um < 1.15 * NOISE_UM
     assert found.base.validation_rmse_um > 5 * NOISE_UM
+    assert found.probabilities.effects["sensor_lag"] > 0.9
+    assert found.probabilities.probable == ("sensor_lag",)
+
+
+def test_what_is_improbable_goes_unless_the_error_hangs_on_it(lagging, monkeypatch):
+    bench = Laboratory(lagging, FEW, 1, 0, None, None)
+    base = bench.base(None)
+    monkeypatch.setattr(laboratory, "of_classes", lambda course: [0.3] * len(course.added))
+    for name, gone in (("gain_drift", ("gain_drift",)), ("sensor_lag", ())):
+        state = State(refit(bench.setting, base.hysteresis, (), CATALOGUE[name]))
+        step = Candidate(name, state.outcome.errors, {}, {}, 1.0, 0.5, (), "")
+        left, removed, why = bench.improbable(base, state, [step], [step])
+        assert removed == gone
+        assert tuple(e.name for e in left.effects) == (() if gone else (name,))
+        assert ["as it is 30 % probable" in sentence for sentence in why] == [True] * len(gone)
 
 
 def test_two_hidden_effects_are_both_found():
@@ -110,16 +132,15 @@ def test_the_sign_of_y_and_the_order_of_records_do_not_matter(lagging):
     assert any("sign was turned" in note for note in found.notes)
 
 
-def test_the_model_found_runs_as_a_plant(lagging, tmp_path):
-    found = discover(lagging, catalogue=FEW)
+def test_the_model_found_runs_as_a_plant(found, lagging, tmp_path):
     model = PlantModel.load(found.plant.save(tmp_path / "model.json"))
     record = lagging.records[1]
     left = record.y_um - Plant(model, record.ts_s).simulate(record.u_V)
     assert np.std(left) < 1.5 * NOISE_UM
 
 
-def test_the_files_hold_json_and_the_promised_keys(lagging):
-    document = discover(lagging, catalogue=FEW).to_dict()
+def test_the_files_hold_json_and_the_promised_keys(found):
+    document = found.to_dict()
     assert json.loads(json.dumps(document, allow_nan=False))["format"] == "rdpi-discovery"
     promised = {
         "format", "version", "units", "noise_floor", "base", "steps", "verdict",

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
+from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, SearchResult, Step
 from rdpi_gym.plant.effects import Effect, Parameter, forms_of
 from rdpi_gym.report.discovery import figures as discovery_figures
@@ -25,7 +26,7 @@ def candidate_sections(result: SearchResult) -> list[Section]:
         taken = _taken(result, candidates, present)
         name = f"Round {number}: added to {joined(present)}" if present else "Round 1"
         figures[name] = discovery_figures.ranking(candidates, result.noise_floor_um, without, taken)
-        tables.append(_candidate_table(candidates, number))
+        tables.append(_candidate_table(candidates, number, result.probabilities))
         present += taken
         reached = [*result.steps, *(Step((c,)) for c in candidates)]
         without = next((s.errors for s in reached if list(s.effects) == taken), without)
@@ -82,8 +83,10 @@ def _taken(
     return []
 
 
-def _candidate_table(candidates: Sequence[Candidate], number: int) -> pd.DataFrame:
-    return pd.DataFrame(
+def _candidate_table(
+    candidates: Sequence[Candidate], number: int, chances: Probabilities | None
+) -> pd.DataFrame:
+    table = pd.DataFrame(
         [
             {
                 "Round": number,
@@ -98,6 +101,10 @@ def _candidate_table(candidates: Sequence[Candidate], number: int) -> pd.DataFra
             for c in candidates
         ]
     )
+    if chances is not None:  # they are of the whole search, and known in every round
+        said = [100.0 * chances.effects.get(c.effect, math.nan) for c in candidates]
+        table.insert(table.columns.get_loc("Confidence (%)"), "Probability (%)", said)
+    return table
 
 
 def _known(value: float) -> float:
