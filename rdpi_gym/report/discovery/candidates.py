@@ -103,7 +103,7 @@ def _candidate_table(
     )
     if chances is not None:  # they are of the whole search, and known in every round
         said = [100.0 * chances.effects.get(c.effect, math.nan) for c in candidates]
-        table.insert(table.columns.get_loc("Confidence (%)"), "Probability (%)", said)
+        table.insert(list(table).index("Confidence (%)"), "Probability (%)", said)
     return table
 
 
