@@ -12,6 +12,7 @@ name                                    controller
 ``classical-low-passed``                classical inverse with its own rate low-passed
 ``classical-static``                    classical inverse, rate ignored
 ``extended-inverse``                    inverses of the belief's effects around the classical one
+``core-inverse``                        inverse of any hysteresis core, by search in each sample
 ``pi``                                  PI, tuned from the belief
 ``pi-<feedforward>``                    PI on the error that one of the above leaves
 ``preview-inversion``                   inversion of the belief over the whole reference, in advance
@@ -32,6 +33,7 @@ from baselines.registry import (
     inverts_any_core,
     inverts_effects,
     known_controller,
+    needed_core,
 )
 from rdpi_gym.envs.controller import Controller, ControllerFactory
 
@@ -50,4 +52,5 @@ __all__ = [
     "inverts_effects",
     "known_controller",
     "make_controller",
+    "needed_core",
 ]

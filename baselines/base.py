@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from baselines.limits import Limits
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -45,11 +46,14 @@ class Baseline(ABC):
         Whether it takes a ``feedforward`` too, and is made on each as ``<name>-<feedforward>``.
     inverts_effects : bool
         Whether it makes use of the effects of its belief, beside the hysteresis.
+    needs_core : type or None
+        Kind of hysteresis core that its belief has to have; None: any.
     """
 
     name: ClassVar[str]
     on_feedforwards: ClassVar[bool] = False
     inverts_effects: ClassVar[bool] = False
+    needs_core: ClassVar[type[Core] | None] = None
 
     def __init__(self, belief: PlantModel, layout: ObservationLayout) -> None:
         if layout.action == "correction":

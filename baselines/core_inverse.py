@@ -36,6 +36,7 @@ class CoreInverse(Feedforward):
 
     name = "core-inverse"
     any_core = True
+    needs_core = None
 
     def _packed(self) -> Array:
         return pack([self.belief.hysteresis], self.layout.ts_s, [0.0])

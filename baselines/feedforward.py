@@ -13,6 +13,7 @@ from baselines.base import Baseline
 from baselines.stability import spectral_radius
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import RDPI, Plant, PlantModel
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -62,17 +63,18 @@ class Feedforward(Baseline):
     Attributes
     ----------
     any_core : bool
-        Whether it inverts other cores than RDPI.
+        Whether it inverts any core, by search.
     """
 
     any_core: ClassVar[bool] = False
+    needs_core: ClassVar[type[Core] | None] = RDPI
 
     def __init__(self, belief: PlantModel, layout: ObservationLayout) -> None:
         super().__init__(belief, layout)
-        core = belief.hysteresis
-        if not (self.any_core or isinstance(core, RDPI)):
+        core, needed = belief.hysteresis, self.needs_core
+        if needed is not None and not isinstance(core, needed):
             raise InputError(
-                f"{self.name} inverts the core {RDPI.name}, and belief {belief.name} has the core "
+                f"{self.name} inverts the core {needed.name}, and belief {belief.name} has the core "
                 f"{core.name}; core-inverse inverts any"
             )
         self.model = self.compensator_model(belief.hysteresis)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.stability import nyquist_gain
-from rdpi_gym.plant import RDPI, PlantModel, check_ts
+from rdpi_gym.plant import PlantModel, check_ts
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.delay import delay_block
 from rdpi_gym.plant.effects.linear import linear_block
@@ -37,13 +38,13 @@ class Gains(NamedTuple):
     integral_V_um_s: float
 
 
-def simc_gains(model: RDPI, ts_s: float) -> Gains:
+def simc_gains(model: Core, ts_s: float) -> Gains:
     """Tune a PI controller to the plant between its slopes a_0 and A.
 
     Parameters
     ----------
     model
-        The belief's RDPI parameters.
+        The belief's hysteresis core; what follows says of RDPI what holds for any.
     ts_s
         Sampling time (s).
 
@@ -153,14 +154,14 @@ def _frequencies(effects: list[Effect], ts_s: float) -> Array:
     return every[(every > 0.0) & (every <= math.pi)]
 
 
-def _sliding(model: RDPI, ts_s: float, z: Response) -> Response:
+def _sliding(model: Core, ts_s: float, z: Response) -> Response:
     """All plays sliding: A (1 - κ (1 - z⁻¹) (1 - p) / (1 - p z⁻¹))."""
     p = model.rate_pole(ts_s)
-    lag = model.S * model.delta2_s / ts_s
-    return model.A - lag * (1.0 - p) * (1.0 - 1.0 / z) / (1.0 - p / z)
+    lead = model.rate_gain_um_s_V / ts_s
+    return model.A + lead * (1.0 - p) * (1.0 - 1.0 / z) / (1.0 - p / z)
 
 
-def _response(effect: Effect, model: RDPI, ts_s: float, z: Response) -> Response:
+def _response(effect: Effect, model: Core, ts_s: float, z: Response) -> Response:
     column = np.array(effect.coefficients(ts_s, model))
     if type(effect).block is delay_block:
         whole, part = column

@@ -17,6 +17,7 @@ from baselines.classical import (
     ClassicalReferenceRate,
     ClassicalStatic,
 )
+from baselines.core_inverse import CoreInverse
 from baselines.extended import ExtendedInverse
 from baselines.feedforward import Feedforward, checked_reference
 from baselines.inversion_free import (
@@ -37,7 +38,8 @@ ORACLE = "preview-oracle"
 
 # Share of the scale below which an error is that of actions, which are float32.
 _ENOUGH = 1e-7
-# Fixed, so that a plan does not depend on which other controllers there are.
+# Fixed, so that a plan does not depend on which other controllers there are; where none of them
+# is made for the core, the search stands beside them.
 _STARTS: tuple[type[Feedforward], ...] = (
     StaticGain,
     InversionFreeLiteral,
@@ -225,9 +227,10 @@ def _starting_commands(
 ) -> list[Array]:
     lanes = reference_um.shape[1]
     plant = Plant(model, layout.ts_s, lanes)
-    static = best = np.empty_like(reference_um)
+    best = np.empty_like(reference_um)
+    static: list[Array] = []
     smallest = np.full(lanes, np.inf)
-    for feedforward in _STARTS:
+    for feedforward in _starts(model):
         compensator = feedforward(model, layout)
         if not compensator.is_stable:
             continue
@@ -241,5 +244,12 @@ def _starting_commands(
         best = np.where(rms < smallest, u, best)
         smallest = np.minimum(rms, smallest)
         if isinstance(compensator, ClassicalStatic):
-            static = u
-    return [static, best]
+            static = [u]
+    return [*static, best]
+
+
+def _starts(model: PlantModel) -> list[type[Feedforward]]:
+    core = model.hysteresis
+    suiting = [f for f in _STARTS if f.needs_core is None or isinstance(core, f.needs_core)]
+    made_for_it = any(f.needs_core is not None for f in suiting)
+    return suiting if made_for_it else [*suiting, CoreInverse]

@@ -20,7 +20,8 @@ from numba import njit
 from baselines.inverses.whole_record import LinearUndo
 from baselines.limits import Limits, limit_block
 from baselines.stability import nyquist_gain
-from rdpi_gym.plant import RDPI, Plant, PlantModel
+from rdpi_gym.plant import Plant, PlantModel
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 
 LEARNING_GAIN = 1.0
@@ -33,13 +34,13 @@ PATIENCE, PROGRESS = 10, 0.02
 """A lane stagnates when so many iterations bring less than this part of its error."""
 
 
-def learning_recursion(model: RDPI, ts_s: float) -> tuple[float, float]:
+def learning_recursion(model: Core, ts_s: float) -> tuple[float, float]:
     """Return how L is sampled: the weight of the sample ahead, 0 or 1/2, and the pole.
 
     Parameters
     ----------
     model
-        The RDPI parameters.
+        The hysteresis core.
     ts_s
         Sampling time (s).
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, cached_property, partial
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from baselines.base import Baseline
 from baselines.feedforward import Feedforward
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.members import classes_of
 from rdpi_gym.support.words import guess, quoted, some
@@ -146,9 +147,26 @@ def inverts_any_core(name: str) -> bool:
     return _states(name, "any_core")
 
 
+def needed_core(name: str) -> type[Core] | None:
+    """Return the kind of hysteresis core that a controller of this package needs in its belief.
+
+    None: any will do, as for a controller that is not of this package.
+
+    Examples
+    --------
+    >>> needed_core("pi-classical-static").__name__, needed_core("pi"), needed_core("core-inverse")
+    ('RDPI', None, None)
+    """
+    needed = (getattr(kind, "needs_core", None) for kind in _kinds(name))
+    return next((kind for kind in needed if kind is not None), None)
+
+
 def _states(name: str, attribute: str) -> bool:
+    return any(getattr(kind, attribute, False) for kind in _kinds(name))
+
+
+def _kinds(name: str) -> list[Any]:
     factory = CONTROLLERS.get(name)
-    kinds = (
-        [factory.func, *factory.keywords.values()] if isinstance(factory, partial) else [factory]
-    )
-    return any(getattr(kind, attribute, False) for kind in kinds)
+    if isinstance(factory, partial):
+        return [factory.func, *factory.keywords.values()]
+    return [factory]

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 
 DEFAULT_CUTOFF_HZ = 500.0
@@ -31,8 +32,8 @@ def spectral_radius(polynomial: Array) -> float:
     return float(np.abs(np.roots(polynomial)).max(initial=0.0))
 
 
-def nyquist_gain(model: RDPI, ts_s: float) -> float:
-    """Gain (µm/V) of the all-sliding plant at z = -1: A - 2 (S δ2 / Ts) (1 - p) / (1 + p).
+def nyquist_gain(model: Core, ts_s: float) -> float:
+    """Gain (µm/V) of the all-sliding plant at z = -1: of RDPI A - 2 (S δ2 / Ts) (1 - p) / (1 + p).
 
     It is above zero where the sampled plant has minimum phase: its zero is then within the unit
     circle, be it for a long Ts or for a rate that is low-passed below A / (2π S δ2).
@@ -46,7 +47,7 @@ def nyquist_gain(model: RDPI, ts_s: float) -> float:
     True
     """
     p = model.rate_pole(ts_s)
-    return model.A - 2.0 * model.S * model.delta2_s / ts_s * (1.0 - p) / (1.0 + p)
+    return model.A + 2.0 * model.rate_gain_um_s_V / ts_s * (1.0 - p) / (1.0 + p)
 
 
 def inversion_free_polynomial(model: RDPI, ts_s: float) -> Array:

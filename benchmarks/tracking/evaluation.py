@@ -110,7 +110,8 @@ class Evaluation:
 def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
     """Summarise the rows of a run, and score the feedforwards on measured records.
 
-    The measured records belong to the plant ``picma`` and are scored together with it.
+    The measured records belong to the plant ``picma`` and are scored together with it, where
+    controllers are told that plant itself.
     """
     table = score_table(outcome.rows)
     table = table[table["controller"].isin(selection.controllers)].reset_index(drop=True)
@@ -120,7 +121,7 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
     counted = table[~_marks(table, beyond)]
     summary = by_case(table)
     summary["extrapolated"] = _marks(summary, beyond)
-    plants = {stage.plant.name: stage.plant for stage in selection.stages}
+    plants = {stage.plant.name: stage.plant for stage in selection.stages if not stage.believed}
     if MEASURED_PLANT in plants:
         measured = score_measured(
             selection.controllers, plants[MEASURED_PLANT], selection.factories
@@ -141,6 +142,7 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
         (
             *selection.notes,
             *_where_they_run(selection),
+            *_where_they_suit(selection),
             *left_out(selection),
             *_unranked(beyond),
         ),
@@ -221,4 +223,18 @@ def _where_they_run(selection: Selection) -> tuple[str, ...]:
         f"{', '.join(name for name, own in apart.items() if own == ts)}; on "
         f"{', '.join(stage.plant.name for stage in selection.stages if ts in stage.every_ts_s)}."
         for ts in sorted(set(apart.values()))
+    )
+
+
+def _where_they_suit(selection: Selection) -> tuple[str, ...]:
+    """Say which controllers are not in the ranking since some plants have another core than theirs."""
+    apart: dict[tuple[str, ...], list[str]] = {}
+    for name in selection.controllers:
+        on = tuple(s.plant.name for s in selection.stages if selection.suits(name, s))
+        if len(on) < len(selection.stages):
+            apart.setdefault(on, []).append(name)
+    return tuple(
+        f"Not in the ranking, since they invert another core than some of the plants have, and run on "
+        f"{', '.join(on)} only: {', '.join(names)}."
+        for on, names in apart.items()
     )

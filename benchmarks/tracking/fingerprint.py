@@ -33,8 +33,10 @@ def code_fingerprint() -> str:
     return fingerprint([str(SUITE_VERSION).encode(), *code_parts(files)])
 
 
-def task_fingerprint(controller: str, plant: PlantModel) -> str:
+def task_fingerprint(controller: str, plant: PlantModel, believed: PlantModel | None = None) -> str:
     """Return a hash of a plant's content and of a policy's, or of the source of ``module:attribute``.
+
+    `believed` is what the controller is told of the plant where that is another one.
 
     What else a module of your own reads is not seen: give another folder for results after a change
     of that.
@@ -46,7 +48,9 @@ def task_fingerprint(controller: str, plant: PlantModel) -> str:
     >>> task_fingerprint("none", p5) == task_fingerprint("none", p10)
     False
     """
-    parts = [json.dumps(plant.to_dict(), sort_keys=True).encode(), controller.encode()]
+    models = [plant] if believed is None else [plant, believed]
+    parts = [json.dumps(model.to_dict(), sort_keys=True).encode() for model in models]
+    parts.append(controller.encode())
     if is_learned(controller):
         parts.append(policy_bytes(controller))
     elif ":" in controller:

@@ -72,6 +72,17 @@ def trained_at_s(controller: str) -> float:
     return read_policy(controller).layout.ts_s
 
 
+def corrected_by(controller: str) -> str | None:
+    """Return the name of the baseline that a learned controller corrects; None where there is none.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_policy`.
+    """
+    return read_policy(controller).baseline
+
+
 def policy_bytes(controller: str) -> bytes:
     """Return a policy's description, which holds a hash of its weights; nothing where it is none."""
     name = controller.removeprefix(LEARNED)

@@ -100,7 +100,10 @@ def _tasks(selection: Selection) -> list[Task]:
     tasks = []
     for controller, one, ts in _settings(selection):
         factory = selection.factories.get(controller)
-        stamps = {"code": code_fingerprint(), "task": task_fingerprint(controller, one.plant)}
+        stamps = {
+            "code": code_fingerprint(),
+            "task": task_fingerprint(controller, one.plant, one.believed),
+        }
         if factory is not None:  # no one can say whether it is still the same: always run anew
             stamps["task"] = os.urandom(8).hex()
         lanes = [

@@ -15,14 +15,16 @@ from baselines import (
     find_factory,
     inverts_any_core,
     inverts_effects,
+    needed_core,
 )
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
-from benchmarks.tracking.learned import is_learned, shipped_policies, trained_at_s
+from benchmarks.tracking.learned import corrected_by, is_learned, shipped_policies, trained_at_s
 from benchmarks.tracking.own import Made
 from benchmarks.tracking.stages import Stage, make_stage
 from benchmarks.tracking.suite import REFERENCES, SEEDS
 from benchmarks.tracking.trial import try_controller
 from rdpi_gym.plant import PLANTS, RDPI, PlantModel, check_ts, find_plant
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.plugins import load_attribute
 from rdpi_gym.support.words import guess
@@ -64,7 +66,19 @@ class Selection:
     def runs_at(self, controller: str, stage: Stage, ts_s: float) -> bool:
         """Whether a controller runs on a plant at one of its sampling times (s)."""
         own = self.trained_s.get(controller, ts_s)
-        return ts_s in stage.every_ts_s and math.isclose(own, ts_s)
+        return (
+            ts_s in stage.every_ts_s and math.isclose(own, ts_s) and self.suits(controller, stage)
+        )
+
+    def suits(self, controller: str, stage: Stage) -> bool:
+        """Whether a controller can be made with what is believed of a plant."""
+        return controller in self.factories or stage.is_told(self.needed_core(controller))
+
+    def needed_core(self, controller: str) -> type[Core] | None:
+        """Return the kind of hysteresis core that a controller needs in its belief; None: any."""
+        if controller in self.trained_s and is_learned(controller):
+            return needed_core(corrected_by(controller) or "")
+        return needed_core(controller)
 
     def is_ranked(self, controller: str) -> bool:
         """Whether a controller runs in all cases of the ranking."""
@@ -82,6 +96,7 @@ def select(
     *,
     own_controllers: Sequence[str] = (),
     own_plants: Sequence[str | PlantModel] = (),
+    belief: str | PlantModel | None = None,
     factories: Mapping[str, ControllerFactory] | None = None,
 ) -> Selection:
     """Check what is asked for; None is all of it.
@@ -98,6 +113,9 @@ def select(
     own_controllers, own_plants
         Further ones, ``module:attribute``; a controller also as ``learned:`` and the folder or name
         of a policy, a plant also by the path of its JSON file.
+    belief
+        What controllers are told of the one plant that is scored, of any core; by default the plant
+        itself. The default plants are left out then.
     factories
         What makes further controllers, by the names that tables give them; see
         :func:`benchmarks.tracking.own.named`.
@@ -113,18 +131,25 @@ def select(
     >>> select(["none"], ["P5"], ["sine"], [1e-3], [0]).stages[0].plant.name
     'P5'
     """
-    asked = [*(DEFAULT_PLANTS if plants is None else plants), *own_plants]
+    usual = DEFAULT_PLANTS if belief is None else ()
+    asked = [*(usual if plants is None else plants), *own_plants]
     models = [
         each if isinstance(each, PlantModel) else _plant(each)
         for i, each in enumerate(asked)
         if each not in asked[:i]
     ]
+    if belief is not None and len(models) != 1:
+        raise InputError(
+            f"{len(models)} plants and a belief; give the one plant that it is believed of"
+        )
+    believed = _plant(belief) if isinstance(belief, str) else belief
+    told = models if believed is None else [believed]
     notes: tuple[str, ...] = ()
     controllers_asked = controllers
     if controllers is None:
         shipped, notes = shipped_policies()
-        with_effects = any(model.effects for model in models)
-        with_cores = any(model.hysteresis.name != RDPI.name for model in models)
+        with_effects = any(model.effects for model in told)
+        with_cores = any(model.hysteresis.name != RDPI.name for model in told)
         controllers = [
             name
             for name in CONTROLLERS
@@ -153,12 +178,13 @@ def select(
         )
     trained = {name: trained_at_s(name) for name in own if is_learned(name)}
     trained |= {name: f.layout.ts_s for name, f in factories.items() if isinstance(f, Made)}
-    stages = tuple(make_stage(model, times) for model in models)
+    stages = tuple(make_stage(model, times, believed) for model in models)
     if times is None:
         alone = set(names) <= {*trained, ORACLE}
         stages = _with_trained(stages, sorted(set(trained.values())), alone)
     selection = Selection(names, stages, wanted, tuple(seeds), notes, trained, factories)
     asked_for = {*own_controllers, *factories, *(controllers_asked or ())}
+    selection = _without_unsuited(selection, asked=asked_for)
     selection = _without_idle(selection, asked=asked_for)
     if not any(s.cases(wanted, ts) for s in selection.stages for ts in s.ts_s):
         raise InputError(
@@ -177,6 +203,37 @@ def _with_trained(stages: Sequence[Stage], ts_s: Sequence[float], alone: bool) -
     if alone and any(times for _, times in suiting):
         return tuple(replace(stage, ts_s=times) for stage, times in suiting if times)
     return tuple(replace(stage, trained_ts_s=times) for stage, times in suiting)
+
+
+def _without_unsuited(selection: Selection, asked: set[str]) -> Selection:
+    """Leave out controllers of another hysteresis core than any belief's; one asked for is an error."""
+    cores = ", ".join(dict.fromkeys(s.belief("").hysteresis.name for s in selection.stages))
+    unsuited: dict[str, list[str]] = {}
+    for name in selection.controllers:
+        needed = selection.needed_core(name)
+        if needed is None or any(selection.suits(name, stage) for stage in selection.stages):
+            continue
+        if name in asked:
+            raise InputError(
+                f"{name} inverts the core {needed.name}, and the core that is believed of the plant is "
+                f"{cores}; core-inverse inverts any"
+            )
+        unsuited.setdefault(needed.name, []).append(name)
+    if not unsuited:
+        return selection
+    out = [name for names in unsuited.values() for name in names]
+    return replace(
+        selection,
+        controllers=tuple(name for name in selection.controllers if name not in out),
+        notes=(
+            *selection.notes,
+            *(
+                f"Left out, since they invert the core {core} and the belief has {cores}: {', '.join(names)}."
+                for core, names in unsuited.items()
+            ),
+        ),
+        trained_s={n: ts for n, ts in selection.trained_s.items() if n not in out},
+    )
 
 
 def _without_idle(selection: Selection, asked: set[str]) -> Selection:

@@ -14,6 +14,7 @@ from benchmarks.tracking.suite import SLOW_TS_S, TS_S, cases
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import Plant, PlantModel
+from rdpi_gym.plant.cores.base import Core
 
 RATE_BANDWIDTH_HZ = 800.0
 """Plants that score have a band-limited rate: a literal one rewards dither."""
@@ -39,12 +40,15 @@ class Stage:
         What the frequencies of all references but the sines are multiples of (Hz).
     trained_ts_s
         Further sampling times (s), at which trained policies run: they have a ranking of their own.
+    believed
+        What controllers are told of the plant; None: the plant itself.
     """
 
     plant: PlantModel
     ts_s: tuple[float, ...]
     base_hz: float
     trained_ts_s: tuple[float, ...] = ()
+    believed: PlantModel | None = None
 
     @property
     def every_ts_s(self) -> tuple[float, ...]:
@@ -56,13 +60,18 @@ class Stage:
         return min(self.ts_s) * (1 - 1e-9) <= ts_s <= max(self.ts_s) * (1 + 1e-9)
 
     def belief(self, controller: str) -> PlantModel:
-        """Return what a controller is told: the same hysteresis without the plant's other effects.
+        """Return what a controller is told: what is believed of the plant without other effects.
 
         Only controllers that invert effects are told of them.
         """
-        if not self.plant.effects or inverts_effects(controller):
-            return self.plant
-        return replace(self.plant, effects=(), name=f"{self.plant.name} without effects")
+        belief = self.plant if self.believed is None else self.believed
+        if not belief.effects or inverts_effects(controller):
+            return belief
+        return replace(belief, effects=(), name=f"{belief.name} without effects")
+
+    def is_told(self, kind: type[Core] | None) -> bool:
+        """Whether what controllers are told has that kind of hysteresis core; None: any."""
+        return kind is None or isinstance(self.belief("").hysteresis, kind)
 
     def layout(self, ts_s: float, controller: object) -> ObservationLayout:
         """Show as much of the reference ahead as a controller says that it makes use of."""
@@ -101,7 +110,11 @@ class Stage:
         return bool(steps.max() <= COVERED * known * ts_s * self.plant.hysteresis.A)
 
 
-def make_stage(plant: PlantModel, ts_s: Sequence[float] | None = None) -> Stage:
+def make_stage(
+    plant: PlantModel,
+    ts_s: Sequence[float] | None = None,
+    believed: PlantModel | None = None,
+) -> Stage:
     """Prepare a plant for scoring.
 
     Parameters
@@ -112,6 +125,8 @@ def make_stage(plant: PlantModel, ts_s: Sequence[float] | None = None) -> Stage:
         Sampling times (s); by default :data:`~benchmarks.tracking.suite.TS_S` with references
         about 10 Hz, or :data:`~benchmarks.tracking.suite.SLOW_TS_S` with references about 1 Hz for
         a plant that was identified only at lower rates.
+    believed
+        What controllers are told of the plant, its rate band-limited alike; by default the plant.
 
     Examples
     --------
@@ -123,7 +138,9 @@ def make_stage(plant: PlantModel, ts_s: Sequence[float] | None = None) -> Stage:
     scored = replace(limit_band(plant, RATE_BANDWIDTH_HZ), sensor=sensor)
     slow = _triangle_rate_V_s(plant, 10.0) > (largest_rate_V_s(plant) or math.inf)
     usual = SLOW_TS_S if slow else TS_S
-    return Stage(scored, usual if ts_s is None else tuple(ts_s), 1.0 if slow else 10.0)
+    told = None if believed is None else limit_band(believed, RATE_BANDWIDTH_HZ)
+    times = usual if ts_s is None else tuple(ts_s)
+    return Stage(scored, times, 1.0 if slow else 10.0, believed=told)
 
 
 def largest_rate_V_s(plant: PlantModel) -> float | None:
@@ -139,8 +156,9 @@ def _triangle_rate_V_s(plant: PlantModel, frequency_hz: float) -> float:
 def truth(plant: PlantModel, seed: int) -> PlantModel:
     """Draw the plant that a seed scores on: seed 0 is the nominal plant itself.
 
-    Every weight, every gap between thresholds and δ2 is multiplied by its own factor, uniform
-    within 1 ± :data:`SPREAD`, so that the thresholds keep increasing.
+    Every gain, every gap between thresholds and every number of the shape of its hysteresis core is
+    multiplied by its own factor, uniform within 1 ± :data:`SPREAD`; see
+    :func:`rdpi_gym.envs.truth.randomise_plant`.
 
     Examples
     --------

@@ -82,6 +82,15 @@ def bench(
             help="A plant of your own: JSON file or PlantModel; may be repeated.",
         ),
     ] = None,
+    belief: Annotated[
+        str | None,
+        typer.Option(
+            "--belief",
+            metavar="FILE|NAME",
+            help="What controllers are told of the one plant that is scored, of any kind of hysteresis; "
+            "by default the plant itself.",
+        ),
+    ] = None,
 ) -> None:
     """Rank controllers by their tracking error; an interrupted run continues.
 
@@ -98,6 +107,7 @@ def bench(
             range(seed, seed + seeds),
             own_controllers=own,
             own_plants=plant or (),
+            belief=belief,
             out=out,
             jobs=jobs,
             ray=ray,

@@ -219,6 +219,7 @@ def benchmark(
     *,
     own_controllers: Sequence[str | Controller | Callable[..., Any]] = (),
     own_plants: Sequence[PlantModel | HasPlant | PathLike[str] | str] = (),
+    belief: PlantModel | HasPlant | PathLike[str] | str | None = None,
     out: PathLike[str] | str | None = None,
     jobs: int = -1,
     ray: str | None = None,
@@ -243,6 +244,9 @@ def benchmark(
         Number of seeds, or the seeds; seed 0 is the nominal plant, any other draws one around it.
     own_controllers, own_plants
         Further ones, beside those above or all.
+    belief
+        What controllers are told of the plant, of any hysteresis core and with effects or without:
+        the plant itself by default. There is one plant then, and the others are left out.
     out
         Folder that keeps finished rows, so that an interrupted run goes on; by default none.
     jobs
@@ -282,9 +286,10 @@ def benchmark(
         range(seeds) if isinstance(seeds, int) else tuple(seeds),
         own_controllers=[c for c in own_controllers if isinstance(c, str)],
         own_plants=[_named(plant) for plant in own_plants],
+        belief=None if belief is None else _named(belief),
         factories=named([c for c in further if not isinstance(c, str)]),
     )
-    everything = all(each is None for each in (controllers, plants, references, ts_s))
+    everything = all(each is None for each in (controllers, plants, references, ts_s, belief))
     notes: list[str] = []
     payoff = None
     with TemporaryDirectory() as scratch:

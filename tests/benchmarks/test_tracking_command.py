@@ -3,10 +3,16 @@ import re
 import pandas as pd
 import pytest
 
+from baselines import ORACLE
 from benchmarks.tracking.leaderboard import COLUMNS, ranking, score_table
+from benchmarks.tracking.run import benchmark
+from benchmarks.tracking.selection import select
 from rdpi_gym.cli import main
 from rdpi_gym.cli.tables import print_table
 from rdpi_gym.face.benchmarking import first_of
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.cores.duhem import Duhem
+from rdpi_gym.plant.cores.stop import Stop
 
 SMALL = [
     "bench", "--controllers", "none,classical-static", "--references", "sine",
@@ -51,9 +57,64 @@ def test_a_second_run_computes_nothing_and_ends_with_what_it_wrote(out, capsys):
     assert lines[-2:] == [f"leaderboard: {out / 'leaderboard.md'}", f"page: {out / 'report.html'}"]
 
 
+FRICTION = PlantModel(
+    Stop((2.0, 1.0, 0.5), (1.0, 4.0, 8.0), 0.3), "friction", (-30.0, 30.0), (0.0, 8.0)
+)
+SLOW = ["--references", "sine", "--ts", "5e-3", "--jobs", "1", "--seeds", "1"]
+
+
+def test_a_plant_with_one_core_is_scored_with_a_belief_of_another(tmp_path, capsys):
+    """On its own belief the search is exact; on a belief with another core it is not."""
+    truth = str(FRICTION.save(tmp_path / "friction.json"))
+    belief = PlantModel(Duhem(0.6, 3.5, 3.0), "smooth", (-30.0, 30.0), (0.0, 8.0))
+    told = str(belief.save(tmp_path / "smooth.json"))
+    command = ["bench", "--plants", truth, "--belief", told, "--controllers", "none,core-inverse"]
+    out = tmp_path / "out"
+    assert main([*command, *SLOW, "--out", str(out)]) == 0
+    table = pd.read_csv(out / "leaderboard.csv")
+    assert set(table["belief"]) == {"smooth"}
+    wrong = table.groupby("controller")["rmse_um"].max()
+    own = benchmark(
+        select(["core-inverse"], [FRICTION], ["sine"], [5e-3], [0]), tmp_path / "own", 1
+    )
+    right = max(row["rmse_um"] for row in own.rows)
+    stroke_um = 16.0
+    assert right < 1e-4 * stroke_um < 1e-3 * stroke_um < wrong["core-inverse"] < wrong["none"]
+    capsys.readouterr()
+    assert main([*command, *SLOW, "--controllers", "pi-classical-static", "--out", str(out)]) == 2
+    assert capsys.readouterr().err == (
+        "rdpi: pi-classical-static inverts the core rdpi, and the core that is believed of the plant "
+        "is duhem; core-inverse inverts any\n"
+    )
+
+
+def test_by_default_only_controllers_that_suit_the_core_run_and_one_line_says_which_do_not(
+    monkeypatch,
+):
+    monkeypatch.setattr("benchmarks.tracking.selection.shipped_policies", lambda: ([], ()))
+    selection = select(None, [FRICTION], ["sine"], [1e-3], [0])
+    assert selection.controllers == (
+        "core-inverse", "none", "pi", "pi-core-inverse", "pi-none", "preview-inversion", ORACLE,
+    )  # fmt: skip
+    assert len(selection.notes) == 1
+    assert selection.notes[0].startswith(
+        "Left out, since they invert the core rdpi and the belief has stop: classical-literal,"
+    )
+    told = select(None, [FRICTION], ["sine"], [1e-3], [0], belief="P5")
+    assert "classical-static" in told.controllers
+    assert "core-inverse" not in told.controllers
+    mixed = select(["classical-static", "pi"], [FRICTION, "P5"], ["sine"], [1e-3], [0])
+    assert [mixed.runs_at("classical-static", stage, 1e-3) for stage in mixed.stages] == [
+        False,
+        True,
+    ]
+    assert [mixed.is_ranked(name) for name in mixed.controllers] == [False, True]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        (["--plants", "P5,P10", "--belief", "P5"], "2 plants and a belief; give the one plant"),
         (["--controllers", "pid"], "did you mean 'pi'"),
         (["--ts", "0"], "ts_s is 0.0; give a sampling time above 0 s"),
         (["--ts", "fast"], "--ts 'fast' is no number"),

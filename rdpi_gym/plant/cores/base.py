@@ -202,6 +202,20 @@ class Core(ABC):
         return changed  # type: ignore[no-any-return]
 
     @property
+    def rate_gain_um_s_V(self) -> float:
+        """What a rate (V/s) of the command adds to the displacement (µm), over it, while it slides.
+
+        Negative where the displacement lags the more, the faster it goes; zero unless stated.
+        """
+        return 0.0
+
+    @property
+    def zero_rad_s(self) -> float:
+        """Right-half-plane zero (rad/s) while it slides, A over what a rate takes; infinite without one."""
+        lag = -self.rate_gain_um_s_V
+        return self.A / lag if lag > 0 else math.inf
+
+    @property
     def gaps_V(self) -> Array:
         """Gaps (V) between neighbouring thresholds, the first one from zero; empty without any."""
         thresholds: Any = getattr(self, "thresholds_V") if self.spaced else ()  # noqa: B009

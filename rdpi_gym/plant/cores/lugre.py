@@ -158,6 +158,11 @@ class LuGre(InnerVariable):
         return 2.0 * self.s0
 
     @property
+    def rate_gain_um_s_V(self) -> float:
+        """Damping s1 + s2 (µm s/V) of a small command; s2 while it slides."""
+        return self.s1_s + self.s2_s
+
+    @property
     def gains(self) -> tuple[float, ...]:
         """Stiffness s0 (µm/V), damping s1 and s2 (µm s/V)."""
         return self.s0, self.s1_s, self.s2_s

@@ -169,10 +169,9 @@ class RDPI(ThresholdCore):
         return self.S / self.a0
 
     @property
-    def zero_rad_s(self) -> float:
-        """Right-half-plane zero A / (S δ2) (rad/s) while every play slides; infinite if static."""
-        lag = self.S * self.delta2_s
-        return self.A / lag if lag > 0 else math.inf
+    def rate_gain_um_s_V(self) -> float:
+        """-S δ2 (µm s/V): by Eq. 8 every play lags by δ2 |v| more."""
+        return -(self.S * self.delta2_s)
 
     @property
     def gains(self) -> tuple[float, ...]:
