@@ -142,6 +142,18 @@ def own_effect(tmp_path, monkeypatch):
     return "my_bend_effect:Bend"
 
 
+def test_add_what_is_unknown(data, tmp_path, capsys):
+    out = tmp_path / "out"
+    printed = run(["add", "unknown", data, "--model", "P5"], out, capsys)
+    document = read(out / "add.json")
+    assert document["after"]["validation_rmse"] < 0.5 * document["before"]["validation_rmse"]
+    assert "memor" in document["form"]
+    assert f"Added: unknown, {document['form']}" in printed
+    model = PlantModel.load(out / "model.json")
+    assert [effect.form for effect in model.effects] == [document["form"]]
+    assert "time constant τ of its lag" in (out / "report.html").read_text(encoding="utf-8")
+
+
 def test_own_effect_is_added(data, own_effect, tmp_path, capsys):
     out = tmp_path / "out"
     run(["add", own_effect, data, "--model", "P5"], out, capsys)

@@ -103,7 +103,7 @@ def test_every_effect_of_the_catalogue_randomised_over_episodes(action):
     assert found < 100.0 * ROUNDING
 
 
-@pytest.mark.parametrize("name", list(CATALOGUE))
+@pytest.mark.parametrize("name", [*CATALOGUE, "unknown"])
 def test_each_effect_alone(name):
     plant = replace(named_plant("P5"), effects=(CATALOGUE[name](),))
     found = largest_difference(

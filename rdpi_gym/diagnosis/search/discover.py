@@ -324,7 +324,8 @@ def add_effect(
         )
     laboratory = Laboratory(dataset, {kind.name: kind}, jobs, seed, progress, checkpoint)
     base = laboratory.base(given)
-    ranked = [r for r in laboratory.ranked(base) if r.candidate.effect == kind.name]
+    found = laboratory.learned(base, kind) if kind.on_request else laboratory.ranked(base)
+    ranked = [r for r in found if r.candidate.effect == kind.name]
     laboratory.need(ranked, kind)
     state = laboratory.after(base, ranked[:1])
     state, notes = laboratory.on_law(state, given)

@@ -16,6 +16,7 @@ from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
 from rdpi_gym.diagnosis.hygiene import inspect, limits
 from rdpi_gym.diagnosis.hygiene.finding import BoolArray
 from rdpi_gym.diagnosis.hygiene.spikes import spikes
+from rdpi_gym.diagnosis.portrait.learning import learn_forms
 from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.base_models import begun, on_comb
@@ -295,6 +296,14 @@ class Laboratory:
             return ranked
         alike = set(self._like_rate) - have
         return [_lags(r, self._like_rate) if r.candidate.effect in alike else r for r in ranked]
+
+    def learned(self, state: State, kind: type[Effect]) -> list[Ranked]:
+        """Refit every form of a block that records teach, and return the one worth its freedom."""
+        outcomes = learn_forms(
+            self.setting, self._plays(state), state.effects, kind, self._progress
+        )  # fmt: skip
+        best = in_best_form(outcomes, self.noise_um)
+        return rank(state.outcome, best, [kind], self.noise_um, self._seed)
 
     def _most_trained(self, state: State, outcomes: Sequence[Outcome]) -> dict[str, float]:
         """Return by effect what its best form takes of the error of the records to fit."""

@@ -116,6 +116,9 @@ class Effect(ABC):
     weighs_plays
         It runs plays of its own with the weights of the plant's core, so a fit that steps one of
         them steps it there too; False unless stated.
+    on_request
+        It is found by its name alone: no list of the catalogue has it, so no search tries it unless
+        it is asked for; False unless stated.
 
     Raises
     ------
@@ -152,6 +155,7 @@ class Effect(ABC):
     kinked: ClassVar[str | None] = None
     clocked: ClassVar[bool] = False
     weighs_plays: ClassVar[bool] = False
+    on_request: ClassVar[bool] = False
 
     def __init_subclass__(cls, of: type[Effect] | None = None) -> None:
         """Make the class a further form of the effect `of`: what it does not state is as there.

@@ -23,7 +23,7 @@ _PACKAGE = __name__.rpartition(".")[0]
 
 
 class Catalogue(Mapping[str, type[Effect]]):
-    """Effects by name, in the chain's order.
+    """Effects by name, in the chain's order; those on request are found but not listed.
 
     Nothing is imported before an effect is asked for, and other projects' packages are looked
     through only for a name that is not found here, or when all names are listed.
@@ -60,14 +60,18 @@ class Catalogue(Mapping[str, type[Effect]]):
                 )
         return dict(sorted(found.items(), key=lambda item: _place(item[1])))
 
+    @property
+    def _listed(self) -> list[str]:
+        return [name for name, kind in self._all.items() if not kind.on_request]
+
     def __getitem__(self, name: str) -> type[Effect]:
         return self._own[name] if name in self._own else self._all[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._all)
+        return iter(self._listed)
 
     def __len__(self) -> int:
-        return len(self._all)
+        return len(self._listed)
 
 
 CATALOGUE: Mapping[str, type[Effect]] = Catalogue()

@@ -68,11 +68,13 @@ def write_discovery_page(
     InputError
         The file cannot be written.
     """
+    # what was added on request stands in no list
+    asked = {c.effect: CATALOGUE[c.effect] for c in result.added if c.effect in CATALOGUE}
     sections = [
         _steps(result),
         *candidate_sections(result),
         *view_sections(result),
-        *parameter_sections(result, catalogue),
+        *parameter_sections(result, {**asked, **catalogue}),
         _checks(result),
         _left(result),
         Section("How to read this page", _HOW),

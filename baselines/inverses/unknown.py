@@ -1,0 +1,112 @@
+"""The unknown block undone by corrections: what it adds to a guess is taken off, again and again."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from baselines.classical_inverse_kernels import pack_inverse
+from baselines.inverses.base import Inverse, Setting
+from rdpi_gym.plant.cores.play import given_rate_block
+from rdpi_gym.plant.effects import Effect
+from rdpi_gym.plant.effects.base import forms_of
+from rdpi_gym.plant.effects.unknown import Block, OfTheRate, Unknown
+from rdpi_gym.support.arrays import Array
+
+# Corrections: each takes the error down by the largest slope of what the block adds, 0.02 to 0.3. Where
+# it adds a rate without a lag, that slope is above one from sample to sample, and more would not settle.
+_ROUNDS, _RATE_ROUNDS = 6, 2
+
+
+def _forms(*places: str) -> tuple[str, ...]:
+    kinds = [kind for kind in forms_of(Unknown) if issubclass(kind, Block)]
+    return tuple(kind.form for kind in kinds if kind.place in places)
+
+
+class UnknownInverse(Inverse):
+    """A block before or behind the hysteresis, whose own kernel runs once for each correction.
+
+    Where it falls by more than it is given, no input is right, and the corrections do not settle.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import PAPER_IV_B
+    >>> effect = Unknown(0.1, 0.0, 0.0, 0.05, 0.0, 0.0, centre_um=0.0, span_um=40.0)
+    >>> inverse = UnknownInverse(effect, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
+    >>> state, _ = inverse.start(np.zeros(1))
+    >>> y = effect.run([0.0, 20.0, -20.0], 1e-4)
+    >>> inverse.run(y[1:, None], state).round(2)[:, 0].tolist()
+    [20.0, -20.0]
+    """
+
+    effect = Unknown.name
+    forms = _forms("before", "behind")
+
+    def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
+        super().__init__(effect, setting, ahead)
+        self._block, self._ts_s, self._rest = type(effect).block, setting.ts_s, setting.rest
+        self._p = np.array(effect.coefficients(setting.ts_s, setting.hysteresis))[:, None]
+        self._each = effect.state_rows(setting.ts_s)
+        self._rounds = _RATE_ROUNDS if isinstance(effect, OfTheRate) else _ROUNDS
+        self.rows = self._rounds * self._each
+
+    def start(self, y: Array) -> tuple[Array, Array]:
+        """In equilibrium at the plant's rest, wherever the reference begins."""
+        state = np.full((self.rows, len(y)), np.nan)
+        self.run(np.full((1, len(y)), self._rest), state)
+        return state, self.run(np.ascontiguousarray(y[None]), state.copy())[0]
+
+    def run(self, y: Array, state: Array) -> Array:
+        """Correct; see :meth:`Inverse.run`."""
+        p = np.repeat(self._p, y.shape[1], axis=1)
+        x, out = y, np.empty_like(y)
+        for k in range(self._rounds):
+            own = state[k * self._each : (k + 1) * self._each]
+            self._block(x, self._command(x, k, state), p, own, self._ts_s, out)
+            x = y - (out - x)
+        return x
+
+    def _command(self, x: Array, k: int, state: Array) -> Array:
+        """Command that belongs to a guess; a block that stands apart from the plays reads none."""
+        return x
+
+
+class UnknownWithin(UnknownInverse):
+    """A block that changes the weights of the plays, or the displacement, by the command.
+
+    The command that belongs to a guess is that of the classical inverse of static plays.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import Plant, P5
+    >>> from dataclasses import replace
+    >>> effect = next(kind for kind in forms_of(Unknown) if kind.form == "static, in")(even_1=0.1)
+    >>> effect = effect.with_values({"odd_1": 0.0})
+    >>> still = replace(P5, effects=(), hysteresis=P5.hysteresis.static())
+    >>> u = 30.0 * np.sin(np.arange(200.0) / 20.0)[:, None]
+    >>> inverse = UnknownWithin(effect, Setting(1e-3, still.hysteresis, 40.0, 0.0))
+    >>> state, _ = inverse.start(np.zeros(1))
+    >>> y = Plant(replace(still, effects=(effect,)), 1e-3).simulate(u)
+    >>> bool(np.abs(inverse.run(y, state) - Plant(still, 1e-3).simulate(u)).max() < 0.02)
+    True
+    """
+
+    forms = _forms("in", "beside")
+
+    def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
+        super().__init__(effect, setting, ahead)
+        self._inverse = pack_inverse([setting.hysteresis.static()], setting.ts_s)
+        self._plays = setting.hysteresis.n + 2
+        self.rows += self._rounds * self._plays
+
+    def start(self, y: Array) -> tuple[Array, Array]:
+        """At rest, plays of the inverse too."""
+        state = np.full((self.rows, len(y)), np.nan)
+        state[self._rounds * self._each :] = 0.0
+        self.run(np.full((1, len(y)), self._rest), state)
+        return state, self.run(np.ascontiguousarray(y[None]), state.copy())[0]
+
+    def _command(self, x: Array, k: int, state: Array) -> Array:
+        first = self._rounds * self._each + k * self._plays
+        u, p = np.empty_like(x), np.repeat(self._inverse, x.shape[1], axis=1)
+        given_rate_block(x, np.zeros_like(x), p, state[first : first + self._plays], u)
+        return u

@@ -1,0 +1,96 @@
+"""Free blocks refitted together with the hysteresis, each judged on held-out records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
+from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects.base import Effect, forms_of, in_chain_order
+from rdpi_gym.plant.effects.unknown import Unknown
+from rdpi_gym.support.progress import Progress
+
+# Passes and samples in which every start shows which are worth the rest, and how many of them are.
+_FIRST_PASSES, _FIRST_SAMPLES, _FOLLOWED = 4, 4_000, 2
+_PASSES, _SAMPLES = 20, 10_000
+
+
+def learn(
+    setting: Setting,
+    hysteresis: Core,
+    present: Sequence[Effect],
+    starts: Sequence[Effect],
+    held: frozenset[str] = frozenset(),
+) -> Outcome:
+    """Refit a block with the hysteresis and all effects, from the best of some starts.
+
+    Parameters
+    ----------
+    setting
+        The data.
+    hysteresis
+        Where its weights begin.
+    present
+        Effects beside the block.
+    starts
+        Where the block begins: one form of it.
+    held
+        Parameters that keep their value, as ``unknown.parameter``.
+
+    Returns
+    -------
+    Outcome
+        Of the start with the smallest training error.
+    """
+    fields = [in_chain_order([*present, start]) for start in starts]
+    begun = [(hysteresis, effects) for effects in fields]
+    if len(fields) > 1:
+        first = [
+            fit_joint(
+                setting.train, hysteresis, effects, _FIRST_PASSES, held=held,
+                samples=_FIRST_SAMPLES, smoothness=setting.smoothness,
+            )
+            for effects in fields
+        ]  # fmt: skip
+        best = sorted(first, key=lambda fit: fit.train_rmse_um)[:_FOLLOWED]
+        begun = [(fit.variant.hysteresis, fit.variant.effects) for fit in best]
+    fits = [setting.fit(core, effects, _PASSES, held, _SAMPLES) for core, effects in begun]
+    return assess(setting, Unknown.name, min(fits, key=lambda fit: fit.train_rmse_um))
+
+
+def learn_forms(
+    setting: Setting,
+    hysteresis: Core,
+    present: Sequence[Effect],
+    kind: type[Effect],
+    progress: Progress,
+) -> list[Outcome]:
+    """Refit every form of the block; those with two memories begin from the fitted one.
+
+    Parameters
+    ----------
+    setting, hysteresis, present
+        As :func:`learn`.
+    kind
+        Any form of it.
+    progress
+        Called as forms are done.
+    """
+    kinds = forms_of(kind)
+    found: dict[str, Outcome] = {}
+    for done, form in enumerate(kinds):
+        progress(f"forms of {form.name}", done, len(kinds))
+        simpler = found.get(form.form.replace("two memories", "memory"))
+        starts: Sequence[Effect] = form.starts(setting.scale)
+        if simpler is not None:
+            starts = form.from_simpler(block_of(simpler), setting.scale)
+        found[form.form] = learn(setting, hysteresis, present, starts)
+    progress(f"forms of {kind.name}", len(kinds), len(kinds))
+    return list(found.values())
+
+
+def block_of(outcome: Outcome) -> Effect:
+    """Return the block of a refit, as it was fitted."""
+    assert outcome.fit is not None
+    return next(e for e in outcome.fit.variant.effects if e.name == Unknown.name)

@@ -1,0 +1,74 @@
+"""The unknown block in each of its forms: a stage like any other, found by name and not listed."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from baselines.inverses import Setting, inverse_of
+from rdpi_gym.plant import P5, Plant, PlantModel
+from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
+from rdpi_gym.plant.effects.unknown import EVEN_TERMS, TERMS, Unknown, unknown_block
+
+FORMS = forms_of(Unknown)
+TS = 1e-3
+SCALE = DataScale(0.0, 30.0, 20.0, 2e3, TS, 10.0)
+U = 30.0 * np.sin(np.linspace(0.0, 20.0, 400)) * np.linspace(0.2, 1.0, 400)
+
+
+def small(form, seed=0):
+    """Weights of a few hundredths, in the size of the data."""
+    rng, start = np.random.default_rng(seed), form.starts(SCALE)[0]
+    own = {p.name: rng.uniform(-0.04, 0.04) for p in form.parameters if p.neutral is not None}
+    return start.with_values(own)
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.form)
+def test_a_form_is_a_stage_of_the_plant(form):
+    plants = [replace(P5, effects=(small(form, seed),)) for seed in range(3)]
+    commands = np.repeat(U[:, None], 3, axis=1)
+    whole = Plant(plants, TS, lanes=3).simulate(commands)
+    pieces = Plant(plants, TS, lanes=3)
+    parts = [pieces.simulate(commands[a:b]) for a, b in pairwise([0, 1, 57, len(U)])]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+    for lane, plant in enumerate(plants):
+        alone = Plant(PlantModel.from_dict(plant.to_dict()), TS).simulate(U)
+        np.testing.assert_allclose(alone, whole[:, lane], rtol=0, atol=1e-12)
+    still = Plant(replace(P5, effects=form.starts(SCALE)[:1]), TS).simulate(U)
+    np.testing.assert_array_equal(still, Plant(P5, TS).simulate(U))
+
+
+def test_it_is_found_by_its_name_and_no_search_has_it():
+    assert CATALOGUE["unknown"] is Unknown
+    assert "unknown" not in list(CATALOGUE)
+    assert len(CATALOGUE) == len(list(CATALOGUE))
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_a_term_is_even_or_odd(term):
+    p = np.zeros((7 + 3 + len(TERMS) + 4, 1))
+    p[0], p[3], p[4], p[9], p[10 + TERMS.index(term)] = 0.1, 20.0, 1.0, 1.0, 0.3
+    added = []
+    for x in (U, -U):
+        y = np.empty((len(U), 1))
+        unknown_block(x[:, None].copy(), x[:, None], p, np.full((3, 1), np.nan), TS, y)
+        added.append(y[:, 0] - x)
+    assert np.abs(added[0]).max() > 0.0
+    np.testing.assert_allclose(
+        added[1], added[0] if term in EVEN_TERMS else -added[0], atol=1e-12
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.form)
+def test_its_inverse_leaves_a_tenth_of_it_at_most(form):
+    effect = small(form, 1)
+    core = P5.hysteresis.static()
+    plant = replace(P5, hysteresis=core, effects=(effect,))
+    inverse = inverse_of(effect)(effect, Setting(TS, core, 20.0, 0.0))
+    before = effect.slot == "input"
+    wanted = U if before else Plant(replace(plant, effects=()), TS).simulate(U)
+    y = effect.run(U, TS) if before else Plant(plant, TS).simulate(U)
+    state, _ = inverse.start(y[:1])
+    x = inverse.run(y[1:, None].copy(), state)[:, 0]
+    assert np.std(x - wanted[1:]) < 0.1 * np.std(y - wanted)
