@@ -78,7 +78,7 @@ def run_case(case: Case, code: str) -> Row:
     ranking = [{"effect": name, "confidence": chances[name]} for name in names]
     return row | {
         "status": "done", "seconds": time.process_time() - began, "ranking": ranking,
-        "steps": [c for c in ranking if chances[c["effect"]] >= _INCLUDED],
+        "steps": ranking[: sum(chances[name] >= _INCLUDED for name in names)],
         # a regression has neither a verdict nor a sentence about what is left
         "validation_um": prepared.truth["noise_um"], "verdict": "unexplained",
         "true_left": {"clean_um": 0.0, "by_input_um": 0.0},
