@@ -215,10 +215,16 @@ class KindChoice(Shown, kinds.KindChoice):
             turn = "clockwise" if self.clockwise else "counter-clockwise"
             lines.append(f"The loops turn {turn}.")
         lines.append(f"Fitted beside it: {joined([_valued(e) for e in self.plant.effects])}.")
-        if self.alike:
+        others_alike = [name for name in self.alike if name not in self.same]
+        if others_alike:
             lines.append(
-                f"- Indistinguishable on these records: {joined([core.name, *self.alike])}. "
+                f"- Indistinguishable on these records: {joined([core.name, *others_alike])}. "
                 f"Of these, {core.name} has the fewest numbers. To tell them apart: {core.experiment}"
+            )
+        if self.same:
+            lines.append(
+                f"- With the numbers found, {core.name} is the same model as {joined(list(self.same))}. "
+                f"What would show other numbers: {core.experiment}"
             )
         lines += [f"- {name} was not fitted: {why}" for name, why in self.refused.items()]
         return lines

@@ -396,39 +396,6 @@ def _solve(
     return x
 
 
-def roughness(thresholds_V: Sequence[float]) -> Array:
-    """Matrix R of the roughness a'R a of weights a over their thresholds (µm²).
-
-    It is U³ ∫ (r dp/dr)² dr of the density p(r) of the weights, U the largest threshold: a change
-    within the same ratio of thresholds costs the same at small and at large ones.
-
-    Parameters
-    ----------
-    thresholds_V
-        r_1 ... r_n, ascending.
-
-    Returns
-    -------
-    float64[n + 1, n + 1]
-        Over a_0 ... a_n; a_0 is no part of the density.
-
-    Examples
-    --------
-    >>> even = np.array([5.0, 1.0, 1.0, 1.0])
-    >>> float(even @ roughness([1.0, 2.0, 3.0]) @ even)
-    0.0
-    """
-    r = np.array(thresholds_V, dtype=np.float64)
-    if len(r) < 2:
-        return np.zeros((len(r) + 1, len(r) + 1))
-    middle, apart = 0.5 * (r[1:] + r[:-1]), np.diff(r)
-    edges = np.concatenate([[r[0] - 0.5 * apart[0]], middle, [r[-1] + 0.5 * apart[-1]]])
-    density = np.hstack([np.zeros((len(r), 1)), np.diag(1.0 / np.diff(edges))])
-    slope = np.diff(density, axis=0) * (r[-1] ** 1.5 * middle / np.sqrt(apart))[:, None]
-    products: Array = slope.T @ slope
-    return products
-
-
 def fit_joint(
     records: Sequence[Record],
     start: Core,
@@ -461,7 +428,7 @@ def fit_joint(
         `MOST_SAMPLES`.
     smoothness
         Price of uneven weights: the mean square of what is left is raised by this number's square
-        times their :func:`roughness`. Loops of one size tell weights only together with whatever
+        times their :meth:`~rdpi_gym.plant.cores.base.Core.roughness`. Loops of one size tell weights only together with whatever
         else bends a loop, and the misfit of that then comes back as jagged weights. Measured
         stacks ask for 0.002 to 0.008; plays that are few and real ask for 0. The errors that are
         returned are those of the data alone.
@@ -609,12 +576,9 @@ def _begun(
     fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
     span = max(float(np.ptp(r.u_V)) for r in records)
     free = free_numbers(start, effects, 0.1 * span / fastest, held)
-    price = np.zeros((len(start.gains), len(start.gains)))
-    sizes = np.ones(len(start.gains))
-    if isinstance(start, RDPI):
-        price = smoothness**2 * roughness(start.thresholds_V)
-    else:
-        sizes = _gain_sizes(start, records)
+    price = smoothness**2 * start.roughness()
+    # RDPI's gains all act on volts
+    sizes = np.ones(len(start.gains)) if isinstance(start, RDPI) else _gain_sizes(start, records)
     problem = _Problem(free, records, kept_samples(records, samples), price, sizes)
     return problem, _with_gains(Variant(start, tuple(effects)), np.array(start.gains))
 

@@ -10,13 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.identification.cores import CoreFit, fitted_core, is_at_bound, judged
+from rdpi_gym.identification.cores import (
+    CoreFit,
+    fitted_core,
+    is_at_bound,
+    judged,
+    responses_to,
+)
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.plausibility import check_motion
 from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import CORES, PlantModel
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import in_chain_order
 from rdpi_gym.support.errors import InputError
@@ -24,6 +31,9 @@ from rdpi_gym.support.progress import Progress, silent
 
 # Of the best held-out error, what another kind may have more and not be told from it.
 _ALIKE = 0.05
+# What moving numbers may change of the displacement, and how many standard errors they may move,
+# where a model is one with that of other numbers.
+_SAME, _ERRORS = 1e-3, 2.0
 # Effects that every kind is fitted beside, passes and samples of those refits.
 _BESIDE, _STEPS_BESIDE, _SAMPLES_BESIDE = ("creep", "sensor_lag"), 15, 20_000
 # Cycles, area over the product of the standard deviations, and its standard errors, from which on
@@ -42,11 +52,13 @@ class KindChoice:
     chosen
         That of the fewest numbers among those that the records do not tell from the best.
     alike
-        Names of the others among those.
+        Names of the others among those, and of kinds that are one model with it.
     clockwise
         Whether the loops turn clockwise; None: they enclose no area that stands out.
     refused
         Why a kind was not fitted, by its name.
+    same
+        Names of those among `alike` that are one model with the chosen kind at the numbers found.
     """
 
     fits: tuple[CoreFit, ...]
@@ -54,6 +66,7 @@ class KindChoice:
     alike: tuple[str, ...]
     clockwise: bool | None
     refused: Mapping[str, str]
+    same: tuple[str, ...] = ()
 
 
 def choose_kind(
@@ -114,8 +127,60 @@ def choose_kind(
     best = _held_out(fits[0])
     near = [fit for fit in fits if _held_out(fit) <= (1.0 + _ALIKE) * best]
     chosen = min(near, key=_freedom)
-    alike = tuple(fit.plant.hysteresis.name for fit in near if fit is not chosen)
-    return KindChoice(tuple(fits), chosen, alike, clockwise, refused)
+    others = [fit.plant.hysteresis.name for fit in near if fit is not chosen]
+    same = same_models(chosen, train)
+    alike = (*others, *(name for name in same if name not in others))
+    return KindChoice(tuple(fits), chosen, alike, clockwise, refused, same)
+
+
+def same_models(fit: CoreFit, records: Sequence[Record]) -> tuple[str, ...]:
+    """Return the other kinds that are one model with a fit at the numbers that it found.
+
+    The numbers of a case that both kinds have are within two standard errors, or putting them there
+    changes the displacement by less than a thousandth.
+
+    Parameters
+    ----------
+    fit
+        Of any core.
+    records
+        Records that it was fitted to.
+
+    Examples
+    --------
+    >>> from rdpi_gym.identification.cores import fit_core
+    >>> from rdpi_gym.plant import Plant
+    >>> t = np.arange(0, 2.0, 1e-3)
+    >>> u = 20 * np.sin(2 * np.pi * t) * t
+    >>> plant = PlantModel(CORES["duhem"](1.0, 0.7, 12.0), "piezo", (-40.0, 40.0), (0.0, 10.0))
+    >>> record = Record("growing", t, u, Plant(plant, 1e-3).simulate(u), ts_s=1e-3)
+    >>> same_models(fit_core([record], CORES["duhem"]), [record])
+    ('asymmetric_bouc_wen', 'bouc_wen')
+    """
+    core: Core = fit.plant.hysteresis
+    met = {case for case, numbers in core.cases.items() if _stands_at(fit, core, numbers, records)}
+    return tuple(k.name for k in CORES.values() if k.name != core.name and met & set(k.cases))
+
+
+def _stands_at(
+    fit: CoreFit, core: Core, numbers: Mapping[str, float], records: Sequence[Record]
+) -> bool:
+    told = {
+        name: value
+        for name, value in numbers.items()
+        if abs(getattr(core, name) - value) > _ERRORS * fit.standard_errors.get(name, 0.0)
+    }
+    try:
+        there = replace(core, **told)  # type: ignore[type-var]
+    except InputError:  # what the other numbers do not allow
+        return False
+    moves = changes = 0.0
+    for record in records:
+        here = responses_to(core, record) @ np.array(core.gains)
+        change = responses_to(there, record) @ np.array(there.gains) - here
+        moves += len(here) * float(np.var(here))
+        changes += len(here) * float(np.var(change))
+    return changes <= _SAME**2 * moves
 
 
 def _beside(found: CoreFit, train: Sequence[Record]) -> CoreFit:
@@ -123,7 +188,9 @@ def _beside(found: CoreFit, train: Sequence[Record]) -> CoreFit:
     scale = data_scale(train)
     beside = in_chain_order([CATALOGUE[name].starts(scale)[0] for name in _BESIDE])
     core = found.plant.hysteresis
-    variant = fit_joint(train, core, beside, _STEPS_BESIDE, samples=_SAMPLES_BESIDE).variant
+    variant = fit_joint(
+        train, core, beside, _STEPS_BESIDE, samples=_SAMPLES_BESIDE, smoothness=found.smoothness
+    ).variant
     make: Callable[..., PlantModel[Any]] = PlantModel
     bench = found.plant
     plant = make(

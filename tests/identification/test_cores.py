@@ -8,11 +8,17 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification.cores import fit_core
-from rdpi_gym.identification.kinds import choose_kind, orientation
+from rdpi_gym.identification.kinds import choose_kind, orientation, same_models
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
-from rdpi_gym.plant import CORES, Plant, PlantModel
+from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
+from rdpi_gym.plant.cores.asymmetric_bouc_wen import AsymmetricBoucWen
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.bouc_wen import BoucWen
+from rdpi_gym.plant.cores.dahl import Dahl
+from rdpi_gym.plant.cores.duhem import Duhem
+from rdpi_gym.plant.cores.generalised import GeneralisedPI
+from rdpi_gym.plant.cores.lugre import LuGre
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.parameters import DataScale
@@ -74,6 +80,74 @@ def test_records_to_validate_on_are_judged_and_not_fitted() -> None:
     assert found.train_rmse_um == pytest.approx(0.01, rel=0.05)
     assert found.validation_rmse_um == pytest.approx(0.01, rel=0.1)
     assert list(found.offsets_um) == ["run 0"]
+
+
+def test_what_one_loop_does_not_tell_of_a_grid_is_smooth() -> None:
+    t = TS_S * np.arange(3000)
+    loop, nested = 30.0 * np.sin(2 * np.pi * t), drive(3.0, 0.8, 3.1)
+    core = RDPI.from_law([1.0, *(0.2 * np.exp(-0.2 * np.arange(12)))], 2.0, 0.0)
+    plant = PlantModel(core, "own", (-30.0, 30.0), (0.0, 5.0))
+    rng = np.random.default_rng(3)
+    found = []
+    for name, u in (("loop", loop), ("nested", nested)):
+        y = Plant(plant, TS_S).simulate(u) + 0.05 * rng.standard_normal(len(t))
+        found.append(Record(name, t, u, y, ts_s=TS_S))
+    data = Dataset("own", (found[0], replace(found[1], role="validation")))
+    priced = fit_core(data, CORES["preisach"])
+    free = fit_core(data, type("Free", (CORES["preisach"],), {"loose": False}))
+    assert priced.smoothness > 0.0 == free.smoothness
+    assert priced.validation_rmse_um is not None
+    assert free.validation_rmse_um is not None
+    assert priced.validation_rmse_um < 0.6 * free.validation_rmse_um
+    # gains that records tell are taken as they are, however uneven
+    (clean, _) = records(replace(free.plant.hysteresis, reversible_um_V=0.5))
+    assert fit_core([clean], CORES["preisach"]).smoothness == 0.0
+
+
+@pytest.mark.parametrize(
+    ("case", "models"),
+    [
+        (
+            "one length, no line",
+            [
+                Dahl(2.0, 5.0, 1.0),
+                Duhem(0.0, 2.0, 5.0),
+                BoucWen(0.0, 2.0, 5.0, 1.0, 1.0),
+                AsymmetricBoucWen(0.0, 2.0, 5.0, 1.0, 1.0),
+                LuGre(2.0, 0.0, 0.0, 5.0, 1.0, 10.0),
+            ],
+        ),
+        (
+            "one length",
+            [
+                Duhem(1.0, 0.7, 5.0),
+                BoucWen(1.0, -0.3, 5.0, 1.0, 1.0),
+                AsymmetricBoucWen(1.0, -0.3, 5.0, 1.0, 1.0),
+            ],
+        ),
+        ("symmetric", [f(1.0, -0.3, 5.0, 0.7, 1.5) for f in (BoucWen, AsymmetricBoucWen)]),
+        ("plays", [f((1.0, 0.5), (4.0,), 0.0) for f in (RDPI, GeneralisedPI)]),
+    ],
+)
+def test_kinds_of_one_case_are_one_model_there(case: str, models: list[Core]) -> None:
+    assert {type(core).name for core in models} == {k.name for k in CORES.values() if case in k.cases}  # fmt: skip
+    u = drive(0.5, 4.0, 11.0)
+    made = []
+    for core in models:
+        for name, value in core.cases[case].items():
+            assert getattr(core, name) == value
+        made.append(Plant(PlantModel(core, "m", (-30.0, 30.0), (0.0, 5.0)), TS_S).simulate(u))  # type: ignore[arg-type]
+    for y in made[1:]:
+        np.testing.assert_allclose(y, made[0], atol=1e-9)
+
+
+def test_kinds_that_are_one_model_at_the_numbers_found_are_alike() -> None:
+    for noise_um in (0.0, 0.01):
+        data = records(Dahl(2.0, 5.0, 1.0), noise_um)
+        others = {"asymmetric_bouc_wen", "bouc_wen", "duhem", "lugre"}
+        assert set(same_models(fit_core(data, CORES["dahl"]), data)) == others
+    data = records(Dahl(2.0, 5.0, 1.5), noise_um)
+    assert same_models(fit_core(data, CORES["dahl"]), data) == ()
 
 
 def test_standard_errors_are_those_of_repeated_noise() -> None:

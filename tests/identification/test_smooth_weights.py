@@ -7,9 +7,10 @@ import pytest
 
 from rdpi_gym.diagnosis.search.scale import comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
-from rdpi_gym.identification.joint import fit_joint, roughness
+from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.cores.rdpi import comb_roughness
 
 TS, THRESHOLDS = 1e-3, np.linspace(0.25, 10.0, 40)
 NOISE_UM = 0.05
@@ -42,9 +43,9 @@ def test_smooth_weights_leave_the_noise_and_are_more_even():
 def test_roughness_is_that_of_the_density_at_any_scale_of_the_thresholds():
     weights = np.array([3.0, 1.0, 2.0, 0.5])
     r = np.array([1.0, 2.0, 4.0])
-    assert weights @ roughness(r) @ weights > 0.0
+    assert weights @ comb_roughness(r) @ weights > 0.0
     # thresholds in another unit: the density changes with it, the displacement does not
-    assert (weights / 7.0) @ roughness(7.0 * r) @ (weights / 7.0) == pytest.approx(
-        weights @ roughness(r) @ weights
+    assert (weights / 7.0) @ comb_roughness(7.0 * r) @ (weights / 7.0) == pytest.approx(
+        weights @ comb_roughness(r) @ weights
     )
-    assert not roughness([1.0]).any()
+    assert not comb_roughness([1.0]).any()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from rdpi_gym.plant.cores.bouc_wen import BoucWen
 from rdpi_gym.plant.parameters import Parameter
@@ -51,6 +53,9 @@ class AsymmetricBoucWen(BoucWen):
         *BoucWen.shape,
         Parameter("skew", "1", -0.9, 0.9, (-0.3, 0.3), "unlike saturation φ", neutral=0.0),
     )
+    cases: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        name: {**numbers, "skew": 0.0} for name, numbers in BoucWen.cases.items()
+    }
 
     @property
     def _slopes(self) -> tuple[float, float]:

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
@@ -62,6 +63,11 @@ class Core(ABC):
     drawn_as_packed
         Whether :meth:`coefficients` are gains, thresholds and shape as they stand, and a factor
         above zero of any of them is allowed: many lanes are drawn without a core for each.
+    cases
+        Models that other kinds have among theirs too, under one name there and here, each with the
+        numbers (of its shape or gains) at which this kind is it; none where it always is.
+    loose
+        Whether one large loop leaves its gains open, so that a fit prices their :meth:`roughness`.
 
     Examples
     --------
@@ -86,6 +92,8 @@ class Core(ABC):
     keeps_first: ClassVar[bool] = False
     spaced: ClassVar[bool] = False
     drawn_as_packed: ClassVar[bool] = False
+    cases: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType({})
+    loose: ClassVar[bool] = False
     rate_bandwidth_hz: float | None
 
     @property
@@ -133,6 +141,19 @@ class Core(ABC):
         float64[T, K]
             With the gains it makes what :attr:`block` makes without offset.
         """
+
+    def roughness(self) -> Array:
+        """Return the matrix R of the roughness g'R g (µm²) that a fit prices uneven gains g by.
+
+        Gains that records tell only together are then alike, and not whatever the noise makes of
+        them. Zero, of gains that are few or have no neighbours: no price.
+
+        Returns
+        -------
+        float64[K, K]
+            Over :attr:`gains`.
+        """
+        return np.zeros((len(self.gains),) * 2)
 
     @classmethod
     @abstractmethod

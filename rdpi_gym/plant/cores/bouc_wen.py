@@ -292,6 +292,11 @@ class BoucWen(InnerVariable):
         Parameter("exponent", "1", 1.0, 16.0, (1.0, 3.0), "sharpness of the corner, n"),
     )
     clockwise = None
+    cases: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        "symmetric": {},
+        "one length": {"exponent": 1.0, "sigma": 1.0},
+        "one length, no line": {"exponent": 1.0, "sigma": 1.0, "k": 0.0},
+    }
 
     def __post_init__(self) -> None:
         check_gain("k", self.k)

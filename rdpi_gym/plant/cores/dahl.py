@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numba import njit
@@ -127,6 +127,7 @@ class Dahl(InnerVariable):
         Parameter("exponent", "1", 0.0, 4.0, (0.5, 2.0), "shape of the approach, i"),
     )
     clockwise = True
+    cases: ClassVar[Mapping[str, Mapping[str, float]]] = {"one length, no line": {"exponent": 1.0}}
 
     def __post_init__(self) -> None:
         check_gain("s", self.s)

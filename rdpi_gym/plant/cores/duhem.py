@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numba import njit
@@ -110,6 +110,10 @@ class Duhem(InnerVariable):
         ),
     )
     clockwise = None
+    cases: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        "one length": {},
+        "one length, no line": {"b": 0.0},
+    }
 
     def __post_init__(self) -> None:
         check_gain("b", self.b)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numba import njit
@@ -15,6 +16,7 @@ from rdpi_gym.plant.cores.checks import (
     check_weights,
     numbers,
 )
+from rdpi_gym.plant.cores.rdpi import comb_roughness
 from rdpi_gym.plant.cores.thresholds import ThresholdCore, spread_thresholds
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -216,6 +218,10 @@ class GeneralisedPI(ThresholdCore):
         Parameter("falling_gain", "1", 0.05, 20.0, (0.8, 1.25), "falling over rising, q", 1.0),
     )
     spaced = True
+    cases: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        "plays": {"rising_per_V": 0.0, "falling_per_V": 0.0, "falling_gain": 1.0}
+    }
+    loose = True
 
     def __post_init__(self) -> None:
         weights = numbers("weights", self.weights)
@@ -290,6 +296,17 @@ class GeneralisedPI(ThresholdCore):
         columns[0] = 0.5 * (rising + falling)
         _columns(rising, falling, np.array(self.thresholds_V), memory.copy(), columns[1:])
         return columns.T
+
+    def roughness(self) -> Array:
+        """Return that of the weights over their thresholds, which end in a play of no weight.
+
+        Where the envelopes saturate, the widest plays hardly move: no record would keep their
+        weights from growing.
+        """
+        if self.n < 2:
+            return comb_roughness(self.thresholds_V)
+        *_, last, widest = self.thresholds_V
+        return comb_roughness((*self.thresholds_V, 2.0 * widest - last))[:-1, :-1]
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[GeneralisedPI, ...]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numba import njit
@@ -133,6 +133,9 @@ class LuGre(InnerVariable):
     )
     clockwise = True
     rated = True
+    cases: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        "one length, no line": {"static_ratio": 1.0, "s1_s": 0.0, "s2_s": 0.0}
+    }
 
     def __post_init__(self) -> None:
         for name in ("s0", "s1_s", "s2_s"):

@@ -33,6 +33,8 @@ from rdpi_gym.support.errors import InputError
 
 # Levels of a fit's grid, the part of its gain that is reversible, and what c is at least there.
 _LEVELS, _REVERSIBLE, _LEAST_C = 15, 0.3, 1e-6
+# What an unevenness across the diagonals costs over one along them, squared in the price.
+_ACROSS = 0.25
 # How far levels may be from evenly spaced, over their distance.
 _UNEVEN = 1e-6
 
@@ -258,6 +260,8 @@ class Preisach(Core):
     )
     hardware = "Magnetic and magnetostrictive actuators, shape-memory wires, piezoelectric stacks."
 
+    loose = True
+
     def __post_init__(self) -> None:
         levels = numbers("levels_V", self.levels_V)
         weights = numbers("weights_um", self.weights_um)
@@ -371,6 +375,10 @@ class Preisach(Core):
     def _given(self, u: Array) -> tuple[Array, float, float, float]:
         given: Array = np.ascontiguousarray(u, dtype=np.float64)
         return given, self.levels_V[0], self.apart_V, self.ramp_V
+
+    def roughness(self) -> Array:
+        """Return that of the weights over the triangle, :func:`triangle_roughness`."""
+        return triangle_roughness(len(self.levels_V))
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Preisach, ...]:
@@ -487,9 +495,13 @@ def check_grid(core: Preisach, commands_V: Sequence[Array]) -> None:
 def triangle_roughness(levels: int) -> Array:
     """Matrix R of the roughness g'R g of the gains g of a grid (µm²).
 
-    It is L⁴ ∫∫ ((∂p/∂α)² + (∂p/∂β)²) dα dβ of the density p (µm/V²) of the weights over the
-    triangle, L the levels' range: the same for a smooth density on a coarse and on a fine grid,
-    and on levels of any unit. Cells on the diagonal α = β have half of the area.
+    It is L⁴ ∫∫ (p_m² + w² (p_α² + p_β²)) dα dβ of the density p (µm/V²) of the weights over the
+    triangle, with its slopes p_m along the diagonals, where α - β stays, and p_α and p_β; L is the
+    levels' range, w a quarter. It is the same for a smooth density on a coarse and on a fine grid, and
+    on levels of any unit. Relays of one width are priced as alike wherever they stand, which is a
+    sum of plays: one large loop tells rows and columns of the triangle and not its cells, and a
+    price that is even in all directions would fill these with loops of an asymmetry that no small
+    loop has shown. Cells on the diagonal α = β have half of the area.
 
     Parameters
     ----------
@@ -509,14 +521,14 @@ def triangle_roughness(levels: int) -> Array:
     """
     at = {pair: k for k, pair in enumerate((a, b) for a in range(levels) for b in range(a + 1))}
     neighbours = [
-        (k, at[other])
+        (k, at[other], share)
         for (a, b), k in at.items()
-        for other in ((a + 1, b), (a, b + 1))
+        for other, share in (((a + 1, b + 1), 1.0), ((a + 1, b), _ACROSS), ((a, b + 1), _ACROSS))
         if other in at
     ]
     over_area = np.array([1.0 if b < a else 2.0 for a, b in at])
     step = np.zeros((len(neighbours), 1 + len(at)))
-    for row, (one, other) in enumerate(neighbours):
-        step[row, 1 + one], step[row, 1 + other] = -over_area[one], over_area[other]
+    for row, (one, other, share) in enumerate(neighbours):
+        step[row, 1 + one], step[row, 1 + other] = -share * over_area[one], share * over_area[other]
     products: Array = levels**4 * (step.T @ step)
     return products

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,6 +85,7 @@ class RDPI(ThresholdCore):
     hardware = "Piezoelectric stacks, tubes and bending actuators driven by a voltage."
     shape = (Parameter("delta2_s", "s", 0.0, 1e3, (0.0, 1e-3), "δ2 of Eq. 8"),)
     rated = True
+    cases: ClassVar[Mapping[str, Mapping[str, float]]] = {"plays": {"delta2_s": 0.0}}
     keeps_first = True  # Eq. 6 divides by it
     spaced = True
     drawn_as_packed = True
@@ -197,6 +199,10 @@ class RDPI(ThresholdCore):
         play_columns(u, v, rest, self.delta2_s, memory.copy(), columns[1:])
         return columns.T
 
+    def roughness(self) -> Array:
+        """Return that of the weights over their thresholds, :func:`comb_roughness`."""
+        return comb_roughness(self.thresholds_V)
+
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[RDPI, ...]:
         """A comb of thresholds up to half of the widest swing, finer where it is narrow."""
@@ -265,6 +271,39 @@ def settled_memory(thresholds_V: ArrayLike, extrema_V: ArrayLike) -> Array:
     for u in np.atleast_1d(np.asarray(extrema_V, dtype=np.float64)):
         xi = np.clip(xi, u - rest, u + rest)
     return xi
+
+
+def comb_roughness(thresholds_V: Sequence[float]) -> Array:
+    """Matrix R of the roughness a'R a of weights a of plays over their thresholds (µm²).
+
+    It is U³ ∫ (r dp/dr)² dr of the density p(r) of the weights, U the largest threshold: a change
+    within the same ratio of thresholds costs the same at small and at large ones.
+
+    Parameters
+    ----------
+    thresholds_V
+        r_1 ... r_n, ascending.
+
+    Returns
+    -------
+    float64[n + 1, n + 1]
+        Over a_0 ... a_n; a_0 is no part of the density.
+
+    Examples
+    --------
+    >>> even = np.array([5.0, 1.0, 1.0, 1.0])
+    >>> float(even @ comb_roughness([1.0, 2.0, 3.0]) @ even)
+    0.0
+    """
+    r = np.array(thresholds_V, dtype=np.float64)
+    if len(r) < 2:
+        return np.zeros((len(r) + 1, len(r) + 1))
+    middle, apart = 0.5 * (r[1:] + r[:-1]), np.diff(r)
+    edges = np.concatenate([[r[0] - 0.5 * apart[0]], middle, [r[-1] + 0.5 * apart[-1]]])
+    density = np.hstack([np.zeros((len(r), 1)), np.diag(1.0 / np.diff(edges))])
+    slope = np.diff(density, axis=0) * (r[-1] ** 1.5 * middle / np.sqrt(apart))[:, None]
+    products: Array = slope.T @ slope
+    return products
 
 
 # Section III-B. The paper does not print its threshold law there; Eq. 8 is used.

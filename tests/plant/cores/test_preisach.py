@@ -327,16 +327,22 @@ def test_roughness_is_that_of_the_density_on_any_grid():
         assert rough.shape == (1 + len(areas),) * 2
         even = np.concatenate([[3.0], areas])
         assert even @ rough @ even == pytest.approx(0.0, abs=1e-9)
-    # p = s (α - β) over a triangle of side L: its slopes' squares are 2 s², its area L²/2
-    values = []
-    for count in (20, 40):
-        apart = 20.0 / count
-        weights = [0.01 * (a - b) * apart * apart**2 for a in range(count) for b in range(a + 1)]
-        gains = np.array([0.0, *weights])
-        values.append(float(gains @ triangle_roughness(count) @ gains))
-    exact = 20.0**4 * 2.0 * 0.01**2 * 20.0**2 / 2.0
-    assert values[0] == pytest.approx(exact, rel=0.1)
-    assert values[1] == pytest.approx(exact, rel=0.05)
+    # p = s (α ± β) over a triangle of side L and area L²/2: slopes along the diagonals 2 s and 0
+    area = 20.0**2 / 2.0
+    for sign, slopes in ((1, 4.0 + 0.125), (-1, 0.125)):
+        values = []
+        for count in (20, 40):
+            apart = 20.0 / count
+            weights = [
+                0.01 * (a + sign * b) * apart * apart**2 * (1.0 if b < a else 0.5)
+                for a in range(count)
+                for b in range(a + 1)
+            ]
+            gains = np.array([0.0, *weights])
+            values.append(float(gains @ triangle_roughness(count) @ gains))
+        exact = 20.0**4 * slopes * 0.01**2 * area
+        assert values[0] == pytest.approx(exact, rel=0.11)
+        assert values[1] == pytest.approx(exact, rel=0.06)
 
 
 def test_a_price_on_roughness_keeps_weights_from_learning_noise():
