@@ -13,12 +13,12 @@ from rdpi_gym.diagnosis.hygiene.finding import Finding
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.words import headline, sized
 from rdpi_gym.measurement import Quantities
-from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.files import read_json, write_json
-from rdpi_gym.support.words import quoted
+from rdpi_gym.support.words import joined, quoted
 
 Kind = Literal["diagnosis", "addition", "discovery", "removal"]
 """What was asked: one round of candidates, one effect on request, rounds until nothing helps, or an
@@ -219,6 +219,63 @@ class Left:
 
 
 @dataclass(frozen=True)
+class CoreChoice:
+    """Which kind of hysteresis a model has, and how that was decided.
+
+    Parameters
+    ----------
+    kind
+        Name of the core, as in the plant's file.
+    alike
+        Names of those that the held-out records do not tell from it, of those that were fitted.
+    confidence
+        Share of draws of pieces of the held-out records in which it, or one alike, is better than
+        every other that was fitted; None where no other was.
+    experiment
+        What would tell it from those; None where there are none.
+    clockwise
+        Whether the loops turn clockwise in the plane of command and displacement; None: they
+        enclose no area that stands out.
+    """
+
+    kind: str
+    alike: tuple[str, ...] = ()
+    confidence: float | None = None
+    experiment: str | None = None
+    clockwise: bool | None = None
+
+    @property
+    def sentence(self) -> str:
+        """Kind, how sure, and what the records cannot tell from it; empty where none was compared."""
+        if self.confidence is None and not self.alike:
+            return ""
+        text = f"Kind of hysteresis: {self.kind}, the {CORES[self.kind].title}"
+        if self.confidence is not None:
+            text += f" (confidence {100 * self.confidence:.0f} %)"
+        if self.clockwise is not None:
+            text += f"; the loops turn {'' if self.clockwise else 'counter-'}clockwise"
+        if self.alike:
+            text += f". Indistinguishable from it on these records: {joined(self.alike)}"
+        return f"{text}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the object of the files."""
+        return asdict(self) | {"alike": list(self.alike)}
+
+    @classmethod
+    def from_fields(cls, fields: Fields) -> CoreChoice:
+        """Build from the object of the files."""
+        clockwise = fields.raw("clockwise")
+        return cls(
+            fields.text("kind"),
+            fields.texts("alike"),
+            fields.optional_number("confidence"),
+            fields.optional_text("experiment"),
+            None if clockwise is None else bool(clockwise),
+        )
+
+
+@dataclass(frozen=True)
 class View:
     """One record as measured and as models see it, for the figures.
 
@@ -307,11 +364,13 @@ class SearchResult:
     quantities
         What was measured: sentences use its words and units, and numbers named ``_um`` are in the
         unit of its output.
+    core
+        Which kind of hysteresis `plant` has, and how that was decided.
     """
 
     kind: Kind
     title: str
-    plant: PlantModel
+    plant: PlantModel[Any]
     steps: tuple[Step, ...]
     rounds: tuple[tuple[Candidate, ...], ...]
     removed: tuple[str, ...]
@@ -337,6 +396,7 @@ class SearchResult:
     limits: tuple[str, ...] = ()
     probabilities: Probabilities | None = None
     quantities: Quantities = field(default_factory=Quantities)
+    core: CoreChoice = field(default_factory=lambda: CoreChoice(RDPI.name))
 
     @property
     def added(self) -> tuple[Candidate, ...]:
@@ -394,6 +454,7 @@ class SearchResult:
             "limits": list(self.limits),
             "checks": list(self.checks),
             "seconds": self.seconds,
+            "core": self.core.to_dict(),
         }
         steps = [candidate.to_dict() for candidate in self.added]
         rounds = [[candidate.to_dict() for candidate in tried] for tried in self.rounds]
@@ -503,6 +564,9 @@ class SearchResult:
             quantities=Quantities.from_fields(fields.inner("quantities"))
             if "quantities" in document
             else Quantities(),
+            core=CoreChoice.from_fields(fields.inner("core"))
+            if "core" in document
+            else CoreChoice(RDPI.name),
         )
 
 

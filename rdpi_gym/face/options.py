@@ -30,6 +30,10 @@ class SearchOptions:
     model
         The model to start from, a plant file as `rdpi fit` writes it or a plant's name; its effects
         are kept and refitted. Without it the bare model is fitted.
+    core
+        The kind of hysteresis, a core's name; "auto" for the one of all that explains records held
+        out best. Without it that of the model, or RDPI as long as no other is clearly better where
+        loops turn clockwise or much is left.
     seed
         Seed of every random draw.
     jobs
@@ -54,12 +58,14 @@ class SearchOptions:
         default=None, metadata=Option("--model", "M").metadata
     )
     _: KW_ONLY
+    core: str | None = field(default=None, metadata=Option("--core", "NAME|auto").metadata)
     seed: int = field(default=0, metadata=Option("--seed", type=int).metadata)
     jobs: int = field(default=-1, metadata=Option("--jobs", type=int).metadata)
     resume: PathLike[str] | str | None = None
     progress: Progress | None = None
 
     def __post_init__(self) -> None:
+        check_type(self.core, str | None, "core")
         check_type(self.seed, int, "seed")
         check_type(self.jobs, int, "jobs")
         check_type(self.resume, PathLike | str | None, "resume")

@@ -14,11 +14,13 @@ import pandas as pd
 from rdpi_gym import measurement
 from rdpi_gym.diagnosis import results
 from rdpi_gym.diagnosis.search import discover as searches
+from rdpi_gym.diagnosis.search.core_choice import AUTO
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import Dataset, as_dataset, in_words_of
 from rdpi_gym.face.options import CandidateOptions, SearchOptions
 from rdpi_gym.face.shown import Shown
-from rdpi_gym.plant import PlantModel
+from rdpi_gym.measurement.options import unknown_name
+from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
 from rdpi_gym.report.discovery.sentences import lines, staircase
 from rdpi_gym.support.checked import check_type, checked
@@ -289,6 +291,12 @@ def _given(options: SearchOptions) -> PlantModel | None:
     return None if options.model is None else as_plant(options.model)
 
 
+def _core(options: SearchOptions) -> str | None:
+    if options.core is not None and options.core not in (*CORES, AUTO):
+        raise unknown_name("--core", options.core, (*CORES, AUTO))
+    return options.core
+
+
 def _search(
     function: Callable[..., results.SearchResult],
     data: measurement.Dataset | PathLike[str] | str,
@@ -308,6 +316,7 @@ def _search(
             seed=options.seed,
             progress=options.progress,
             checkpoint=None if options.resume is None else Path(options.resume),
+            core=_core(options),
         )
     return SearchResult.of(found, dataset, own)
 
@@ -324,7 +333,11 @@ def diagnose(
         From :func:`rdpi_gym.load`, or the path of a measurement.
     model
         The model to start from: a plant, a result that has one, the path of a plant file, or a
-        plant's name; its effects are kept and refitted. By default the bare model is fitted.
+        plant's name; its core and effects are kept and refitted. By default a bare core is fitted.
+    core
+        The kind of hysteresis: a key of :data:`rdpi_gym.plant.CORES`, or "auto" for the one of all
+        that explains records held out best. By default that of the model; without one RDPI, as long
+        as no other is clearly better where loops turn clockwise or much is left.
     seed
         Of every random draw.
     jobs
@@ -344,8 +357,8 @@ def diagnose(
     Raises
     ------
     InputError
-        No record to fit, or none to validate on; no such model or effect; an argument of another
-        type.
+        No record to fit, or none to validate on; no such model, core or effect; an argument of
+        another type.
 
     Examples
     --------
@@ -404,7 +417,7 @@ def add(
     model
         The model that it is added to: a plant, a result that has one, the path of a plant file, or a
         plant's name.
-    seed, jobs, resume, progress
+    core, seed, jobs, resume, progress
         As in :func:`diagnose`.
 
     Returns
@@ -451,6 +464,7 @@ def _add(
             seed=options.seed,
             progress=options.progress,
             checkpoint=None if options.resume is None else Path(options.resume),
+            core=_core(options),
         )
     if kind.name not in CATALOGUE and kind not in own:
         own = (*own, kind)

@@ -111,6 +111,7 @@ def plausibility_warnings(
     left: Sequence[RecordResidual],
     delta2_s: float | None = None,
     quantities: Quantities | None = None,
+    clockwise: bool | None = False,
 ) -> list[str]:
     """Say where records or the fit to them are out of all proportion to known stages.
 
@@ -123,6 +124,9 @@ def plausibility_warnings(
     quantities
         What was measured, by default a voltage and a displacement; of others no size is out of
         proportion.
+    clockwise
+        Whether the loops of the hysteresis that was fitted turn clockwise; None: either way. Those
+        of a voltage and a displacement are wrong that way all the same.
 
     Returns
     -------
@@ -132,7 +136,9 @@ def plausibility_warnings(
     records = [each.record for each in left]
     explained = _explained(left)
     is_piezo = quantities is None or quantities.are_piezo
-    found = [_little(left, explained), _turning(left, explained, is_piezo)]
+    found = [_little(left, explained)]
+    if is_piezo or clockwise is False:
+        found.append(_turning(left, explained, is_piezo))
     if is_piezo:
         found += [_stroke(records), *_command(records), _pace(records, delta2_s)]
     return [sentence for sentence in found if sentence is not None]

@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
-from rdpi_gym.identification.cores import fitted_core
+from rdpi_gym.diagnosis.search.candidates import FIRST_SAMPLES, Setting
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.support.progress import silent
+from rdpi_gym.plant.effects.base import Effect
+
+# Steps from each start of a core, and passes from the best one.
+_FIRST_STEPS, _PASSES = 6, 15
 
 
-def begun(kind: type[Core], records: Sequence[Record]) -> Core:
-    """Return the core of a kind that a search begins with, to be refitted with effects beside it.
+def begun(setting: Setting, kind: type[Core], effects: Sequence[Effect] = ()) -> Core:
+    """Return the core of a kind that a search begins with, to be refitted.
 
-    A kind that is convex in its weights begins on its comb. One with several optima begins where a
-    fit of it alone ends, or every refit of the search would have to try them all.
+    A kind of one start is convex in its weights: it begins on its comb. Any other begins where a
+    first fit ends, or every refit of the search would have to try all of its starts.
 
     Parameters
     ----------
+    setting
+        The data.
     kind
         The core.
-    records
-        Records to fit.
-
-    Raises
-    ------
-    InputError
-        More gains than samples.
+    effects
+        Beside it.
 
     Examples
     --------
@@ -35,15 +38,43 @@ def begun(kind: type[Core], records: Sequence[Record]) -> Core:
     >>> from rdpi_gym.plant import CORES
     >>> t = np.arange(4000) * 1e-3
     >>> u = t * np.sin(2 * np.pi * t)
-    >>> records = [Record("growing", t, u, u, ts_s=1e-3)]
-    >>> begun(CORES["rdpi"], records).n, begun(CORES["stop"], records).n
-    (60, 60)
+    >>> record = Record("growing", t, u, u, ts_s=1e-3)
+    >>> setting = Setting((record,), (record,), data_scale([record]))
+    >>> [begun(setting, CORES[name]).n for name in ("rdpi", "stop")]
+    [60, 60]
     """
-    scale = data_scale(records)
-    if len(kind.starts(scale)) == 1:
-        return kind.comb(scale)
-    core: Core = fitted_core(kind, records, kind.name, silent).plant.hysteresis
-    return core
+    if len(kind.starts(setting.scale)) == 1:
+        return kind.comb(setting.scale)
+    found = first_fit(setting, kind, effects)
+    assert found is not None
+    return found.variant.hysteresis
+
+
+def first_fit(
+    setting: Setting, kind: type[Core], effects: Sequence[Effect], least_um: float = math.inf
+) -> JointFit | None:
+    """Refit a kind on few samples, from the start of which a few steps leave least.
+
+    Parameters
+    ----------
+    setting
+        The data.
+    kind
+        The core.
+    effects
+        Refitted with it.
+    least_um
+        Training error (µm rms) that the steps from the best start have to reach; else None.
+    """
+    starts = kind.starts(setting.scale)
+    variant: Variant[Core] = Variant(kind.comb(setting.scale), tuple(effects))
+    if len(starts) > 1:
+        first = [setting.first_steps(start, effects, _FIRST_STEPS) for start in starts]
+        best = min(first, key=lambda each: each.train_rmse_um)
+        if best.train_rmse_um > least_um:
+            return None
+        variant = best.variant
+    return setting.fit(variant.hysteresis, variant.effects, _PASSES, samples=FIRST_SAMPLES)
 
 
 def on_comb(core: Core, records: Sequence[Record]) -> Core:
@@ -62,7 +93,7 @@ def on_comb(core: Core, records: Sequence[Record]) -> Core:
     >>> from rdpi_gym.plant import RDPI
     >>> t = np.arange(4000) * 1e-3
     >>> record = Record("growing", t, t * np.sin(2 * np.pi * t), t, ts_s=1e-3)
-    >>> whole = begun(RDPI, [record])
+    >>> whole = RDPI.comb(data_scale([record]))
     >>> on_comb(whole.pruned(), [record]) == whole
     True
     """

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,7 @@ class Search:
 
     began: float
     kind: Kind
-    given: PlantModel | None
+    given: PlantModel[Any] | None
     base: State
     end: State
     added: Sequence[Candidate] = ()
@@ -138,12 +139,15 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
         seconds=time.perf_counter() - search.began,
         notes=(
-            *plausibility_warnings(left, quantities=dataset.quantities),
+            *plausibility_warnings(
+                left, quantities=dataset.quantities, clockwise=plant.hysteresis.clockwise
+            ),
             *laboratory.remarks,
             *search.notes,
             *([laboratory.reads_fewer] if laboratory.reads_fewer else []),
         ),
         quantities=dataset.quantities,
+        core=laboratory.core,
     )
     return told(found, dataset.quantities, (dataset.title, *(r.name for r in dataset.records)))
 
@@ -205,6 +209,8 @@ def _next_experiment(
     """Name the experiment that would decide what these data cannot, `groups` among it."""
     if laboratory.undecided is not None:
         return _STANDARD_PROTOCOL
+    if laboratory.core.experiment is not None and judgement.sampling is None:
+        return laboratory.core.experiment
     scale = laboratory.setting.scale
     return what_to_measure(
         [r.candidate for r in chosen],
@@ -230,7 +236,7 @@ def _groups(laboratory: Laboratory, state: State) -> Groups:
     return found.groups(laboratory.noise_um)
 
 
-def _given_errors(laboratory: Laboratory, given: PlantModel | None) -> Errors | None:
+def _given_errors(laboratory: Laboratory, given: PlantModel[Any] | None) -> Errors | None:
     """Return the errors of the model as it was given."""
     if given is None:
         return None

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from rdpi_gym.diagnosis.results import Candidate, SearchResult
 from rdpi_gym.diagnosis.search.conclusion import Search, conclude
@@ -28,13 +29,14 @@ Notes = tuple[str, ...]
 
 def diagnose(
     dataset: Dataset,
-    given: PlantModel | None = None,
+    given: PlantModel[Any] | None = None,
     *,
     catalogue: Mapping[str, type[Effect]] = CATALOGUE,
     jobs: int = 1,
     seed: int = 0,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
+    core: str | None = None,
 ) -> SearchResult:
     """Refit every candidate effect with the base model and rank them on validation records.
 
@@ -43,7 +45,7 @@ def diagnose(
     dataset
         Records to fit and to validate on.
     given
-        The model to start from: its effects are kept and refitted. None: the bare RDPI model.
+        The model to start from: its core and effects are kept and refitted. None: a bare core.
     catalogue
         Candidates by name.
     jobs
@@ -54,6 +56,11 @@ def diagnose(
         Called as ``progress(task, done, total)``.
     checkpoint
         File that keeps finished candidates, so that an interrupted run goes on.
+    core
+        Name of the hysteresis core; "auto": the one of all that leaves least of the records held
+        out. None: that of `given`; without it RDPI, unless loops turn clockwise and another core
+        explains them clearly better. A discovery asks for another one too where RDPI with all that
+        was added leaves two noise floors.
 
     Returns
     -------
@@ -62,10 +69,10 @@ def diagnose(
     Raises
     ------
     InputError
-        No record to fit, or none to validate on.
+        No record to fit, or none to validate on; the core does not have what acts on an effect.
     """
     began = time.perf_counter()
-    laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint)
+    laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint, core)
     base = laboratory.base(given)
     ranked = laboratory.ranked(base)
     base, chosen = _chosen(laboratory, base, base, ranked)
@@ -82,13 +89,14 @@ def diagnose(
 
 def discover(
     dataset: Dataset,
-    given: PlantModel | None = None,
+    given: PlantModel[Any] | None = None,
     *,
     catalogue: Mapping[str, type[Effect]] = CATALOGUE,
     jobs: int = 1,
     seed: int = 0,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
+    core: str | None = None,
 ) -> SearchResult:
     """Add effects until nothing more is earned, then try to take each out again.
 
@@ -104,7 +112,8 @@ def discover(
         As :func:`diagnose`.
     """
     began = time.perf_counter()
-    laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint)
+    laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint, core)
+    without_base = copy(laboratory)
     base = laboratory.base(given)
     untouched = copy(laboratory)
     way, notes = _ended(laboratory, _Way(base, base), given)
@@ -114,6 +123,12 @@ def discover(
         second, its_notes = _ended(untouched, begun, given)
         if second.state.outcome.mean_square < _CLEARLY * way.state.outcome.mean_square:
             laboratory, way, notes = untouched, second, its_notes
+    chosen = laboratory.other_core(way.state)
+    if chosen is not None:
+        base = without_base.base_of(chosen)
+        second, its_notes = _ended(without_base, _Way(base, base), given)
+        if second.state.outcome.mean_square < _CLEARLY * way.state.outcome.mean_square:
+            laboratory, way, notes = without_base, second, its_notes
     state, rounds = way.state, list(way.rounds)
     sure = laboratory.sure(state, way.added, way.rivals)
     state, unstable = laboratory.less_sure(state, sure)
@@ -143,7 +158,7 @@ def discover(
     return conclude(laboratory, search)
 
 
-def _ended(laboratory: Laboratory, way: _Way, given: PlantModel | None) -> tuple[_Way, Notes]:
+def _ended(laboratory: Laboratory, way: _Way, given: PlantModel[Any] | None) -> tuple[_Way, Notes]:
     """Add effects until nothing more is earned and none takes the place of another; with remarks."""
     while True:
         way = _grown(laboratory, way)
@@ -255,7 +270,9 @@ def _chosen(
     return (base if laboratory.setting is setting else laboratory.again(base)), chosen
 
 
-def _settled(laboratory: Laboratory, way: _Way, given: PlantModel | None) -> tuple[_Way, Notes]:
+def _settled(
+    laboratory: Laboratory, way: _Way, given: PlantModel[Any] | None
+) -> tuple[_Way, Notes]:
     """Take out what is not needed, and try rivals in the place of what is left; with remarks."""
     state, recalled = laboratory.recall(way.state)
     added = [*way.added, *recalled]
@@ -284,19 +301,20 @@ def _moved_on(added: list[Candidate], before: State, after: State) -> list[Candi
 
 def add_effect(
     dataset: Dataset,
-    given: PlantModel,
+    given: PlantModel[Any],
     kind: type[Effect],
     *,
     jobs: int = 1,
     seed: int = 0,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
+    core: str | None = None,
 ) -> SearchResult:
     """Add one effect because the user says so, earned or not, and refit everything.
 
     Parameters
     ----------
-    dataset, jobs, seed, progress, checkpoint
+    dataset, jobs, seed, progress, checkpoint, core
         As :func:`diagnose`.
     given
         The model; its effects are kept.
@@ -316,14 +334,13 @@ def add_effect(
     began = time.perf_counter()
     if any(effect.name == kind.name for effect in given.effects):
         raise InputError(f"the model has {kind.name} already; choose another effect")
-    core = type(given.hysteresis)
-    if not kind.fits_in(core):
+    laboratory = Laboratory(dataset, {kind.name: kind}, jobs, seed, progress, checkpoint, core)
+    base = laboratory.base(given)
+    if not laboratory.catalogue:
         raise InputError(
             f"{kind.name} changes what only the core {RDPI.name} has, and the model has the core "
-            f"{core.name}; choose another effect"
+            f"{laboratory.core.kind}; choose another effect"
         )
-    laboratory = Laboratory(dataset, {kind.name: kind}, jobs, seed, progress, checkpoint)
-    base = laboratory.base(given)
     found = laboratory.learned(base, kind) if kind.on_request else laboratory.ranked(base)
     ranked = [r for r in found if r.candidate.effect == kind.name]
     laboratory.need(ranked, kind)
@@ -346,7 +363,7 @@ def add_effect(
     return conclude(laboratory, search)
 
 
-def remove_effect(dataset: Dataset, given: PlantModel, name: str) -> SearchResult:
+def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> SearchResult:
     """Take an effect out of a model because the user says so, and refit everything.
 
     Parameters

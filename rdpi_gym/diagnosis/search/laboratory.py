@@ -18,7 +18,7 @@ from rdpi_gym.diagnosis.hygiene.finding import BoolArray
 from rdpi_gym.diagnosis.hygiene.spikes import spikes
 from rdpi_gym.diagnosis.portrait.learning import learn_forms
 from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
-from rdpi_gym.diagnosis.results import Candidate
+from rdpi_gym.diagnosis.results import Candidate, CoreChoice
 from rdpi_gym.diagnosis.search.base_models import begun, on_comb
 from rdpi_gym.diagnosis.search.candidates import (
     CHANCE,
@@ -33,6 +33,7 @@ from rdpi_gym.diagnosis.search.candidates import (
     refit_all,
 )
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
+from rdpi_gym.diagnosis.search.core_choice import AUTO, Fitted, choose, fit_kinds, instead, turning
 from rdpi_gym.diagnosis.search.forms import (
     better_forms,
     further_forms,
@@ -79,17 +80,19 @@ from rdpi_gym.diagnosis.search.verdict import EXPLAINED
 from rdpi_gym.diagnosis.search.vetoes import hear
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import FirstSteps, JointFit
+from rdpi_gym.identification.kinds import orientation
 from rdpi_gym.identification.plausibility import check_motion, check_scale
 from rdpi_gym.identification.rates import rate_spread
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.identification.stack import stack_records
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
-from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, forms_of, in_chain_order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
+from rdpi_gym.support.words import joined
 
 _NOMINEES = 4
 # Others that a drift is compared with where it is judged within the records, and the share of the
@@ -120,6 +123,9 @@ _CLOSE_GAIN, _CLOSE_NOISE = 0.03, 1.0
 _LEADERS = 4
 # The best candidates of a round show the noise floor; what others leave is no smaller.
 _FLOOR_FROM = 3
+# Noise floors from which on another core is asked for at the end, and what its first steps have to
+# leave of the error of the records to fit.
+_NOWHERE, _HOPEFUL = 2.0, 0.7
 # Where all rates are alike, an effect at this cosine to that of δ2 is indistinguishable from it.
 _LIKE_RATE = 0.9
 
@@ -158,6 +164,7 @@ class Laboratory:
         seed: int,
         progress: Progress | None,
         checkpoint: Path | None,
+        core: str | None = None,
     ) -> None:
         train, validation = tuple(dataset.train), tuple(dataset.validation)
         if not train or not validation:
@@ -179,7 +186,8 @@ class Laboratory:
         if self._thinned is not None:
             dataset, self._openings = self._thinned.dataset, self._thinned.openings
         self.dataset = dataset
-        self.catalogue = catalogue
+        self.catalogue = self._offered = catalogue
+        self._asked_core = core
         self.setting = _setting(dataset)
         train, validation = self.setting.train, self.setting.validation
         self._whole = self.setting
@@ -207,11 +215,60 @@ class Laboratory:
 
     def base(self, given: PlantModel[Any] | None) -> State:
         """Refit the base model, with the core and the effects that a given model has."""
-        present = () if given is None else given.effects
-        kind: type[Core] = RDPI if given is None else type(given.hysteresis)
-        self.catalogue = {n: k for n, k in self.catalogue.items() if k.fits_in(kind)}
+        self.core = self._core(given)
+        return self._on_core(CORES[self.core.kind], () if given is None else given.effects)
+
+    def _core(self, given: PlantModel[Any] | None) -> CoreChoice:
+        """Return the core that is asked for or given; else RDPI, unless loops turn the wrong way for it.
+
+        Asked for automatically, it is chosen among all kinds.
+        """
+        asked, clockwise = self._asked_core, orientation(self.setting.train)
+        if asked is None and given is not None:
+            asked = given.hysteresis.name
+        if asked is None and not clockwise:
+            return CoreChoice(RDPI.name, clockwise=clockwise)
+        if asked is not None and asked != AUTO:
+            return CoreChoice(asked, clockwise=clockwise)
+        ways = fit_kinds(self.setting, [RDPI, *turning(clockwise)], self._progress)
+        if asked is None:  # RDPI as long as no other kind is clearly better
+            own = next(way.outcome for way in ways if way.kind is RDPI)
+            if not instead(ways, own, self._seed):
+                return CoreChoice(RDPI.name, clockwise=clockwise)
+        return choose(ways, clockwise, self._seed)[0]
+
+    def other_core(self, state: State) -> CoreChoice | None:
+        """Return another core that explains what an RDPI model with all its effects does not, if any.
+
+        Asked only where no core was asked for or given, and much is left.
+        """
+        left = state.outcome.mean_square
+        if self._asked_core is not None or self.core.kind != RDPI.name:
+            return None
+        if left <= _NOWHERE**2 * self.noise_um**2 or self.at_floor(state):
+            return None
+        least_um = _HOPEFUL * state.outcome.errors.train_rmse_um
+        kinds = turning(self.core.clockwise)
+        ways = fit_kinds(self.setting, kinds, self._progress, state.effects, least_um)
+        if not instead(ways, state.outcome, self._seed):
+            return None
+        return choose([*ways, Fitted(RDPI, state.outcome)], self.core.clockwise, self._seed)[0]
+
+    def base_of(self, core: CoreChoice) -> State:
+        """Refit the base model with a core that was chosen, without effects."""
+        self.core = core
+        return self._on_core(CORES[core.kind], ())
+
+    def _on_core(self, kind: type[Core], present: Sequence[Effect]) -> State:
+        self.catalogue = {n: k for n, k in self._offered.items() if k.fits_in(kind)}
+        wrong = [e.name for e in present if not type(e).fits_in(kind)]
+        if wrong:
+            raise InputError(
+                f"the model has {joined(wrong)}, which only the core {RDPI.name} has; take it out, "
+                f"or leave out --core {kind.name}"
+            )
         self._progress("base model", 0, 1)
-        state = State(refit(self.setting, begun(kind, self.setting.train), present, None))
+        state = State(refit(self.setting, begun(self.setting, kind, present), present, None))
         self._update_noise(state)
         state = self.past_outliers(self.past_openings(state))
         state = self._smoothed(state)

@@ -13,6 +13,8 @@ from rdpi_gym.diagnosis.search.candidates import SEARCH_SAMPLES, Outcome, Settin
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.support.words import digits
 
 # Of the noise's variance and of the error's, what the law may cost and still be kept.
 _COST = 0.1
@@ -29,8 +31,8 @@ def in_few_numbers(
 ) -> tuple[Outcome, tuple[str, ...]]:
     """Return the refit that a diagnosis ends with, and a sentence where there was a choice.
 
-    The RDPI model takes the threshold law of Eq. 8 where that costs little. Of any other core the
-    thresholds without a weight are left out where it is saved, and what else it has is few numbers.
+    The RDPI model takes the threshold law of Eq. 8 where that costs little. Any other core loses the
+    thresholds without a weight where it is saved; the sentence says what is left.
 
     Parameters
     ----------
@@ -44,12 +46,20 @@ def in_few_numbers(
         Noise floor (µm rms).
     """
     assert outcome.fit is not None
-    if not isinstance(outcome.fit.variant.hysteresis, RDPI):
-        return outcome, ()
+    core = outcome.fit.variant.hysteresis
+    if not isinstance(core, RDPI):
+        return outcome, (_said(core.slim()),)
     own = given is not None and isinstance(given.hysteresis, RDPI)
     plays = given.hysteresis.n if given is not None and own else None
     law, sentence = _to_threshold_law(setting, outcome, plays, noise_um)
     return law, (sentence,)
+
+
+def _said(core: Core) -> str:
+    shape = [(p, float(getattr(core, p.name))) for p in type(core).shape if not p.fixed]
+    numbers = [f"{p.meaning} {digits(v, 3)} {p.unit}".removesuffix(" 1") for p, v in shape]
+    used = sum(gain != 0.0 for gain in core.gains)
+    return "; ".join([f"core {core.name}: {used} gains that are not zero", *numbers])
 
 
 def _to_threshold_law(

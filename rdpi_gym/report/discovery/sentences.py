@@ -86,6 +86,7 @@ def lines(result: SearchResult) -> list[str]:
         result.headline,
         *(f"- {candidate_sentence(c, result.probabilities)}" for c in result.added),
         chances_sentence(result),
+        result.core.sentence,
         result.sampling,
         "" if undecided else result.remainder,
         confounded_sentence(result),

@@ -1,0 +1,184 @@
+"""Which hysteresis core, before effects are named: a few kinds refitted and judged on held-out records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rdpi_gym.diagnosis.results import CoreChoice
+from rdpi_gym.diagnosis.search.base_models import first_fit
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
+from rdpi_gym.diagnosis.search.ranking import beats
+from rdpi_gym.plant import CORES, RDPI
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.plant.effects.base import in_chain_order
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress
+from rdpi_gym.support.words import joined
+
+AUTO = "auto"
+"""Asks for every kind that turns as the loops do."""
+# What bends and widens loops as well: fitted beside every kind, or a lag is taken for hysteresis.
+_BESIDE = ("creep", "sensor_lag")
+# Of the best held-out error, what another kind may have more and be no worse; and the share of
+# draws of held-out pieces from which on one is better.
+_ALIKE, _BETTER = 1.05, 0.95
+# Of the RDPI model's mean square, what another kind has to leave to take its place, and how surely:
+# before any effect is named where loops turn the wrong way for it, and at the end of a search.
+_INSTEAD, _SURE = 0.5, 0.99
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A kind of hysteresis refitted to the records.
+
+    Parameters
+    ----------
+    kind
+        The core.
+    outcome
+        Its refit, with effects beside it.
+    """
+
+    kind: type[Core]
+    outcome: Outcome
+
+    @property
+    def core(self) -> Core:
+        """The core as it was fitted."""
+        assert self.outcome.fit is not None
+        return self.outcome.fit.variant.hysteresis
+
+    @property
+    def freedom(self) -> int:
+        """Numbers of the core that are not zero."""
+        free = sum(not p.fixed for p in self.kind.shape)
+        return int(np.count_nonzero(self.core.gains)) + free
+
+
+def turning(clockwise: bool | None) -> list[type[Core]]:
+    """Return the kinds whose loops turn as those of records do; None, where that is unknown: all.
+
+    Examples
+    --------
+    >>> [kind.name for kind in turning(True)][-2:]
+    ['pinched_stop', 'stop']
+    """
+    kinds = [kind for name, kind in CORES.items() if name != RDPI.name]
+    if clockwise is None:
+        return kinds
+    return [kind for kind in kinds if kind.clockwise in (None, clockwise)]
+
+
+def fit_kinds(
+    setting: Setting,
+    kinds: Sequence[type[Core]],
+    report: Progress,
+    effects: Sequence[Effect] = (),
+    least_um: float = math.inf,
+) -> list[Fitted]:
+    """Refit kinds of hysteresis with effects beside them, best held-out error first.
+
+    Parameters
+    ----------
+    setting
+        The data.
+    kinds
+        The cores; one with more gains than the records tell is left out.
+    report
+        Called as kinds are done.
+    effects
+        Where those that fit the kind begin; empty: a creep and a lag.
+    least_um
+        Training error (µm rms) that the first steps of a kind have to reach.
+    """
+    found = []
+    for done, kind in enumerate(kinds):
+        report("kinds of hysteresis", done, len(kinds))
+        own = in_chain_order(e for e in effects or _beside(setting) if type(e).fits_in(kind))
+        try:
+            fit = first_fit(setting, kind, own, least_um)
+        except InputError:
+            continue
+        if fit is not None and math.isfinite(fit.train_rmse_um):
+            found.append(Fitted(kind, assess(setting, "", fit)))
+    report("kinds of hysteresis", len(kinds), len(kinds))
+    return sorted(found, key=lambda each: each.outcome.mean_square)
+
+
+def _beside(setting: Setting) -> list[Effect]:
+    return [CATALOGUE[name].starts(setting.scale)[0] for name in _BESIDE]
+
+
+def choose(ways: Sequence[Fitted], clockwise: bool | None, seed: int) -> tuple[CoreChoice, Fitted]:
+    """Choose a kind by held-out error: of those that are no worse than the best, the simplest.
+
+    Parameters
+    ----------
+    ways
+        Kinds, best first.
+    clockwise
+        How loops turn.
+    seed
+        Of the bootstrap over pieces of the held-out records.
+    """
+    rng, best = np.random.default_rng(seed), ways[0]
+    most = _ALIKE**2 * best.outcome.mean_square
+    chosen = min((w for w in ways if w.outcome.mean_square <= most), key=lambda w: w.freedom)
+    others = [w for w in ways if w is not chosen]
+    sure = {w.kind.name: beats(w.outcome, best.outcome, rng) for w in others}
+    alike = [
+        w for w in others if w.outcome.mean_square <= most or sure[w.kind.name] < _BETTER
+    ]  # fmt: skip
+    apart = [sure[w.kind.name] for w in others if w not in alike]
+    return (
+        CoreChoice(
+            chosen.kind.name,
+            tuple(w.kind.name for w in alike),
+            min(apart) if apart else None,
+            _experiment(chosen.kind, [w.kind for w in alike]),
+            clockwise,
+        ),
+        chosen,
+    )
+
+
+def instead(ways: Sequence[Fitted], of: Outcome, seed: int) -> bool:
+    """Whether the best kind leaves so much less than a model that it takes its place.
+
+    Parameters
+    ----------
+    ways
+        Kinds, best first.
+    of
+        The refit of the model.
+    seed
+        As :func:`choose`.
+    """
+    if not ways or ways[0].outcome.mean_square > _INSTEAD * of.mean_square:
+        return False
+    return beats(of, ways[0].outcome, np.random.default_rng(seed)) >= _SURE
+
+
+def _experiment(kind: type[Core], alike: Iterable[type[Core]]) -> str | None:
+    """Name the experiment that would tell a kind from those that the records do not tell from it."""
+    others = list(alike)
+    if not others:
+        return None
+    names = joined([other.name for other in others])
+    ways: Mapping[str, list[type[Core]]] = {
+        "loops within a loop, from small to large: some kinds close them, others drift": [
+            o for o in others if o.wipes_out != kind.wipes_out
+        ],
+        "one loop at four rates, ten times apart in all": [
+            o for o in others if o.rated != kind.rated
+        ],
+    }
+    most = max(ways, key=lambda way: len(ways[way]))
+    if ways[most]:
+        return f"Record {most}; that tells {kind.name} from {joined([o.name for o in ways[most]])}."
+    return f"Record nested loops of one size at unlike bias: that tells {kind.name} from {names}."
