@@ -186,6 +186,7 @@ def refused(words, out, capsys):
         (["add", "wobble", "DATA", "--model", "P5"], "no effect is named 'wobble'"),
         (["add", "creep", "DATA"], "--model"),
         (["discover", "DATA", "--seed", "-1"], "--seed"),
+        (["discover", "DATA", "--core", "spring"], "--core: 'spring' is unknown"),
     ],
 )
 def test_bad_input_is_one_line(words, said, data, own_effect, tmp_path, capsys):

@@ -7,16 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.search.discover import add_effect
+from rdpi_gym.diagnosis.results import SearchResult
+from rdpi_gym.diagnosis.search.core_choice import choose, fit_kinds, instead
+from rdpi_gym.diagnosis.search.discover import add_effect, discover
+from rdpi_gym.diagnosis.search.laboratory import _setting
+from rdpi_gym.identification.kinds import orientation
 from rdpi_gym.measurement import Dataset, Record
-from rdpi_gym.plant import CORES, PlantModel
+from rdpi_gym.plant import CORES, PAPER_III_B, RDPI, PlantModel
 from rdpi_gym.plant.cores.stop import Stop
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import silent
 from rdpi_gym.virtual_lab.dataset import plant_displacement
 
 TS_S = 4e-3
-FRICTION = PlantModel(Stop((2.0, 1.0, 0.5), (0.8, 3.0, 9.0), 0.2), "damper", (-15.0, 15.0), (0, 5))  # type: ignore[arg-type]
+SLIPS_V = (0.5, 1.0, 1.6, 2.3, 3.1, 4.0, 5.0, 6.1, 7.3)
+FRICTION = PlantModel(Stop((0.4,) * 9, SLIPS_V, 0.2), "damper", (-15.0, 15.0), (0, 5))  # type: ignore[arg-type]
 
 
 def records(plant: PlantModel) -> Dataset:
@@ -40,10 +46,34 @@ def test_an_effect_is_added_to_a_comb_of_stops():
     assert found.plant.effects[0].values["time_constant_s"] == pytest.approx(8e-3, rel=0.05)
     assert found.final.validation_rmse_um < 0.5 * found.base.validation_rmse_um
     # what is saved has only the thresholds that carry weight
-    assert 3 <= found.plant.hysteresis.n < 40
+    assert 9 <= found.plant.hysteresis.n < 40
 
 
 def test_what_only_the_rdpi_model_has_is_not_added_to_another_core():
     given = FRICTION.with_hysteresis(CORES["stop"]((1.0,), (2.0,)))
     with pytest.raises(InputError, match="rate_law changes what only the core rdpi has"):
         add_effect(records(FRICTION), given, CATALOGUE["rate_law"])
+
+
+def test_clockwise_loops_are_found_to_be_friction_before_an_effect_is_named():
+    found = discover(records(FRICTION))
+    core = found.core
+    assert core.clockwise
+    assert "stop" in (core.kind, *core.alike)
+    assert found.plant.hysteresis.name == core.kind != "rdpi"
+    assert found.verdict == "no missing effect"
+    assert "the loops turn clockwise" in core.sentence
+    assert SearchResult.from_dict(found.to_dict()).core == core
+
+
+def test_rdpi_stays_where_nothing_speaks_against_it():
+    plant = PlantModel(PAPER_III_B, "piezo", (-15.0, 15.0), (0, 5))
+    setting = _setting(records(plant))
+    assert orientation(setting.train) is False
+    own, other = fit_kinds(setting, [RDPI, CORES["bouc_wen"]], silent)
+    assert own.kind is RDPI
+    assert not instead([other], own.outcome, 0)
+    choice, chosen = choose([own, other], False, 0)
+    assert choice.kind == chosen.kind.name == "rdpi"
+    assert choice.alike == ()
+    assert choice.confidence == 1.0

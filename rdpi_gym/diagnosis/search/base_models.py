@@ -41,7 +41,7 @@ def begun(setting: Setting, kind: type[Core], effects: Sequence[Effect] = ()) ->
     >>> record = Record("growing", t, u, u, ts_s=1e-3)
     >>> setting = Setting((record,), (record,), data_scale([record]))
     >>> [begun(setting, CORES[name]).n for name in ("rdpi", "stop")]
-    [60, 60]
+    [60, 100]
     """
     if len(kind.starts(setting.scale)) == 1:
         return kind.comb(setting.scale)

@@ -24,8 +24,8 @@ from rdpi_gym.support.errors import InputError
 
 # Stops of a fit's comb, and what is left at least of the gain at a turn.
 _COMB, _LEAST_SHARE = 40, 1e-6
-# Stops of a search's comb.
-_SEARCHED = 60
+# Stops of a search's comb: with sixty, what lies between two of them shows beside little noise.
+_SEARCHED = 100
 
 
 @dataclass(frozen=True)
