@@ -1,0 +1,36 @@
+"""What an advice asks for is made, and sets that shrink by half are counted."""
+
+from rdpi_gym.diagnosis.search.experiments import _LIFTS
+from rdpi_gym.signals.experiments import standard_protocol
+from studies.advised_experiment import GIVEN, LIFTED, asked_for, report
+
+
+def row(before, after, hidden="creep"):
+    told = [
+        None if names is None else {"probable": names, "added": names[:1]}
+        for names in (before, after)
+    ]
+    return {"status": "done", "hidden": hidden, "before": told[0], "after": told[1]}  # fmt: skip
+
+
+def test_every_record_that_is_given_or_asked_for_is_of_the_protocol():
+    known = {experiment.name for experiment in standard_protocol(0.0, 30.0, 1.0)}
+    assert {name for pair in GIVEN for name in pair} <= known
+    assert {name for _, records in LIFTED for name in records} <= known
+
+
+def test_every_advice_on_limits_but_a_longer_or_second_record_names_records():
+    unmet = [text for _, text in _LIFTS if not asked_for(text)]
+    assert [text.split()[1] for text in unmet] == ["longer,", "another"]
+
+
+def test_the_table_counts_sets_that_shrink_by_half():
+    rows = [
+        row(["creep", "delay", "backlash"], ["creep"]),  # by half and more
+        row(["delay", "creep"], ["delay", "creep"]),  # not at all
+        row(["creep"], ["creep"]),  # nothing was open
+        row(["creep", "delay"], None),  # no experiment
+    ]
+    text = report(rows, 4, 0)
+    assert "3 leave more than one effect probable; for 2 of them" in text
+    assert "in 1 of 2 (asked: 80 %)" in text
