@@ -225,7 +225,7 @@ def report(by_name: Mapping[str, Sequence[Row]], part: str, seed: int) -> str:
                 "": name, "plants": len(frame),
                 "single: first right": _of(single["first_exact"] | single["first_by_class"]),
                 "double: both named": _of(double["found_exact"] | double["found_by_class"]),
-                "nothing hidden: silent": _of(none["steps"] == ""),
+                "nothing hidden: nothing named": _of(none["additions"] == 0),
                 "something falsely added": _of(frame["additions"] > 0),
                 "calibration error of its confidence (%)": round(100 * calibration_error(chances, true), 1),
                 "s a plant": round(float(frame["seconds"].median()), 1),
@@ -233,6 +233,9 @@ def report(by_name: Mapping[str, Sequence[Row]], part: str, seed: int) -> str:
         )  # fmt: skip
     return (
         f"# A rival: E-SINDy on the same plants\n\n{frame_table(pd.DataFrame(said))}\n\n"
+        "Confidence: of E-SINDy the share of resampled models that have an effect, of the laboratory "
+        "the share of splits in which it wins. The laboratory's probabilities are made of more than "
+        "that: `python -m studies.calibration`.\n\n"
         f"Made by `python -m studies.sindy_rival --part {part} --seed {seed}`.\n"
     )
 

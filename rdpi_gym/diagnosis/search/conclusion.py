@@ -105,7 +105,9 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     clocks = record_clocks(
         end.fit.variant, setting.train, setting.validation, floor_um, setting.smoothness
     )
-    experiment = _next_experiment(laboratory, end, search.last, judgement, groups)
+    chances = _probabilities(laboratory, search, added)
+    probable = () if chances is None else chances.probable
+    experiment = _next_experiment(laboratory, end, search.last, judgement, groups, probable)
     sentence, shares = _remainder(laboratory, end, judgement, numerical.total_um)
     plant = plant_of(laboratory.setting, end.outcome, search.given)
     left = [simulate_record(plant, record) for record in laboratory.setting.train]
@@ -134,7 +136,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         indistinguishable=groups,
         findings=(*laboratory.findings, *clocks),
         limits=laboratory.limits,
-        probabilities=_probabilities(laboratory, search, added),
+        probabilities=chances,
         checks=tuple(check.sentence for check in checks),
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
         seconds=time.perf_counter() - search.began,
@@ -205,6 +207,7 @@ def _next_experiment(
     chosen: Sequence[Ranked],
     judgement: Judgement,
     groups: Groups,
+    probable: Sequence[str],
 ) -> str | None:
     """Name the experiment that would decide what these data cannot, `groups` among it."""
     if laboratory.undecided is not None:
@@ -223,6 +226,7 @@ def _next_experiment(
         laboratory.findings,
         laboratory.limits,
         judgement.verdict != "unexplained",
+        probable,
     )
 
 

@@ -44,6 +44,7 @@ def what_to_measure(
     findings: Sequence[Finding],
     limits: Sequence[str],
     is_settled: bool,
+    probable: Sequence[str] = (),
 ) -> str | None:
     """Name the experiment that would decide what these data cannot.
 
@@ -67,6 +68,8 @@ def what_to_measure(
         What the records cannot tell in principle.
     is_settled
         Whether the model explains the records.
+    probable
+        Effects that may be there, the most probable first, those of the model among them.
 
     Returns
     -------
@@ -82,6 +85,9 @@ def what_to_measure(
         for rival in c.indistinguishable
         if c.effect in own and rival in typical
     ]
+    # what is there against the most probable of what may stand in its place
+    rivals = [typical[name] for name in probable if name in typical and name not in own]
+    pairs += [(own[name], rivals[0]) for name in probable if name in own and rivals]
     if not pairs and not is_settled:
         alike = [[typical[n] for n in group if n in typical] for group in groups]
         pairs = [(group[0], group[1]) for group in alike if len(group) > 1]
