@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face import environments
     from rdpi_gym.face.benchmarking import Evaluation, benchmark, make_controller
     from rdpi_gym.face.catalogues import controllers, effects, plants
-    from rdpi_gym.face.comparison import Comparison, compare
+    from rdpi_gym.face.comparison import Comparison, ModelComparison, compare
     from rdpi_gym.face.data import Dataset, load
     from rdpi_gym.face.fitting import FitResult, fit
     from rdpi_gym.face.fitting_core import CoreFit, KindChoice, choose_kind, fit_core
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 _HOME = {
     "benchmarking": ("Evaluation", "benchmark", "make_controller"),
     "catalogues": ("controllers", "effects", "plants"),
-    "comparison": ("Comparison", "compare"),
+    "comparison": ("Comparison", "ModelComparison", "compare"),
     "data": ("Dataset", "load"),
     "fitting": ("FitResult", "fit"),
     "fitting_core": ("CoreFit", "KindChoice", "choose_kind", "fit_core"),
@@ -70,6 +70,7 @@ __all__ = [
     "FitResult",
     "InputError",
     "KindChoice",
+    "ModelComparison",
     "PaperResults",
     "Result",
     "SearchResult",

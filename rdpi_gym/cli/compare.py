@@ -19,35 +19,38 @@ def compare(
     data: DataArgument,
     reading: DataOptions,
     model: Annotated[
-        str,
+        list[str],
         typer.Option(
             "--model",
             metavar="M",
-            help="A plant file, as `rdpi fit` writes it, or a plant's name.",
+            help="A plant file, as `rdpi fit` writes it, or a plant's name; given again, models are "
+            "shown beside each other.",
             show_default=False,
         ),
     ],
     out: OutOption = Path("results/compare"),
 ) -> None:
-    """Compare a model with a measurement: the error by record, frequency, amplitude, direction, time.
+    """Compare models with a measurement: the error by record, frequency, amplitude, direction, time.
 
-    Tests of the data that need no model stand beside it. Writes compare.json and report.html.
+    Tests of the data that need no model stand beside it. Several models: which is nearest where,
+    with all traces in one figure. Writes compare.json and report.html.
     """
     with progress_bar() as show:
         show("reading", 0, 3)
         records = rg.load(data, **vars(reading))
         show("comparing", 1, 3)
-        result = rg.compare(records, model)
+        result = rg.compare(records, *model)
         numbers = write_json(out / "compare.json", result.to_dict())
         show("drawing", 2, 3)
         page = result.page(out / "report.html")
     for finding in result.findings.values():
         print(f"- {finding}")
     print_table(result.overview())
-    noticed = [check for check in result.checks if check.zone == "yes"]
-    unclear = sum(check.zone == "cannot tell" for check in result.checks)
+    one = result.comparisons[0] if isinstance(result, rg.ModelComparison) else result
+    noticed = [check for check in one.checks if check.zone == "yes"]
+    unclear = sum(check.zone == "cannot tell" for check in one.checks)
     print(
-        f"Without a model: {len(noticed)} of {len(result.checks)} tests found something, "
+        f"Without a model: {len(noticed)} of {len(one.checks)} tests found something, "
         f"{unclear} cannot tell."
     )
     for check in noticed:

@@ -3,15 +3,19 @@
 from rdpi_gym.diagnosis.comparison.breakdown import Plane
 from rdpi_gym.diagnosis.comparison.compare import Comparison, compare
 from rdpi_gym.diagnosis.comparison.findings import FEW_HALF_CYCLES
+from rdpi_gym.diagnosis.comparison.several import MOST_MODELS, ModelComparison, compare_several
 from rdpi_gym.diagnosis.comparison.traces import Trace
 from rdpi_gym.diagnosis.features.half_cycles import HalfCycles, half_cycles
 
 __all__ = [
     "FEW_HALF_CYCLES",
+    "MOST_MODELS",
     "Comparison",
     "HalfCycles",
+    "ModelComparison",
     "Plane",
     "Trace",
     "compare",
+    "compare_several",
     "half_cycles",
 ]

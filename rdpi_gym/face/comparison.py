@@ -1,4 +1,4 @@
-"""`compare`: a model against measured records, as a result that shows itself."""
+"""`compare`: one model or several against measured records, as a result that shows itself."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, overload
 
 from rdpi_gym import diagnosis, measurement
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.shown import Shown
-from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant import PLANTS, PlantModel
 from rdpi_gym.support.checked import checked
 
 if TYPE_CHECKING:
@@ -85,12 +85,84 @@ class Comparison(Shown, diagnosis.Comparison):
         return write_compare_page(path, self)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelComparison(Shown, diagnosis.ModelComparison):
+    """Errors of several models on one data set, as :func:`rdpi_gym.compare` returns them.
+
+    Everything that :class:`rdpi_gym.diagnosis.ModelComparison` is, and it shows itself.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> both = rg.compare(rg.simulate("P5", seed=1, ts_factor=4.0), "P5", "P5-static")
+    >>> both.to_dataframe().query("record == 'all validation'")["best"].tolist()
+    ['P5']
+    """
+
+    saved_as: ClassVar[str] = "models"
+
+    @classmethod
+    def of(cls, found: diagnosis.ModelComparison) -> Self:
+        """Return the same comparison as a result that shows itself."""
+        return cls(**{f.name: getattr(found, f.name) for f in fields(diagnosis.ModelComparison)})
+
+    def _lines(self) -> Sequence[str]:
+        first, *rest = self.findings.values()
+        return [first, *(f"- {text}" for text in rest)]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the errors (µm) by record and role, a column a model; see :attr:`records`."""
+        return self.records
+
+    def overview(self) -> pd.DataFrame:
+        """Return the errors by record and role, with the noise floor and the nearest models."""
+        own = {name: f"{name} (µm)" for name in self.names}
+        heads = {"noise_floor": "noise floor (µm)", "best": "nearest"}
+        return self._told_table(
+            self.records.drop(columns="samples").rename(columns={**own, **heads})
+        )
+
+    def _names(self) -> Sequence[str]:
+        traces = self.comparisons[0].traces
+        return (self.title, *self.names, *(trace.name for trace in traces))
+
+    def _draw(self, figure: Figure) -> Any:
+        from rdpi_gym.report.comparison.picture import draw_models
+
+        return draw_models(figure, self)
+
+    def page(self, path: Path | str) -> Path:
+        """Write the page of ``rdpi compare`` with several models.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        from rdpi_gym.report.comparison.models_page import write_models_page
+
+        return write_models_page(path, self)
+
+
+Model: TypeAlias = PlantModel | HasPlant | PathLike[str] | str
+"""A plant, a result that has one, the path of a plant file, or a plant's name."""
+
+
+@overload
+def compare(data: measurement.Dataset | PathLike[str] | str, model: Model) -> Comparison: ...
+
+
+@overload
+def compare(
+    data: measurement.Dataset | PathLike[str] | str, model: Model, second: Model, /, *others: Model
+) -> ModelComparison: ...
+
+
 @checked
 def compare(
-    data: measurement.Dataset | PathLike[str] | str,
-    model: PlantModel | HasPlant | PathLike[str] | str,
-) -> Comparison:
-    """Compare a model with measured records: the error taken apart, and tests without a model.
+    data: measurement.Dataset | PathLike[str] | str, model: Model, *others: Model
+) -> Comparison | ModelComparison:
+    """Compare models with measured records: the error taken apart, and tests without a model.
 
     Parameters
     ----------
@@ -99,16 +171,20 @@ def compare(
     model
         A plant, a result that has one (of a fit, of a search), the path of a plant file, or a name
         of :data:`rdpi_gym.plants`.
+    *others
+        More of them, of any cores and effects, to be shown beside it.
 
     Returns
     -------
-    Comparison
-        It prints what it found; ``.plot()`` draws the record of the largest error.
+    Comparison or ModelComparison
+        Of one model, or of several. It prints what it found; ``.plot()`` draws the record of the
+        largest error.
 
     Raises
     ------
     InputError
-        No sample counts, no such plant, an argument of another type.
+        No sample counts, no such plant, an argument of another type; of several, more than six
+        models, or one of other quantities than the data's.
 
     Examples
     --------
@@ -119,4 +195,29 @@ def compare(
     """
     dataset = as_dataset(data)
     with in_words_of(dataset):
-        return Comparison.of(diagnosis.compare(dataset, as_plant(model)))
+        if not others:
+            return Comparison.of(diagnosis.compare(dataset, as_plant(model)))
+        return ModelComparison.of(diagnosis.compare_several(dataset, _named((model, *others))))
+
+
+def _named(models: Sequence[Model]) -> dict[str, PlantModel]:
+    """Return the plants, each by a name that no other has."""
+    plants = [as_plant(model) for model in models]
+    names = []
+    for model, plant in zip(models, plants, strict=True):
+        path = None if isinstance(model, PlantModel | HasPlant) else Path(model)
+        if path is None or str(model) in PLANTS:
+            names.append((plant.name, f"{plant.name} ({plant.hysteresis.name})"))
+        else:  # `rdpi fit` calls every file model.json
+            folder = path.absolute().parent.name
+            names.append((path.stem, folder if path.stem == "model" else f"{folder}/{path.stem}"))
+    firsts = [first for first, _ in names]
+    found: dict[str, PlantModel] = {}
+    for (first, second), plant in zip(names, plants, strict=True):
+        name = base = first if firsts.count(first) == 1 else second
+        count = 1
+        while name in found:
+            count += 1
+            name = f"{base} {count}"
+        found[name] = plant
+    return found

@@ -47,7 +47,7 @@ def load_result(path: PathLike[str] | str) -> Result:
 
 def _kinds() -> list[Any]:
     from rdpi_gym.face.benchmarking import Evaluation
-    from rdpi_gym.face.comparison import Comparison
+    from rdpi_gym.face.comparison import Comparison, ModelComparison
     from rdpi_gym.face.data import Dataset
     from rdpi_gym.face.fitting import FitResult
     from rdpi_gym.face.fitting_core import CoreFit, KindChoice
@@ -56,6 +56,6 @@ def _kinds() -> list[Any]:
     from rdpi_gym.face.simulation import Simulation
 
     return [
-        Dataset, Simulation, FitResult, CoreFit, KindChoice, Comparison, SearchResult, Evaluation,
+        Dataset, Simulation, FitResult, CoreFit, KindChoice, Comparison, ModelComparison, SearchResult, Evaluation,
         PaperResults,
     ]  # fmt: skip

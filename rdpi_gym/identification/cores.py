@@ -135,7 +135,15 @@ def fit_core(
     validation = list(data.validation) if isinstance(data, Dataset) else []
     check_motion(moving)
     found = fitted_core(kind, list(moving), name, progress or silent)
-    return replace(judged(found, validation), quantities=quantities)
+    return stating(judged(found, validation), quantities)
+
+
+def stating(found: CoreFit, quantities: Quantities) -> CoreFit:
+    """Return a fit that says what was measured, and whose plant does where it is no piezo's."""
+    plant = found.plant
+    if not quantities.are_standard:
+        plant = replace(plant, identification={"quantities": quantities.to_dict()})
+    return replace(found, plant=plant, quantities=quantities)
 
 
 def fitted_core(kind: type[Core], train: Sequence[Record], name: str, report: Progress) -> CoreFit:

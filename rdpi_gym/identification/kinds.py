@@ -16,6 +16,7 @@ from rdpi_gym.identification.cores import (
     is_at_bound,
     judged,
     responses_to,
+    stating,
 )
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.plausibility import check_motion
@@ -119,7 +120,7 @@ def choose_kind(
         except InputError as error:
             refused[kind.name] = str(error)
             continue
-        fits.append(replace(judged(found, validation), quantities=dataset.quantities))
+        fits.append(stating(judged(found, validation), dataset.quantities))
     report("kinds of hysteresis", len(kinds), len(kinds))
     if not fits:
         raise InputError(next(iter(refused.values())))

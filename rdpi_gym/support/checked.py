@@ -60,8 +60,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         for name, value in signature.bind(*args, **kwargs).arguments.items():
-            if name != "self":
-                check_type(value, hints()[name], f"{function.__name__}: {name}")
+            many = signature.parameters[name].kind is inspect.Parameter.VAR_POSITIONAL
+            for each in value if many else (value,):
+                if name != "self":
+                    check_type(each, hints()[name], f"{function.__name__}: {name}")
         return function(*args, **kwargs)
 
     return call

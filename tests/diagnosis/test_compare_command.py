@@ -1,13 +1,15 @@
 """`rdpi compare`: what it writes, and the one line that bad input gets."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rdpi_gym.cli import main
 from rdpi_gym.measurement import write_csv
-from rdpi_gym.plant import P5
+from rdpi_gym.plant import P5, PlantModel
+from rdpi_gym.plant.cores.bouc_wen import BoucWen
 
 
 @pytest.fixture
@@ -107,3 +109,39 @@ def test_output_folder_that_is_a_file(data, tmp_path, capsys):
     (tmp_path / "taken").write_text("")
     line = refused([data, "--model", "P5", "--out", tmp_path / "taken" / "out"], capsys)
     assert "cannot be written" in line
+
+
+def test_several_models_beside_each_other(data, tmp_path, capsys):
+    files = [P5.save(tmp_path / folder / "model.json") for folder in ("one", "two")]
+    wen = PlantModel(BoucWen(1.2, -0.4, 8.0, 0.7, 1.4), "wen", (-25.0, 25.0), (0.0, 10.0))
+    other = wen.save(tmp_path / "wen.json")
+    out = tmp_path / "out"
+    names = ["P5-static", *map(str, files), str(other)]
+    options = [word for name in names for word in ("--model", name)]
+    assert main(["compare", str(data), *options, "--out", str(out)]) == 0
+    document = json.loads((out / "compare.json").read_text(encoding="utf-8"))
+    models = document["models"]
+    assert [m["model"]["name"] for m in models] == ["P5-static", "one", "two", "wen"]
+    assert [m["model"]["core"] for m in models] == ["rdpi", "rdpi", "rdpi", "bouc_wen"]
+    static, one, two, _ = models
+    assert one["validation_rmse_um"] == two["validation_rmse_um"] < static["validation_rmse_um"]
+    assert {"records", "by_frequency", "spectrum", "since_rest"} <= one.keys()
+    best = document["best"]
+    assert {row["best"] for row in best["by_frequency"][1:]} == {"one, two"}
+    (held_out,) = (row for row in best["records"] if row["record"] == "all validation")
+    assert held_out["rmse_um"]["one"] == one["validation_rmse_um"]
+    assert held_out["noise_floor"] == document["noise_floor_um"]
+    printed = capsys.readouterr().out
+    assert "one and two are nearest with 0.02" in printed
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "4 models against measurement" in page
+    assert "Where wen fails" in page
+
+
+def test_models_of_other_quantities_and_too_many_are_refused(data, tmp_path, capsys):
+    told = {"input": {"unit": "mm"}, "output": {"unit": "kN"}}
+    damper = replace(P5, identification={"quantities": told}).save(tmp_path / "damper.json")
+    line = refused([data, "--model", "P5", "--model", damper], capsys)
+    assert "model damper turns mm into kN, and these data have V and µm" in line
+    seven = [word for _ in range(7) for word in ("--model", "P5")]
+    assert "7 models are more than a page shows clearly; give 6" in refused([data, *seven], capsys)

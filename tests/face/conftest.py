@@ -28,6 +28,11 @@ def comparison(data, model):
 
 
 @pytest.fixture(scope="session")
+def models(data, model):
+    return rg.compare(data.select("stairs", "validation-stairs"), model, "P5")
+
+
+@pytest.fixture(scope="session")
 def found(data):
     few = data.select("stairs", "sine-*", "validation-stairs", "quiet")
     return rg.discover(few, jobs=1)
@@ -51,12 +56,13 @@ def paper():
 
 
 @pytest.fixture(scope="session")
-def results(data, model, comparison, found, scores, paper):
+def results(data, model, comparison, models, found, scores, paper):
     """Every kind of result by its name."""
     return {
         "data": data,
         "model": model,
         "comparison": comparison,
+        "models": models,
         "found": found,
         "scores": scores,
         "paper": paper,

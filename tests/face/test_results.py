@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 import rdpi_gym as rg
 
-NAMES = ("data", "model", "comparison", "found", "scores", "paper")
+NAMES = ("data", "model", "comparison", "models", "found", "scores", "paper")
 
 
 @pytest.fixture(params=NAMES)
@@ -55,6 +55,7 @@ def test_first_line_is_short_and_has_a_number(result):
     [
         ("model", "µm"),
         ("comparison", "µm"),
+        ("models", "µm"),
         ("found", "µm"),
         ("scores", "%"),
         ("paper", "µm"),

@@ -23,7 +23,7 @@ from rdpi_gym.diagnosis.comparison.over_time import (
 from rdpi_gym.diagnosis.comparison.spectrum import spectrum_finding, spectrum_table
 from rdpi_gym.diagnosis.comparison.traces import Trace, fitted_extremum_V, trace
 from rdpi_gym.diagnosis.features.noise import noise_floor
-from rdpi_gym.diagnosis.hygiene import Finding, inspect
+from rdpi_gym.diagnosis.hygiene import Finding, Inspected, inspect
 from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import PlantModel
@@ -173,6 +173,12 @@ def compare(dataset: Dataset, model: PlantModel) -> Comparison:
     >>> result.by_frequency["frequency_hz"].round(2).tolist()
     [5.0]
     """
+    (found,) = compare_each(dataset, [model])
+    return found
+
+
+def compare_each(dataset: Dataset, models: Sequence[PlantModel]) -> tuple[Comparison, ...]:
+    """Return what :func:`compare` does of each of several models; the data are looked at once."""
     inspected = inspect(dataset)
     dataset = inspected.dataset
     records = [*dataset.train, *dataset.validation, *dataset.test]
@@ -181,6 +187,14 @@ def compare(dataset: Dataset, model: PlantModel) -> Comparison:
         raise InputError(
             f"{dataset.title}: no sample counts in any record; leave out less (skip_s, mask_s)"
         )
+    checks = run_checks(dataset)
+    return tuple(_compared(inspected, counting, checks, model) for model in models)
+
+
+def _compared(
+    inspected: Inspected, counting: Sequence[Record], checks: tuple[Check, ...], model: PlantModel
+) -> Comparison:
+    dataset = inspected.dataset
     traces = tuple(trace(record, model) for record in counting)
     unique = {record.name: record for record in counting}
     floor, origin = noise_floor(
@@ -231,11 +245,11 @@ def compare(dataset: Dataset, model: PlantModel) -> Comparison:
         clock=clock,
         noise_floor_um=floor,
         noise_origin=origin,
-        checks=run_checks(dataset),
+        checks=checks,
         left_out=(
             *_left_out(dataset, samples, plane),
             *_of_hygiene(inspected.findings),
-            *_remembered(records, model),
+            *_remembered(counting, model),
         ),
         findings={key: text for key, text in sentences.items() if text is not None},
         quantities=dataset.quantities,

@@ -20,6 +20,7 @@ from rdpi_gym.report.style import (
     figure_text,
     styled,
 )
+from rdpi_gym.support.arrays import Array
 
 COMMAND_V = "Command (V)"
 _ROLES = {"train": PALETTE[0], "validation": PALETTE[1], "test": PALETTE[2]}
@@ -48,7 +49,7 @@ def record_errors(records: pd.DataFrame) -> Any:
         range=[len(records) + 0.6, 0.4],  # the first record on top
         showgrid=False,
         tickvals=places if named else None,
-        ticktext=[_short(str(name)) for name in records["name"]] if named else None,
+        ticktext=[short_name(str(name)) for name in records["name"]] if named else None,
         title_text=None if named else "Record, as in the table",
     )
     figure.update_xaxes(title_text="RMS error (µm)", rangemode="tozero")
@@ -79,8 +80,13 @@ def error_by_command(table: pd.DataFrame) -> Any:
 def error_by_frequency(table: pd.DataFrame) -> Any:
     """Draw the error over the frequency of the command, in µm and in per cent of the stroke."""
     figure = _trend(table, "frequency_hz", "Frequency (Hz)", "Hz")
+    return frequency_axis(figure, table["frequency_hz"].to_numpy())
+
+
+def frequency_axis(figure: Any, frequencies_hz: Array) -> Any:
+    """Give a figure a logarithmic axis of frequency (Hz), with ticks that a reader can use."""
     # one decade at least, so that a single frequency is not drawn on an axis without ticks
-    x = np.log10(table["frequency_hz"].to_numpy())
+    x = np.log10(frequencies_hz)
     margin = max(0.06, 0.5 * (1.0 - float(np.ptp(x))))
     low, high = float(x.min()) - margin, float(x.max()) + margin
     decades = 10.0 ** np.arange(np.floor(low), np.ceil(high))
@@ -152,5 +158,6 @@ def residual_plane(plane: Plane) -> Any:
     return styled(figure, 460).update_layout(plot_bgcolor="#E9ECEF")
 
 
-def _short(name: str, most: int = 34) -> str:
+def short_name(name: str, most: int = 34) -> str:
+    """Return a name for an axis or a legend, cut where it is long."""
     return figure_text(name if len(name) <= most else f"{name[: most - 1]}…")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from rdpi_gym.diagnosis import FEW_HALF_CYCLES, Comparison
+from rdpi_gym.diagnosis.checks import Check
 from rdpi_gym.report import trace_figures
 from rdpi_gym.report.comparison import figures, views
 from rdpi_gym.report.page import Section, write_page
@@ -85,7 +87,7 @@ def _sections(comparison: Comparison) -> list[Section]:
             figures.record_errors(comparison.records) if several > 1 else None,
             comparison.records,
         ),
-        _checks(comparison),
+        checks_section(comparison.checks),
         Section(
             "Time traces",
             f"{found['drift']}\n\nDrag over a stretch to enlarge it, double-click to return."
@@ -183,10 +185,10 @@ def _sections(comparison: Comparison) -> list[Section]:
     ]
 
 
-def _checks(comparison: Comparison) -> Section:
-    """What the data say without the model."""
+def checks_section(checks: Sequence[Check]) -> Section:
+    """Return the section of what the data say without a model."""
     order = {"yes": 0, "cannot tell": 1, "no": 2}
-    rows = sorted(comparison.checks, key=lambda check: order[check.zone])
+    rows = sorted(checks, key=lambda check: order[check.zone])
     table = pd.DataFrame(
         {
             "Looked for": [check.name for check in rows],

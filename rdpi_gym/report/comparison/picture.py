@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rdpi_gym.diagnosis import Comparison
-from rdpi_gym.report.style import MEASURED, MODEL, RESIDUAL
+from rdpi_gym.diagnosis import Comparison, ModelComparison
+from rdpi_gym.report.style import MEASURED, MODEL, PALETTE, RESIDUAL
 from rdpi_gym.report.thin import around_largest_error
 
 if TYPE_CHECKING:
@@ -46,4 +46,43 @@ def draw_comparison(figure: Figure, comparison: Comparison) -> Any:
     axes[2].set_xlabel("Time (s)")
     axes[0].set_title(f"{trace.name} ({trace.role})", loc="left")
     axes[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2)
+    return axes
+
+
+def draw_models(figure: Figure, found: ModelComparison) -> Any:
+    """Draw the half-cycles about the largest error of the best model's worst record.
+
+    Parameters
+    ----------
+    figure
+        Matplotlib's, empty.
+    found
+        The models.
+
+    Returns
+    -------
+    numpy.ndarray of matplotlib.axes.Axes
+        Displacement over the command, the differences over time and over the command.
+    """
+    records = found.records.iloc[: len(found.comparisons[0].records)]
+    place = int(np.argmax(records[list(found.names)].min(axis=1).to_numpy()))
+    best = int(np.argmin(records[list(found.names)].to_numpy()[place]))
+    first = found.comparisons[best].traces[place]
+    k = around_largest_error(first)
+    t, u = first.t_s[k], first.u_V[k]
+    axes = figure.subplots(1, 3)
+    axes[0].plot(u, first.measured_um[k], color=MEASURED, linewidth=1.1, label="measured")
+    for name, comparison, colour in zip(found.names, found.comparisons, PALETTE, strict=False):
+        trace = comparison.traces[place]
+        left = np.where(trace.counted, trace.residual_um, np.nan)[k]
+        axes[0].plot(u, trace.model_um[k], color=colour, linewidth=0.8, label=name)
+        axes[1].plot(t, left, color=colour, linewidth=0.8)
+        axes[2].plot(u, left, color=colour, linewidth=0.8)
+    axes[0].set_ylabel("Displacement (µm)")
+    axes[1].set_ylabel("Measured − model (µm)")
+    axes[0].set_xlabel("Command (V)")
+    axes[1].set_xlabel("Time (s)")
+    axes[2].set_xlabel("Command (V)")
+    axes[1].set_title(f"{first.name} ({first.role})", loc="left")
+    figure.legend(loc="outside upper center", ncols=4)
     return axes
