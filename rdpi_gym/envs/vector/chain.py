@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rdpi_gym.plant.cores.base import CoreBlock
-from rdpi_gym.plant.cores.bouc_wen import bouc_wen_block
+from rdpi_gym.plant.cores.bouc_wen_kernel import bouc_wen_block
 from rdpi_gym.plant.cores.dahl import dahl_block
 from rdpi_gym.plant.cores.duhem import duhem_block
 from rdpi_gym.plant.cores.generalised import generalised_block

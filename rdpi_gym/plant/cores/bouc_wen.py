@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
+from zlib import crc32
 
 import numpy as np
-from numba import njit
 
+from rdpi_gym.plant.cores.bouc_wen_curves import curves
+from rdpi_gym.plant.cores.bouc_wen_kernel import bouc_wen_block
 from rdpi_gym.plant.cores.checks import check_gain, check_rate_bandwidth, check_shape
-from rdpi_gym.plant.cores.elementary import VECTOR_LANES, power
 from rdpi_gym.plant.cores.inner_variable import LENGTHS, InnerVariable
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -20,206 +20,6 @@ from rdpi_gym.support.errors import InputError
 
 # Of k, what the least slope is at least; what k is at least.
 _LEAST = 1e-6
-# Longest sub-step over the largest slope of the right-hand side: its error is below 1e-7 of the stroke.
-_STEP = 0.08
-# Within this many sub-steps of zero the step is taken by the series of the way from zero.
-_NEAR, _TERMS, _NEWTON = 4.0, 60, 6
-# Sub-steps that lanes take side by side, and the least z over its limit there.
-_TOGETHER, _APART = 8.0, 1e-9
-
-
-@njit(cache=True, error_model="numpy")
-def _way_from_zero(x: float, ratio: float, n: float) -> float:
-    """Return the integral of 1 / (1 + c ξ^n) from 0 to x, for a ratio -c x^n well below one."""
-    term, total = x, x
-    for j in range(1, _TERMS):
-        term *= ratio
-        total += term / (j * n + 1.0)
-        if abs(term) < 1e-17:
-            break
-    return total
-
-
-@njit(cache=True, error_model="numpy")
-def _near(x: float, h: float, c: float, n: float) -> float:
-    """Return x after a step h of dx/dh = sgn(h) (1 + c x^n) that stays above zero, near zero."""
-    ratio = -c * math.pow(x, n)
-    goal = _way_from_zero(x, ratio, n) + h
-    found = max(x + h * (1.0 - ratio), 0.0)
-    for _ in range(_NEWTON):
-        ratio = -c * math.pow(found, n)
-        change = (_way_from_zero(found, ratio, n) - goal) * (1.0 - ratio)
-        found = max(found - change, 0.0)
-        if abs(change) < 1e-8:  # of which the next one is the square
-            break
-    return found
-
-
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
-def _taylor(x: float, h: float, sign: float, c: float, n: float, raised: float) -> float:
-    """Return x after a step h of dx/dh = sign (1 + c x^n), to the fifth order, given x^n."""
-    inverse = 1.0 / x
-    part = sign * c * raised
-    f = sign + part
-    f1 = n * part * inverse
-    f2 = (n - 1.0) * f1 * inverse
-    f3 = (n - 2.0) * f2 * inverse
-    f4 = (n - 3.0) * f3 * inverse
-    square = f1 * f1
-    third = square + f * f2
-    fourth = f1 * square + f * (4.0 * f1 * f2 + f * f3)
-    fifth = square * square + f * (
-        11.0 * square * f2 + f * (4.0 * f2 * f2 + 7.0 * f1 * f3 + f * f4)
-    )
-    curve = f1 + h * (1 / 3) * (third + h * 0.25 * (fourth + h * 0.2 * fifth))
-    return x + h * f * (1.0 + h * 0.5 * curve)
-
-
-@njit(cache=True, error_model="numpy")
-def _taylor_lanes(x: Array, h: Array, sign: Array, c: Array, n: Array, out: Array) -> None:
-    """Fill ``out[B]`` with :func:`_taylor` of each lane, one at most."""
-    if out.shape[0] < VECTOR_LANES:
-        for b in range(out.shape[0]):
-            out[b] = min(_taylor(x[b], h[b], sign[b], c[b], n[b], math.pow(x[b], n[b])), 1.0)
-        return
-    for b in range(out.shape[0]):
-        out[b] = min(_taylor(x[b], h[b], sign[b], c[b], n[b], power(x[b], n[b])), 1.0)
-
-
-@njit(cache=True, error_model="numpy")
-def _step(
-    z: float,
-    way: float,
-    up: bool,
-    limits: tuple[float, float],
-    rates: tuple[float, float],
-    n: float,
-    kappa: float,
-) -> float:
-    """Return z after a way of the command in one direction; limits and rates ahead and behind."""
-    side = 1.0 if up else -1.0
-    if side * z < 0.0:
-        x, left = _fall(min(abs(z) / limits[1], 1.0), way * rates[1], kappa, n)
-        z = -side * limits[1] * x
-        way = left / rates[1]
-    if way > 0.0 and side * z >= 0.0:
-        z = side * limits[0] * _rise(min(abs(z) / limits[0], 1.0), way * rates[0], n)
-    return z
-
-
-@njit(cache=True, error_model="numpy")
-def _rise(x: float, h: float, n: float) -> float:
-    """Return x in [0, 1] after a way h of dx/dh = 1 - x^n."""
-    if n == 1.0:
-        return x - (1.0 - x) * math.expm1(-h)
-    if h > 2.0 + 40.0 / n:  # from zero it is within a rounding of one
-        return 1.0
-    count = math.ceil(h * n / _STEP)
-    step = h / max(count, 1)
-    for _ in range(count):
-        x = (
-            _near(x, step, -1.0, n)
-            if x < _NEAR * step
-            else _taylor(x, step, 1.0, -1.0, n, math.pow(x, n))
-        )
-        if x >= 1.0:
-            return 1.0
-    return x
-
-
-@njit(cache=True, error_model="numpy")
-def _fall(x: float, h: float, kappa: float, n: float) -> tuple[float, float]:
-    """Return x in [0, 1] after a way h of dx/dh = -(1 + κ x^n), at zero at most, and the way left."""
-    if kappa == 0.0:
-        return max(x - h, 0.0), max(h - x, 0.0)
-    if n == 1.0:
-        shrunk = math.expm1(-kappa * h)
-        end = x + x * shrunk + shrunk / kappa
-        if end > 0.0:
-            return end, 0.0
-        return 0.0, max(h - math.log1p(kappa * x) / kappa, 0.0)
-    longest = _STEP / (n * max(kappa, 1.0))
-    while h > 0.0:
-        step = min(h, longest)
-        if x < _NEAR * step:
-            way = _way_from_zero(x, -kappa * math.pow(x, n), n)
-            if way <= step:
-                return 0.0, h - way
-            x = _near(x, -step, kappa, n)
-        else:
-            x = _taylor(x, step, -1.0, kappa, n, math.pow(x, n))
-        h -= step
-    return x, 0.0
-
-
-@njit(cache=True, error_model="numpy")
-def bouc_wen_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
-    """Bouc-Wen model in the command: exact for n = 1, in bounded sub-steps for others.
-
-    On either side of zero, z over its limit there follows 1 - x^n away from zero, and 1 + κ x^n,
-    κ = (β - γ) / (β + γ), towards it; the step that crosses zero is cut there.
-
-    Parameters
-    ----------
-    u, v : float64[T, B]
-        Command (V) and its rate (V/s), which is not read.
-    p, state : float64[P, B], float64[S, B]
-        Rows of ``p``: k, d (µm/V), limits of z above and below zero (V), slope of z over the
-        command at zero above and below, over those limits (1/V), n, κ; last row: offset (µm).
-        Rows 2 and 3 of the state, z and the command that it has followed (V), are moved to the end
-        of the block.
-    y : float64[T, B]
-        Filled with the displacement (µm).
-    """
-    last_row, lanes = p.shape[0] - 1, u.shape[1]
-    xs, hs, signs = np.empty(lanes), np.empty(lanes), np.empty(lanes)
-    cs, ns, out = np.empty(lanes), p[6].copy(), np.empty(lanes)
-    per_up, per_down = 1.0 / p[2], 1.0 / p[3]
-    steps, together = np.empty(lanes), np.empty(lanes, dtype=np.bool_)
-    for t in range(u.shape[0]):
-        most = 0.0
-        for b in range(lanes):
-            way, z = u[t, b] - state[3, b], state[2, b]
-            above = z > 0.0
-            back = (way < 0.0) if above else (way > 0.0)
-            n = ns[b]
-            c, sign = (p[7, b], -1.0) if back else (-1.0, 1.0)
-            x = abs(z) * (per_up[b] if above else per_down[b])
-            h = abs(way) * (p[4, b] if above else p[5, b])
-            step, count = h, 1.0
-            needed = h * n * max(c, 1.0) * (1.0 / _STEP)
-            if 1.0 < needed <= _TOGETHER:
-                count = math.ceil(needed)
-                step = h / count
-            least = _NEAR * step + _APART + ((1.0 + c) * h if back else 0.0)
-            together[b] = n != 1.0 and needed <= _TOGETHER and x > least
-            if together[b]:
-                most = max(most, count)
-            steps[b] = count
-            xs[b] = min(max(x, _APART), 1.0)
-            hs[b] = step
-            signs[b] = sign
-            cs[b] = c
-        done = 0.0
-        while done < most:
-            if done > 0.0:
-                for b in range(lanes):
-                    xs[b] = out[b]
-                    if done >= steps[b]:
-                        hs[b] = 0.0
-            _taylor_lanes(xs, hs, signs, cs, ns, out)
-            done += 1.0
-        for b in range(lanes):
-            way, z = u[t, b] - state[3, b], state[2, b]
-            state[3, b] = u[t, b]
-            if together[b]:
-                z = out[b] * (p[2, b] if z > 0.0 else -p[3, b])
-            elif way > 0.0:
-                z = _step(z, way, True, (p[2, b], p[3, b]), (p[4, b], p[5, b]), p[6, b], p[7, b])
-            elif way < 0.0:
-                z = _step(z, -way, False, (p[3, b], p[2, b]), (p[5, b], p[4, b]), p[6, b], p[7, b])
-            state[2, b] = z
-            y[t, b] = p[0, b] * u[t, b] + p[1, b] * z + p[last_row, b]
 
 
 @dataclass(frozen=True)
@@ -350,6 +150,16 @@ class BoucWen(InnerVariable):
         return cls(k, d * A, limit, beta / total, n)
 
     @property
+    def n(self) -> int:
+        """Four: z, the last command, the way since z was zero, and whose it is."""
+        return 4
+
+    def resting(self, memory: Array, u0_V: Array) -> Array:
+        """Z (V) within its reach; it has followed up to the command, and turns next."""
+        rest = InnerVariable.resting(self, memory, u0_V)
+        return np.concatenate([rest, np.zeros_like(rest)])
+
+    @property
     def reach_V(self) -> tuple[float, float]:
         """Lowest and highest z (V)."""
         up, down = self._limits
@@ -395,11 +205,13 @@ class BoucWen(InnerVariable):
         )
 
     def coefficients(self) -> list[float]:
-        """Gains (µm/V), limits (V) and slopes over them (1/V) above and below zero, n, κ."""
+        """Gains (µm/V), limits (V) and slopes over them (1/V) above and below zero, n, κ; the curves."""
         up, down = self._limits
         over, under = self._slopes
         kappa = 2.0 * self.sigma - 1.0
-        return [self.k, self.d, up, down, over / up, under / down, self.exponent, kappa]
+        shape = (up, down, over / up, under / down, self.exponent, kappa)
+        mark = 1.0 + crc32(np.array(shape).tobytes())
+        return [self.k, self.d, *shape, mark, *curves(self.exponent, kappa)]
 
     @property
     def _slopes(self) -> tuple[float, float]:
