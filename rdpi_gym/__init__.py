@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.paper import PaperResults, reproduce
     from rdpi_gym.face.result import Result
     from rdpi_gym.face.results import load_result
-    from rdpi_gym.face.search import SearchResult, add, diagnose, discover
+    from rdpi_gym.face.search import SearchResult, add, diagnose, discover, portrait
     from rdpi_gym.face.simulation import Simulation, simulate
     from rdpi_gym.face.training import Training, export, train
     from rdpi_gym.support.errors import InputError
@@ -54,7 +54,7 @@ _HOME = {
     "paper": ("PaperResults", "reproduce"),
     "result": ("Result",),
     "results": ("load_result",),
-    "search": ("SearchResult", "add", "diagnose", "discover"),
+    "search": ("SearchResult", "add", "diagnose", "discover", "portrait"),
     "simulation": ("Simulation", "simulate"),
     "training": ("Training", "export", "train"),
 }
@@ -93,6 +93,7 @@ __all__ = [
     "load_result",
     "make_controller",
     "plants",
+    "portrait",
     "reproduce",
     "signals",
     "simulate",

@@ -14,7 +14,8 @@ from rdpi_gym.support.arrays import Array
 
 # Corrections: each takes the error down by the largest slope of what the block adds, 0.02 to 0.3. Where
 # it adds a rate without a lag, that slope is above one from sample to sample, and more would not settle.
-_ROUNDS, _RATE_ROUNDS = 6, 2
+_ROUNDS, _RATE_ROUNDS = 6, 1
+_RATES = 2  # rows of the block's state that its rate is taken from
 
 
 def _forms(*places: str) -> tuple[str, ...]:
@@ -30,7 +31,7 @@ class UnknownInverse(Inverse):
     Examples
     --------
     >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> effect = Unknown(0.1, 0.0, 0.0, 0.05, 0.0, 0.0, centre_um=0.0, span_um=40.0)
+    >>> effect = Unknown(0.1, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, centre_V=0.0, span_um=40.0)
     >>> inverse = UnknownInverse(effect, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
     >>> state, _ = inverse.start(np.zeros(1))
     >>> y = effect.run([0.0, 20.0, -20.0], 1e-4)
@@ -50,10 +51,18 @@ class UnknownInverse(Inverse):
         self.rows = self._rounds * self._each
 
     def start(self, y: Array) -> tuple[Array, Array]:
-        """In equilibrium at the plant's rest, wherever the reference begins."""
-        state = np.full((self.rows, len(y)), np.nan)
+        """Memories in equilibrium at the plant's rest; the rate is that from the reference's first sample."""
+        state, here = self._fresh(len(y)), self._fresh(len(y))
         self.run(np.full((1, len(y)), self._rest), state)
-        return state, self.run(np.ascontiguousarray(y[None]), state.copy())[0]
+        first = np.ascontiguousarray(y[None])
+        self.run(first, here)
+        for row in range(0, self._rounds * self._each, self._each):
+            state[row : row + _RATES] = here[row : row + _RATES]
+        return state, self.run(first, state.copy())[0]
+
+    def _fresh(self, lanes: int) -> Array:
+        """Return a memory before any sample."""
+        return np.full((self.rows, lanes), np.nan)
 
     def run(self, y: Array, state: Array) -> Array:
         """Correct; see :meth:`Inverse.run`."""
@@ -98,12 +107,11 @@ class UnknownWithin(UnknownInverse):
         self._plays = setting.hysteresis.n + 2
         self.rows += self._rounds * self._plays
 
-    def start(self, y: Array) -> tuple[Array, Array]:
-        """At rest, plays of the inverse too."""
-        state = np.full((self.rows, len(y)), np.nan)
+    def _fresh(self, lanes: int) -> Array:
+        """Return the same, the plays of the inverse at rest."""
+        state = super()._fresh(lanes)
         state[self._rounds * self._each :] = 0.0
-        self.run(np.full((1, len(y)), self._rest), state)
-        return state, self.run(np.ascontiguousarray(y[None]), state.copy())[0]
+        return state
 
     def _command(self, x: Array, k: int, state: Array) -> Array:
         first = self._rounds * self._each + k * self._plays

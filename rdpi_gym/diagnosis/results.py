@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
 from rdpi_gym.diagnosis.hygiene.finding import Finding
+from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.words import headline, sized
 from rdpi_gym.measurement import Quantities
@@ -342,6 +343,9 @@ class SearchResult:
     left
         In numbers, how much of what is left follows from the command; None where what is left is
         the noise.
+    portrait
+        Of the effect that the catalogue does not have, where what is left follows from the command;
+        None where there is nothing to portray.
     next_experiment
         The experiment that would tell the effects added from their rivals; None where none is
         needed.
@@ -392,6 +396,7 @@ class SearchResult:
     notes: tuple[str, ...] = ()
     numerical_floor_um: float = 0.0
     left: Left | None = None
+    portrait: Portrait | None = None
     findings: tuple[Finding, ...] = ()
     limits: tuple[str, ...] = ()
     probabilities: Probabilities | None = None
@@ -447,6 +452,7 @@ class SearchResult:
             "unexplained_rmse": self.unexplained_rmse_um,
             "remainder": self.remainder,
             "left": None if self.left is None else self.left.to_dict(),
+            "portrait": None if self.portrait is None else self.portrait.to_dict(),
             "probabilities": None if self.probabilities is None else self.probabilities.to_dict(),
             "next_experiment": self.next_experiment,
             "indistinguishable": [list(group) for group in self.indistinguishable],
@@ -550,6 +556,9 @@ class SearchResult:
             unexplained_rmse_um=fields.number("unexplained_rmse"),
             remainder=fields.text("remainder"),
             left=None if fields.raw("left") is None else Left.from_fields(fields.inner("left")),
+            portrait=None
+            if document.get("portrait") is None
+            else Portrait.from_fields(fields.inner("portrait")),
             next_experiment=fields.optional_text("next_experiment"),
             indistinguishable=fields.groups("classes" if one else "indistinguishable"),
             findings=tuple(map(Finding.from_fields, fields.objects("findings"))),

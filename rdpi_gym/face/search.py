@@ -13,6 +13,7 @@ import pandas as pd
 
 from rdpi_gym import measurement
 from rdpi_gym.diagnosis import results
+from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.search import discover as searches
 from rdpi_gym.diagnosis.search.core_choice import AUTO
 from rdpi_gym.face.catalogues import HasPlant, as_plant
@@ -398,6 +399,55 @@ def discover(
     ['creep']
     """
     return _search(searches.discover, data, options)
+
+
+@checked
+def portrait(
+    data: measurement.Dataset | PathLike[str] | str,
+    model: PlantModel | HasPlant | PathLike[str] | str | None = None,
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Portrait | None:
+    """Draw the portrait of an effect that a model misses and that the catalogue may not have.
+
+    A free block, refitted with the hysteresis, tells where in the chain the effect sits, whether it
+    has a memory and of what length, whether it is even or odd, and with which powers of amplitude and
+    rate it grows. A search draws it by itself where what is left follows from the command;
+    ``rg.add("unknown", ...)`` puts the block into the model.
+
+    Parameters
+    ----------
+    data, model, seed, progress
+        As in :func:`diagnose`. Of a search's result the last ranking names the effects of the
+        catalogue that come nearest.
+
+    Returns
+    -------
+    Portrait or None
+        It prints itself in sentences; None where no block takes a tenth of the error on the records
+        held out.
+
+    Raises
+    ------
+    InputError
+        As :func:`diagnose`; the model has the block already.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", hide="asymmetry", seed=1, ts_factor=4.0)
+    >>> drawn = rg.portrait(data.select("triangle-slow", "validation-loops"))
+    >>> drawn.place, drawn.memory, drawn.parity
+    ('behind', False, 'even')
+    """
+    dataset = as_dataset(data)
+    rounds = model.rounds if isinstance(model, results.SearchResult) else ()
+    given = None if model is None else as_plant(model)
+    with in_words_of(dataset):
+        return searches.portray(
+            dataset, given, rounds[-1] if rounds else (), seed=seed, progress=progress
+        )  # fmt: skip
 
 
 @with_options(SearchOptions, None)

@@ -8,7 +8,8 @@ import plotly.graph_objects as go
 import pytest
 
 from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
-from rdpi_gym.diagnosis.results import Candidate, Errors, Step, View, steps_of
+from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
+from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step, View, steps_of
 from rdpi_gym.plant import P5
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
 from rdpi_gym.report.discovery import candidates, view_figures
@@ -116,6 +117,19 @@ def test_an_answer_for_every_verdict(made_discovery):
     slow = made_discovery(sampling="Sample faster than 20000 Hz: the records miss motion.")
     assert slow.headline.endswith("noise 0.02 µm. Sample faster than 20000 Hz.")
     assert "Sample faster than 20000 Hz: the records miss motion." in lines(slow)
+
+
+def test_a_portrait_is_printed_shown_and_kept(made_discovery, tmp_path):
+    drawn = Portrait(
+        "before", {"before": 0.97, "in": 0.03}, True, 1.0, (Value(0.5, 0.02),), "even", {"even": 1.0},
+        Value(1.5, 0.1), Value(0.0, 0.0), None, 0.4, 0.05, "with memory, before",
+        (Kin("creep", "it is odd"),), "Record more.", ("A free block takes the error to 0.05 µm.",),
+    )  # fmt: skip
+    found = made_discovery(verdict="unexplained", portrait=drawn)
+    assert "- A free block takes the error to 0.05 µm." in lines(found)
+    assert "Portrait of the unknown effect" in page_of(found, tmp_path)
+    assert SearchResult.from_dict(found.to_dict()).portrait == drawn
+    assert "Portrait of" not in page_of(made_discovery(), tmp_path)
 
 
 def test_what_cannot_be_told_apart_is_said(made_discovery, tmp_path):

@@ -14,6 +14,8 @@ from rdpi_gym.support.progress import Progress
 # Passes and samples in which every start shows which are worth the rest, and how many of them are.
 _FIRST_PASSES, _FIRST_SAMPLES, _FOLLOWED = 4, 4_000, 2
 _PASSES, _SAMPLES = 20, 10_000
+# Times the least squared error, on the records held out, that a memory may leave to be worth a second.
+_NEAR = 2.0
 
 
 def learn(
@@ -66,7 +68,7 @@ def learn_forms(
     kind: type[Effect],
     progress: Progress,
 ) -> list[Outcome]:
-    """Refit every form of the block; those with two memories begin from the fitted one.
+    """Refit the forms of the block; those with two memories where one memory comes near the best.
 
     Parameters
     ----------
@@ -84,6 +86,8 @@ def learn_forms(
         simpler = found.get(form.form.replace("two memories", "memory"))
         starts: Sequence[Effect] = form.starts(setting.scale)
         if simpler is not None:
+            if simpler.mean_square > _NEAR * min(o.mean_square for o in found.values()):
+                continue
             starts = form.from_simpler(block_of(simpler), setting.scale)
         found[form.form] = learn(setting, hysteresis, present, starts)
     progress(f"forms of {kind.name}", len(kinds), len(kinds))

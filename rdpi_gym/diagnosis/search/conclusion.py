@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.probability import Probabilities, probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, Left, SearchResult, View, steps_of
 from rdpi_gym.diagnosis.search.candidates import assess
@@ -19,7 +20,7 @@ from rdpi_gym.diagnosis.search.law import plant_of
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.diagnosis.search.record_clocks import record_clocks
-from rdpi_gym.diagnosis.search.remainder import remainder
+from rdpi_gym.diagnosis.search.remainder import FOLLOWS, remainder
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
 from rdpi_gym.diagnosis.search.vetoes import capped
@@ -29,10 +30,14 @@ from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.plausibility import plausibility_warnings
 from rdpi_gym.identification.residuals import simulate_record
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import kin_of
+from rdpi_gym.plant.effects.unknown import Unknown
 
 Groups = tuple[tuple[str, ...], ...]
 
+# Effects of the catalogue that a portrait is held beside.
+_NEAREST = 3
 _STANDARD_PROTOCOL = (
     "Record the standard protocol: a slow decaying triangle, sines at several rates and "
     "amplitudes, a multisine, steps with long holds."
@@ -132,6 +137,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         unexplained_rmse_um=math.sqrt(max(end.outcome.mean_square - laboratory.noise_um**2, 0.0)),
         remainder=sentence,
         left=shares,
+        portrait=_portrait(laboratory, search, shares),
         next_experiment=clocks[0].next_step if clocks else experiment,
         indistinguishable=groups,
         findings=(*laboratory.findings, *clocks),
@@ -199,6 +205,31 @@ def _remainder(
     )
     left = Left(found.share, found.low, found.high, found.repeats, found.hidden_um, found.left_um)
     return f"{said_of(others)} {found.sentence}".strip(), left
+
+
+def _portrait(laboratory: Laboratory, search: Search, left: Left | None) -> Portrait | None:
+    """Draw what is left, where it follows from the command and no block stands for it already."""
+    present = {effect.name for effect in search.end.effects}
+    searched = search.kind in ("diagnosis", "discovery") and laboratory.undecided is None
+    if not searched or left is None or left.low < FOLLOWS or Unknown.name in present:
+        return None
+    last = [r.candidate for r in search.rounds[-1]] if search.rounds else []
+    return laboratory.portrait(search.end, nearest_of(last, search.end.effects))
+
+
+def nearest_of(ranked: Sequence[Candidate], present: Sequence[Effect]) -> list[Candidate]:
+    """Return the three candidates that took most of the excess, those that are present left out.
+
+    Parameters
+    ----------
+    ranked
+        Candidates of one round.
+    present
+        Effects of the model.
+    """
+    have = {effect.name for effect in present}
+    others = [c for c in ranked if c.effect not in have and math.isfinite(c.share)]
+    return sorted(others, key=lambda c: -c.share)[:_NEAREST]
 
 
 def _next_experiment(

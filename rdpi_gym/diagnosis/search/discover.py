@@ -9,13 +9,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.results import Candidate, SearchResult
-from rdpi_gym.diagnosis.search.conclusion import Search, conclude
+from rdpi_gym.diagnosis.search.conclusion import Search, conclude, nearest_of
 from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.ranking import Ranked
+from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 
@@ -361,6 +364,41 @@ def add_effect(
         notes=notes,
     )
     return conclude(laboratory, search)
+
+
+def portray(
+    dataset: Dataset,
+    given: PlantModel[Any] | None = None,
+    ranked: Sequence[Candidate] = (),
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Portrait | None:
+    """Draw the portrait of what a model misses, whatever the verdict on it.
+
+    Parameters
+    ----------
+    dataset, given, seed, progress
+        As :func:`diagnose`.
+    ranked
+        Candidates that a search ranked on that model.
+
+    Returns
+    -------
+    Portrait or None
+        None where no block takes a tenth of the error on the records held out.
+
+    Raises
+    ------
+    InputError
+        As :func:`diagnose`; the model has the block already.
+    """
+    if given is not None and any(effect.name == Unknown.name for effect in given.effects):
+        raise InputError(f"the model has {Unknown.name} already; portray the model without it")
+    laboratory = Laboratory(dataset, CATALOGUE, 1, seed, progress, None)
+    base = laboratory.base(given)
+    drawn = laboratory.portrait(base, nearest_of(ranked, base.effects))
+    return told(drawn, dataset.quantities)
 
 
 def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> SearchResult:

@@ -16,7 +16,9 @@ from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
 from rdpi_gym.diagnosis.hygiene import inspect, limits
 from rdpi_gym.diagnosis.hygiene.finding import BoolArray
 from rdpi_gym.diagnosis.hygiene.spikes import spikes
+from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.learning import learn_forms
+from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
 from rdpi_gym.diagnosis.results import Candidate, CoreChoice
 from rdpi_gym.diagnosis.search.base_models import begun, on_comb
@@ -89,6 +91,7 @@ from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, forms_of, in_chain_order
+from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
@@ -361,6 +364,17 @@ class Laboratory:
         )  # fmt: skip
         best = in_best_form(outcomes, self.noise_um)
         return rank(state.outcome, best, [kind], self.noise_um, self._seed)
+
+    def portrait(self, state: State, nearest: Sequence[Candidate]) -> Portrait | None:
+        """Draw the portrait of what a model misses, beside the effects that came nearest to it."""
+        setting = self.searched
+        whole = on_comb(state.hysteresis, setting.train)
+        fitted = State(assess(setting, "", setting.fit(whole, state.effects)))
+        typical = typical_effects(self.catalogue, setting.scale)
+        kin = {c.effect: typical[c.effect] for c in nearest if c.effect in typical}
+        plays, present = self._plays(fitted), fitted.effects
+        forms = learn_forms(setting, plays, present, Unknown, self._progress)
+        return draw(setting, plays, present, forms, kin, self._seed, self._progress)
 
     def _most_trained(self, state: State, outcomes: Sequence[Outcome]) -> dict[str, float]:
         """Return by effect what its best form takes of the error of the records to fit."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,17 +21,30 @@ Place = Literal["before", "in", "behind", "beside"]
 """Where a block stands: it changes the command, the weights of the plays, or the displacement, by the
 displacement itself or, beside the hysteresis, by the command."""
 TERMS = (
-    "linear", "absolute", "even_1", "even_2", "even_3", "odd_1", "odd_2", "odd_3", "speed",
+    "linear", "absolute", "even_1", "even_2", "even_3", "odd_1", "odd_2", "odd_3", "step", "speed",
     "drag", "cross",
 )  # fmt: skip
 """What drives a block, of s and its rate r: s, |s|, the even and the odd quadratic spline with knots
-at 0, 1/3 and 2/3, |r|, r |r|, s r."""
-EVEN_TERMS = frozenset(["absolute", "even_1", "even_2", "even_3", "speed", "cross"])
-"""Those that stay as they are where s changes its sign."""
+at 0, 1/3 and 2/3, a smooth step at 0, |r|, r |r|, s r."""
+
+
+def is_even(parameter: str) -> bool:
+    """Whether a weight is of an even term, whatever number it bears.
+
+    Examples
+    --------
+    >>> is_even("even_2"), is_even("odd"), is_even("speed_1")
+    (True, False, True)
+    """
+    return parameter.rstrip("_0123456789") in ("absolute", "even", "speed", "cross")
+
+
+_POWER = ("weight", "power", "rate_power", "signed", "rate_signed")
 _STARTS, _SHORTEST, _LONGEST, _APART = 6, 5.0, 0.3, 5.0
 """Time constants that a fit begins with; the least in samples, the largest in longest records; and the ratio
 of two of them."""
-_HEAD, _MEMORY = 7, 3 + len(TERMS) + 4
+_STEEP = 0.1  # of the step, in spans
+_HEAD, _MEMORY = 7, 3 + len(TERMS) + 5
 
 
 @njit(cache=True)
@@ -43,18 +57,24 @@ def _static(s: float, p: Array, a: int, b: int) -> float:
         even += p[a + 2 + k, b] * above * above
         odd += p[a + 5 + k, b] * above * above
     value: float = p[a, b] * s + p[a + 1, b] * size + even + (odd if s > 0.0 else -odd)
+    if p[a + 8, b] != 0.0:
+        value += p[a + 8, b] * math.tanh(s / _STEEP)
     return value
 
 
 @njit(cache=True)
 def _power(s: float, r: float, p: Array, a: int, b: int) -> float:
     """One term with two exponents, with the parameters from row `a` on."""
-    if p[a, b] == 0.0 or s == 0.0 or (r == 0.0 and p[a + 2, b] > 0.0):
+    if p[a, b] == 0.0:
         return 0.0
-    size: float = p[a, b] * abs(s) ** p[a + 1, b]
+    value: float = p[a, b]
+    if p[a + 1, b] > 0.0:
+        value *= abs(s) ** p[a + 1, b] if s != 0.0 else 0.0
     if p[a + 2, b] > 0.0:
-        size *= abs(r) ** p[a + 2, b]
-    return -size if s < 0.0 and p[a + 3, b] > 0.5 else size
+        value *= abs(r) ** p[a + 2, b] if r != 0.0 else 0.0
+    if p[a + 3, b] > 0.5 and s < 0.0:
+        value = -value
+    return -value if p[a + 4, b] > 0.5 and r < 0.0 else value
 
 
 @njit(cache=True)
@@ -62,32 +82,36 @@ def unknown_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Arra
     """Kernel: y = x + (p4 + p5 x + p6 u) Σ_k z_k, where z_k lags behind a sum of terms of s and r.
 
     s = p0 x + p1 u + p2, and r is p3 times its change from sample to sample. Rows of each memory: F, G0
-    and G1 of its lag, the weights of :data:`TERMS`, then w, a, b and o of w |s|^a |r|^b, with the sign
-    of s where o is 1. Rows of the state: s, then the drive and z of each memory.
+    and G1 of its lag, the weights of :data:`TERMS`, then w, a, b, o and q of w |s|^a |r|^b, with the
+    sign of s where o is 1 and that of r where q is. Rows of the state: s, r, then the drive and z of each memory.
     """
     memories = (p.shape[0] - _HEAD) // _MEMORY
     for b in range(x.shape[1]):
         if np.isnan(state[0, b]):
             s = p[0, b] * x[0, b] + p[1, b] * u[0, b] + p[2, b]
-            state[0, b] = s
+            state[0, b], state[1, b] = s, 0.0
             for k in range(memories):  # at rest
                 drive = _static(s, p, _HEAD + _MEMORY * k + 3, b)
-                drive += _power(s, 0.0, p, _HEAD + _MEMORY * k + 14, b)
-                state[1 + 2 * k, b], state[2 + 2 * k, b] = drive, drive
+                drive += _power(s, 0.0, p, _HEAD + _MEMORY * k + 15, b)
+                state[2 + 2 * k, b], state[3 + 2 * k, b] = drive, drive
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
             s = p[0, b] * x[t, b] + p[1, b] * u[t, b] + p[2, b]
             r = p[3, b] * (s - state[0, b])
-            state[0, b] = s
+            now = 1.5 * r - 0.5 * state[1, b]
+            state[0, b], state[1, b] = s, r
             total = 0.0
             for k in range(memories):
                 a = _HEAD + _MEMORY * k
                 drive = _static(s, p, a + 3, b)
-                drive += p[a + 11, b] * abs(r) + p[a + 12, b] * r * abs(r) + p[a + 13, b] * s * r
-                drive += _power(s, r, p, a + 14, b)
-                z = p[a, b] * state[2 + 2 * k, b] + p[a + 1, b] * state[1 + 2 * k, b]
+                # without a lag at the sample itself; a jump is one step for a memory
+                rate = r if p[a, b] > 0.0 else now
+                drive += p[a + 12, b] * abs(rate) + p[a + 13, b] * rate * abs(rate)
+                drive += p[a + 14, b] * s * rate
+                drive += _power(s, rate, p, a + 15, b)
+                z = p[a, b] * state[3 + 2 * k, b] + p[a + 1, b] * state[2 + 2 * k, b]
                 z += p[a + 2, b] * drive
-                state[1 + 2 * k, b], state[2 + 2 * k, b] = drive, z
+                state[2 + 2 * k, b], state[3 + 2 * k, b] = drive, z
                 total += z
             y[t, b] = x[t, b] + (p[4, b] + p[5, b] * x[t, b] + p[6, b] * u[t, b]) * total
 
@@ -96,13 +120,16 @@ def _weight(name: str, text: str) -> Parameter:
     return Parameter(name, "1", -5.0, 5.0, (-0.05, 0.05), text, neutral=0.0)
 
 
-_CURVE = tuple(
-    _weight(
-        f"{parity}_{k}",
-        f"share of the {parity} part that begins at {k - 1} / 3 of the span, quadratic from there on",
-    )
-    for parity in ("even", "odd")
-    for k in (1, 2, 3)
+_CURVE = (
+    *(
+        _weight(
+            f"{parity}_{k}",
+            f"share of the {parity} part that begins at {k - 1} / 3 of the span, quadratic from there",
+        )
+        for parity in ("even", "odd")
+        for k in (1, 2, 3)
+    ),
+    _weight("step", "share of a step about the middle"),
 )
 _RATE = (
     _weight("speed", "share of the absolute rate |r|"),
@@ -118,6 +145,7 @@ def _lagging(number: str) -> tuple[Parameter, ...]:
         _weight(f"absolute{of}", "share of |s|"),
         _weight(f"even{of}", "share of s²"),
         _weight(f"odd{of}", "share of s |s|"),
+        _weight(f"step{of}", "share of a step about the middle"),
         _weight(f"speed{of}", "share of the absolute rate |r|"),
         Parameter(
             f"time_constant{of}_s", "s", 1e-6, 1e9, (0.1, 10.0), "time constant τ of its lag"
@@ -131,7 +159,7 @@ _VOLTS = (
     Parameter("rate_V_s", "V/s", 1e-12, 1e12, (1e4, 1e4), "rate at which r is 1", fixed=True),
 )  # fmt: skip
 _MICROMETRES = (
-    Parameter("centre_um", "µm", -1e9, 1e9, (0.0, 40.0), "displacement y_c at which s is 0", fixed=True),
+    Parameter("centre_V", "V", -1e9, 1e9, (0.0, 40.0), "command u_c: s is 0 at A u_c", fixed=True),
     Parameter("span_um", "µm", 1e-9, 1e9, (40.0, 40.0), "distance Y from there at which s is 1", fixed=True),
     Parameter("rate_um_s", "µm/s", 1e-12, 1e12, (1e4, 1e4), "rate at which r is 1", fixed=True),
 )  # fmt: skip
@@ -169,12 +197,12 @@ class Block(Effect):
         column = self.ends(ts_s, hysteresis)
         for time_constant_s, drive in self.memories():
             column += [*lag_step(time_constant_s, ts_s), *(drive.get(name, 0.0) for name in TERMS)]
-            column += [drive.get(name, 0.0) for name in ("weight", "power", "rate_power", "is_odd")]
+            column += [drive.get(name, 0.0) for name in _POWER]
         return column
 
     def state_rows(self, ts_s: float) -> int:
-        """The last s; drive and state of each memory."""
-        return 1 + 2 * len(self.memories())
+        """The last s and its rate; drive and state of each memory."""
+        return 2 + 2 * len(self.memories())
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -201,6 +229,7 @@ class _Static(Block):
     odd_1: float = 0.02
     odd_2: float = 0.0
     odd_3: float = 0.0
+    step: float = 0.0
 
     def memories(self) -> list[tuple[float, Terms]]:
         """None, and one drive."""
@@ -226,6 +255,7 @@ class _WithMemory(Block):
     absolute: float = 0.0
     even: float = 0.02
     odd: float = 0.0
+    step: float = 0.0
     speed: float = 0.0
     time_constant_s: float = 1.0
 
@@ -241,12 +271,14 @@ class _WithTwoMemories(Block):
     absolute_1: float = 0.0
     even_1: float = 0.02
     odd_1: float = 0.0
+    step_1: float = 0.0
     speed_1: float = 0.0
     time_constant_1_s: float = 0.3
     linear_2: float = 0.0
     absolute_2: float = 0.0
     even_2: float = 0.02
     odd_2: float = 0.0
+    step_2: float = 0.0
     speed_2: float = 0.0
     time_constant_2_s: float = 3.0
 
@@ -282,6 +314,7 @@ class _WithTwoMemories(Block):
                     "absolute": values[f"absolute_{k}"],
                     "even_1": values[f"even_{k}"],
                     "odd_1": values[f"odd_{k}"],
+                    "step": values[f"step_{k}"],
                     "speed": values[f"speed_{k}"],
                 },
             )
@@ -346,7 +379,7 @@ class _Beside(_OfTheCommand):
 
 @dataclass(frozen=True)
 class _Behind(Block):
-    centre_um: float = 0.0
+    centre_V: float = 0.0
     span_um: float = 40.0
     rate_um_s: float = 1e4
 
@@ -359,7 +392,7 @@ class _Behind(Block):
         """Of the displacement."""
         gain = scale.stroke_um / max(scale.span_V, 1e-300)
         return {
-            "centre_um": gain * scale.centre_V,
+            "centre_V": scale.centre_V,
             "span_um": scale.stroke_um,
             "rate_um_s": gain * scale.fastest_V_s,
         }
@@ -368,7 +401,7 @@ class _Behind(Block):
         """Reads the displacement, and adds Y times the sum to it."""
         span_um = self.span_um
         return [
-            1.0 / span_um, 0.0, -self.centre_um / span_um, span_um / (ts_s * self.rate_um_s),
+            1.0 / span_um, 0.0, -hysteresis.A * self.centre_V / span_um, span_um / (ts_s * self.rate_um_s),
             span_um, 0.0, 0.0,
         ]  # fmt: skip
 
@@ -379,7 +412,7 @@ class Unknown(_Behind, _Static):
 
     Examples
     --------
-    >>> block = Unknown(0.1, 0.0, 0.0, 0.0, 0.0, 0.0, centre_um=0.0, span_um=10.0)
+    >>> block = Unknown(0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, centre_V=0.0, span_um=10.0)
     >>> block.run([-10.0, 0.0, 5.0], 1e-3).tolist()
     [-9.0, 0.0, 5.25]
     """
@@ -387,9 +420,7 @@ class Unknown(_Behind, _Static):
     name = "unknown"
     on_request = True
     parameters = (*_CURVE, *_MICROMETRES)
-    equation = (
-        "y = y_h + Y (E(|s|) + sgn(s) O(|s|)), s = (y_h - y_c) / Y, E and O quadratic splines"
-    )
+    equation = "y = y_h + Y (E(|s|) + sgn(s) O(|s|) + c tanh(10 s)), s = (y_h - A u_c) / Y, E and O quadratic splines"
     source = "A Hammerstein or Wiener block in the chain; no effect is claimed."
     signature = (
         "An error that follows from the command and that no effect of the catalogue explains."
@@ -401,13 +432,13 @@ class Unknown(_Behind, _Static):
 _IN_FRONT = "u' = u + U z, s = (u - u_c) / U"
 _WITHIN = "y = a_0 u + (1 + z) (y_h - a_0 u), s = (u - u_c) / U"
 _PARALLEL = "y = y_h + A U z, s = (u - u_c) / U"
-_BEHIND = "y = y_h + Y z, s = (y_h - y_c) / Y"
-_CURVED = "z = E(|s|) + sgn(s) O(|s|), E and O quadratic splines"
+_BEHIND = "y = y_h + Y z, s = (y_h - A u_c) / Y"
+_CURVED = "z = E(|s|) + sgn(s) O(|s|) + c tanh(10 s), E and O quadratic splines"
 _OF_THE_RATE = "z = c_1 |r| + c_2 r |r| + c_3 s r, r the rate of s"
-_LAGS = "τ dz/dt + z = c_1 s + c_2 |s| + c_3 s² + c_4 s |s| + c_5 |r|, r the rate of s"
-_LAGS_TWICE = (
-    "z = z_1 + z_2, τ_k dz_k/dt + z_k = c_1k s + c_2k |s| + c_3k s² + c_4k s |s| + c_5k |r|"
+_LAGS = (
+    "τ dz/dt + z = c_1 s + c_2 |s| + c_3 s² + c_4 s |s| + c_5 tanh(10 s) + c_6 |r|, r the rate of s"
 )
+_LAGS_TWICE = "z = z_1 + z_2, τ_k dz_k/dt + z_k = c_1k s + c_2k |s| + c_3k s² + c_4k s |s| + c_5k tanh(10 s) + c_6k |r|"
 _LAG, _TWO_LAGS = _lagging(""), (*_lagging("1"), *_lagging("2"))
 
 
@@ -548,10 +579,11 @@ class MemoriesBeside(_Beside, _WithTwoMemories, of=Unknown):
 
 _POWERS = (
     _weight("weight", "share w"),
-    Parameter("power", "1", 0.3, 8.0, (1.0, 3.0), "exponent a of |s|"),
+    Parameter("power", "1", 0.0, 8.0, (1.0, 3.0), "exponent a of |s|"),
     Parameter("rate_power", "1", 0.0, 4.0, (0.0, 2.0), "exponent b of |r|"),
     Parameter("time_constant_s", "s", 1e-6, 1e9, (0.1, 10.0), "time constant τ of its lag"),
-    Parameter("is_odd", "1", 0.0, 1.0, (0.0, 1.0), "whether it takes the sign of s", fixed=True),
+    Parameter("signed", "1", 0.0, 1.0, (0.0, 1.0), "whether it has the sign of s", fixed=True),
+    Parameter("rate_signed", "1", 0.0, 1.0, (0.0, 1.0), "whether it has the sign of r", fixed=True),
 )
 
 
@@ -563,12 +595,13 @@ class PowerLaw(Block):
     power: float = 2.0
     rate_power: float = 0.0
     time_constant_s: float = 1.0
-    is_odd: float = 0.0
+    signed: float = 0.0
+    rate_signed: float = 0.0
 
     name = "unknown"
     form = "power law"
     on_request = True
-    equation = "τ dz/dt + z = w |s|^a |r|^b, with the sign of s where it is odd, r the rate of s"
+    equation = "τ dz/dt + z = ±w |s|^a |r|^b, r the rate of s"
     source, signature, experiment = Unknown.source, Unknown.signature, Unknown.experiment
     mistaken_for = ()
 

@@ -77,6 +77,7 @@ def write_discovery_page(
         *parameter_sections(result, {**asked, **catalogue}),
         _checks(result),
         _left(result),
+        *_portrait(result),
         Section("How to read this page", _HOW),
     ]
     names = (result.title, *(view.name for view in result.views))
@@ -157,6 +158,29 @@ def _left(result: SearchResult) -> Section:
     elif result.verdict == "explained":
         paragraphs.append("No further experiment is needed to distinguish the effects.")
     return Section("What is left, and what to measure next", "\n\n".join(filter(None, paragraphs)))
+
+
+def _portrait(result: SearchResult) -> list[Section]:
+    drawn = result.portrait
+    if drawn is None:
+        return []
+    asked = [
+        *((f"{place} the hysteresis", share) for place, share in drawn.places.items()),
+        ("with a memory", drawn.memories),
+        *(("of both parities" if p == "both" else p, share) for p, share in drawn.parities.items()),
+    ]
+    table = pd.DataFrame(
+        [{"The best block is": what, "Share of draws (%)": 100.0 * share} for what, share in asked]
+    )
+    return [
+        Section(
+            "Portrait of the unknown effect",
+            "A free block was refitted with the hysteresis, in every place of the chain, with and "
+            "without memory, even and odd; what it says stands at the top. Shares are those of draws of "
+            "pieces of the records in which a block of that kind is the best.",
+            table=table,
+        )
+    ]
 
 
 def _upper(text: str) -> str:

@@ -89,6 +89,7 @@ def lines(result: SearchResult) -> list[str]:
         result.core.sentence,
         result.sampling,
         "" if undecided else result.remainder,
+        *(() if result.portrait is None else (f"- {s}" for s in result.portrait.sentences)),
         confounded_sentence(result),
         *(finding.sentence for finding in result.findings),
         *(f"Cannot be told: {sentence}" for sentence in result.limits),

@@ -9,12 +9,12 @@ import pytest
 from baselines.inverses import Setting, inverse_of
 from rdpi_gym.plant import P5, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
-from rdpi_gym.plant.effects.unknown import EVEN_TERMS, TERMS, Unknown, unknown_block
+from rdpi_gym.plant.effects.unknown import TERMS, Unknown, is_even, unknown_block
 
 FORMS = forms_of(Unknown)
 TS = 1e-3
 SCALE = DataScale(0.0, 30.0, 20.0, 2e3, TS, 10.0)
-U = 30.0 * np.sin(np.linspace(0.0, 20.0, 400)) * np.linspace(0.2, 1.0, 400)
+U = 30.0 * np.sin(np.linspace(0.0, 20.0, 400)) * np.linspace(0.0, 1.0, 400) ** 2  # no corner
 
 
 def small(form, seed=0):
@@ -47,21 +47,21 @@ def test_it_is_found_by_its_name_and_no_search_has_it():
 
 @pytest.mark.parametrize("term", TERMS)
 def test_a_term_is_even_or_odd(term):
-    p = np.zeros((7 + 3 + len(TERMS) + 4, 1))
+    p = np.zeros((7 + 3 + len(TERMS) + 5, 1))
     p[0], p[3], p[4], p[9], p[10 + TERMS.index(term)] = 0.1, 20.0, 1.0, 1.0, 0.3
     added = []
     for x in (U, -U):
         y = np.empty((len(U), 1))
-        unknown_block(x[:, None].copy(), x[:, None], p, np.full((3, 1), np.nan), TS, y)
+        unknown_block(x[:, None].copy(), x[:, None], p, np.full((4, 1), np.nan), TS, y)
         added.append(y[:, 0] - x)
     assert np.abs(added[0]).max() > 0.0
     np.testing.assert_allclose(
-        added[1], added[0] if term in EVEN_TERMS else -added[0], atol=1e-12
+        added[1], added[0] if is_even(term) else -added[0], atol=1e-12
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.form)
-def test_its_inverse_leaves_a_tenth_of_it_at_most(form):
+def test_its_inverse_leaves_a_seventh_of_it_at_most(form):
     effect = small(form, 1)
     core = P5.hysteresis.static()
     plant = replace(P5, hysteresis=core, effects=(effect,))
@@ -71,4 +71,4 @@ def test_its_inverse_leaves_a_tenth_of_it_at_most(form):
     y = effect.run(U, TS) if before else Plant(plant, TS).simulate(U)
     state, _ = inverse.start(y[:1])
     x = inverse.run(y[1:, None].copy(), state)[:, 0]
-    assert np.std(x - wanted[1:]) < 0.1 * np.std(y - wanted)
+    assert np.std(x - wanted[1:]) < np.std(y - wanted) / 7.0

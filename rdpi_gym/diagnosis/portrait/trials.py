@@ -1,0 +1,237 @@
+"""Which block takes most: every place, with and without memory, even and odd, on the same records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from rdpi_gym.diagnosis.portrait.learning import block_of, learn
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects.base import Effect, forms_of
+from rdpi_gym.plant.effects.unknown import Block, Place, Unknown, is_even
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.progress import Progress
+
+Nature = Literal["static", "of the rate", "with memory", "with two memories"]
+Parity = Literal["even", "odd", "both"]
+_WEIGHTS = frozenset(p.name for k in forms_of(Unknown) for p in k.parameters if p.neutral == 0.0)
+PLACES: tuple[Place, ...] = ("before", "in", "behind", "beside")
+_DRAWS = 400
+# A memory that is shorter than so many samples is none.
+_LEAST_SAMPLES = 2.0
+# Of the logarithm of the error, what a second memory or a second parity has to take.
+_WORTH = 0.15
+# The same by which a nature may be worse, of either parity, for each parity to be tried alone.
+_NEAR = 0.7
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One block that was refitted.
+
+    Parameters
+    ----------
+    place, nature
+        Where it stands, and what it has.
+    drive
+        Which terms it was allowed: of s even, odd, or both.
+    outcome
+        The refit.
+    pieces : tuple of float64[R, P]
+        Mean squares (µm²) of pieces of the records to fit and of those held out.
+    held
+        Parameters that stayed at zero, as ``unknown.parameter``.
+    """
+
+    place: Place
+    nature: Nature
+    drive: Parity
+    outcome: Outcome
+    pieces: tuple[Array, Array]
+    held: frozenset[str] = frozenset()
+
+    @property
+    def block(self) -> Effect:
+        """As it was fitted."""
+        return block_of(self.outcome)
+
+    @property
+    def parity(self) -> Parity:
+        """What it does where the command is mirrored: in the weights of plays, which are odd, the other."""
+        if self.place != "in" or self.drive == "both":
+            return self.drive
+        return "odd" if self.drive == "even" else "even"
+
+    @property
+    def time_constants_s(self) -> tuple[float, ...]:
+        """Of its memories (s), that with the largest weights first."""
+        values = self.block.values
+        found = []
+        for name, tau in values.items():
+            if name.startswith("time_constant"):
+                number = name.removeprefix("time_constant").removesuffix("_s")
+                own = [abs(w) for n, w in values.items() if n.endswith(number) and n in _WEIGHTS]
+                found.append((sum(own), tau))
+        return tuple(tau for _, tau in sorted(found, reverse=True))
+
+    @property
+    def score(self) -> float:
+        """Mean logarithm of the squared errors of the records to fit and of those held out."""
+        return float(np.mean([np.log(p.mean()) for p in self.pieces]))
+
+
+def try_all(
+    setting: Setting,
+    hysteresis: Core,
+    present: Sequence[Effect],
+    forms: Sequence[Outcome],
+    progress: Progress,
+) -> list[Tried]:
+    """Refit the block of every place and nature that comes near with one parity alone.
+
+    Parameters
+    ----------
+    setting, hysteresis, present
+        As :func:`~rdpi_gym.diagnosis.portrait.learning.learn`.
+    forms
+        Of the block, with both parities, as
+        :func:`~rdpi_gym.diagnosis.portrait.learning.learn_forms` refits them.
+    progress
+        Called as blocks are done.
+
+    Returns
+    -------
+    list of Tried
+        Best first. One parity alone leads unless both take clearly more, and memories that are
+        shorter than the samples are left out.
+    """
+    kinds = {(k.place, _nature(k)): k for k in _kinds()}
+    shortest_s, longest_s = setting.scale.shortest_s, setting.scale.longest_s
+    found = [_tried(setting, outcome, "both", frozenset()) for outcome in forms]
+    near = leading(found).score + _NEAR
+    single = [t for t in found if t.nature != "with two memories"]
+    worth = {t.nature for t in single if t.score < near and not _is_short(t, shortest_s)}
+    drives: tuple[Parity, ...] = ("even", "odd")
+    for done, both in enumerate([t for t in single if t.nature in worth]):
+        progress("portrait", done, len(PLACES) * len(worth))
+        start: Effect = kinds[both.place, both.nature].starts(setting.scale)[0]
+        if both.time_constants_s:  # one parity has the same time constant
+            tau = min(max(both.time_constants_s[0], shortest_s), longest_s)
+            start = start.with_values({"time_constant_s": tau})
+        for drive in drives:
+            held = _held(type(start), drive)
+            outcome = learn(setting, hysteresis, present, [start], held)
+            found.append(_tried(setting, outcome, drive, held))
+    found = [t for t in found if not _is_short(t, shortest_s)]
+    if leading(found).time_constants_s:
+        slow = [t for t in found if t.nature == "with memory"]
+        for place in dict.fromkeys(t.place for t in slow):
+            one = leading([t for t in slow if t.place == place])
+            if one.drive != "both":
+                found.append(_twice(setting, hysteresis, present, one, one.drive))
+        one = leading(found)
+        if one.nature == "with two memories":
+            near_by = leading([t for t in slow if t.place == one.place])
+            tried = {t.drive for t in found if (t.place, t.nature) == (one.place, one.nature)}
+            for drive in (d for d in get_args(Parity) if d not in tried):
+                found.append(_twice(setting, hysteresis, present, near_by, drive))
+    progress("portrait", len(PLACES) * len(worth), len(PLACES) * len(worth))
+    return sorted(found, key=_priced)
+
+
+def _twice(
+    setting: Setting, hysteresis: Core, present: Sequence[Effect], one: Tried, drive: Parity
+) -> Tried:
+    """Refit two memories where one stands."""
+    nature: Nature = "with two memories"
+    kind = next(k for k in _kinds() if k.place == one.place and k.form.startswith(nature))
+    held = _held(kind, drive)
+    none = dict.fromkeys((name.partition(".")[2] for name in held), 0.0)
+    starts = [e.with_values(none) for e in kind.from_simpler(one.block, setting.scale)]
+    outcome = learn(setting, hysteresis, present, starts, held)
+    return _tried(setting, outcome, drive, held)
+
+
+def _kinds() -> list[type[Block]]:
+    return [kind for kind in forms_of(Unknown) if issubclass(kind, Block)]
+
+
+def _held(kind: type[Effect], drive: Parity) -> frozenset[str]:
+    """Parameters of the other parity, which stay at zero."""
+    if drive == "both":
+        return frozenset()
+    weights = [p.name for p in kind.parameters if p.neutral is not None]
+    return frozenset(f"{kind.name}.{n}" for n in weights if is_even(n) != (drive == "even"))
+
+
+def _nature(kind: type[Block]) -> Nature:
+    return next(n for n in get_args(Nature) if n == (kind.form.partition(",")[0] or "static"))
+
+
+def _tried(setting: Setting, outcome: Outcome, drive: Parity, held: frozenset[str]) -> Tried:
+    assert outcome.fit is not None
+    block = block_of(outcome)
+    assert isinstance(block, Block)
+    turned = replace(setting, train=setting.validation, validation=setting.train)
+    train = assess(turned, outcome.effect, outcome.fit)
+    pieces = train.pieces, outcome.pieces
+    return Tried(block.place, _nature(type(block)), drive, outcome, pieces, held)
+
+
+def leading(tried: Sequence[Tried]) -> Tried:
+    """Return the best of some blocks."""
+    return min(tried, key=_priced)
+
+
+def _priced(one: Tried) -> float:
+    price = _WORTH * ((one.drive == "both") + (one.nature == "with two memories"))
+    return one.score + price
+
+
+def _is_short(one: Tried, shortest_s: float) -> bool:
+    """Whether a block has a memory that the samples do not show."""
+    return any(tau < _LEAST_SAMPLES * shortest_s for tau in one.time_constants_s)
+
+
+def shares(
+    tried: Sequence[Tried], of: Mapping[str, Sequence[Tried]], seed: int
+) -> dict[str, float]:
+    """Return in how many draws of pieces of the records each group holds the best block.
+
+    Parameters
+    ----------
+    tried
+        Blocks; at least one of each group.
+    of
+        Groups by name.
+    seed
+        Of the draws.
+
+    Returns
+    -------
+    dict
+        Shares by the groups' names; their sum is 1.
+    """
+    rng = np.random.default_rng(seed)
+    sides = []
+    for side in (0, 1):
+        count = tried[0].pieces[side].size
+        draws = rng.multinomial(count, np.full(count, 1.0 / count), _DRAWS) / count
+        sides.append(draws)
+
+    def scored(one: Tried) -> Array:
+        logs = [np.log(d @ one.pieces[k].ravel()) for k, d in enumerate(sides)]
+        return np.asarray(0.5 * (logs[0] + logs[1]) + (_priced(one) - one.score))
+
+    scores = {
+        name: np.min(np.stack([scored(one) for one in group]), axis=0)
+        for name, group in of.items()
+        if group
+    }
+    names = list(scores)
+    best = np.argmin([scores[name] for name in names], axis=0)
+    return {name: float(np.mean(best == k)) for k, name in enumerate(names)}

@@ -1,0 +1,186 @@
+"""The plants of the study and their records: two protocols, effects of 6 to 40 noise floors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.foreign_effects.drives import Drive
+from benchmarks.foreign_effects.plants import Foreign, draw_plant, noise_of
+from benchmarks.foreign_effects.protocols import Taken
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.measurement.record import Role
+from rdpi_gym.signals.experiments import PAUSE_S, standard_protocol
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.virtual_lab.draws import MaskedError
+from rdpi_gym.virtual_lab.visibility import left_over
+from studies.portraits.sorts import SORTS, Sort, World, drawn_numbers
+
+PROTOCOLS = ("standard", "bursts")
+_PARTS = 4
+_WANTED = (6.0, 40.0)
+# An effect is half a stroke from peak to peak at most; what shows too little is drawn again.
+_LARGEST, _TOLERANCE, _ATTEMPTS, _LOOKED_AT = 0.5, 1.1, 12, 5_000
+_LEAST, _REDRAWS = 4.0, 8
+_RAMP_S = 0.06
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A plant with its records.
+
+    Parameters
+    ----------
+    sort
+        What it has.
+    plant, fastest_1_s, numbers
+        As :class:`~studies.portraits.sorts.World` has them.
+    floors
+        What a refit of the bare model leaves of the effect, on the record to fit that shows most, in
+        noise floors.
+    dataset
+        The records.
+    """
+
+    sort: Sort
+    plant: Foreign
+    fastest_1_s: float
+    numbers: dict[str, float]
+    floors: float
+    dataset: Dataset
+
+    def answer(self, drive: Drive) -> Array:
+        """Displacement (µm) at the samples of a command, without noise."""
+        world = World(self.plant, drive, self.fastest_1_s, self.numbers)
+        return self.sort.displace(world)[:: drive.parts]
+
+
+def measured(name: str, protocol: str, seed: int, number: int) -> Measured:
+    """Draw a plant with an effect of a sort, and take its records.
+
+    Parameters
+    ----------
+    name, protocol
+        Of :data:`~studies.portraits.sorts.SORTS` and :data:`PROTOCOLS`.
+    seed, number
+        Of the study, and of the plant in it.
+
+    Raises
+    ------
+    MaskedError
+        No draw shows the effect.
+    """
+    places = list(SORTS).index(name), PROTOCOLS.index(protocol)
+    for redraw in range(_REDRAWS):
+        rng = np.random.default_rng([seed, number, *places, redraw])
+        found = _drawn(name, protocol, rng)
+        if found.floors >= _LEAST:
+            return found
+    raise MaskedError(f"{name} cannot be seen in {_REDRAWS} draws of {protocol}")
+
+
+def _drawn(name: str, protocol: str, rng: np.random.Generator) -> Measured:
+    taken = _standard(rng) if protocol == PROTOCOLS[0] else _bursts(rng)
+    plant = draw_plant(taken, rng)
+    longest_s = max(d.duration_s for d in taken.drives)
+    numbers = drawn_numbers(SORTS[name], longest_s, rng)
+    steps = [float(np.quantile(np.abs(np.diff(d.command_V)), 0.99)) / d.ts_s for d in taken.drives]
+    empty = Dataset(f"{name}, {protocol}", tuple(_records(taken)))
+    found = Measured(SORTS[name], plant, max(steps) / taken.span_V, numbers, 0.0, empty)
+    found = _sized(found, taken, math.exp(rng.uniform(math.log(_WANTED[0]), math.log(_WANTED[1]))))
+    records = tuple(
+        replace(r, y_um=y + noise_of(plant, len(y), rng))
+        for r, y in zip(empty.records, map(found.answer, taken.drives), strict=True)
+    )
+    return replace(found, dataset=replace(empty, records=records))
+
+
+def _sized(found: Measured, taken: Taken, wanted: float) -> Measured:
+    fits = [k for k, d in enumerate(taken.drives) if d.role == "train" and np.ptp(d.command_V) > 0]
+    drives = [taken.drives[k] for k in fits]
+    records = [found.dataset.records[k] for k in fits]
+    every = max(1, sum(len(r.u_V) for r in records) // _LOOKED_AT)
+    without = replace(found, numbers={**found.numbers, "size": 0.0})
+    still = [without.answer(d) for d in drives]
+    size, model = 0.01, found.plant.model()
+    for _ in range(_ATTEMPTS):
+        numbers = {**found.numbers, "size": size}
+        trial = replace(found, numbers=numbers)
+        more = [trial.answer(d) - y for d, y in zip(drives, still, strict=True)]
+        room = _LARGEST * 2.0 * found.plant.stroke_um / max(float(np.ptp(d)) for d in more)
+        left = left_over(model, (), taken.span_V, records, more, (), every)
+        found = replace(trial, floors=max(left.values()) / found.plant.noise_um)
+        if wanted / _TOLERANCE < found.floors < wanted * _TOLERANCE or room < 1.01:
+            break
+        size *= min(max(wanted / max(found.floors, 1e-9), 0.05), 20.0, room)
+    return found
+
+
+def _records(taken: Taken) -> list[Record]:
+    records, begins = [], 0.0
+    for d in taken.drives:
+        u = d.command_V
+        t = begins + d.ts_s * np.arange(len(u), dtype=np.float64)
+        records.append(Record(d.name, t, u, u, ts_s=d.ts_s, role=d.role))
+        begins += d.duration_s + PAUSE_S
+    return records
+
+
+def _grid(seconds: float, ts_s: float) -> Array:
+    samples = round(seconds / ts_s)
+    return ts_s / _PARTS * np.arange((samples - 1) * _PARTS + 1, dtype=np.float64)
+
+
+def _standard(rng: np.random.Generator) -> Taken:
+    """Take the laboratory's own protocol about zero, at a half or a quarter of its sampling rates."""
+    span = float(rng.choice([10.0, 50.0]))
+    drives = []
+    for e in standard_protocol(0.0, span, 0.02 * span, seed=int(rng.integers(1000))):
+        ts_s = e.ts_s * (4.0 if e.ts_s >= 5e-4 else 2.0)
+        drives.append(Drive(e.name, e.role, ts_s, _PARTS, e.signal(_grid(e.duration_s, ts_s))))
+    return Taken(PROTOCOLS[0], tuple(drives), 0.0, span, True, False)
+
+
+def _bursts(rng: np.random.Generator) -> Taken:
+    """Take random levels with holds, bursts of a slow multisine that wander, and a fast multisine."""
+    centre, span = float(rng.choice([0.0, 50.0])), float(rng.choice([10.0, 50.0]))
+
+    def levels(name: str, role: Role, seconds: float) -> Drive:
+        t, ends, values = _grid(seconds, 8e-3), [0.0, 0.5, 1.5, 2.5], [0.0, 1.0, -1.0]
+        while ends[-1] < seconds:
+            ends.append(ends[-1] + math.exp(rng.uniform(math.log(0.1), math.log(8.0))))
+            values.append(rng.uniform(-1.0, 1.0))
+        knots, at = [0.0], [0.0]
+        for begin, value in zip(ends[:-1], values, strict=True):
+            knots += [begin + 1e-9, begin + _RAMP_S]
+            at += [at[-1], value]
+        return Drive(name, role, 8e-3, _PARTS, centre + span * np.interp(t, knots, at))
+
+    def sines(
+        name: str, role: Role, seconds: float, ts_s: float, hz: tuple[float, float], wander: bool
+    ) -> Drive:
+        t = _grid(seconds, ts_s)
+        lines = np.exp(rng.uniform(math.log(hz[0]), math.log(hz[1]), 12))
+        phases = rng.uniform(0.0, 2.0 * math.pi, 12)
+        x = np.zeros_like(t)
+        for f, phase in zip(lines, phases, strict=True):
+            x += (hz[0] / f) ** 0.3 * np.sin(2.0 * math.pi * f * t + phase)
+        if wander:
+            knots = np.linspace(0.0, seconds, 9)
+            slow = 0.5 * float(x.std()) * np.interp(t, knots, rng.uniform(-1.0, 1.0, 9))
+            x = x * np.interp(t, knots, rng.uniform(0.05, 1.0, 9)) + slow
+        x *= np.minimum(1.0, t / (0.02 * seconds))
+        return Drive(name, role, ts_s, _PARTS, centre + span * x / float(np.abs(x).max()))
+
+    slow, fast = (0.8, 10.0), (10.0, 120.0)
+    drives = (
+        levels("levels", "train", 50.0),
+        sines("bursts", "train", 16.0, 2e-3, slow, True),
+        sines("fast", "train", 1.2, 2e-4, fast, False),
+        levels("validation-levels", "validation", 30.0),
+        sines("validation-bursts", "validation", 10.0, 2e-3, slow, True),
+        sines("validation-fast", "validation", 0.6, 2e-4, fast, False),
+    )
+    return Taken(PROTOCOLS[1], drives, centre, span, True, False)
