@@ -11,38 +11,33 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.checks import check_gain, check_rate_bandwidth, check_shape
-from rdpi_gym.plant.cores.elementary import power_lanes
+from rdpi_gym.plant.cores.elementary import expm1, log1p, power
 from rdpi_gym.plant.cores.inner_variable import LENGTHS, InnerVariable
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
 _LEAST = 1e-12
-# Below this the series of a step is exact to 1e-12 after six terms; no way is longer than the other.
-_SHORT, _FAR = 0.01, 1e300
+# No way is longer than this, of the limit.
+_FAR = 1e300
 
 
-@njit(cache=True, error_model="numpy")
-def _fall(q: float, way: float, m: float, power: float) -> float:
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def _fall(q: float, way: float, m: float) -> float:
     """Return by how much q >= 0 falls over a `way` h where dq/dh = -q^(m + 1), to zero at most.
 
-    Given is q^m.
+    q^(-m) grows by m h; for m = 0 it is an exponential. Where m is negative it slides, q = 0,
+    within a finite way.
     """
-    if m == 0.0:
-        return -q * math.expm1(-way)
-    if q == 0.0:
-        return 0.0
-    w = way * power  # q^(-m) grows by m h
-    if abs(w) < _SHORT:
-        m2, m3, m4, m5 = 1.0 + m, 1.0 + 2.0 * m, 1.0 + 3.0 * m, 1.0 + 4.0 * m
-        tail = 1.0 - w * m4 / 4.0 * (1.0 - w * m5 / 5.0 * (1.0 - w * (1.0 + 5.0 * m) / 6.0))
-        return q * w * (1.0 - w * m2 / 2.0 * (1.0 - w * m3 / 3.0 * tail))
-    if m * w <= -1.0:  # it slides: i < 1 gets there within a finite way
-        return q
-    return -q * math.expm1(-math.log1p(m * w) / m)
+    grown = m * way * power(q, m)
+    slides = grown <= -1.0
+    exponential = m == 0.0
+    over = log1p(0.0 if slides else grown) / (1.0 if exponential else m)
+    fall = -q * expm1(-(way if exponential else over))
+    return q if slides else fall
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def dahl_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     """Dahl's model in the command, exactly for a command that is linear between samples.
 
@@ -57,17 +52,22 @@ def dahl_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
         Filled with the displacement (µm).
     """
     last_row, lanes = p.shape[0] - 1, u.shape[1]
-    q, m, power = np.empty(lanes), p[2] - 1.0, np.empty(lanes)
+    ahead, q, way, fall = np.empty(lanes), np.empty(lanes), np.empty(lanes), np.empty(lanes)
     for t in range(u.shape[0]):
         for b in range(lanes):
-            ahead = math.copysign(p[1, b], u[t, b] - state[3, b])
-            q[b] = min(max(1.0 - state[2, b] / ahead, 0.0), 2.0)
-        power_lanes(q, m, power)
+            change = u[t, b] - state[3, b]
+            ahead[b] = math.copysign(p[1, b], change)
+            far = abs(change) / p[1, b]
+            way[b] = far if far < _FAR else _FAR
         for b in range(lanes):
-            way, limit = u[t, b] - state[3, b], p[1, b]
+            left = 1.0 - state[2, b] / ahead[b]
+            left = left if left > 0.0 else 0.0
+            q[b] = left if left < 2.0 else 2.0
             state[3, b] = u[t, b]
-            fall = _fall(q[b], min(abs(way) / limit, _FAR), m[b], power[b])
-            z = state[2, b] + math.copysign(limit, way) * fall
+        for b in range(lanes):
+            fall[b] = _fall(q[b], way[b], p[2, b] - 1.0)
+        for b in range(lanes):
+            z = state[2, b] + ahead[b] * fall[b]
             state[2, b] = z
             y[t, b] = p[0, b] * z + p[last_row, b]
 

@@ -44,16 +44,38 @@ def expm1(w: float) -> float:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
-def log(x: float) -> float:
-    """Return log x for x > 0 to fourteen digits of what it is below 1e304; finite at zero too."""
+def _octave(x: float) -> tuple[float, float]:
+    """Return k and x / 2^k - 1, within sqrt(1/2) and sqrt(2)."""
     bits = np.float64(x).view(np.int64)
     octave = (bits - _ROOT) >> _BITS
-    mantissa = np.int64(bits - (octave << _BITS)).view(np.float64)
-    s = (mantissa - 1.0) / (mantissa + 1.0)
+    return float(octave), np.int64(bits - (octave << _BITS)).view(np.float64) - 1.0
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def _log_near_one(more: float) -> float:
+    """Return log(1 + more) within sqrt(1/2) and sqrt(2)."""
+    s = more / (more + 2.0)
     t = s * s
     tail = 1 / 11 + t * (1 / 13 + t * (1 / 15 + t * (1 / 17 + t / 19)))
     odd = 1.0 + t * (1 / 3 + t * (1 / 5 + t * (1 / 7 + t * (1 / 9 + t * tail))))
-    return 2.0 * s * odd + octave * (_HIGH + _LOW)
+    return 2.0 * s * odd
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def log(x: float) -> float:
+    """Return log x for x > 0 to fourteen digits of what it is below 1e304; finite at zero too."""
+    octave, more = _octave(x)
+    found: float = _log_near_one(more) + octave * (_HIGH + _LOW)
+    return found
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def log1p(x: float) -> float:
+    """Return log(1 + x) for x > -1, to the last digits near zero too; finite at -1 and infinity."""
+    octave, more = _octave(1.0 + x)
+    near = _log_near_one(x if octave == 0.0 else more)
+    found: float = near + octave * (_HIGH + _LOW)
+    return found
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
@@ -73,14 +95,3 @@ def expm1_lanes(w: Array, out: Array) -> None:
         return
     for b in range(w.shape[0]):
         out[b] = expm1(w[b])
-
-
-@njit(cache=True, error_model="numpy")
-def power_lanes(x: Array, n: Array, out: Array) -> None:
-    """Fill ``out[B]`` with x^n of ``x[B]`` >= 0 and ``n[B]``."""
-    if x.shape[0] < VECTOR_LANES:
-        for b in range(x.shape[0]):
-            out[b] = math.pow(x[b], n[b]) if x[b] > 0.0 else 0.0
-        return
-    for b in range(x.shape[0]):
-        out[b] = power(x[b], n[b])

@@ -49,52 +49,55 @@ def _on_ramp(x: float, steep: float, cells: float) -> tuple[int, float]:
 
 
 @njit(cache=True)
-def _one_lane(u: Array, p: Array, memory: Array, y: Array) -> None:
-    levels = (memory.shape[0] - 2) // 2
-    lowest, apart, steep, mark = p[1], p[2], p[3], p[4]
-    offset = p[p.shape[0] - 1]
+def _one_lane(u: Array, p: Array, state: Array, y: Array, b: int) -> None:
+    # Whole arrays and a number: a view of each would cost as much as a sample.
+    levels = (state.shape[0] - 4) // 2
+    xi, held = 3, levels + 3  # rows before those of d = 1
+    lowest, apart, steep, mark = p[1, b], p[2, b], p[3, b], p[4, b]
+    offset = p[p.shape[0] - 1, b]
     half, per_volt = 0.5 * apart, 1.0 / apart
-    xi, held = memory[1:], memory[levels + 1 :]  # from index 1 on
     # A command that rises pushes the plays of the smallest thresholds along, and these only: where
     # `way` is 1, plays 0 ... sliding - 1 are at last - r_d, and what xi says of them is old. What
-    # the relays from diagonal d on add is in held[d] for d >= known.
-    sliding, last = int(abs(memory[0])), memory[1]
-    way = 0 if sliding == 0 else (1 if memory[0] > 0.0 else -1)
+    # the relays from diagonal d on add is in held + d for d >= known.
+    sliding, last = int(abs(state[2, b])), state[3, b]
+    way = 0 if sliding == 0 else (1 if state[2, b] > 0.0 else -1)
     sliding = max(sliding, 1)
     known = sliding
-    if held[0] != mark:  # of another plant, or none yet
-        known, held[0], held[levels] = levels, mark, 0.0
+    if state[held, b] != mark:  # of another plant, or none yet
+        known, state[held, b], state[held + levels, b] = levels, mark, 0.0
     for t in range(u.shape[0]):
-        x = u[t]
+        x = u[t, b]
         if (way > 0 and x < last) or (way < 0 and x > last):  # a turn: they stay where they are
             for d in range(1, sliding):
-                xi[d] = last - way * (d * half)
+                state[xi + d, b] = last - way * (d * half)
             sliding, way = 1, 0
         if way == 0:
-            if x - half >= xi[1]:
+            if x - half >= state[xi + 1, b]:
                 way = 1
-            elif x + half <= xi[1]:
+            elif x + half <= state[xi + 1, b]:
                 way = -1
         if way > 0:
-            while sliding < levels and x - sliding * half >= xi[sliding]:
+            while sliding < levels and x - sliding * half >= state[xi + sliding, b]:
                 sliding += 1
         elif way < 0:
-            while sliding < levels and x + sliding * half <= xi[sliding]:
+            while sliding < levels and x + sliding * half <= state[xi + sliding, b]:
                 sliding += 1
         known = max(known, sliding)
         while known > sliding:
             known -= 1
-            cell = (xi[known] - lowest) * per_volt - 0.5 * known
+            cell = (state[xi + known, b] - lowest) * per_volt - 0.5 * known
             i, ramp = _on_ramp(cell, steep, levels - known)
             row = 5 + 2 * ((i + known) * levels + known)
-            still, moves = p[row] - p[row - 2], p[row + 1] - p[row - 1]
-            held[known] = held[known + 1] + (still + ramp * moves)
+            still, moves = p[row, b] - p[row - 2, b], p[row + 1, b] - p[row - 1, b]
+            state[held + known, b] = state[held + known + 1, b] + (still + ramp * moves)
         last = x
         # All plays that slide are on the ramps of one switching value, the command's.
         i, ramp = _on_ramp((x - lowest) * per_volt, steep, levels)
         row = 5 + 2 * ((i + (levels if way < 0 else 0)) * levels + sliding - 1)
-        y[t] = p[0] * x + offset + (p[row] + ramp * p[row + 1]) + held[sliding]
-    memory[0], memory[1] = way * sliding, last
+        y[t, b] = (
+            p[0, b] * x + offset + (p[row, b] + ramp * p[row + 1, b]) + state[held + sliding, b]
+        )
+    state[2, b], state[3, b] = way * sliding, last
 
 
 @njit(cache=True)
@@ -121,7 +124,7 @@ def preisach_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None
         Filled with the displacement (µm).
     """
     for b in range(u.shape[1]):
-        _one_lane(u[:, b], p[:, b], state[2:, b], y[:, b])
+        _one_lane(u, p, state, y, b)
 
 
 @njit(cache=True)
