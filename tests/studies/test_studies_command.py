@@ -36,8 +36,8 @@ def test_bad_options_are_one_line_before_anything_is_measured(name, tmp_path, ca
 
 
 def test_an_unknown_study_is_named(capsys):
-    assert main(["speed"]) == 2
-    assert "no study is named 'speed'; known are agents" in capsys.readouterr().err
+    assert main(["velocity"]) == 2
+    assert "no study is named 'velocity'; known are " in capsys.readouterr().err
 
 
 def test_numbers_below_their_least_are_refused(capsys):

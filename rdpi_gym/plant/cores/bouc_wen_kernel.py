@@ -61,9 +61,11 @@ def _x_of(
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
 def _polynomial(p: Array, first: int, count: int, b: int, y: float) -> float:
-    total: float = p[first, b]
-    for j in range(first + 1, first + count):
-        total = total * y + p[j, b]
+    # even and odd powers apart: half as long a chain of products
+    square, even, odd = y * y, p[first, b], p[first + 1, b]
+    for j in range(first + 2, first + count, 2):
+        even, odd = even * square + p[j, b], odd * square + p[j + 1, b]
+    total: float = even * y + odd
     return total
 
 
@@ -112,24 +114,24 @@ def _turn(way: float, p: Array, state: Array, b: int) -> None:
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def _turns(u: Array, t: int, p: Array, state: Array, turns: Array) -> float:
     """Mark the lanes that begin to move the other way, and count them."""
+    count = 0.0
     for b in range(len(turns)):
         way = u[t, b] - state[3, b]
         other = 0.0 if way * state[5, b] > 0.0 else 1.0
         other = 1.0 if abs(state[5, b]) != p[8, b] else other
         turns[b] = 0.0 if way == 0.0 else other
-    count = 0.0
-    for b in range(len(turns)):
         count += turns[b]
     return count
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
-def _changes(curve: Array, last: Array) -> float:
-    """Number of lanes that are on another curve than last."""
-    count = 0.0
+def _find_curves(s: Array, p: Array, state: Array, last: Array, curve: Array) -> float:
+    """Fill ``curve[B]`` with the curve that each lane is on; return how many were on another."""
+    changes = 0.0
     for b in range(len(curve)):
-        count += 1.0 if curve[b] != last[b] else 0.0
-    return count
+        curve[b] = _curve_at(s[b], state[4, b] >= 0.0, p[_END, b])
+        changes += 1.0 if curve[b] != last[b] else 0.0
+    return changes
 
 
 @njit(cache=True, error_model="numpy")
@@ -213,9 +215,7 @@ def bouc_wen_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None
             over, under = p[4, b], p[5, b]
             way = abs(state[4, b]) * (over if state[5, b] * away > 0.0 else under)
             s[b] = way if way < _SATURATED else _SATURATED
-        for b in range(lanes):
-            curve[b] = _curve_at(s[b], state[4, b] >= 0.0, p[_END, b])
-        changes = _changes(curve, last)
+        changes = _find_curves(s, p, state, last, curve)
         if changes > 0.0:
             _take_curves(p, curve, last, changes, pieces)
         for b in range(lanes):
