@@ -127,7 +127,7 @@ def test_options_of_data_and_search_are_written_once():
     from rdpi_gym.support.options import option_fields
 
     flags = {o.flag for kind in (DataOptions, CandidateOptions) for _, o, _ in option_fields(kind)}
-    shared = flags - {"--model", "--seed", "--jobs"}  # other commands have their own
+    shared = flags - {"--model", "--core", "--seed", "--jobs"}  # other commands have their own
     for file in FOLDER.glob("*.py"):
         assert not shared & {
             node.value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rdpi_gym.diagnosis.hygiene.finding import BoolArray
 from rdpi_gym.identification.nonnegative import bounded_least_squares
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.duhem import Duhem
 from rdpi_gym.plant.cores.play import play_columns
 from rdpi_gym.support.arrays import Array
 
@@ -28,6 +29,9 @@ _UNLIKE = 1.5  # times the sampling time
 _WHOLE = 0.2  # samples from a whole number
 # Of the squares that plays leave at their best shift, what stops leave where loops turn clockwise.
 _CLOCKWISE = 0.5
+# The same where branches bend exponentially after every turn, and no clock is off; lengths over
+# which they do, of half of the swing.
+_BENT, _LENGTHS = 0.25, tuple(0.05 * 1.8**k for k in range(8))
 
 
 @dataclass(frozen=True)
@@ -157,7 +161,8 @@ def lag(record: Record, bad: BoolArray) -> Lag | None:
 
     Play operators with weights that are not negative, fitted for each shift: they turn where the
     command turns, so what turns earlier has another clock. Where stop operators explain more of a
-    record that leads, its loops turn clockwise, and the lag is theirs.
+    record that leads, its loops turn clockwise, and the lag is theirs; where what bends exponentially
+    after every turn explains much more, nothing leads either.
 
     Parameters
     ----------
@@ -189,8 +194,27 @@ def lag(record: Record, bad: BoolArray) -> Lag | None:
         columns[1:] *= -1.0  # beside a free slope, stops are plays turned round
         stops = _best_lag(record, columns, target, rows)
         if stops.left**2 < _CLOCKWISE * found.left**2:
-            return stops
+            # a small stop between two of these looks like a lead: none is told here
+            return stops if stops.samples >= 0.0 else replace(stops, samples=0.0, gain=1.0)
+    if found.leads and _bent(u, columns, target, rows) < _BENT * found.left**2:
+        return replace(found, samples=0.0, gain=1.0)
     return found
+
+
+def _bent(u: Array, columns: Array, target: Array, rows: NDArray[np.intp]) -> float:
+    """Return the share of the squares that operators which turn with the command leave, of any sign.
+
+    Beside plays, those are lengths that follow the command and settle exponentially along its way,
+    as in the models of Duhem, Dahl and Bouc-Wen.
+    """
+    x = (u - u[0]) / (0.5 * float(np.ptp(u)))
+    bends = [Duhem(0.0, 1.0, length).responses(x, x, np.zeros(2))[:, 1] for length in _LENGTHS]
+    every = np.vstack([*(columns[0] ** k for k in range(1, _POWERS + 1)), columns[1:], *bends])
+    known = every[:, rows] - every[:, rows].mean(axis=1, keepdims=True)
+    gram, products = known @ known.T, known @ target
+    solved = np.linalg.solve(gram + 1e-10 * np.trace(gram) * np.eye(len(gram)), products)
+    left = target - solved @ known
+    return float(left @ left / (target @ target))
 
 
 def _best_lag(record: Record, columns: Array, target: Array, rows: NDArray[np.intp]) -> Lag:
