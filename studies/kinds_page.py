@@ -16,7 +16,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from rdpi_gym.plant import CORES, Plant, PlantModel
+from rdpi_gym.measurement import stated_quantities
+from rdpi_gym.plant import CORES, MEASURED, Plant, PlantModel, named_plant
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.report.style import PALETTE, matplotlib_style
@@ -90,8 +91,10 @@ def page_text() -> str:
         f"{overview}\n\n"
         f"![One large loop with small ones inside, by each kind]({PICTURE})\n\n"
         "*One command for all: triangles over the whole range with small loops on both branches. Each kind stands "
-        "where its fits begin.*\n\n" + "\n".join(_section(kind) for kind in kinds) + f"\nMade from "
-        f"[`rdpi_gym/plant/cores`](../rdpi_gym/plant/cores) by `{_MAKER}`.\n"
+        "where its fits begin.*\n\n"
+        + "\n".join(_section(kind) for kind in kinds)
+        + f"\n{_plants()}\nMade from "
+        f"[`rdpi_gym/plant/cores`](../rdpi_gym/plant/cores) and the plants' files by `{_MAKER}`.\n"
     )
 
 
@@ -108,6 +111,44 @@ def _section(kind: type[Core]) -> str:
         f"## {kind.name}\n\n{kind.title[0].upper()}{kind.title[1:]}: `{kind.equation}`.\n\n"
         f"**Met in:** {kind.hardware}\n\n**What gives it away:** {kind.signature}\n\n"
         f"**What shows it best:** {kind.experiment}\n\n{numbers}\n\n*Source: {kind.source}*\n"
+    )
+
+
+def _plants() -> str:
+    """Return the section of the plants that state what record they are from."""
+    plants = [plant for plant in map(named_plant, MEASURED) if "source" in plant.identification]
+    rows, sources = [], {}
+    for plant in plants:
+        stated, told = plant.identification, stated_quantities(plant.identification)
+        low, high = plant.command_range_V
+        held = stated.get("held_out_rmse_um")
+        share = (
+            ""
+            if held is None
+            else f" ({50.0 * held / plant.reference_um[1]:.2g} % of a reference's stroke)"
+        )
+        rows.append(
+            [
+                f"`{plant.name}`",
+                ", ".join([plant.hysteresis.name, *(effect.name for effect in plant.effects)]),
+                f"{low:.4g} to {high:.4g} {told.input.unit}",
+                "as published" if held is None else f"{held:.3g} {told.output.unit}{share}",
+            ]
+        )
+        licence = f" ({stated['licence']})" if "licence" in stated else ""
+        sources[plant.name.partition("-")[0]] = f"{stated['source']}{licence}"
+    return (
+        "## Plants of measured and published records\n\n"
+        "Names that `rdpi simulate --model`, `rdpi bench --plants`, `rdpi compare --model` and "
+        '`gymnasium.make("rdpi_gym/PiezoTracking-v0", plant=...)` take. Truth and belief of unlike cores show what a '
+        "wrong kind of hysteresis costs. Held out is the rms error on records that were not fitted. The stack's plants "
+        "have a creep and a lag beside the core; its record has 1 Hz alone, and what they do at other rates is "
+        "extrapolated.\n\n"
+        + table(["plant", "core and effects", "commands", "held out"], rows)
+        + "\n\n"
+        + "\n".join(f"- `{name}`: {source}." for name, source in sources.items())
+        + "\n\nOnly parameters ship, not the records. `python -m studies.core_plants` makes the files again from "
+        "records in `$RDPI_DATA`.\n"
     )
 
 

@@ -7,8 +7,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, runtime_checkable
 
+from rdpi_gym.measurement import stated_quantities
 from rdpi_gym.measurement.options import unknown_name
-from rdpi_gym.plant import PLANTS, PlantModel, find_plant, named_plant
+from rdpi_gym.plant import PLANTS, RDPI, PlantModel, find_plant, named_plant
 from rdpi_gym.plant.effects import CATALOGUE, Effect, description, load_effect
 from rdpi_gym.support.files import write_atomic, write_json
 
@@ -201,7 +202,9 @@ class Effects(Catalogue[type[Effect]]):
 def _plant_line(name: str) -> str:
     plant = named_plant(name)
     low, high = plant.command_range_V
-    size = f"{plant.hysteresis.n} play operators, {low:g} to {high:g} V"
+    core = plant.hysteresis
+    what = f"{core.n} play operators" if isinstance(core, RDPI) else core.title
+    size = f"{what}, {low:.4g} to {high:.4g} {stated_quantities(plant.identification).input.unit}"
     return f"{size}; {plant.note}" if plant.note else size
 
 

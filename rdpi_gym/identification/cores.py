@@ -31,7 +31,7 @@ _SAMPLES = 40_000
 _FIRST_STEPS, _STEPS = 6, 60
 # Prices of uneven gains that are tried, and what the largest one taken may add to the least error
 # of blocks held out: loops that records repeat tell nothing of what lies within them.
-_PRICES, _PATIENCE = (1e-2, 1e-3, 1e-4, 1e-5), 0.05
+_PRICES, _PATIENCE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), 0.05
 # Of the motion, what is left of it where there is no noise.
 _EXACT = 1e-4
 # Of the samples that move with a gain, the share of the one that moves most from which on it counts.

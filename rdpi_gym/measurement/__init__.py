@@ -4,7 +4,7 @@ from rdpi_gym.measurement.checking import MIN_SAMPLES
 from rdpi_gym.measurement.loading import load
 from rdpi_gym.measurement.options import COLUMNS, UNITS, DataOptions, parse_columns, parse_units
 from rdpi_gym.measurement.published import DATA_HINT, measured_data
-from rdpi_gym.measurement.quantities import Quantities, Quantity
+from rdpi_gym.measurement.quantities import Quantities, Quantity, stated_quantities
 from rdpi_gym.measurement.record import (
     Dataset,
     Record,
@@ -36,5 +36,6 @@ __all__ = [
     "other_name",
     "parse_columns",
     "parse_units",
+    "stated_quantities",
     "write_csv",
 ]

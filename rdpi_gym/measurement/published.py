@@ -8,8 +8,9 @@ from pathlib import Path
 DATA_HINT = (
     "The measured data are published: PICMA in the GitHub repository yan9a/DiscreteBacklashOperator "
     "(Y. N. Aye, W. T. Ang, 2018), FSM in merijnfloren/fsm-benchmark-data and at "
-    "nonlinearbenchmark.org; put a copy into a folder with subfolders picma and fsm and let the "
-    "environment variable RDPI_DATA name it"
+    "nonlinearbenchmark.org, the friction damper in ARTS-Laboratory/"
+    "Dataset-Friction-Damper-with-Backlash; put a copy into a folder with subfolders picma, fsm and "
+    "friction_damper and let the environment variable RDPI_DATA name it"
 )
 """One sentence that tells a user where the data come from and how to point the tools at them."""
 
@@ -20,7 +21,7 @@ def measured_data(name: str) -> Path | None:
     Parameters
     ----------
     name
-        ``picma`` or ``fsm``.
+        ``picma``, ``fsm`` or ``friction_damper``.
 
     Returns
     -------

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from rdpi_gym.measurement.units import measured_by, ratio, shown_unit
 from rdpi_gym.support.errors import InputError, printable
@@ -156,6 +157,32 @@ class Quantities:
             for side in (fields.inner("input"), fields.inner("output"))
         ]
         return cls(found[0], found[1])
+
+
+def stated_quantities(identification: Mapping[str, Any]) -> Quantities:
+    """Return what a plant's input and output are, as the fit that made it has stated.
+
+    Parameters
+    ----------
+    identification
+        Of the plant.
+
+    Examples
+    --------
+    >>> force = Quantities(output=Quantity("force", "F", "kN"))
+    >>> stated_quantities({"quantities": force.to_dict()}) == force
+    True
+    >>> stated_quantities({}).are_standard
+    True
+    """
+    sides, found = identification.get("quantities"), dict(STANDARD)
+    if isinstance(sides, Mapping):
+        for key, standard in STANDARD.items():
+            side = sides.get(key)
+            texts = [side.get(k) for k in vars(standard)] if isinstance(side, Mapping) else [None]
+            if all(isinstance(text, str) for text in texts):
+                found[key] = Quantity(*map(str, texts))
+    return Quantities(found["input"], found["output"])
 
 
 _DONE = "\N{NO-BREAK SPACE}"

@@ -1,4 +1,4 @@
-"""Plants by name: the paper's two, their static and test-bench forms, and the measured stack."""
+"""Plants by name: the paper's two, their static and test-bench forms, and those of measured records."""
 
 from __future__ import annotations
 
@@ -28,26 +28,28 @@ def _bench(model: PlantModel) -> PlantModel:
     )
 
 
+def _library() -> Path:
+    return Path(str(files("rdpi_gym.plant") / "library"))
+
+
+MEASURED: tuple[str, ...] = tuple(sorted(path.stem for path in _library().glob("*.json")))
+"""Those of measured or published records; each file says which, and what was held out."""
 PLANTS: tuple[str, ...] = (
-    "P5",
-    "P10",
-    "P5-static",
-    "P10-static",
-    "P5-bench",
-    "P10-bench",
-    "picma",
+    "P5", "P10", "P5-static", "P10-static", "P5-bench", "P10-bench", *MEASURED,
 )  # fmt: skip
 
 
 @cache
 def named_plant(name: str) -> PlantModel:
-    """Return one of the plants of :data:`PLANTS`, all with the literal rate of Eq. 5.
+    """Return one of the plants of :data:`PLANTS`, RDPI models with the literal rate of Eq. 5.
 
     Parameters
     ----------
     name
         ``P5`` and ``P10`` are the paper's sets; ``-static`` has δ2 = 0; ``-bench`` adds 50 µs
-        converters, 10 nm resolution and noise; ``picma`` was identified from a measured stack.
+        converters, 10 nm resolution and noise. ``picma`` was identified from a measured stack, and
+        ``picma-preisach`` and its like from the same with another core; ``friction_damper-stop``
+        and its like from a damper (kN over mm); ``lugre-1995`` is published (N over µm).
 
     Raises
     ------
@@ -61,8 +63,8 @@ def named_plant(name: str) -> PlantModel:
     """
     if name not in PLANTS:
         raise InputError(f"no plant is named {shown(name)}; known are {', '.join(PLANTS)}")
-    if name == "picma":
-        return PlantModel.load(Path(str(files("rdpi_gym.plant") / "library" / "picma.json")))
+    if name in MEASURED:
+        return PlantModel.load(_library() / f"{name}.json")
     base, _, form = name.partition("-")
     model = P5 if base == "P5" else P10
     if form == "static":

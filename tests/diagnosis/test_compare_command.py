@@ -1,7 +1,6 @@
 """`rdpi compare`: what it writes, and the one line that bad input gets."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -139,9 +138,7 @@ def test_several_models_beside_each_other(data, tmp_path, capsys):
 
 
 def test_models_of_other_quantities_and_too_many_are_refused(data, tmp_path, capsys):
-    told = {"input": {"unit": "mm"}, "output": {"unit": "kN"}}
-    damper = replace(P5, identification={"quantities": told}).save(tmp_path / "damper.json")
-    line = refused([data, "--model", "P5", "--model", damper], capsys)
-    assert "model damper turns mm into kN, and these data have V and µm" in line
+    line = refused([data, "--model", "P5", "--model", "friction_damper-stop"], capsys)
+    assert "model friction_damper-stop turns mm into kN, and these data have V and µm" in line
     seven = [word for _ in range(7) for word in ("--model", "P5")]
     assert "7 models are more than a page shows clearly; give 6" in refused([data, *seven], capsys)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from rdpi_gym.diagnosis.comparison.compare import FORMAT, VERSION, Comparison, compare_each
 from rdpi_gym.diagnosis.comparison.findings import FEW_HALF_CYCLES
-from rdpi_gym.measurement import Dataset, Quantities
+from rdpi_gym.measurement import Dataset, Quantities, stated_quantities
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import joined, micrometres
@@ -204,12 +204,8 @@ def compare_several(dataset: Dataset, models: Mapping[str, PlantModel]) -> Model
 
 
 def _check_quantities(name: str, model: PlantModel, measured: Quantities) -> None:
-    stated = model.identification.get("quantities")
-    own = stated if isinstance(stated, Mapping) else Quantities().to_dict()
-    units = [
-        side.get("unit") if isinstance(side := own.get(key), Mapping) else None
-        for key in ("input", "output")
-    ]
+    own = stated_quantities(model.identification)
+    units = [own.input.unit, own.output.unit]
     there = [measured.input.unit, measured.output.unit]
     if units != there:
         raise InputError(
