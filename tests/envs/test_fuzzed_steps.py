@@ -75,7 +75,8 @@ def random_case(rng: np.random.Generator) -> Case:
         "action": str(rng.choice(["command", "increment", "correction"])),
     }
     if keywords["action"] == "correction":
-        keywords["baseline"] = str(rng.choice(BASELINES))
+        is_rdpi = plant.hysteresis.name == "rdpi"
+        keywords["baseline"] = str(rng.choice(BASELINES)) if is_rdpi else "core-inverse"
     if keywords["action"] != "command":
         keywords["action_scale_V"] = float(rng.choice([0.1, 5.0, 500.0]))
     history = int(rng.integers(0, 6)) if rng.random() < 0.4 else None
