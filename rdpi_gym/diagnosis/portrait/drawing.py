@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from rdpi_gym.diagnosis.portrait.kin import Character, character
-from rdpi_gym.diagnosis.portrait.learning import block_of, learn
+from rdpi_gym.diagnosis.portrait.learning import SAMPLES, block_of, learn
 from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
 from rdpi_gym.diagnosis.portrait.sentences import experiment_for, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import Tried, shares, try_all
@@ -28,6 +28,7 @@ _TAKES = 0.1
 _AS_WELL = 0.5
 _NO_LAG_S = 1e-6
 _FEWEST_RECORDS, _PIECES = 3, 8
+_Term = tuple[float, float, float, float, tuple[str, ...]]
 
 
 def draw(
@@ -63,7 +64,7 @@ def draw(
     Portrait or None
         None where no block takes a tenth of the error on the records held out.
     """
-    base = assess(setting, "", setting.fit(hysteresis, present, samples=_SAMPLES))
+    base = assess(setting, "", setting.fit(hysteresis, present, samples=SAMPLES))
     tried = try_all(setting, hysteresis, present, forms, progress)
     best = tried[0]
     before, after = (o.errors.validation_rmse_um for o in (base, best.outcome))
@@ -71,7 +72,7 @@ def draw(
         return None
     places = shares(tried, _by(tried, lambda t: _said(t.place)), seed)
     natures = shares(tried, _by(tried, lambda t: str(bool(t.time_constants_s))), seed)
-    parities = shares(tried, _by(_beside(tried, best), lambda t: t.parity), seed)
+    parities = shares(tried, _by(_like(tried, best), lambda t: t.parity), seed)
     place, parity = (max(each, key=lambda name: each[name]) for each in (places, parities))
     memories = natures.get("True", 0.0)
     taus = _time_constants(setting, hysteresis, present, best)
@@ -105,28 +106,23 @@ def draw(
         experiment="",
         sentences=(),
     )
-    drawn = replace(drawn, experiment=experiment_for(drawn, setting.scale))
-    return replace(drawn, sentences=sentences_of(drawn, setting.scale))
-
-
-_SAMPLES = 10_000
-_Term = tuple[float, float, float, float, tuple[str, ...]]
+    drawn = replace(drawn, experiment=experiment_for(drawn))
+    return replace(drawn, sentences=sentences_of(drawn))
 
 
 def _said(place: str) -> str:
     return "behind" if place == "beside" else place
 
 
-def _by(tried: Sequence[Tried], name: object) -> dict[str, list[Tried]]:
-    assert callable(name)
+def _by(tried: Sequence[Tried], name: Callable[[Tried], str]) -> dict[str, list[Tried]]:
     groups: dict[str, list[Tried]] = {}
     for one in tried:
         groups.setdefault(name(one), []).append(one)
     return groups
 
 
-def _beside(tried: Sequence[Tried], best: Tried) -> list[Tried]:
-    """The blocks of the best one's place, with a memory or without as it."""
+def _like(tried: Sequence[Tried], best: Tried) -> list[Tried]:
+    """Blocks of the best one's place and nature; one memory beside two."""
     return [
         t
         for t in tried
@@ -233,15 +229,11 @@ def _drift(setting: Setting, best: Tried) -> Value | None:
         own, left = own - own.mean(), left - left.mean()
         if len(own) < _PIECES * _PIECES or not own.any():
             continue
-        halves = [
-            float(a @ b) / max(float(a @ a), 1e-300)
-            for a, b in zip(
-                np.array_split(own, _PIECES), np.array_split(left, _PIECES), strict=True
-            )
-        ]
-        sizes = [float(a @ a) for a in np.array_split(own, _PIECES)]
-        mean = float(np.average(halves, weights=sizes))
-        spread = float(np.average((np.array(halves) - mean) ** 2, weights=sizes))
+        pieces = zip(np.array_split(own, _PIECES), np.array_split(left, _PIECES), strict=True)
+        products = np.array([(float(a @ b), max(float(a @ a), 1e-300)) for a, b in pieces])
+        stronger = products[:, 0] / products[:, 1]
+        mean = float(np.average(stronger, weights=products[:, 1]))
+        spread = float(np.average((stronger - mean) ** 2, weights=products[:, 1]))
         clocks.append(0.5 * float(record.t_s[0] + record.t_s[-1]))
         factors.append(mean)
         errors.append(math.sqrt(spread / (_PIECES - 1)) + 1e-4)

@@ -13,7 +13,7 @@ from rdpi_gym.support.progress import Progress
 
 # Passes and samples in which every start shows which are worth the rest, and how many of them are.
 _FIRST_PASSES, _FIRST_SAMPLES, _FOLLOWED = 4, 4_000, 2
-_PASSES, _SAMPLES = 20, 10_000
+_PASSES, SAMPLES = 20, 10_000
 # Times the least squared error, on the records held out, that a memory may leave to be worth a second.
 _NEAR = 2.0
 
@@ -57,7 +57,7 @@ def learn(
         ]  # fmt: skip
         best = sorted(first, key=lambda fit: fit.train_rmse_um)[:_FOLLOWED]
         begun = [(fit.variant.hysteresis, fit.variant.effects) for fit in best]
-    fits = [setting.fit(core, effects, _PASSES, held, _SAMPLES) for core, effects in begun]
+    fits = [setting.fit(core, effects, _PASSES, held, SAMPLES) for core, effects in begun]
     return assess(setting, Unknown.name, min(fits, key=lambda fit: fit.train_rmse_um))
 
 

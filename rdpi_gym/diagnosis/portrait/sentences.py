@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from rdpi_gym.diagnosis.portrait.portrait import Portrait, Value
-from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.support.words import joined, micrometres, number, pm
 
 _PLACES = {
@@ -34,15 +33,13 @@ _BETWEEN = {
 _DRIFTS = 2.0  # errors from which on a change is one
 
 
-def experiment_for(drawn: Portrait, scale: DataScale) -> str:
+def experiment_for(drawn: Portrait) -> str:
     """Return the experiment that would show the effect best, or tell what is open.
 
     Parameters
     ----------
     drawn
         The portrait, its sentences not needed.
-    scale
-        Size of the data.
     """
     if drawn.place is None:
         first, second, *_ = sorted(drawn.places, key=lambda name: -drawn.places[name])
@@ -66,15 +63,13 @@ def experiment_for(drawn: Portrait, scale: DataScale) -> str:
     )
 
 
-def sentences_of(drawn: Portrait, scale: DataScale) -> tuple[str, ...]:
+def sentences_of(drawn: Portrait) -> tuple[str, ...]:
     """Return the portrait in words, the answer with its number first.
 
     Parameters
     ----------
     drawn
         The portrait.
-    scale
-        Size of the data.
     """
     said = [
         f"A free block takes the validation error from {micrometres(drawn.before_um)} to "
