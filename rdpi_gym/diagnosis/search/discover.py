@@ -130,8 +130,10 @@ def discover(
     if chosen is not None:
         base = without_base.base_of(chosen)
         second, its_notes = _ended(without_base, _Way(base, base), given)
-        if second.state.outcome.mean_square < _CLEARLY * way.state.outcome.mean_square:
+        if laboratory.gives_way(way.state, second.state):
             laboratory, way, notes = without_base, second, its_notes
+        else:
+            notes = (*notes, laboratory.left_by(chosen, way.state, second.state))
     state, rounds = way.state, list(way.rounds)
     sure = laboratory.sure(state, way.added, way.rivals)
     state, unstable = laboratory.less_sure(state, sure)

@@ -129,6 +129,8 @@ _FLOOR_FROM = 3
 # Noise floors from which on another core is asked for at the end, and what its first steps have to
 # leave of the error of the records to fit.
 _NOWHERE, _HOPEFUL = 2.0, 0.7
+# It takes the place of RDPI where it leaves so few noise floors and so much less, or far less.
+_NEAR, _BESIDES, _FAR = 1.5, 0.6, 0.1
 # Where all rates are alike, an effect at this cosine to that of δ2 is indistinguishable from it.
 _LIKE_RATE = 0.9
 
@@ -256,6 +258,23 @@ class Laboratory:
         if not instead(ways, state.outcome, self._seed):
             return None
         return choose([*ways, Fitted(RDPI, state.outcome)], self.core.clockwise, self._seed)[0]
+
+    def gives_way(self, state: State, other: State) -> bool:
+        """Whether a model of another core is at the noise, or so much better that it takes the place of one.
+
+        Many gains make up for an effect that was not found: to be better is not enough.
+        """
+        left, its = state.outcome.mean_square, other.outcome.mean_square
+        near = its <= _NEAR**2 * self.noise_um**2
+        return its < _FAR * left or (near and its < _BESIDES * left)
+
+    def left_by(self, core: CoreChoice, state: State, other: State) -> str:
+        """Say what a search with another core left, which did not take the place of this one."""
+        own_um, its_um = (s.outcome.errors.validation_rmse_um for s in (state, other))
+        return (
+            f"the core {core.kind} with its own effects leaves {its_um:.4g} µm held out, {RDPI.name} "
+            f"{own_um:.4g} µm: --core {core.kind} shows it"
+        )
 
     def base_of(self, core: CoreChoice) -> State:
         """Refit the base model with a core that was chosen, without effects."""
