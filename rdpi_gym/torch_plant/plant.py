@@ -9,7 +9,8 @@ import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from rdpi_gym.plant import RDPI, Plant, PlantModel
+from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
+from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.plant.effects.base import Effect, Slot
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.torch_plant.hysteresis import RDPITensors, play_sum, rate
@@ -41,7 +42,8 @@ class TorchPlant:
     Raises
     ------
     InputError
-        As `Plant`; a device that is not there; another dtype; an effect without a form in torch.
+        As `Plant`; a device that is not there; another dtype; a hysteresis core that is no sum of
+        plays, or an effect without a form in torch.
 
     Attributes
     ----------
@@ -74,6 +76,7 @@ class TorchPlant:
         self.device, self.dtype = checked_device(device), dtype
         on_cpu = Plant(models, ts_s)  # refuses what cannot run side by side
         self.models, self.ts_s = on_cpu.models, on_cpu.ts_s
+        _check_core(self.models[0])
         self.lanes = lanes if shared else on_cpu.lanes
         hysteresis = [model.hysteresis for model in self.models]
         self.parameters = RDPITensors.of(
@@ -303,3 +306,14 @@ def checked_device(device: torch.device | str) -> torch.device:
     if found.type == "cuda" and not torch.cuda.is_available():
         raise InputError(f"device {device!r} asked for and no CUDA device is there; give 'cpu'")
     return found
+
+
+def _check_core(model: PlantModel) -> None:
+    """Refuse a plant whose core runs on another kernel than that of the plays."""
+    if type(model.hysteresis).block is given_rate_block:
+        return
+    known = " or ".join(n for n, kind in CORES.items() if kind.block is given_rate_block)
+    raise InputError(
+        f"plant {model.name} has the core {model.hysteresis.name}, and in torch there are plays, the core "
+        f"{known}; run it by rdpi_gym.plant.Plant"
+    )

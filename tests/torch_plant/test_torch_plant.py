@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from rdpi_gym.plant import RDPI, Converter, Plant, PlantModel, named_plant
+from rdpi_gym.plant.cores.duhem import Duhem
+from rdpi_gym.plant.cores.stop import Stop
 from rdpi_gym.plant.effects import CATALOGUE, Effect, forms_of
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.torch_plant import TorchPlant
@@ -73,6 +75,19 @@ def test_displacement_is_that_of_the_kernels(name: str, hz: float | None, ts_s: 
     # The kernels may sum the plays in another order, hence the last digits of float64.
     assert deviation(double, y) < 1e-14
     assert deviation(single.float(), y) < 1e-6
+
+
+def test_stops_run_on_the_same_plays_and_another_core_is_refused() -> None:
+    stop = PlantModel(Stop((2.0, 1.0), (1.0, 4.0), 0.5), "friction", (-9.0, 9.0), (0.0, 4.0))
+    u = commands(stop, TS_S, samples=400, lanes=3)
+    y = Plant(stop, TS_S, lanes=3).simulate(u)
+    ours = TorchPlant(stop, TS_S, lanes=3, dtype=torch.float64).simulate(torch.from_numpy(u))
+    assert deviation(ours, y) < 1e-13
+    other = stop.with_hysteresis(Duhem(1.0, 0.7, 12.0))
+    with pytest.raises(
+        InputError, match="plant friction has the core duhem, and in torch there are"
+    ):
+        TorchPlant(other, TS_S)
 
 
 @settings(max_examples=25)
