@@ -8,6 +8,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, overload
 
+import numpy as np
+
 from rdpi_gym import diagnosis, measurement
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import as_dataset, in_words_of
@@ -115,12 +117,18 @@ class ModelComparison(Shown, diagnosis.ModelComparison):
         return self.records
 
     def overview(self) -> pd.DataFrame:
-        """Return the errors by record and role, with the noise floor and the nearest models."""
-        own = {name: f"{name} (µm)" for name in self.names}
-        heads = {"noise_floor": "noise floor (µm)", "best": "nearest"}
-        return self._told_table(
-            self.records.drop(columns="samples").rename(columns={**own, **heads})
-        )
+        """Return the errors by record and role, the nearest marked, and the noise floor."""
+        table, near = self.records, self.near(self.records)
+        frame = table[["record", "role"]].copy()
+        for name in self.names:
+            marks = np.where(near[name], " *", "")
+            frame[name] = [f"{e:.3g}{m}" for e, m in zip(table[name], marks, strict=True)]
+        frame.loc[len(frame)] = [
+            "noise floor",
+            "",
+            *[f"{self.noise_floor_um:.3g}"] * len(self.names),
+        ]
+        return self._told_table(frame.rename(columns={"record": "RMS error (µm), * nearest"}))
 
     def _names(self) -> Sequence[str]:
         traces = self.comparisons[0].traces
