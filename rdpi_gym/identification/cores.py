@@ -25,8 +25,9 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, silent
 
-# Samples that enter the squares: a core of a hundred gains has hundreds for each.
-_SAMPLES = 40_000
+# Samples that enter the squares: a core of a hundred gains has hundreds for each; and for each gain
+# where a price is tried.
+_SAMPLES, _EACH = 40_000, 80
 # Steps of the search over the shape from each start, and in all from the best.
 _FIRST_STEPS, _STEPS = 6, 60
 # Prices of uneven gains that are tried, and what the largest one taken may add to the least error
@@ -210,7 +211,7 @@ def _smoothest(
     ways: list[tuple[float, Core, float]] = []
     begins, passes = starts, 1
     for price in _PRICES:
-        problem = _Problem([part for part, _ in parts], price)
+        problem = _Problem([part for part, _ in parts], price, samples=_EACH * len(bare.gains))
         best = min(
             (problem.searched(start, _FIRST_STEPS) for start in begins), key=lambda p: p.squares
         )
@@ -236,9 +237,15 @@ class _Point:
 class _Problem:
     """Records, what a core leaves of them, and what the unevenness of its gains costs."""
 
-    def __init__(self, records: Sequence[Record], price: float = 0.0, passes: int = 0) -> None:
+    def __init__(
+        self,
+        records: Sequence[Record],
+        price: float = 0.0,
+        passes: int = 0,
+        samples: int = _SAMPLES,
+    ) -> None:
         self._records = records
-        self._kept = kept_samples(records, _SAMPLES)
+        self._kept = kept_samples(records, samples)
         self._price = price
         self.passes = passes
 
@@ -248,8 +255,8 @@ class _Problem:
 
     def mean_square(self, core: Core) -> float:
         """Return what a core leaves as it is (µm²)."""
-        x, y = self._columns(core)
-        return float(np.mean((y - x @ np.array(core.gains)) ** 2))
+        rows, y = self._rows(core)
+        return float(np.mean((y - np.array(core.gains) @ rows) ** 2))
 
     @property
     def motion(self) -> float:
@@ -257,35 +264,40 @@ class _Problem:
         y = np.concatenate([r.y_um[kept] - r.y_um[kept].mean() for r, kept in self._pairs()])
         return float(np.mean(y**2))
 
-    def _columns(self, core: Core) -> tuple[Array, Array]:
-        columns, measured = [], []
+    def _rows(self, core: Core) -> tuple[Array, Array]:
+        """Return responses and displacement (µm) at the samples kept, each record's without mean."""
+        rows = np.empty((len(core.gains), sum(map(len, self._kept))))
+        measured, first = [], 0
         for record, kept in self._pairs():
-            rows = responses_to(core, record)[kept]
-            columns.append(rows - rows.mean(axis=0))
+            part = rows[:, first : first + len(kept)]
+            # every index is within: without the check NumPy copies once
+            np.take(responses_to(core, record).T, kept, axis=1, out=part, mode="clip")
+            part -= part.mean(axis=1, keepdims=True)
             y = record.y_um[kept]
             measured.append(y - y.mean())
-        return np.vstack(columns), np.concatenate(measured)
+            first += len(kept)
+        return rows, np.concatenate(measured)
 
     def projected(self, core: Core) -> _Point:
         """Solve for the gains of a core of this shape."""
         self.passes += 1
-        x, y = self._columns(core)
+        rows, y = self._rows(core)
         if not self.enough_for(core):
             raise InputError(
-                f"{len(y)} samples count for {x.shape[1]} gains of the core {core.name}; give twice "
+                f"{len(y)} samples count for {len(rows)} gains of the core {core.name}; give twice "
                 "as many samples, or a core with fewer"
             )
-        gram = x.T @ x
+        gram = rows @ rows.T
         spread = np.sqrt(np.diag(gram))
         moves = spread > _LEAST_MOTION * spread.max()
         if self._price > 0.0:  # what no record moves is as its neighbours are
             price = len(y) * self._price**2 * core.roughness()
             moves |= np.diag(price) > 0.0
             gram += price
-        gains = signed_least_squares(gram, x.T @ y, core.signed, moves, 0.0)
+        gains = signed_least_squares(gram, rows @ y, core.signed, moves, 0.0)
         fitted = core.with_gains(gains.tolist())
         found = np.array(fitted.gains)
-        left: Array = y - x @ found
+        left: Array = y - found @ rows
         paid = float(found @ price @ found) if self._price > 0.0 else 0.0
         return _Point(fitted, float(left @ left) + paid, left)
 
