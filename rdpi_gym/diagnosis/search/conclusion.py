@@ -20,7 +20,7 @@ from rdpi_gym.diagnosis.search.law import plant_of
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.diagnosis.search.record_clocks import record_clocks
-from rdpi_gym.diagnosis.search.remainder import FOLLOWS, remainder
+from rdpi_gym.diagnosis.search.remainder import FOUND, remainder
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
 from rdpi_gym.diagnosis.search.vetoes import capped
@@ -211,7 +211,7 @@ def _portrait(laboratory: Laboratory, search: Search, left: Left | None) -> Port
     """Draw what is left, where it follows from the command and no block stands for it already."""
     present = {effect.name for effect in search.end.effects}
     searched = search.kind in ("diagnosis", "discovery") and laboratory.undecided is None
-    if not searched or left is None or left.low < FOLLOWS or Unknown.name in present:
+    if not searched or left is None or left.low < FOUND or Unknown.name in present:
         return None
     last = [r.candidate for r in search.rounds[-1]] if search.rounds else []
     return laboratory.portrait(search.end, nearest_of(last, search.end.effects))

@@ -31,7 +31,8 @@ _FEWEST_BLOCKS = 8  # with fewer no interval can be told
 _NOTHING = 0.33
 FOLLOWS = 0.3
 """Share of the excess from which on it may not be said that it does not follow from the input."""
-_FOUND = 0.05  # share above which something was found
+FOUND = 0.05
+"""Share above which something was found that follows from the input."""
 _UNSURE = 0.1  # a lower end so far below what was predicted is no answer yet
 _QUIET_PIECES, _FEWEST_QUIET = 8, 64
 # The noise may be so many times its estimate before what exceeds it is called a disturbance.
@@ -297,7 +298,7 @@ def _sentence(found: Remainder, learned: float, little: bool, origin: str) -> st
         return "What is left is the noise."
     left = f"what is left ({micrometres(found.left_um)} rms over the noise)"
     seen = f"a learner with memory predicts {_percent(learned)} % of it on data it has not seen"
-    if found.low < _FOUND and learned > found.low + _UNSURE:
+    if found.low < FOUND and learned > found.low + _UNSURE:
         seen += f", too unevenly to be sure of more than {_percent(found.low)} %"
     if found.repeats is not None:
         seen += (
@@ -307,15 +308,15 @@ def _sentence(found: Remainder, learned: float, little: bool, origin: str) -> st
     disturbed = (
         f"at least {_percent(1.0 - found.high)} % is a disturbance: {origin} by more than the noise"
     )
-    if found.low >= _FOUND:
+    if found.low >= FOUND:
         text = f"At least {_percent(found.low)} % of {left} follows from the input: {seen}."
         if found.low >= FOLLOWS:
             text += " The model lacks an effect, or has one or the hysteresis in another form."
-        return text + (f" {_capital(disturbed)}." if found.high < 1.0 - _FOUND else "")
+        return text + (f" {_capital(disturbed)}." if found.high < 1.0 - FOUND else "")
     hides = f"an effect of less than {micrometres(found.hidden_um)} rms could hide"
     if found.high <= FOLLOWS and (found.repeats or 0.0) < FOLLOWS:
         return f"Nothing was found that follows from the input; {hides}. Of {left} {disturbed}."
-    if found.high < 1.0 - _FOUND:
+    if found.high < 1.0 - FOUND:
         return f"Of {left} {disturbed}. These records cannot tell whether the rest follows from the input: {seen}; {hides}."
     return (
         f"These records cannot tell whether {left} follows from the input: {seen}, and neither "
