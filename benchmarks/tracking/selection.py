@@ -23,7 +23,7 @@ from benchmarks.tracking.own import Made
 from benchmarks.tracking.stages import Stage, make_stage
 from benchmarks.tracking.suite import REFERENCES, SEEDS
 from benchmarks.tracking.trial import try_controller
-from rdpi_gym.plant import PLANTS, RDPI, PlantModel, check_ts, find_plant
+from rdpi_gym.plant import PLANTS, PlantModel, check_ts, find_plant
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.plugins import load_attribute
@@ -149,7 +149,8 @@ def select(
     if controllers is None:
         shipped, notes = shipped_policies()
         with_effects = any(model.effects for model in told)
-        with_cores = any(model.hysteresis.name != RDPI.name for model in told)
+        inverted = tuple(kind for kind in map(needed_core, CONTROLLERS) if kind is not None)
+        with_cores = any(not isinstance(model.hysteresis, inverted) for model in told)
         controllers = [
             name
             for name in CONTROLLERS
