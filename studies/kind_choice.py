@@ -26,6 +26,7 @@ from rdpi_gym.identification.kinds import choose_kind
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
 from rdpi_gym.plant import CORES, PlantModel
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.signals.experiments import PAUSE_S
@@ -86,12 +87,7 @@ def drawn(case: Case) -> tuple[PlantModel[Any], Dataset]:
     kinds, effects = list(CORES), ["", *AROUND]
     words = (case.seed, kinds.index(case.kind), effects.index(case.effect), case.number)
     rng = np.random.default_rng(words)
-    starts = CORES[case.kind].starts(_SCALE)
-    core = starts[int(rng.integers(len(starts)))]
-    shape = {p.name: float(getattr(core, p.name)) for p in core.shape if not p.fixed}
-    core = core.with_shape({name: value * rng.uniform(0.6, 1.6) for name, value in shape.items()})
-    gains = np.array(core.gains) * rng.uniform(0.3, 1.7, len(core.gains))
-    core = core.with_gains(gains.tolist())
+    core = draw_core(CORES[case.kind], rng)
     own: tuple[Effect, ...] = (CATALOGUE[case.effect](),) if case.effect else ()
     plant: PlantModel[Any] = PlantModel(core, case.kind, (-30.0, 30.0), (0.0, 8.0), effects=own)
     if case.protocol == PROTOCOLS[0]:
@@ -99,6 +95,16 @@ def drawn(case: Case) -> tuple[PlantModel[Any], Dataset]:
         truth = Truth(plant, (), noise_um=noise_um, seed=case.number, ts_factor=4.0)
         return plant, simulate_dataset(truth)
     return plant, Dataset(case.key, tuple(_records(plant, rng)))
+
+
+def draw_core(kind: type[Core], rng: np.random.Generator) -> Core:
+    """Draw a core of a kind for commands of 30 V either way: one of its starts, every number changed."""
+    starts = kind.starts(_SCALE)
+    core = starts[int(rng.integers(len(starts)))]
+    shape = {p.name: float(getattr(core, p.name)) for p in core.shape if not p.fixed}
+    core = core.with_shape({name: value * rng.uniform(0.6, 1.6) for name, value in shape.items()})
+    gains = np.array(core.gains) * rng.uniform(0.3, 1.7, len(core.gains))
+    return core.with_gains(gains.tolist())
 
 
 def _records(plant: PlantModel[Any], rng: np.random.Generator) -> list[Record]:

@@ -254,7 +254,10 @@ class Laboratory:
             return None
         least_um = _HOPEFUL * state.outcome.errors.train_rmse_um
         kinds = turning(self.core.clockwise)
-        ways = fit_kinds(self.setting, kinds, self._progress, state.effects, least_um)
+        ways = fit_kinds(self.setting, kinds, self._progress, (), least_um)
+        if state.effects and not instead(ways, state.outcome, self._seed):
+            # effects that stand in for the core are none beside it, but others may be
+            ways = fit_kinds(self.setting, kinds, self._progress, state.effects, least_um)
         if not instead(ways, state.outcome, self._seed):
             return None
         return choose([*ways, Fitted(RDPI, state.outcome)], self.core.clockwise, self._seed)[0]
