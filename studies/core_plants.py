@@ -107,7 +107,7 @@ def published() -> PlantModel[Any]:
     Examples
     --------
     >>> plant = published()
-    >>> plant.name, plant.hysteresis.steady_um(0.0)
+    >>> plant.name, round(plant.hysteresis.steady_um(0.0), 6)
     ('lugre-1995', 1.5)
     """
     s0 = 1e5  # N/m; s1 = √s0 N s/m, s2 = 0.4 N s/m, Fc = 1 N, Fs = 1.5 N, vs = 1 mm/s
