@@ -116,8 +116,8 @@ def unknown_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Arra
             y[t, b] = x[t, b] + (p[4, b] + p[5, b] * x[t, b] + p[6, b] * u[t, b]) * total
 
 
-def _weight(name: str, text: str) -> Parameter:
-    return Parameter(name, "1", -5.0, 5.0, (-0.05, 0.05), text, neutral=0.0)
+def _weight(name: str, text: str, most: float = 5.0) -> Parameter:
+    return Parameter(name, "1", -most, most, (-0.05, 0.05), text, neutral=0.0)
 
 
 _CURVE = (
@@ -146,7 +146,8 @@ def _lagging(number: str) -> tuple[Parameter, ...]:
         _weight(f"even{of}", "share of s²"),
         _weight(f"odd{of}", "share of s |s|"),
         _weight(f"step{of}", "share of a step about the middle"),
-        _weight(f"speed{of}", "share of the absolute rate |r|"),
+        # the fastest record is not the one that lasts: a memory sees a small part of its rate
+        _weight(f"speed{of}", "share of the absolute rate |r|", 1e3),
         Parameter(
             f"time_constant{of}_s", "s", 1e-6, 1e9, (0.1, 10.0), "time constant τ of its lag"
         ),
