@@ -8,7 +8,7 @@ from rdpi_gym.support.words import closed, joined, micrometres
 
 AS_GIVEN = "model as given"
 """Name of the model that a search started from, in the list of models."""
-# Probability from which on it is said that something outside the catalogue may be missing.
+# Probability from which on it is said that something outside the catalogue may be missing, or nothing.
 _WORTH_SAYING = 0.05
 
 
@@ -66,7 +66,7 @@ def chances_sentence(result: SearchResult) -> str:
     said = [f"{n} {_percent(chances.effects[n])}" for n in chances.probable if n not in added]
     if chances.other >= _WORTH_SAYING:
         said.append(f"something outside the catalogue {_percent(chances.other)}")
-    if not added:
+    if not added and chances.none >= _WORTH_SAYING:
         said.append(f"nothing {_percent(chances.none)}")
     if not said:
         return ""
