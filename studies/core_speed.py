@@ -136,7 +136,7 @@ def measure(
 
     Examples
     --------
-    >>> measure(rounds=1, lanes=[16], periods=[50])["block_ratio"].min() > 0.0
+    >>> bool(measure(rounds=1, lanes=[16], periods=[50])["block_ratio"].min() > 0.0)
     True
     """
     rows = []

@@ -154,7 +154,7 @@ def test_a_cap_takes_no_effect_out():
     assert [(c.effect, c.confidence) for c in found.added] == [("congruency", MOST_UNSEEN)]
     assert found.verdict == "explained"
     said = "\n".join(lines(found))
-    assert "congruency: confidence 50 %" in said
+    assert "(best in 50 % of the ways to split the records)" in said
     assert "at most 50 %, as no test without a model sees congruency here: there are no" in said
 
 

@@ -522,7 +522,7 @@ def kin_of(kinds: Mapping[str, type[Effect]]) -> dict[str, frozenset[str]]:
     --------
     >>> from rdpi_gym.plant.effects import CATALOGUE
     >>> sorted(kin_of(CATALOGUE)["delay"])
-    ['actuator_lag', 'resonance', 'sensor_lag']
+    ['actuator_lag', 'rate_law', 'resonance', 'sensor_lag']
     """
     return {
         name: frozenset(
