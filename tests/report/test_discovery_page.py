@@ -9,6 +9,7 @@ import pytest
 
 from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
 from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
+from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step, View, steps_of
 from rdpi_gym.plant import P5
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
@@ -90,6 +91,25 @@ def test_the_answer_comes_first(made_discovery):
     assert said[1].startswith("- creep: confidence 99 %. creep makes the loops")
     assert said[2].startswith("- resonance: confidence 99 %, indistinguishable from delay on these")
     assert said[-1] == "Next experiment: A multisine below the first threshold."
+
+
+def test_probabilities_stand_beside_the_names(made_discovery, tmp_path):
+    chances = Probabilities(
+        {"creep": 0.98, "resonance": 0.4, "delay": 0.2, "backlash": 0.01},
+        {"creep": 0.97, "resonance": 0.9}, 0.0, 0.07, ("creep", "resonance", "delay"),
+    )  # fmt: skip
+    found = made_discovery(probabilities=chances)
+    said = lines(found)
+    assert said[1].startswith("- creep: 98 % probable (best in 99 % of the ways to split")
+    assert said[2].startswith(
+        "- resonance: 40 % probable, 90 % that it or an indistinguishable one is there (best in"
+    )
+    assert said[3] == "May be missing besides: delay 20 % and something outside the catalogue 7 %."
+    assert "Probability (%)" in page_of(found, tmp_path)
+    nothing = made_discovery(**NOTHING, probabilities=replace(chances, none=0.83, other=0.0))
+    assert "creep 98 %, resonance 40 % and delay 20 %. That nothing is missing is 83 %" in lines(
+        nothing
+    )[1]  # fmt: skip
 
 
 def test_the_answer_names_sizes(made_discovery):

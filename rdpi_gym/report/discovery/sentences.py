@@ -66,12 +66,10 @@ def chances_sentence(result: SearchResult) -> str:
     said = [f"{n} {_percent(chances.effects[n])}" for n in chances.probable if n not in added]
     if chances.other >= _WORTH_SAYING:
         said.append(f"something outside the catalogue {_percent(chances.other)}")
+    sentences = [f"May be missing{' besides' if added else ''}: {joined(said)}"] if said else []
     if not added and chances.none >= _WORTH_SAYING:
-        said.append(f"nothing {_percent(chances.none)}")
-    if not said:
-        return ""
-    what = "besides, " if added else ""
-    return f"Probable {what}to be missing: {joined(said)}"
+        sentences.append(f"That nothing is missing is {_percent(chances.none)} probable")
+    return ". ".join(sentences)
 
 
 def _percent(chance: float) -> str:
