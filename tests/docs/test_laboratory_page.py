@@ -38,7 +38,8 @@ def test_the_figures_are_those_of_the_second_study():
     cases = pd.read_csv(FOREIGN / "cases.csv")
     for study, rows in cases[cases["study"] != "none"].groupby("study"):
         assert f"on {int((rows['additions'] > 0).sum())} of {len(rows)} |" in SECOND, study
-    assert f"So far {len(cases)} of the thousand" in SECOND
+    assert len(cases) == 1000
+    assert "All thousand plants" in SECOND
     said = re.search(r"left is true .*\((\d+ of \d+)\)", table)
     assert f"| {said[1]} | |" in SECOND
 
