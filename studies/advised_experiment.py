@@ -14,23 +14,20 @@ import time
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
 from benchmarks.hidden_effects import cases as study
-from benchmarks.hidden_effects.run import run_rows
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.markdown import frame_table
-from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError
+from studies.rows import study_rows
 
 RESULTS = Path(__file__).parent / "results" / "advised_experiment"
 GIVEN = (
@@ -133,12 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _study(asked: Namespace) -> None:
-    code = fingerprint(code_parts([*room_files(*_ROOMS), Path(__file__)]))
-    with progress_bar() as show:
-        rows = run_rows(
-            make(asked.plants, asked.seed), asked.out, partial(run_case, code=code), code,
-            asked.jobs, show, lambda sentence: print(sentence, file=sys.stderr),
-        )  # fmt: skip
+    rows = study_rows(make(asked.plants, asked.seed), run_case, asked, _ROOMS, [Path(__file__)])
     text = report(rows, asked.plants, asked.seed)
     print(text)
     write_atomic(asked.out / "advised_experiment.md", text)

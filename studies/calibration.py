@@ -36,6 +36,7 @@ from rdpi_gym.diagnosis.probability import (
     Calibration,
     Course,
     Probabilities,
+    chance,
     probabilities,
 )
 from rdpi_gym.plant.effects import CATALOGUE
@@ -130,18 +131,6 @@ class Known:
             "other": [(course.common, self.outside)],
             "none": [(course.common, not self.hidden and not self.outside)],
         }  # fmt: skip
-
-    def judged(self, found: Probabilities) -> dict[str, list[tuple[float, bool]]]:
-        """Return probabilities and what is true, by what is asked."""
-        course, names = self.course, {sign.effect for sign in self.course.added}
-        others = [s for s in course.tried if s.effect not in names | self.excused]
-        return {
-            "added": [(found.effects[s.effect], s.effect in self.there) for s in course.added],
-            "class": [(found.classes[s.effect], self._in_class(s)) for s in course.added],
-            "not added": [(found.effects[s.effect], s.effect in self.hidden) for s in others],
-            "other": [(found.other, self.outside)],
-            "none": [(found.none, not self.hidden and not self.outside)],
-        }
 
     def _in_class(self, sign: probability.Sign) -> bool:
         names = {sign.effect, *sign.indistinguishable}
@@ -275,12 +264,16 @@ def report(
         Other searches, by study.
     """
     errors, sets, judged = [], [], {}
+    weights = {
+        "added": found.named, "class": found.in_class, "not added": found.unnamed,
+        "other": found.other, "none": found.none,
+    }  # fmt: skip
     for study, known in checked.items():
         results = [probabilities(one.course, KIN, found) for one in known]
         pairs: dict[str, list[tuple[float, bool]]] = {name: [] for name in KINDS}
-        for one, result in zip(known, results, strict=True):
-            for name, own in one.judged(result).items():
-                pairs[name] += own
+        for one in known:
+            for name, own in one.samples().items():
+                pairs[name] += [(chance(weights[name], f), true) for f, true in own]
         judged[study] = {
             name: (np.array([p for p, _ in own]), np.array([t for _, t in own], dtype=np.float64))
             for name, own in pairs.items()

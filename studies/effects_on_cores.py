@@ -15,7 +15,6 @@ import zlib
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,6 @@ from benchmarks.foreign_effects.forms import (
     UnfitError,
     mechanism,
 )
-from benchmarks.hidden_effects.run import run_rows
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
@@ -44,12 +42,11 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.markdown import frame_table
-from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.core_deformation import CoreDeformation
 from studies.kind_choice import draw_core
+from studies.rows import study_rows
 
 RESULTS = Path(__file__).parent / "results" / "effects_on_cores"
 AROUND: tuple[Form, ...] = tuple(form for form in FORMS if form.place != CORE)
@@ -226,12 +223,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _study(chosen: Namespace) -> None:
-    code = fingerprint(code_parts([*room_files(*_ROOMS), Path(__file__)]))
-    with progress_bar() as show:
-        rows = run_rows(
-            cases(chosen.per, chosen.seed), chosen.out, partial(run_case, code=code), code,
-            chosen.jobs, show, lambda sentence: print(sentence, file=sys.stderr),
-        )  # fmt: skip
+    rows = study_rows(cases(chosen.per, chosen.seed), run_case, chosen, _ROOMS, [Path(__file__)])
     text = report(rows, chosen.per, chosen.seed)
     print(text)
     write_atomic(chosen.out / "effects_on_cores.md", text)

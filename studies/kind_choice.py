@@ -14,14 +14,12 @@ import time
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.hidden_effects.run import run_rows
 from rdpi_gym.identification.kinds import choose_kind
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
@@ -34,12 +32,11 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.markdown import frame_table
-from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.dataset import plant_displacement, simulate_dataset
 from rdpi_gym.virtual_lab.truth import Truth
+from studies.rows import study_rows
 
 RESULTS = Path(__file__).parent / "results" / "kind_choice"
 PROTOCOLS = ("standard", "loops and a chirp")
@@ -161,12 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _study(chosen: Namespace) -> None:
-    code = fingerprint(code_parts([*room_files(*_ROOMS), Path(__file__)]))
-    with progress_bar() as show:
-        rows = run_rows(
-            cases(chosen.per, chosen.seed), chosen.out, partial(run_case, code=code), code,
-            chosen.jobs, show, lambda sentence: print(sentence, file=sys.stderr),
-        )  # fmt: skip
+    rows = study_rows(cases(chosen.per, chosen.seed), run_case, chosen, _ROOMS, [Path(__file__)])
     text = report(rows, chosen.per, chosen.seed)
     print(text)
     write_atomic(chosen.out / "kind_choice.md", text)

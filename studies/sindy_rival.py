@@ -15,7 +15,6 @@ import time
 import warnings
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,7 @@ from benchmarks.foreign_effects.__main__ import OUT as FOREIGN
 from benchmarks.foreign_effects.__main__ import part_of
 from benchmarks.foreign_effects.cases import NUMBERS, Case, make_cases, prepare
 from benchmarks.foreign_effects.scoring import judge
-from benchmarks.hidden_effects.run import ROWS_FILE, run_rows
+from benchmarks.hidden_effects.run import ROWS_FILE
 from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.stability import in_blocks
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
@@ -39,12 +38,11 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.markdown import frame_table
-from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row, named_rows
 from rdpi_gym.virtual_lab.draws import MaskedError
 from studies.calibration import calibration_error
+from studies.rows import study_rows
 
 RESULTS = Path(__file__).parent / "results" / "sindy_rival"
 # Samples that enter the regression, resampled models, and the least coefficients that are tried, in
@@ -54,7 +52,7 @@ _LEAST = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 _RIDGE = 1e-3  # of the rows
 # Share of the resampled models that a column has to be in.
 _INCLUDED = 0.5
-_ROOMS = ("plant", "signals", "measurement", "identification")
+_ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis")
 
 
 def run_case(case: Case, code: str) -> Row:
@@ -181,13 +179,8 @@ def _study(asked: Namespace) -> None:
         raise InputError(
             "PySINDy is not installed; install it with: pip install 'rdpi-gym[sindy]'"
         ) from None
-    code = fingerprint(code_parts([*room_files(*_ROOMS), Path(__file__)]))
     cases = part_of(make_cases(list(NUMBERS), None, asked.seed), asked.part)
-    with progress_bar() as show:
-        rows = run_rows(
-            cases, asked.out, partial(run_case, code=code), code, asked.jobs, show,
-            lambda sentence: print(sentence, file=sys.stderr),
-        )  # fmt: skip
+    rows = study_rows(cases, run_case, asked, _ROOMS, [Path(__file__)])
     keys = {row["key"] for row in rows if row["status"] == "done"}
     ours = [r for k, r in named_rows(asked.ours / ROWS_FILE).rows.items() if k in keys]
     text = report({"E-SINDy": rows, "this laboratory": ours}, asked.part, asked.seed)

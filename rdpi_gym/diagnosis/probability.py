@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
@@ -140,16 +140,7 @@ class Calibration:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file."""
-        return {
-            "format": FORMAT,
-            "version": VERSION,
-            "named": dict(self.named),
-            "in_class": dict(self.in_class),
-            "unnamed": dict(self.unnamed),
-            "other": dict(self.other),
-            "none": dict(self.none),
-            "least": self.least,
-        }
+        return {"format": FORMAT, "version": VERSION, **asdict(self)}
 
     @classmethod
     def load(cls, path: Path) -> Calibration:

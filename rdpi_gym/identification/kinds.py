@@ -26,7 +26,7 @@ from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.plant.effects.base import in_chain_order
+from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, silent
 
@@ -184,13 +184,29 @@ def _stands_at(
     return changes <= _SAME**2 * moves
 
 
+def beside(scale: DataScale) -> tuple[Effect, ...]:
+    """Return what every kind is fitted beside: a creep and a lag, which bend and widen loops as well.
+
+    Without them the rate-dependent kinds take a lag for hysteresis.
+
+    Parameters
+    ----------
+    scale
+        Size of the data.
+    """
+    return in_chain_order(CATALOGUE[name].starts(scale)[0] for name in _BESIDE)
+
+
 def _beside(found: CoreFit, train: Sequence[Record]) -> CoreFit:
     """Return a fit with a creep and a lag of the sensor refitted beside the core."""
-    scale = data_scale(train)
-    beside = in_chain_order([CATALOGUE[name].starts(scale)[0] for name in _BESIDE])
     core = found.plant.hysteresis
     variant = fit_joint(
-        train, core, beside, _STEPS_BESIDE, samples=_SAMPLES_BESIDE, smoothness=found.smoothness
+        train,
+        core,
+        beside(data_scale(train)),
+        _STEPS_BESIDE,
+        samples=_SAMPLES_BESIDE,
+        smoothness=found.smoothness,
     ).variant
     make: Callable[..., PlantModel[Any]] = PlantModel
     bench = found.plant

@@ -7,7 +7,6 @@ import time
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ import pandas as pd
 import studies.portraits
 from baselines.extended import ExtendedInverse
 from benchmarks.foreign_effects.drives import Drive, between
-from benchmarks.hidden_effects.run import run_rows
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.learning import learn_forms
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
@@ -31,12 +29,11 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.markdown import frame_table
-from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row
 from studies.portraits.plants import PROTOCOLS, Measured, measured
 from studies.portraits.sorts import SORTS, Sort
+from studies.rows import study_rows
 
 RESULTS = Path(__file__).parents[1] / "results" / "portraits"
 _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis")
@@ -183,12 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _study(chosen: Namespace) -> None:
     own = sorted(Path(__file__).parent.glob("*.py"))
-    code = fingerprint(code_parts([*room_files(*_ROOMS), *own]))
-    with progress_bar() as show:
-        rows = run_rows(
-            cases(chosen.plants, chosen.seed), chosen.out, partial(run_case, code=code), code,
-            chosen.jobs, show, lambda sentence: print(sentence, file=sys.stderr),
-        )  # fmt: skip
+    rows = study_rows(cases(chosen.plants, chosen.seed), run_case, chosen, _ROOMS, own)
     text = report(rows, chosen.plants, chosen.seed)
     print(text)
     write_atomic(chosen.out / "portraits.md", text)

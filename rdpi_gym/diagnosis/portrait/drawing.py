@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from rdpi_gym.diagnosis.portrait.kin import Character, character
-from rdpi_gym.diagnosis.portrait.learning import SAMPLES, block_of, learn
+from rdpi_gym.diagnosis.portrait.learning import SAMPLES, learn
 from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
 from rdpi_gym.diagnosis.portrait.sentences import experiment_for, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import Tried, shares, try_all
@@ -140,7 +140,7 @@ def _time_constants(
     if not taus:
         return ()
     names = {v: n for n, v in best.block.values.items() if n.startswith("time_constant")}
-    other = block_of(_exchanged(setting, hysteresis, present, best.block, best.held)).values
+    other = _exchanged(setting, hysteresis, present, best.block, best.held).fitted.values
     fit = best.outcome.fit
     assert fit is not None
     return tuple(
@@ -156,8 +156,7 @@ def _exchanged(
     start: Effect,
     held: frozenset[str],
 ) -> Outcome:
-    turned = replace(setting, train=setting.validation, validation=setting.train)
-    return learn(turned, hysteresis, present, [start], held)
+    return learn(setting.exchanged(), hysteresis, present, [start], held)
 
 
 def _value(value: float, error: float | None, other: float) -> Value:
@@ -188,9 +187,9 @@ def _powers(
     square, outcome, held = min(found, key=lambda each: each[0])
     if math.log(square) > math.log(best.outcome.mean_square) + 2.0 * _AS_WELL:
         return None, None
-    fit, law = outcome.fit, block_of(outcome)
+    fit, law = outcome.fit, outcome.fitted
     assert fit is not None
-    other = block_of(_exchanged(setting, hysteresis, present, law, held)).values
+    other = _exchanged(setting, hysteresis, present, law, held).fitted.values
     values = []
     for name in ("power", "rate_power"):
         key = f"{Unknown.name}.{name}"

@@ -88,13 +88,7 @@ def learn_forms(
         if simpler is not None:
             if simpler.mean_square > _NEAR * min(o.mean_square for o in found.values()):
                 continue
-            starts = form.from_simpler(block_of(simpler), setting.scale)
+            starts = form.from_simpler(simpler.fitted, setting.scale)
         found[form.form] = learn(setting, hysteresis, present, starts)
     progress(f"forms of {kind.name}", len(kinds), len(kinds))
     return list(found.values())
-
-
-def block_of(outcome: Outcome) -> Effect:
-    """Return the block of a refit, as it was fitted."""
-    assert outcome.fit is not None
-    return next(e for e in outcome.fit.variant.effects if e.name == Unknown.name)

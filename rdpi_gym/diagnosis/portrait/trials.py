@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
-from rdpi_gym.diagnosis.portrait.learning import block_of, learn
+from rdpi_gym.diagnosis.portrait.learning import learn
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, forms_of
@@ -57,7 +57,7 @@ class Tried:
     @property
     def block(self) -> Effect:
         """As it was fitted."""
-        return block_of(self.outcome)
+        return self.outcome.fitted
 
     @property
     def parity(self) -> Parity:
@@ -174,10 +174,9 @@ def _nature(kind: type[Block]) -> Nature:
 
 def _tried(setting: Setting, outcome: Outcome, drive: Parity, held: frozenset[str]) -> Tried:
     assert outcome.fit is not None
-    block = block_of(outcome)
+    block = outcome.fitted
     assert isinstance(block, Block)
-    turned = replace(setting, train=setting.validation, validation=setting.train)
-    train = assess(turned, outcome.effect, outcome.fit)
+    train = assess(setting.exchanged(), outcome.effect, outcome.fit)
     pieces = train.pieces, outcome.pieces
     return Tried(block.place, _nature(type(block)), drive, outcome, pieces, held)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -93,6 +93,12 @@ class Outcome:
         """Mean squared validation error (µm²)."""
         return self.errors.validation_rmse_um**2
 
+    @property
+    def fitted(self) -> Effect:
+        """The candidate, as it was fitted."""
+        assert self.fit is not None
+        return next(e for e in self.fit.variant.effects if e.name == self.effect)
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -112,6 +118,10 @@ class Setting:
     validation: tuple[Record, ...]
     scale: DataScale
     smoothness: float = 0.0
+
+    def exchanged(self) -> Setting:
+        """Return the same data, fitted where they were judged and judged where they were fitted."""
+        return replace(self, train=self.validation, validation=self.train)
 
     def fit(
         self,

@@ -12,9 +12,10 @@ from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.base_models import first_fit
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.diagnosis.search.ranking import beats
+from rdpi_gym.identification.kinds import beside
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import in_chain_order
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
@@ -22,8 +23,6 @@ from rdpi_gym.support.words import joined
 
 AUTO = "auto"
 """Asks for every kind that turns as the loops do."""
-# What bends and widens loops as well: fitted beside every kind, or a lag is taken for hysteresis.
-_BESIDE = ("creep", "sensor_lag")
 # Of the best held-out error, what another kind may have more and be no worse; and the share of
 # draws of held-out pieces from which on one is better.
 _ALIKE, _BETTER = 1.05, 0.95
@@ -99,7 +98,7 @@ def fit_kinds(
     found = []
     for done, kind in enumerate(kinds):
         report("kinds of hysteresis", done, len(kinds))
-        own = in_chain_order(e for e in effects or _beside(setting) if type(e).fits_in(kind))
+        own = in_chain_order(e for e in effects or beside(setting.scale) if type(e).fits_in(kind))
         try:
             fit = first_fit(setting, kind, own, least_um)
         except InputError:
@@ -108,10 +107,6 @@ def fit_kinds(
             found.append(Fitted(kind, assess(setting, "", fit)))
     report("kinds of hysteresis", len(kinds), len(kinds))
     return sorted(found, key=lambda each: each.outcome.mean_square)
-
-
-def _beside(setting: Setting) -> list[Effect]:
-    return [CATALOGUE[name].starts(setting.scale)[0] for name in _BESIDE]
 
 
 def choose(ways: Sequence[Fitted], clockwise: bool | None, seed: int) -> tuple[CoreChoice, Fitted]:

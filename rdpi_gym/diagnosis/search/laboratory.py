@@ -198,6 +198,7 @@ class Laboratory:
         self._whole = self.setting
         self._searched: Setting | None = None
         self._close_up: tuple[Record, ...] = ()
+        self._floor: tuple[State, tuple[Record, ...], NumericalFloor] | None = None
         if self._thinned is not None:
             self._close_up = close_up(_setting(inspected.dataset).validation)
         self._is_within = False
@@ -518,8 +519,8 @@ class Laboratory:
         ]
         others = [r for r in ranked if r.candidate.effect not in asked and r.outcome.fit]
         for r in sorted(others, key=lambda r: r.train_share)[-_RIVALS_WITHIN:]:
-            tried.append(refit(here, state.hysteresis, state.effects, type(fitted(r.outcome))))
-            kinds.append(type(fitted(r.outcome)))
+            tried.append(refit(here, state.hysteresis, state.effects, type(r.outcome.fitted)))
+            kinds.append(type(r.outcome.fitted))
         again = rank(now, in_best_form(tried, self.noise_um), kinds, self.noise_um, self._seed)
         best = max(again, key=lambda r: r.worth)
         if best.candidate.effect not in asked or best.worth <= _MOST_OF_IT:
@@ -577,7 +578,7 @@ class Laboratory:
             start = r.outcome.fit.variant
             fit = here.fit(start.hysteresis, start.effects, samples=SEARCH_SAMPLES)
             turned_round = assess(here, r.candidate.effect, fit)
-            kinds = [type(fitted(r.outcome))]
+            kinds = [type(r.outcome.fitted)]
             again = rank(now, [turned_round], kinds, self.noise_um, self._seed)[0]
             if again.earned:
                 return [r]
@@ -589,7 +590,7 @@ class Laboratory:
         for r in earned:
             assert r.outcome.fit is not None
             name = r.candidate.effect
-            if fitted(r.outcome).is_idle(self.setting.scale):
+            if r.outcome.fitted.is_idle(self.setting.scale):
                 continue
             veto = hear(
                 self.dataset, self.checks, r.outcome.fit.variant, name, self.noise_um, self._seed
@@ -670,12 +671,12 @@ class Laboratory:
         reach = max(_CLOSE_GAIN * gain, _CLOSE_NOISE * self.noise_um**2)
         barred = {chosen.effect, *self._like_rate, *(e.name for e in state.effects)}
         return tuple(
-            fitted(r.outcome)
+            r.outcome.fitted
             for r in field
             if r.outcome.fit is not None
             and r.candidate.effect not in barred
             and r.candidate.errors.validation_rmse_um**2 - own <= reach
-            and not fitted(r.outcome).is_idle(self.setting.scale)
+            and not r.outcome.fitted.is_idle(self.setting.scale)
         )
 
     def recall(self, state: State) -> tuple[State, list[Candidate]]:
@@ -877,7 +878,11 @@ class Laboratory:
 
     def numerical(self, state: State) -> NumericalFloor:
         """Return what the simulation of a model on the validation records leaves open."""
-        return numerical_floor(state.fit.variant, self._close_up or self.setting.validation)
+        records = self._close_up or self.setting.validation
+        if self._floor is None or self._floor[0] is not state or self._floor[1] is not records:
+            # asked of one model again and again: whether it is at the floor, how probable, its verdict
+            self._floor = (state, records, numerical_floor(state.fit.variant, records))
+        return self._floor[2]
 
     def on_law(self, state: State, given: PlantModel[Any] | None) -> tuple[State, tuple[str, ...]]:
         """Return the model with a core of few numbers where that costs little, and remarks."""
@@ -963,12 +968,6 @@ def _parts(dataset: Dataset) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
     whole = [r for r in dataset.records if r.role == "train" and not r.is_quiet]
     parts = [hold_out_blocks(record) for record in whole]
     return tuple(train for train, _ in parts), tuple(held for _, held in parts)
-
-
-def fitted(outcome: Outcome) -> Effect:
-    """Return the candidate of a refit, as it was fitted."""
-    assert outcome.fit is not None
-    return next(e for e in outcome.fit.variant.effects if e.name == outcome.effect)
 
 
 def _bounds_hit(ranked: Ranked) -> int:

@@ -122,7 +122,7 @@ def exchanged(setting: Setting, quarters: bool) -> Setting | None:
     """
     if quarters:
         return None
-    return replace(setting, train=setting.validation, validation=setting.train)
+    return setting.exchanged()
 
 
 def _without_opening(record: Record) -> Record:

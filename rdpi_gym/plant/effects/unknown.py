@@ -222,8 +222,14 @@ class Block(Effect):
         )  # fmt: skip
 
 
+class _AtOnce(Block):
+    def memories(self) -> list[tuple[float, Terms]]:
+        """None, and one drive."""
+        return [(0.0, self.values)]
+
+
 @dataclass(frozen=True)
-class _Static(Block):
+class _Static(_AtOnce):
     even_1: float = 0.02
     even_2: float = 0.0
     even_3: float = 0.0
@@ -232,22 +238,14 @@ class _Static(Block):
     odd_3: float = 0.0
     step: float = 0.0
 
-    def memories(self) -> list[tuple[float, Terms]]:
-        """None, and one drive."""
-        return [(0.0, self.values)]
-
 
 @dataclass(frozen=True)
-class OfTheRate(Block):
+class OfTheRate(_AtOnce):
     """What the rate does at once."""
 
     speed: float = 0.02
     drag: float = 0.02
     cross: float = 0.0
-
-    def memories(self) -> list[tuple[float, Terms]]:
-        """None, and one drive."""
-        return [(0.0, self.values)]
 
 
 @dataclass(frozen=True)
