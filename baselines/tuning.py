@@ -1,0 +1,317 @@
+"""What can be turned of a controller, and the settings that were found for it on training draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, ClassVar, TypeAlias
+
+from baselines.base import Baseline
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.checks import is_finite, is_whole
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_json, write_json
+from rdpi_gym.support.words import guess, quoted, short, some
+
+FORMAT, VERSION = "rdpi-tuned", 1
+TUNED = Path(__file__).parent / "tuned"
+"""Folder of the committed settings, one file a controller."""
+
+Settings: TypeAlias = Mapping[str, float]
+"""Values of knobs by their names."""
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One number of a controller that is tuned.
+
+    Parameters
+    ----------
+    name
+        What settings call it, its unit at the end where it has one.
+    low, high
+        Range that it may be turned over.
+    default
+        Value where nothing is tuned.
+    unit
+        Unit; ``1``: none.
+    logarithmic
+        Whether it is searched evenly in its logarithm.
+
+    Raises
+    ------
+    InputError
+        The range is empty, does not hold the default, or is logarithmic and not above zero.
+
+    Examples
+    --------
+    >>> Knob("cutoff_hz", 10.0, 2000.0, 200.0, "Hz", logarithmic=True).checked(3000.0)
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: cutoff_hz is 3000.0; give 10 to 2000 Hz
+    """
+
+    name: str
+    low: float
+    high: float
+    default: float
+    unit: str = "1"
+    logarithmic: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high or (self.logarithmic and self.low <= 0.0):
+            raise InputError(
+                f"knob {self.name} goes from {self.low} to {self.high}; give a lower end below the "
+                "upper one, and above 0 where it is logarithmic"
+            )
+        self.checked(self.default)
+
+    def checked(self, value: object) -> float:
+        """Return a value as a float.
+
+        Raises
+        ------
+        InputError
+            It is no finite number, or out of range.
+        """
+        if not is_finite(value) or not self.low <= float(value) <= self.high:  # type: ignore[arg-type]
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            raise InputError(
+                f"{self.name} is {quoted(value)}; give {self.low:g} to {self.high:g}{unit}"
+            )
+        return float(value)  # type: ignore[arg-type]
+
+
+def checked_settings(name: str, knobs: Sequence[Knob], settings: Mapping[str, Any]) -> Settings:
+    """Return settings for every knob of a controller: what is given, else the default.
+
+    Parameters
+    ----------
+    name
+        The controller's, for errors.
+    knobs
+        What can be turned of it.
+    settings
+        Some of them by name.
+
+    Raises
+    ------
+    InputError
+        A setting is none of the knobs, or out of range.
+
+    Examples
+    --------
+    >>> knobs = (Knob("gain", 0.0, 2.0, 1.0), Knob("lead", 0.0, 5.0, 0.5))
+    >>> checked_settings("pi", knobs, {"lead": 2})
+    {'gain': 1.0, 'lead': 2.0}
+    >>> checked_settings("pi", knobs, {"leed": 2})
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: pi has no setting 'leed'; did you mean 'lead'? It has gain, lead
+    """
+    known = {knob.name: knob for knob in knobs}
+    for given in settings:
+        if given not in known:
+            close = guess(given, known) if isinstance(given, str) else ""
+            has = some(known, 20) or "none"
+            raise InputError(
+                f"{name} has no setting {quoted(given)}; {close and close + ' '}It has {has}"
+            )
+    return {key: knob.checked(settings.get(key, knob.default)) for key, knob in known.items()}
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What was found for one task, and how.
+
+    Parameters
+    ----------
+    settings
+        The settings.
+    effects
+        Names of the effects of the task's belief, sorted.
+    command
+        The command that found them.
+    seed
+        Of the search and of its draws.
+    plant_samples
+        Samples of plants, lanes times steps, that were simulated on the way.
+    score_percent
+        What was minimised, on the training draws (percent).
+
+    Examples
+    --------
+    >>> tuning = Tuning({"gain": 1.0}, (), "rdpi tune pi --task Bare", 0, 1000, 0.1)
+    >>> tuning.settings
+    {'gain': 1.0}
+    """
+
+    settings: Settings
+    effects: tuple[str, ...]
+    command: str
+    seed: int
+    plant_samples: int
+    score_percent: float
+
+
+def read_tunings(path: Path, name: str, knobs: Sequence[Knob]) -> dict[str, Tuning]:
+    """Read what was found for a controller, by task.
+
+    Parameters
+    ----------
+    path
+        The file.
+    name
+        The controller's.
+    knobs
+        What can be turned of it.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, of another controller, or has a setting that this one has not
+        or that is out of its range.
+
+    Examples
+    --------
+    >>> read_tunings(Path("no.json"), "pi", ())
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: no.json does not exist; give the path of a rdpi-tuned file
+    """
+    document = read_json(path, FORMAT, VERSION)
+    if document.get("controller") != name:
+        raise InputError(
+            f"{path} holds settings of {quoted(document.get('controller'))}; give those of {name}"
+        )
+    tasks = document.get("tasks")
+    if not isinstance(tasks, dict):
+        raise InputError(f"{path}: tasks is {quoted(tasks)}; give one entry a task")
+    return {
+        task: _tuning(f"{path}, task {short(task)}", tasks[task], name, knobs) for task in tasks
+    }
+
+
+def write_tunings(path: Path, name: str, tunings: Mapping[str, Tuning]) -> Path:
+    """Write what was found for a controller; :func:`read_tunings` reads it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> found = {"Bare": Tuning({}, (), "rdpi tune pi", 0, 1000, 0.1)}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = write_tunings(Path(folder) / "pi.json", "pi", found)
+    ...     read_tunings(path, "pi", ()) == found
+    True
+    """
+    document = {"format": FORMAT, "version": VERSION, "controller": name}
+    return write_json(path, document | {"tasks": {k: asdict(v) for k, v in tunings.items()}})
+
+
+def _tuning(source: str, entry: object, name: str, knobs: Sequence[Knob]) -> Tuning:
+    fields = {"settings", "effects", "command", "seed", "plant_samples", "score_percent"}
+    if not isinstance(entry, dict) or set(entry) != fields:
+        raise InputError(f"{source} is {quoted(entry)}; give {', '.join(sorted(fields))}")
+    settings, effects = entry["settings"], entry["effects"]
+    if not isinstance(settings, dict):
+        raise InputError(f"{source}: settings is {quoted(settings)}; give numbers by name")
+    if not isinstance(effects, list) or not all(isinstance(e, str) for e in effects):
+        raise InputError(f"{source}: effects is {quoted(effects)}; give their names")
+    for count in ("seed", "plant_samples"):
+        if not is_whole(entry[count], 0):
+            raise InputError(f"{source}: {count} is {quoted(entry[count])}; give a whole number")
+    if not isinstance(entry["command"], str) or not is_finite(entry["score_percent"]):
+        raise InputError(f"{source}: give its command as text and its score as a number")
+    try:
+        found = checked_settings(name, knobs, settings)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
+    return Tuning(**entry | {"settings": found, "effects": tuple(effects)})
+
+
+class Tunable(Baseline):
+    """A controller that says what can be turned of it.
+
+    A subclass states its `knobs` and reads ``self.settings[name]``.
+
+    Parameters
+    ----------
+    belief, layout
+        As :class:`baselines.base.Baseline`.
+    settings
+        Values of knobs; those left out have their default. None: the committed ones of the task
+        whose belief has the same effects, else of the first task; without a file the defaults.
+
+    Raises
+    ------
+    InputError
+        As there; a setting is none of the knobs or out of range.
+
+    Attributes
+    ----------
+    knobs : tuple of Knob
+        What can be turned of it.
+    settings : mapping
+        Value of every knob.
+
+    Examples
+    --------
+    >>> from baselines.static_gain import StaticGain
+    >>> from rdpi_gym.plant import named_plant
+    >>> class Scaled(Tunable, StaticGain):
+    ...     name = "scaled"
+    ...     knobs = (Knob("share", 0.5, 1.5, 1.0),)
+    >>> plant = named_plant("P5")
+    >>> Scaled(plant, ObservationLayout.for_plant(plant, ts_s=1e-4), {"share": 0.9}).settings
+    {'share': 0.9}
+    """
+
+    knobs: ClassVar[tuple[Knob, ...]] = ()
+
+    def __init__(
+        self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
+    ) -> None:
+        given = committed_settings(type(self), belief) if settings is None else settings
+        self.settings = checked_settings(self.name, self.knobs, given)
+        super().__init__(belief, layout)
+
+
+def committed_settings(kind: type[Tunable], belief: PlantModel) -> Settings:
+    """Return the committed settings of a controller for beliefs with these effects.
+
+    Parameters
+    ----------
+    kind
+        The controller's class.
+    belief
+        What it will know of the plant.
+
+    Returns
+    -------
+    mapping
+        Of the task whose belief has the same effects, else of the first task in the file; empty
+        where there is no file.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P10
+    >>> class Nobody(Tunable):
+    ...     name = "nobody"
+    >>> committed_settings(Nobody, P10)
+    {}
+    """
+    tunings = _committed(kind)
+    if not tunings:
+        return {}
+    effects = tuple(sorted(effect.name for effect in belief.effects))
+    same = (tuning for tuning in tunings.values() if tuning.effects == effects)
+    return next(same, next(iter(tunings.values()))).settings
+
+
+@cache
+def _committed(kind: type[Tunable]) -> dict[str, Tuning]:
+    path = TUNED / f"{kind.name}.json"
+    return read_tunings(path, kind.name, kind.knobs) if path.exists() else {}
