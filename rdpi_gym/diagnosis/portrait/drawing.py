@@ -11,13 +11,14 @@ import numpy as np
 from rdpi_gym.diagnosis.portrait.kin import Character, character
 from rdpi_gym.diagnosis.portrait.learning import SAMPLES, learn
 from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
+from rdpi_gym.diagnosis.portrait.power_law import POWER_LAWS
 from rdpi_gym.diagnosis.portrait.sentences import experiment_for, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import Tried, shares, try_all
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect
-from rdpi_gym.plant.effects.unknown import POWER_LAWS, Unknown
+from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.progress import Progress
 
 # Share of the draws below which it is not said where, or what, the effect is.

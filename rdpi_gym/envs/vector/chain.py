@@ -30,6 +30,7 @@ from rdpi_gym.plant.effects.rate_law import rate_law_block
 from rdpi_gym.plant.effects.saturation import saturation_block
 from rdpi_gym.plant.effects.slew_limit import slew_limit_block
 from rdpi_gym.plant.effects.thermal_drift import thermal_drift_block
+from rdpi_gym.plant.effects.unknown_kernel import unknown_block
 from rdpi_gym.support.arrays import Array
 
 Table: TypeAlias = NDArray[np.int64]
@@ -39,7 +40,7 @@ parameters, first row and end of its state."""
 KERNELS: tuple[Block, ...] = (
     linear_block, creep_block, delay_block, saturation_block, slew_limit_block, rate_law_block,
     congruency_block, asymmetry_block, backlash_block, gain_drift_block, thermal_drift_block,
-    mains_hum_block,
+    mains_hum_block, unknown_block,
 )  # fmt: skip
 """The catalogue's kernels by their number. A stage with another kernel runs through Python."""
 
@@ -79,8 +80,10 @@ def _run_kernel(
         gain_drift_block(x, u, p, state, ts, y)
     elif number == 10:
         thermal_drift_block(x, u, p, state, ts, y)
-    else:
+    elif number == 11:
         mains_hum_block(x, u, p, state, ts, y)
+    else:
+        unknown_block(x, u, p, state, ts, y)
 
 
 @njit(inline="always")
