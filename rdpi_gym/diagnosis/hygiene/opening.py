@@ -12,7 +12,9 @@ from rdpi_gym.measurement import Record
 
 # Of the swing: an extremum has been passed. The further ones count where the nearest is passed late.
 _NEAR = (0.02, 0.1, 0.2)
-_LONGEST = 0.6  # of the record
+# Of the record: what is left out never outweighs what a model is judged by. Where the last fiftieth
+# of the swing comes later, memory of nine tenths of it is known long before.
+_LONGEST = 0.5
 _FEWEST = 16
 _WIDE = 0.3  # of the widest swing: memory shows
 _ALIKE_NOISE, _ALIKE = 2.0, 2e-3  # times the noise; of the stroke
@@ -24,7 +26,7 @@ def opening(record: Record) -> BoolArray | None:
     """Samples before the command has passed its extremes on both sides, where memory is unknown.
 
     Only plays that are wider than the swing go on from before, and they do not move. Where the
-    extremes are passed late, most of the swing has to do: at most 60 % of the record, and where even
+    extremes are passed late, most of the swing has to do: at most half of the record, and where even
     that comes later, at most the first cycle and a quarter of the record.
 
     Parameters

@@ -19,7 +19,6 @@ from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
 from rdpi_gym.diagnosis.search.law import plant_of
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
 from rdpi_gym.diagnosis.search.ranking import Ranked
-from rdpi_gym.diagnosis.search.record_clocks import record_clocks
 from rdpi_gym.diagnosis.search.remainder import FOUND, remainder
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
@@ -33,6 +32,7 @@ from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import kin_of
 from rdpi_gym.plant.effects.unknown import Unknown
+from rdpi_gym.support.words import joined
 
 Groups = tuple[tuple[str, ...], ...]
 
@@ -105,11 +105,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         bool(added),
     )
     groups = _groups(laboratory, end)
-    setting = laboratory.setting
-    floor_um = math.hypot(laboratory.noise_um, numerical.total_um)
-    clocks = record_clocks(
-        end.fit.variant, setting.train, setting.validation, floor_um, setting.smoothness
-    )
+    clocks = laboratory.clocks(end)
     chances = _probabilities(laboratory, search, added)
     probable = () if chances is None else chances.probable
     experiment = _next_experiment(laboratory, end, search.last, judgement, groups, probable)
@@ -191,6 +187,10 @@ def _remainder(
     if judgement.verdict != "unexplained":
         rest = "the noise" if judgement.sampling is None else judgement.rest
         return f"What is left is {rest}.", None
+    clocks = laboratory.clocks(state)
+    if clocks:
+        late = joined([finding.record for finding in clocks])
+        return f"What is left cannot be judged before the clock of {late} is right.", None
     setting = laboratory.searched
     variant, noise_um = state.fit.variant, laboratory.noise_um
     others = other_inputs(variant, setting.train, setting.validation, noise_um)

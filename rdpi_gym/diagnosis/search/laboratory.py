@@ -14,7 +14,7 @@ import numpy as np
 from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
 from rdpi_gym.diagnosis.hygiene import inspect, limits
-from rdpi_gym.diagnosis.hygiene.finding import BoolArray
+from rdpi_gym.diagnosis.hygiene.finding import BoolArray, Finding
 from rdpi_gym.diagnosis.hygiene.spikes import spikes
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.learning import learn_forms
@@ -62,6 +62,7 @@ from rdpi_gym.diagnosis.search.ranking import (
     rank,
     share_of_train,
 )
+from rdpi_gym.diagnosis.search.record_clocks import record_clocks
 from rdpi_gym.diagnosis.search.scale import one_size
 from rdpi_gym.diagnosis.search.separability import (
     RATE,
@@ -199,6 +200,7 @@ class Laboratory:
         self._searched: Setting | None = None
         self._close_up: tuple[Record, ...] = ()
         self._floor: tuple[State, tuple[Record, ...], NumericalFloor] | None = None
+        self._clocks: tuple[State, float, tuple[Finding, ...]] | None = None
         if self._thinned is not None:
             self._close_up = close_up(_setting(inspected.dataset).validation)
         self._is_within = False
@@ -246,12 +248,13 @@ class Laboratory:
     def other_core(self, state: State) -> CoreChoice | None:
         """Return another core that explains what an RDPI model with all its effects does not, if any.
 
-        Asked only where no core was asked for or given, and much is left.
+        Asked only where no core was asked for or given, and much is left that is not the clock of one
+        record: a record in a wrong time looks like another kind of hysteresis.
         """
         left = state.outcome.mean_square
         if self._asked_core is not None or self.core.kind != RDPI.name:
             return None
-        if left <= _NOWHERE**2 * self.noise_um**2 or self.at_floor(state):
+        if left <= _NOWHERE**2 * self.noise_um**2 or self.at_floor(state) or self.clocks(state):
             return None
         least_um = _HOPEFUL * state.outcome.errors.train_rmse_um
         kinds = turning(self.core.clockwise)
@@ -883,6 +886,16 @@ class Laboratory:
             # asked of one model again and again: whether it is at the floor, how probable, its verdict
             self._floor = (state, records, numerical_floor(state.fit.variant, records))
         return self._floor[2]
+
+    def clocks(self, state: State) -> tuple[Finding, ...]:
+        """Return what is wrong with the clock of single records, by a model."""
+        setting, floor_um = self.setting, math.hypot(self.noise_um, self.numerical(state).total_um)
+        if self._clocks is None or self._clocks[0] is not state or self._clocks[1] != floor_um:
+            found = record_clocks(
+                state.fit.variant, setting.train, setting.validation, floor_um, setting.smoothness
+            )
+            self._clocks = (state, floor_um, found)
+        return self._clocks[2]
 
     def on_law(self, state: State, given: PlantModel[Any] | None) -> tuple[State, tuple[str, ...]]:
         """Return the model with a core of few numbers where that costs little, and remarks."""

@@ -97,12 +97,13 @@ def unknown_past(openings: Mapping[str, BoolArray]) -> Finding:
     Examples
     --------
     >>> unknown_past({"run": np.arange(9) < 4}).sentence
-    '4 samples at the beginning of run left out: they hang on a history that nobody recorded.'
+    '4 of 9 samples at the beginning of run left out: they hang on a history that nobody recorded.'
     """
     samples = sum(int(mask.sum()) for mask in openings.values())
+    whole = sum(mask.size for mask in openings.values())
     sentence = (
-        f"{samples} samples at the beginning of {joined_records(list(openings))} left out: they "
-        "hang on a history that nobody recorded."
+        f"{samples} of {whole} samples at the beginning of {joined_records(list(openings))} left "
+        "out: they hang on a history that nobody recorded."
     )
     step = "Begin each record at rest, after one full cycle."
     name = next(iter(openings)) if len(openings) == 1 else ""

@@ -36,6 +36,8 @@ _PASSES = 6
 _LEAST_SHIFT, _LEAST_SCALE, _LONGEST = 0.05, 0.01, 0.05
 # So close to twice or half of a time step, and as good but for this, it is no delay.
 _OCTAVE, _AS_GOOD = 0.05, 0.05
+# Logarithm of a factor from which on two digits of it are enough to show that it is not one.
+_PLAIN = 0.1
 # Of the displacement (rms), what a scale has to move to be known at all.
 _MOVES = 1e-6
 
@@ -250,7 +252,7 @@ def _said(record: Record, wishes: dict[Kind, Wish]) -> Finding:
             kind = "scale"
     value = wishes[kind].value
     if kind == "scale":
-        factor = digits(math.exp(-value), 2)
+        factor = digits(math.exp(-value), 2 if abs(value) > _PLAIN else 3)
         text = (
             f"{record.name} seems to be written with {factor} times its time step: the model, "
             f"right for the other records, fits it when {digits(record.ts_s * math.exp(value), 3)} s "
