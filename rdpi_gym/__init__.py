@@ -107,6 +107,24 @@ register(
     max_episode_steps=2000,
 )
 
+# The tasks, by the files of `rdpi_gym.envs.tasks` that state them; a name is looked up when one is made.
+_TASKS = {
+    "one_effect": ("Bare", "Creep", "Lag", "Resonance"),
+    "whole_stage": ("Stage", "Load", "Ageing", "Rough", "Raster", "Steps"),
+    "structure": ("Measured", "Preisach", "BoucWen", "Duhem"),
+}
+# Those whose plants are numbers about one nominal plant: all lanes of one kernel.
+_VECTORED = ("Bare", "Creep", "Lag", "Resonance", "Stage", "Raster", "Steps")
+for _file, _names in _TASKS.items():
+    for _name in _names:
+        _module = f"rdpi_gym.envs.tasks.{_file}"
+        register(
+            id=f"rdpi_gym/Piezo{_name}-v0",
+            entry_point=f"{_module}:Piezo{_name}Env",
+            vector_entry_point=f"{_module}:{_name.lower()}_vector" if _name in _VECTORED else None,
+            max_episode_steps=2500,
+        )
+
 # Environments whose actions correct a controller take it by name.
 provide("rdpi_gym.controllers", "baselines:make_controller")
 

@@ -22,9 +22,10 @@ from rdpi_gym.envs.references import (
     frequency_bounds,
     reference_choices,
 )
-from rdpi_gym.envs.tracking import TrackingTask
+from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
 from rdpi_gym.envs.truth import PLANT_OPTIONS, PlantChoice, TruthSource, choose_plant
 from rdpi_gym.envs.unit_box import UnitBox
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.signals import Signal
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, is_whole, shape_of, shown
@@ -263,7 +264,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             raise InputError(f"render_mode is {shown(render_mode)}; give 'rgb_array' or None")
         self.render_mode = render_mode
         self._figure: LiveFigure | None = None
-        self._task = TrackingTask(self.nominal, self.layout, self.bound_um)
+        self._task = self._track(self.nominal)
         self.signal: Signal | None = None
         self._k = self._known = self._saturated = 0
         self._command_V = 0.0
@@ -292,10 +293,10 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         known = _CHUNK + self.layout.preview
         reference = self.reference_um(signal, 0, known)
         if truth is not self.truth:
-            self._task, self.truth = TrackingTask(truth, self.layout, self.bound_um), truth
+            self._task, self.truth = self._track(truth), truth
         self.signal, self._known = signal, known
         self._k = self._saturated = 0
-        observation = self._task.reset(reference, [np.random.default_rng(noise_seed)])
+        observation = self._task.reset(reference, [self._noise(np.random.default_rng(noise_seed))])
         if self._correction is not None:
             self._correction.reset(reference, observation)
         if self._figure is not None:
@@ -339,6 +340,14 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             gym.logger.warn('no render_mode was given; make the environment with "rgb_array"')
             return None
         return self._live_figure().draw()
+
+    def _track(self, truth: PlantModel) -> TrackingTask:
+        """Return the tracking problem of a plant."""
+        return TrackingTask(truth, self.layout, self.bound_um)
+
+    def _noise(self, rng: np.random.Generator) -> NoiseSource:
+        """Return the noise of an episode, in units of the sensor's."""
+        return rng
 
     def _command_for(self, action: NDArray[np.float32]) -> float:
         """Read an action as the command u(k+1) (V), and count it if it has to be clipped."""

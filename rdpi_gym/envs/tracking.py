@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from numba import njit
@@ -53,13 +54,22 @@ def _show(
         observation[b, ahead + 1] = 2.0 * (u[0, b] - low) / span - 1.0
 
 
+class NoiseSource(Protocol):
+    """Where a sensor's noise comes from: numpy's generators, or noise that remembers."""
+
+    def standard_normal(self, size: int, /) -> Array:
+        """Return the next numbers, in units of the sensor's standard deviation."""
+        ...
+
+
 class TrackingTask:
     """B tracking problems with one layout, stepped together: B = 1 is the single environment.
 
     Parameters
     ----------
     models
-        One plant, or one a lane (all with the same number of plays), sensor included.
+        One plant, or one a lane (all with the same number of plays), sensor included; or a
+        :class:`~rdpi_gym.plant.Plant` that runs them, for its own at this sampling time.
     layout
         What is shown, in which units, at which sampling time.
     range_um
@@ -92,7 +102,7 @@ class TrackingTask:
 
     def __init__(
         self,
-        models: PlantModel | Sequence[PlantModel],
+        models: PlantModel | Sequence[PlantModel] | Plant,
         layout: ObservationLayout,
         range_um: float = math.inf,
     ) -> None:
@@ -100,7 +110,7 @@ class TrackingTask:
         if not (unlimited or (is_finite(range_um) and range_um > 0)):
             raise InputError(f"range_um is {shown(range_um)}; give a displacement above 0 µm")
         self.layout = layout
-        self.plant = Plant(models, layout.ts_s)
+        self.plant = models if isinstance(models, Plant) else Plant(models, layout.ts_s)
         sensors = [model.sensor for model in self.plant.models]
         self._resolution = np.array([sensor.resolution_um for sensor in sensors], dtype=np.float64)
         self._deviation = np.array([sensor.noise_um for sensor in sensors], dtype=np.float64)
@@ -116,7 +126,7 @@ class TrackingTask:
         self._u = np.zeros((1, lanes))
         self._shape = (lanes, layout.size)
         self._reference = self._noise = np.zeros((1, lanes))
-        self._rngs: Sequence[np.random.Generator] | None = None
+        self._rngs: Sequence[NoiseSource] | None = None
         self._k = 0
 
     @property
@@ -150,7 +160,7 @@ class TrackingTask:
         return self._row(4)
 
     def reset(
-        self, reference_um: ArrayLike, rngs: Sequence[np.random.Generator] | None = None
+        self, reference_um: ArrayLike, rngs: Sequence[NoiseSource] | None = None
     ) -> NDArray[np.float32]:
         """Begin new episodes, every plant at rest at the command nearest 0 V of the range.
 

@@ -145,6 +145,81 @@ class Plant:
         if mask.all():
             self._count = 0
 
+    def retune(self, models: Sequence[PlantModel[Any]]) -> None:
+        """Go on as other models of the same build: a load that is set down, a stage that ages.
+
+        What was gathered stays: displacements and velocities do not jump where a mode moves.
+
+        Parameters
+        ----------
+        models
+            One a lane, with the same core, effects and converter.
+
+        Raises
+        ------
+        InputError
+            A model of another build.
+
+        Examples
+        --------
+        >>> from dataclasses import replace
+        >>> from rdpi_gym.plant import named_plant
+        >>> from rdpi_gym.plant.effects import CATALOGUE
+        >>> bare = replace(named_plant("P5"), effects=(CATALOGUE["resonance"](f0_hz=700.0),))
+        >>> loaded = replace(bare, effects=(CATALOGUE["resonance"](f0_hz=400.0),))
+        >>> plant = Plant(bare, ts_s=1e-4)
+        >>> before = plant.simulate(10.0 * np.sin(2 * np.pi * 50.0 * 1e-4 * np.arange(100)))[-2:]
+        >>> plant.retune([loaded])
+        >>> after = plant.simulate([10.0 * np.sin(2 * np.pi * 0.5)])  # as fast as it was moving
+        >>> bool(abs(after[0] - before[1] - np.diff(before)[0]) < 0.2 * abs(np.diff(before)[0]))
+        True
+        """
+        effects = [m.effects for m in models]
+        if len(models) != self.lanes or any(
+            len(new) != len(old.effects) for new, old in zip(effects, self.models, strict=True)
+        ):
+            raise InputError(
+                "a plant goes on as one of the same build; give as many lanes and effects"
+            )
+        hysteresis = [m.hysteresis for m in models]
+        if any(m.hysteresis is not o.hysteresis for m, o in zip(models, self.models, strict=True)):
+            inside = [0.0 if self._stages else m.offset_um for m in models]
+            self._parameters[:] = pack(hysteresis, self.ts_s, inside)
+        if self._stages:
+            self._offsets[:] = [m.offset_um for m in models]
+        behind = {place: iter(stages) for place, stages in self._stages.items()}
+        for column in zip(*effects, strict=True):
+            if column[0].slot != "memory":
+                next(behind[column[0].slot]).retune(column, hysteresis)
+        self.models = tuple(models)
+
+    def snapshot(self) -> tuple[Array, ...]:
+        """Return all that the plants remember, the lane last: copies for :meth:`restore`.
+
+        A converter that holds is left out.
+        """
+        stages = [stage.state for each in self._stages.values() for stage in each]
+        return tuple(part.copy() for part in (self._state, *stages))
+
+    def restore(self, snapshot: Sequence[Array]) -> None:
+        """Take up what :meth:`snapshot` returned, of as many lanes of the same build.
+
+        Examples
+        --------
+        >>> from rdpi_gym.plant import named_plant
+        >>> plant = Plant(named_plant("P5"), ts_s=1e-3)
+        >>> _ = plant.simulate([5.0, -5.0])
+        >>> here = plant.snapshot()
+        >>> first = plant.simulate([3.0, 4.0])
+        >>> plant.restore(here)
+        >>> bool((plant.simulate([3.0, 4.0]) == first).all())
+        True
+        """
+        stages = [stage.state for each in self._stages.values() for stage in each]
+        for own, taken in zip((self._state, *stages), snapshot, strict=True):
+            own[:] = taken
+        self._awaits[:] = self._is_awaiting = False
+
     def simulate(self, u_V: ArrayLike) -> Array:
         """Run a block of commands and keep the memory for the next one.
 

@@ -30,6 +30,7 @@ class Stage:
 
     def __init__(self, effects: Sequence[Effect], hysteresis: Sequence[Core], ts_s: float) -> None:
         self.slot: Slot = effects[0].slot
+        self._built = list(zip(effects, hysteresis, strict=True))
         self._signal = ACTS_ON.get(self.slot, DISPLACEMENT)
         self._block = type(effects[0]).block
         self._clocked = effects[0].clocked
@@ -49,6 +50,38 @@ class Stage:
     def reset(self, lanes: Array) -> None:
         """Forget the past of the lanes in a boolean mask: the next sample finds them at rest."""
         self._state[:, lanes] = np.nan
+
+    def retune(self, effects: Sequence[Effect], hysteresis: Sequence[Core]) -> None:
+        """Go on with other values of the parameters; what the stage remembers stays what it is.
+
+        Parameters
+        ----------
+        effects, hysteresis
+            As those that it was built of, one a lane.
+
+        Raises
+        ------
+        InputError
+            An effect of another form, or one that remembers more or less.
+        """
+        for lane, (effect, core) in enumerate(zip(effects, hysteresis, strict=True)):
+            before, its_core = self._built[lane]
+            if effect is before and core is its_core:
+                continue
+            rows = effect.state_rows_with(self._ts_s, core)
+            if type(effect) is not type(before) or rows > len(self._state):
+                raise InputError(
+                    f"{before.full_name()} cannot become {effect.full_name()} while it runs; give the "
+                    "same form, and no longer a delay"
+                )
+            self._parameters[:, lane] = effect.coefficients(self._ts_s, core)
+            effect.carry(self._state[:, lane], before)
+            self._built[lane] = effect, core
+
+    @property
+    def state(self) -> Array:
+        """What the stage remembers, a view of float64[S, B]."""
+        return self._state
 
     def start(self, clock_s: float) -> None:
         """Begin at a time (s) of the experiment, which slow drifts go by."""

@@ -15,7 +15,7 @@ from gymnasium.utils.env_checker import check_env
 
 import rdpi_gym  # noqa: F401  # registers the environments
 
-IDS = sorted(name for name in gym.registry if name.startswith("rdpi_gym/"))
+IDS = ["rdpi_gym/PiezoTracking-v0"]  # the tasks have tests of their own
 VARIANTS = {
     "defaults": {},
     "increment": {"action": "increment", "plant": "P5", "command_cost": 1.0},

@@ -350,6 +350,19 @@ class Effect(ABC):
         """
         return False
 
+    def carry(self, state: Array, before: Effect) -> None:  # noqa: B027  # most have nothing to do
+        """Make what another of the same form remembers, ``float64[S]``, the memory of this one.
+
+        By default it stays: displacements, and whatever does not go by the parameters.
+
+        Parameters
+        ----------
+        state
+            Of one lane, changed in place.
+        before
+            The effect with the parameters that it had.
+        """
+
     def sampled_at(self, ts_s: float) -> Effect:
         """Return what it is on records of one sampling time (s): the same on any, by default."""
         return self

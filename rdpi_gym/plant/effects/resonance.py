@@ -8,6 +8,7 @@ from typing import Self
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Extension, Look, Parameter, Picture
 from rdpi_gym.plant.effects.linear import linear_block, pack_modes
+from rdpi_gym.support.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,10 @@ class Resonance(Effect):
         """Last input, displacement, velocity."""
         return 3
 
+    def carry(self, state: Array, before: Effect) -> None:
+        """The velocity stays, so its share of ω0 changes."""
+        state[2] *= before.values["f0_hz"] / self.f0_hz
+
 
 @dataclass(frozen=True)
 class ResonanceWithZero(Extension, of=Resonance):
@@ -137,6 +142,10 @@ class ResonanceWithZero(Extension, of=Resonance):
     def state_rows(self, ts_s: float) -> int:
         """Last input, displacement, velocity."""
         return 3
+
+    def carry(self, state: Array, before: Effect) -> None:
+        """The velocity stays, so its share of ω0 changes."""
+        state[2] *= before.values["f0_hz"] / self.f0_hz
 
 
 @dataclass(frozen=True)
@@ -203,3 +212,8 @@ class TwoModes(Extension, of=Resonance):
     def state_rows(self, ts_s: float) -> int:
         """Last input, displacement and velocity of each mode."""
         return 5
+
+    def carry(self, state: Array, before: Effect) -> None:
+        """The velocities stay, so their shares of ω1 and ω2 change."""
+        state[2] *= before.values["f0_hz"] / self.f0_hz
+        state[4] *= before.values["second_hz"] / self.second_hz

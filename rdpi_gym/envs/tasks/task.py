@@ -1,0 +1,373 @@
+"""What a task is, and how its plants, references and noise are drawn."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.references import ReferenceChoice, ReferenceSource, frequency_at
+from rdpi_gym.envs.tasks.changing import ChangingPlant
+from rdpi_gym.envs.tasks.noise import ColouredNoise, NoiseLaw
+from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
+from rdpi_gym.envs.truth import randomise_effects, randomise_plant
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_whole, shown
+from rdpi_gym.support.errors import InputError
+
+Split = Literal["training", "validation", "test"]
+PUBLIC_SEED = 2026
+"""Of the test draws, where whoever runs a leaderboard keeps no other."""
+SAMPLES, FIRST = 2500, 1000
+"""Samples of every episode, and the first of them that is scored."""
+
+REFERENCES: tuple[ReferenceChoice, ...] = (
+    "sine",
+    "sine",
+    {"signal": "triangle", "frequency_hz": 20.0},
+    {"signal": "multisine", "frequency_hz": 10.0, "lines": 10},
+    {"signal": "raster", "frequency_hz": 20.0},
+    {"signal": "nested-loops", "frequency_hz": 20.0},
+)
+"""Two sines of frequencies that are drawn, and one each of what scans and laboratories drive."""
+
+# Begins the entropy of every draw: no training of agents draws from it.
+_KEY = 2**34 + 12
+_WORDS: Mapping[str, int] = {name: i for i, name in enumerate(get_args(Split), start=1)}
+
+Ageing = Callable[[PlantModel, float], PlantModel]
+"""``law(model, share)``: a plant that has lived a share, 0 to 1, of its life."""
+Schedule = Callable[[PlantModel, np.random.Generator], Mapping[int, PlantModel]]
+"""``law(model, rng)``: what a plant becomes in an episode, by the sample at which it does."""
+
+
+@dataclass(frozen=True)
+class Draw:
+    """One plant of a task, with every reference.
+
+    Parameters
+    ----------
+    number
+        Which of its split.
+    truth
+        The plant as an episode begins.
+    later
+        What it becomes, by the sample of the episode.
+    belief
+        What a controller is told: the nominal plant, with its effects.
+    names
+        Of the references.
+    references_um
+        ``(K, R)``, one reference a column.
+    noises
+        Of the sensor, one for each reference; each serves one episode.
+    """
+
+    number: int
+    truth: PlantModel
+    later: Mapping[int, PlantModel]
+    belief: PlantModel
+    names: tuple[str, ...]
+    references_um: Array
+    noises: tuple[NoiseSource, ...]
+
+
+@dataclass(frozen=True)
+class StageTask:
+    """A stage with its references, what is believed of it, and the protocol of a score.
+
+    Parameters
+    ----------
+    name
+        Short name; ``rdpi_gym/Piezo<name>-v0`` is the id.
+    title
+        In words.
+    about
+        One paragraph: what is hard here, and what it stands for.
+    nominals
+        Plants as they were designed, sensor and effects included; what is drawn is drawn about
+        them, in turn.
+    beliefs
+        What controllers are told in place of each; empty: the nominal plants themselves.
+    hidden
+        What an observation does not show, so that the task is no Markov process.
+    history
+        Earlier samples in an observation of the id.
+    references
+        As the environment takes them; every plant meets all of them.
+    frequency_hz
+        Lowest and highest frequency (Hz) of those that state none.
+    amplitude_share
+        Amplitude over that of the references that suit the plant's stroke.
+    ts_s
+        Sampling time (s).
+    preview
+        Samples of the reference that are shown ahead.
+    smooth_start_s
+        Of the references (s).
+    samples, first
+        Of an episode: how many, and the first that is scored.
+    half_width, effects_half_width
+        Relative half-widths of the hysteresis' numbers and of the effects' parameters.
+    noise
+        What the sensor adds.
+    command_bits
+        Of the converter over the command's range; None: no step.
+    ageing
+        What a life does to a plant; each draw has lived a share of it, drawn uniformly.
+    schedule
+        What happens within an episode.
+
+    Examples
+    --------
+    >>> from rdpi_gym.envs.tasks import TASKS
+    >>> one = TASKS["Stage"].draw("test", number=3, seed=7)
+    >>> one.references_um.shape, one.truth == TASKS["Stage"].draw("training", 3, 7).truth
+    ((2500, 6), False)
+    """
+
+    name: str
+    title: str
+    about: str
+    nominals: tuple[PlantModel, ...]
+    hidden: str
+    beliefs: tuple[PlantModel, ...] = ()
+    history: int = 0
+    references: tuple[ReferenceChoice, ...] = REFERENCES
+    frequency_hz: tuple[float, float] = (20.0, 100.0)
+    amplitude_share: float = 1.0
+    ts_s: float = 1e-4
+    preview: int = 8
+    smooth_start_s: float = 0.05
+    samples: int = SAMPLES
+    first: int = FIRST
+    half_width: float = 0.05
+    effects_half_width: float = 0.4
+    noise: NoiseLaw | None = None
+    command_bits: int | None = None
+    ageing: Ageing | None = None
+    schedule: Schedule | None = None
+
+    @property
+    def id(self) -> str:
+        """Under which ``gymnasium.make`` knows it."""
+        return f"rdpi_gym/Piezo{self.name}-v0"
+
+    @property
+    def is_markov(self) -> bool:
+        """False: no task here shows the memory of its hysteresis."""
+        return not self.hidden
+
+    @property
+    def changes(self) -> bool:
+        """Whether draws go beyond numbers about one nominal plant."""
+        laws = (self.noise, self.command_bits, self.ageing, self.schedule)
+        return len(self.nominals) > 1 or any(law is not None for law in laws)
+
+    @property
+    def noise_um(self) -> float:
+        """Root mean square (µm) of what the sensor adds, its resolution aside."""
+        stated: float = self.nominals[0].sensor.noise_um
+        return stated * (1.0 if self.noise is None else self.noise.rms)
+
+    def nominal(self, number: int = 0) -> PlantModel:
+        """Return the nominal plant of a draw."""
+        return self.nominals[number % len(self.nominals)]
+
+    def belief(self, number: int = 0) -> PlantModel:
+        """Return what a controller is told of a draw's plant, effects included."""
+        return (self.beliefs or self.nominals)[number % len(self.nominals)]
+
+    def layout(self, number: int = 0, **options: Any) -> ObservationLayout:
+        """Return what is shown of a draw's plant; `options` are further fields of the layout."""
+        fields = {"preview": self.preview, **options}
+        centre, amplitude = self.nominal(number).reference_um
+        return ObservationLayout(
+            centre_um=centre,
+            scale_um=amplitude * self.amplitude_share,
+            command_range_V=self.nominal(number).command_range_V,
+            ts_s=self.ts_s,
+            **fields,
+        )
+
+    def truth(
+        self, rng: np.random.Generator, number: int = 0
+    ) -> tuple[PlantModel, Mapping[int, PlantModel]]:
+        """Draw a plant, and what it becomes within an episode."""
+        model = randomise_plant(self.nominal(number), self.half_width, rng)
+        model = randomise_effects(model, self.effects_half_width, rng)
+        if self.ageing is not None:
+            model = self.ageing(model, float(rng.uniform()))
+        return model, {} if self.schedule is None else self.schedule(model, rng)
+
+    def noise_of(self, rng: np.random.Generator) -> NoiseSource:
+        """Return the noise of an episode."""
+        return rng if self.noise is None else ColouredNoise(self.noise, self.ts_s, rng)
+
+    @property
+    def command_step_V(self) -> float:
+        """Smallest step of the command (V); 0: none."""
+        low, high = self.nominals[0].command_range_V
+        return 0.0 if self.command_bits is None else (high - low) / 2**self.command_bits
+
+    def draw(self, split: Split, number: int, seed: int | None = None) -> Draw:
+        """Draw one plant of a split, the same at every call.
+
+        Parameters
+        ----------
+        split
+            ``training``, ``validation`` or ``test``: its name is among the random words, so that
+            no two splits have a plant in common, whatever the seeds.
+        number
+            Which, from 0.
+        seed
+            Of the split; 0 by default, :data:`PUBLIC_SEED` of the test.
+
+        Raises
+        ------
+        InputError
+            No such split, or a number or a seed that is not whole, or below 0.
+        """
+        if split not in _WORDS:
+            raise InputError(f"split is {shown(split)}; give {', '.join(_WORDS)}")
+        used = (PUBLIC_SEED if split == "test" else 0) if seed is None else seed
+        for what, value in (("number", number), ("seed", used)):
+            if not is_whole(value, 0):
+                raise InputError(f"{what} is {shown(value)}; give a whole number of 0 or above")
+        words = [_KEY, _WORDS[split], zlib.crc32(self.name.encode()), int(used), int(number)]
+        plant, reference, noise = np.random.SeedSequence(words).spawn(3)
+        truth, later = self.truth(np.random.default_rng(plant), number)
+        source, rng = self._source(number), np.random.default_rng(reference)
+        names, columns = [], []
+        time = self.ts_s * np.arange(self.samples + self.preview)
+        for i, choice in enumerate(self.references, start=1):
+            hz = frequency_at(self.frequency_hz, float(rng.random()))
+            signal = source.make(choice, hz, int(rng.integers(2**31)))
+            names.append(f"{i} {signal.name}")
+            columns.append(signal(time))
+        sources = [np.random.default_rng(each) for each in noise.spawn(len(columns))]
+        return Draw(
+            number,
+            truth,
+            later,
+            self.belief(number),
+            tuple(names),
+            np.stack(columns, axis=1)[: self.samples],
+            tuple(self.noise_of(each) for each in sources),
+        )
+
+    def lanes(
+        self, split: Split, plants: int | Sequence[int], seed: int | None = None
+    ) -> list[Lanes]:
+        """Draw plants of a split as lanes side by side, each plant with every reference.
+
+        Parameters
+        ----------
+        split, seed
+            As :meth:`draw`.
+        plants
+            How many, or their numbers.
+
+        Returns
+        -------
+        list of Lanes
+            One for each nominal plant: its lanes have one belief.
+        """
+        numbers = range(plants) if isinstance(plants, int) else plants
+        groups: dict[int, list[Draw]] = {}
+        for number in numbers:
+            each = self.draw(split, number, seed)
+            groups.setdefault(number % len(self.nominals), []).append(each)
+        return [Lanes(self, tuple(draws)) for draws in groups.values()]
+
+    def _source(self, number: int) -> ReferenceSource:
+        layout = self.layout(number)
+        return ReferenceSource(
+            self.references,
+            self.frequency_hz,
+            layout.scale_um,
+            layout.centre_um,
+            self.smooth_start_s,
+        )
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Keywords of :class:`~rdpi_gym.envs.PiezoTrackingEnv` that make it this task's."""
+        layout = self.layout()
+        return {
+            "plant": self.nominals[0],
+            "belief": self.belief(),
+            "rate_bandwidth_hz": None,  # the plants are band-limited already
+            "ts_s": self.ts_s,
+            "preview": self.preview,
+            "reference": list(self.references),
+            "frequency_hz": self.frequency_hz,
+            "amplitude_um": layout.scale_um,
+            "smooth_start_s": self.smooth_start_s,
+            "randomise": self.half_width,
+            "randomise_effects": self.effects_half_width,
+        }
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """Draws of one nominal plant side by side: a lane is a plant with one of its references.
+
+    Parameters
+    ----------
+    task
+        What they are drawn for.
+    draws
+        The plants.
+    """
+
+    task: StageTask
+    draws: tuple[Draw, ...]
+
+    @property
+    def belief(self) -> PlantModel:
+        """What a controller is told of all of them, effects included."""
+        return self.draws[0].belief
+
+    @property
+    def numbers(self) -> list[int]:
+        """The plant of each lane."""
+        return [draw.number for draw in self.draws for _ in draw.names]
+
+    @property
+    def names(self) -> list[str]:
+        """The reference of each lane."""
+        return [name for draw in self.draws for name in draw.names]
+
+    @property
+    def references_um(self) -> Array:
+        """References (µm), ``(K, B)``."""
+        return np.concatenate([draw.references_um for draw in self.draws], axis=1)
+
+    @property
+    def noises(self) -> list[NoiseSource]:
+        """Noise of each lane; good for one run."""
+        return [noise for draw in self.draws for noise in draw.noises]
+
+    def layout(self, **options: Any) -> ObservationLayout:
+        """Return what is shown, with the task's preview unless `options` say otherwise."""
+        return self.task.layout(self.draws[0].number, **options)
+
+    def plant(self) -> ChangingPlant:
+        """Return the true plants, at rest: what no controller may hold."""
+        each = [draw for draw in self.draws for _ in draw.names]
+        return ChangingPlant(
+            [draw.truth for draw in each],
+            self.task.ts_s,
+            [draw.later for draw in each],
+            self.task.command_step_V,
+        )
+
+    def track(self, layout: ObservationLayout) -> TrackingTask:
+        """Return the tracking problems, for a layout of :meth:`layout`."""
+        return TrackingTask(self.plant(), layout)

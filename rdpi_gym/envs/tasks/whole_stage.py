@@ -1,0 +1,183 @@
+"""Stage and what befalls it: Load, Ageing, Rough, Raster, Steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from rdpi_gym.envs.tasks.changing import BLOCK
+from rdpi_gym.envs.tasks.environment import environment_of, vector_of
+from rdpi_gym.envs.tasks.noise import NoiseLaw
+from rdpi_gym.envs.tasks.one_effect import CREEP, LAG, MODE, NOISE_UM, stage
+from rdpi_gym.envs.tasks.task import FIRST, StageTask
+from rdpi_gym.plant import PlantModel, Sensor
+from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.plant.effects.delay import Delay
+from rdpi_gym.plant.effects.resonance import Resonance
+from rdpi_gym.plant.effects.thermal_drift import ThermalDrift
+
+HISTORY = 32
+"""Samples: 3.2 ms, two periods of the nominal mode."""
+GLIDE_S = 0.025
+"""Time (s) in which a load takes the mode to where it stays."""
+LOWEST_HZ = 300.0
+"""Of a loaded mode."""
+
+_DELAY, _DRIFT = Delay(delay_s=1e-4), ThermalDrift(rate_um_s=0.1, time_constant_s=50.0)
+_EFFECTS = (LAG, CREEP, MODE, _DRIFT, _DELAY)
+_HIDDEN = "the memory of the plays, the states of lag, creep, mode and delay, and the drift"
+_QUANTISED = replace(
+    stage("P10 stage", *_EFFECTS), sensor=Sensor(noise_um=NOISE_UM, resolution_um=0.01)
+)
+
+
+def load(model: PlantModel, rng: np.random.Generator) -> Mapping[int, PlantModel]:
+    """Set a load down: the mode falls to 0.5 to 0.8 of its frequency, never below 300 Hz.
+
+    It begins within the first tenth of a second that is scored, and takes :data:`GLIDE_S`; its
+    frequency goes evenly in its logarithm, step by step of :data:`~rdpi_gym.envs.tasks.changing.BLOCK`
+    samples.
+
+    Examples
+    --------
+    >>> became = load(STAGE.nominal(), np.random.default_rng(0))
+    >>> modes = [m.effects[2].values["f0_hz"] for m in became.values()]
+    >>> len(modes), bool(0.5 * 739.0 <= modes[-1] <= 0.8 * 739.0)
+    (10, True)
+    """
+    (mode,) = (effect for effect in model.effects if isinstance(effect, Resonance))
+    begin = FIRST + BLOCK * int(rng.integers(1000 // BLOCK))
+    last = max(mode.f0_hz * float(rng.uniform(0.5, 0.8)), min(LOWEST_HZ, mode.f0_hz))
+    count = round(GLIDE_S / 1e-4) // BLOCK
+    return {
+        begin + i * BLOCK: _with(
+            model, replace(mode, f0_hz=mode.f0_hz * (last / mode.f0_hz) ** ((i + 1) / count))
+        )
+        for i in range(count)
+    }
+
+
+def ageing(model: PlantModel, share: float) -> PlantModel:
+    """Return a stage that has lived a share of its life.
+
+    At its end the gains are 15 % smaller (the ceramic has lost polarisation), the thresholds 20 %
+    wider, creep is twice as large, and the mode 10 % lower (the flexure has cracks). The sizes are
+    an estimate.
+
+    Examples
+    --------
+    >>> old = ageing(STAGE.nominal(), 1.0)
+    >>> round(old.hysteresis.A / STAGE.nominal().hysteresis.A, 3)
+    0.85
+    """
+    core = model.hysteresis
+    factors = np.ones(core.factors)
+    gains, gaps = len(core.gains), len(core.gaps_V)
+    factors[:gains] -= 0.15 * share
+    factors[gains : gains + gaps] += 0.2 * share
+    old = model.with_hysteresis(core.scaled(factors))
+    worn = {"creep": ("gain_per_decade", 1.0), "resonance": ("f0_hz", -0.1)}
+    for effect in model.effects:
+        if effect.name in worn:
+            name, change = worn[effect.name]
+            values = {**effect.values, name: effect.values[name] * (1.0 + change * share)}
+            old = _with(old, type(effect).within_bounds(**values))
+    return old
+
+
+def _with(model: PlantModel, changed: Effect) -> PlantModel:
+    effects = (changed if e.name == changed.name else e for e in model.effects)
+    return replace(model, effects=tuple(effects))
+
+
+STAGE = StageTask(
+    "Stage",
+    "A stage as a laboratory has it",
+    "Hysteresis behind an amplifier's lag, creep, a delay of the electronics, a lightly damped mode, "
+    "a drift from warming up, and a sensor that rounds. The default of the ranking.",
+    (_QUANTISED,),
+    hidden=_HIDDEN,
+    history=HISTORY,
+)
+LOAD = StageTask(
+    "Load",
+    "A stage that is loaded while it runs",
+    "The stage of `PiezoStage-v0` on which something is set down: within 25 ms its mode falls to 0.5 "
+    "to 0.8 of what it was, down to 300 Hz, while the reference goes on. What damps or notches the "
+    "old mode may make the new one unstable.",
+    (_QUANTISED,),
+    hidden=f"{_HIDDEN}, and when the load comes",
+    history=HISTORY,
+    schedule=load,
+)
+AGEING = StageTask(
+    "Ageing",
+    "A stage years after it was identified",
+    "The stage of `PiezoStage-v0` some time later: each plant has lived a share of its life, up to "
+    "15 % of its gain lost, its thresholds 20 % wider, twice the creep and a mode 10 % lower. The "
+    "belief is of the day when it was new.",
+    (_QUANTISED,),
+    hidden=f"{_HIDDEN}, and the age",
+    history=HISTORY,
+    ageing=ageing,
+)
+ROUGH = StageTask(
+    "Rough",
+    "A stage on a bad day's instruments",
+    "The stage of `PiezoStage-v0` with 16-bit converters on both sides, and a sensor whose noise "
+    "wanders below 5 Hz, twice as large as its white part, with hum of the mains three times as "
+    "large: who trusts the reading follows its errors.",
+    (replace(_QUANTISED, sensor=Sensor(noise_um=NOISE_UM, resolution_um=0.003)),),
+    hidden=f"{_HIDDEN}, and the noise's own state",
+    history=HISTORY,
+    noise=NoiseLaw(white=1.0, wander=2.0, corner_hz=5.0, hum=3.0),
+    command_bits=16,
+)
+RASTER = StageTask(
+    "Raster",
+    "Scan lines of an atomic force microscope",
+    "The stage of `PiezoStage-v0` on scan lines at 20 to 80 Hz with smooth turn-arounds, even and "
+    "with a fast way back. The same line comes again and again.",
+    (_QUANTISED,),
+    hidden=_HIDDEN,
+    history=HISTORY,
+    references=(
+        {"signal": "raster", "frequency_hz": 20.0, "turnaround_fraction": 0.1},
+        {"signal": "raster", "frequency_hz": 40.0, "turnaround_fraction": 0.2},
+        {"signal": "raster", "frequency_hz": 80.0, "turnaround_fraction": 0.3},
+        {
+            "signal": "raster",
+            "frequency_hz": 20.0,
+            "trace_fraction": 0.75,
+            "turnaround_fraction": 0.15,
+        },
+    ),
+)
+STEPS = StageTask(
+    "Steps",
+    "Steps, as a positioner makes them",
+    "The stage of `PiezoStage-v0` on levels held for 25 ms: jumps that no stage can follow, and ways "
+    "of 2 and 5 ms that excite the mode. Percent are large, as the jump itself is in them.",
+    (_QUANTISED,),
+    hidden=_HIDDEN,
+    history=HISTORY,
+    references=(
+        {"signal": "random-steps", "hold_s": 0.025},
+        {"signal": "random-steps", "hold_s": 0.025, "rise_s": 0.002},
+        {"signal": "random-steps", "hold_s": 0.025, "rise_s": 0.005},
+        {"signal": "steps", "hold_s": 0.025, "rise_s": 0.002},
+    ),
+)
+
+PiezoStageEnv = environment_of(STAGE, __name__)
+PiezoLoadEnv = environment_of(LOAD, __name__)
+PiezoAgeingEnv = environment_of(AGEING, __name__)
+PiezoRoughEnv = environment_of(ROUGH, __name__)
+PiezoRasterEnv = environment_of(RASTER, __name__)
+PiezoStepsEnv = environment_of(STEPS, __name__)
+stage_vector = partial(vector_of, STAGE)
+raster_vector = partial(vector_of, RASTER)
+steps_vector = partial(vector_of, STEPS)
