@@ -15,6 +15,7 @@ name                                    controller
 ``core-inverse``                        inverse of any hysteresis core, by search in each sample
 ``pi``                                  PI, tuned from the belief
 ``pi-<feedforward>``                    PI on the error that one of the above leaves
+``adaptive-feedforward``                the inverse of what the belief lacks, estimated online
 ``preview-inversion``                   inversion of the belief over the whole reference, in advance
 ======================================  ============================================================
 

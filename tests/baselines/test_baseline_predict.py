@@ -253,7 +253,7 @@ def test_every_feedforward_is_there_with_feedback_too():
         FEEDFORWARDS
     )
     feedback = {"pi", *(f"pi-{name}" for name in FEEDFORWARDS)}
-    assert set(CONTROLLERS) == {*FEEDFORWARDS, *feedback, "preview-inversion"}
+    assert {*FEEDFORWARDS, *feedback, "preview-inversion"} <= set(CONTROLLERS)
     for name, kind in FEEDFORWARDS.items():
         assert kind.name == name
 
