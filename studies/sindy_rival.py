@@ -27,7 +27,8 @@ from benchmarks.foreign_effects.__main__ import part_of
 from benchmarks.foreign_effects.cases import NUMBERS, Case, make_cases, prepare
 from benchmarks.foreign_effects.scoring import judge
 from benchmarks.hidden_effects.run import ROWS_FILE
-from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
+from rdpi_gym.diagnosis.search.bench import State
+from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.stability import in_blocks
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import first_steps, kept_samples

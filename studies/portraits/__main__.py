@@ -18,8 +18,9 @@ from benchmarks.foreign_effects.drives import Drive, between
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.learning import learn_forms
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
+from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.forms import in_best_form
-from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
+from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.law import plant_of
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel

@@ -8,9 +8,10 @@ import pytest
 
 from rdpi_gym.diagnosis.results import Candidate, SearchResult
 from rdpi_gym.diagnosis.search import laboratory
+from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.candidates import refit
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover
-from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
+from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis.results import SearchResult
+from rdpi_gym.diagnosis.search.bench import setting_of
 from rdpi_gym.diagnosis.search.core_choice import choose, fit_kinds, instead
 from rdpi_gym.diagnosis.search.discover import add_effect, discover
-from rdpi_gym.diagnosis.search.laboratory import _setting
 from rdpi_gym.identification.kinds import orientation
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, PAPER_III_B, RDPI, PlantModel
@@ -68,7 +68,7 @@ def test_clockwise_loops_are_found_to_be_friction_before_an_effect_is_named():
 
 def test_rdpi_stays_where_nothing_speaks_against_it():
     plant = PlantModel(PAPER_III_B, "piezo", (-15.0, 15.0), (0, 5))
-    setting = _setting(records(plant))
+    setting = setting_of(records(plant))
     assert orientation(setting.train) is False
     own, other = fit_kinds(setting, [RDPI, CORES["bouc_wen"]], silent)
     assert own.kind is RDPI

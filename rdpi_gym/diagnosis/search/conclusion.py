@@ -13,9 +13,10 @@ import numpy as np
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.probability import Probabilities, probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, Left, SearchResult, View, steps_of
+from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.candidates import assess
 from rdpi_gym.diagnosis.search.experiments import what_to_measure
-from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
+from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.law import plant_of
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
 from rdpi_gym.diagnosis.search.ranking import Ranked

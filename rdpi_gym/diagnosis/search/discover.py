@@ -11,8 +11,9 @@ from typing import Any
 
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.results import Candidate, SearchResult
+from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.conclusion import Search, conclude, nearest_of
-from rdpi_gym.diagnosis.search.laboratory import Laboratory, State
+from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.measurement import Dataset

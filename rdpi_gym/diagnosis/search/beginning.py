@@ -1,0 +1,118 @@
+"""How a search begins: the core of hysteresis and the base model, and another core where it ends nowhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rdpi_gym.diagnosis.results import CoreChoice
+from rdpi_gym.diagnosis.search.base_models import begun
+from rdpi_gym.diagnosis.search.bench import Bench, State
+from rdpi_gym.diagnosis.search.candidates import refit
+from rdpi_gym.diagnosis.search.core_choice import AUTO, Fitted, choose, fit_kinds, instead, turning
+from rdpi_gym.diagnosis.search.separability import RATE, separability, typical_effects
+from rdpi_gym.identification.kinds import orientation
+from rdpi_gym.plant import CORES, RDPI, PlantModel
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import joined
+
+# Noise floors from which on another core is asked for at the end, and what its first steps have to
+# leave of the error of the records to fit.
+_NOWHERE, _HOPEFUL = 2.0, 0.7
+# It takes the place of RDPI where it leaves so few noise floors and so much less, or far less.
+_NEAR, _BESIDES, _FAR = 1.5, 0.6, 0.1
+# Where all rates are alike, an effect at this cosine to that of δ2 is indistinguishable from it.
+_LIKE_RATE = 0.9
+
+
+class Beginning(Bench):
+    """A search with its core and its base model."""
+
+    def base(self, given: PlantModel[Any] | None) -> State:
+        """Refit the base model, with the core and the effects that a given model has."""
+        self.core = self._core(given)
+        return self._on_core(CORES[self.core.kind], () if given is None else given.effects)
+
+    def _core(self, given: PlantModel[Any] | None) -> CoreChoice:
+        """Return the core that is asked for or given; else RDPI, unless loops turn the wrong way for it.
+
+        Asked for automatically, it is chosen among all kinds.
+        """
+        asked, clockwise = self._asked_core, orientation(self.setting.train)
+        if asked is None and given is not None:
+            asked = given.hysteresis.name
+        if asked is None and not clockwise:
+            return CoreChoice(RDPI.name, clockwise=clockwise)
+        if asked is not None and asked != AUTO:
+            return CoreChoice(asked, clockwise=clockwise)
+        ways = fit_kinds(self.setting, [RDPI, *turning(clockwise)], self._progress)
+        if asked is None:  # RDPI as long as no other kind is clearly better
+            own = next(way.outcome for way in ways if way.kind is RDPI)
+            if not instead(ways, own, self._seed):
+                return CoreChoice(RDPI.name, clockwise=clockwise)
+        return choose(ways, clockwise, self._seed)[0]
+
+    def other_core(self, state: State) -> CoreChoice | None:
+        """Return another core that explains what an RDPI model with all its effects does not, if any.
+
+        Asked only where no core was asked for or given, and much is left that is not the clock of one
+        record: a record in a wrong time looks like another kind of hysteresis.
+        """
+        left = state.outcome.mean_square
+        if self._asked_core is not None or self.core.kind != RDPI.name:
+            return None
+        if left <= _NOWHERE**2 * self.noise_um**2 or self.at_floor(state) or self.clocks(state):
+            return None
+        least_um = _HOPEFUL * state.outcome.errors.train_rmse_um
+        kinds = turning(self.core.clockwise)
+        ways = fit_kinds(self.setting, kinds, self._progress, (), least_um)
+        if state.effects and not instead(ways, state.outcome, self._seed):
+            # effects that stand in for the core are none beside it, but others may be
+            ways = fit_kinds(self.setting, kinds, self._progress, state.effects, least_um)
+        if not instead(ways, state.outcome, self._seed):
+            return None
+        return choose([*ways, Fitted(RDPI, state.outcome)], self.core.clockwise, self._seed)[0]
+
+    def gives_way(self, state: State, other: State) -> bool:
+        """Whether a model of another core is at the noise, or so much better that it takes the place of one.
+
+        Many gains make up for an effect that was not found: to be better is not enough.
+        """
+        left, its = state.outcome.mean_square, other.outcome.mean_square
+        near = its <= _NEAR**2 * self.noise_um**2
+        return its < _FAR * left or (near and its < _BESIDES * left)
+
+    def left_by(self, core: CoreChoice, state: State, other: State) -> str:
+        """Say what a search with another core left, which did not take the place of this one."""
+        own_um, its_um = (s.outcome.errors.validation_rmse_um for s in (state, other))
+        return (
+            f"the core {core.kind} with its own effects leaves {its_um:.4g} µm held out, {RDPI.name} "
+            f"{own_um:.4g} µm: --core {core.kind} shows it"
+        )
+
+    def base_of(self, core: CoreChoice) -> State:
+        """Refit the base model with a core that was chosen, without effects."""
+        self.core = core
+        return self._on_core(CORES[core.kind], ())
+
+    def _on_core(self, kind: type[Core], present: Sequence[Effect]) -> State:
+        self.catalogue = {n: k for n, k in self._offered.items() if k.fits_in(kind)}
+        wrong = [e.name for e in present if not type(e).fits_in(kind)]
+        if wrong:
+            raise InputError(
+                f"the model has {joined(wrong)}, which only the core {RDPI.name} has; take it out, "
+                f"or leave out --core {kind.name}"
+            )
+        self._progress("base model", 0, 1)
+        state = State(refit(self.setting, begun(self.setting, kind, present), present, None))
+        self._update_noise(state)
+        state = self.past_outliers(self.past_openings(state))
+        state = self._smoothed(state)
+        if self._rates_alike:
+            bare = typical_effects(self.catalogue, self.setting.scale)
+            found = separability(self.setting.train, state.hysteresis, (), bare)
+            self._like_rate = found.alike(RATE, _LIKE_RATE)
+        self._progress("base model", 1, 1)
+        return state

@@ -1,0 +1,305 @@
+"""What a search works on: the data as they are read, the noise in them, a model refitted to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rdpi_gym.diagnosis.checks import run_checks
+from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
+from rdpi_gym.diagnosis.hygiene import inspect, limits
+from rdpi_gym.diagnosis.hygiene.finding import BoolArray, Finding
+from rdpi_gym.diagnosis.hygiene.spikes import spikes
+from rdpi_gym.diagnosis.search.base_models import on_comb
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, Trial, assess, refit, refit_all
+from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
+from rdpi_gym.diagnosis.search.numerics import NumericalFloor, numerical_floor
+from rdpi_gym.diagnosis.search.openings import leaving_out, misleading, outliers_left, unknown_past
+from rdpi_gym.diagnosis.search.ranking import AT_FLOOR
+from rdpi_gym.diagnosis.search.record_clocks import record_clocks
+from rdpi_gym.diagnosis.search.scale import one_size
+from rdpi_gym.diagnosis.search.suitability import TURNED, falls, turned, unrelated
+from rdpi_gym.diagnosis.search.thinning import close_up, thinned
+from rdpi_gym.diagnosis.search.verdict import EXPLAINED
+from rdpi_gym.identification.jacobian import simulate_effects
+from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.identification.plausibility import check_motion, check_scale
+from rdpi_gym.identification.rates import rate_spread
+from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.identification.stack import stack_records
+from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects.base import Effect, in_chain_order
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress
+
+# Of a record, the outliers that a model may show beyond those that were found before.
+_MOST_OUTLIERS = 0.03
+# Samples to fit from which on blocks of them are held out, and not their end.
+_BLOCKS = 64
+# Prices of uneven weights where loops of one size are all there is to fit, and the share of the
+# held-out error that another one has to take.
+_SMOOTHNESS, _SMOOTHER = (0.0, 0.0004, 0.004), 0.04
+
+
+@dataclass(frozen=True)
+class State:
+    """A refitted model and its errors."""
+
+    outcome: Outcome
+
+    @property
+    def fit(self) -> JointFit:
+        """The refit."""
+        assert self.outcome.fit is not None
+        return self.outcome.fit
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that it has."""
+        return self.fit.variant.effects
+
+    @property
+    def hysteresis(self) -> Core:
+        """Its core: of many, a comb of thresholds and weights."""
+        return self.fit.variant.hysteresis
+
+
+class Bench:
+    """The data of a search, the noise in them, and refits.
+
+    Arguments are those of :func:`rdpi_gym.diagnosis.search.discover.diagnose`.
+    """
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        catalogue: Mapping[str, type[Effect]],
+        jobs: int,
+        seed: int,
+        progress: Progress | None,
+        checkpoint: Path | None,
+        core: str | None = None,
+    ) -> None:
+        train, validation = tuple(dataset.train), tuple(dataset.validation)
+        if not train or not validation:
+            raise InputError(
+                "a diagnosis needs records to fit and records to validate on; the data set has "
+                f"{len(train)} and {len(validation)} in which the voltage moves"
+            )
+        check_motion(train)
+        check_scale(train, dataset.quantities)
+        reversed_sign = falls((*train, *validation))
+        if reversed_sign:
+            dataset = turned(dataset)
+        self.orientation: tuple[str, ...] = (TURNED,) if reversed_sign else ()
+        inspected = inspect(dataset)
+        dataset, self._openings = inspected.dataset, inspected.openings
+        self.findings = inspected.findings
+        self.limits = limits(dataset)
+        self._recorded, self._thinned = inspected, thinned(dataset, inspected.openings)
+        if self._thinned is not None:
+            dataset, self._openings = self._thinned.dataset, self._thinned.openings
+        self.dataset = dataset
+        self.catalogue = self._offered = catalogue
+        self._asked_core = core
+        self.setting = setting_of(dataset)
+        train, validation = self.setting.train, self.setting.validation
+        self._whole = self.setting
+        self._searched: Setting | None = None
+        self._close_up: tuple[Record, ...] = ()
+        self._floor: tuple[State, tuple[Record, ...], NumericalFloor] | None = None
+        self._clocks: tuple[State, float, tuple[Finding, ...]] | None = None
+        if self._thinned is not None:
+            self._close_up = close_up(setting_of(inspected.dataset).validation)
+        self._is_within = False
+        self._spared: dict[str, BoolArray] = {}
+        self.noise_um, self.noise_origin = math.nan, ""
+        self._least, self._colour = math.inf, 1.0
+        self._whitest: tuple[float, tuple[Record, ...], list[Array]] | None = None
+        self._jobs, self._seed = jobs, seed
+        self._progress = progress or (lambda task, done, total: None)
+        self._checkpoint = Checkpoint(checkpoint, (*train, *validation))
+        remark = self._checkpoint.remark
+        self.remarks: tuple[str, ...] = () if remark is None else (remark,)
+        self.undecided = unrelated(train)
+        self.checks = run_checks(dataset)
+        self._suspects = {name for c in self.checks if c.zone == "yes" for name in c.suggests}
+        if any(finding.kind == "clock" for finding in self.findings):
+            self._suspects.add("delay")  # in whole samples
+        self._like_rate: tuple[str, ...] = ()
+        self._rates_alike = rate_spread(stack_records(train, None)[0]).alike
+
+    @property
+    def searched(self) -> Setting:
+        """The samples that the search read: fewer than all where there are too many."""
+        return self._searched or self.setting
+
+    @property
+    def close_up(self) -> Setting:
+        """Samples as recorded, of records with too many of them a stretch."""
+        if self._thinned is None:
+            return self.setting
+        train, validation = close_up(self.setting.train), close_up(self.setting.validation)
+        return replace(self.setting, train=train, validation=validation)
+
+    @property
+    def reads_fewer(self) -> str | None:
+        """Say which samples the search read, where it did not read all."""
+        return None if self._thinned is None else self._thinned.sentence
+
+    def again(self, state: State) -> State:
+        """Return a model refitted to the samples that count now."""
+        state = State(refit(self.setting, state.hysteresis, state.effects, None))
+        self._update_noise(state)
+        return state
+
+    def without(self, state: State, names: Sequence[str]) -> State:
+        """Return the model without some effects, refitted."""
+        kept = in_chain_order(e for e in state.effects if e.name not in names)
+        fit = self.setting.fit(state.hysteresis, kept)
+        return State(assess(self.setting, "", fit))
+
+    def on_whole_comb(self, state: State) -> State:
+        """Return a model refitted on the whole comb."""
+        whole = on_comb(state.hysteresis, self.setting.train)
+        fit = self.setting.fit(whole, state.effects)
+        return self._smoothed(State(assess(self.setting, "", fit)))
+
+    def _smoothed(self, state: State) -> State:
+        """Return a model with weights as smooth as held-out records like them best."""
+        if self._is_explained(state) or not one_size(self.setting.train):
+            return state
+        best, chosen = state, self.setting
+        for price in _SMOOTHNESS:
+            if price == self.setting.smoothness:
+                continue
+            setting = replace(self.setting, smoothness=price)
+            trial = State(assess(setting, "", setting.fit(state.hysteresis, state.effects)))
+            if trial.outcome.mean_square < (1.0 - _SMOOTHER) * best.outcome.mean_square:
+                best, chosen = trial, setting
+        self.setting = chosen
+        if best is not state:
+            self._update_noise(best)
+        return best
+
+    def past_openings(self, state: State) -> State:
+        """Leave out the beginnings of records whose unknown history misleads the model.
+
+        Returns the model itself where there are none, else refitted.
+        """
+        bad = misleading(self.setting, state.outcome, self._openings, self.noise_um)
+        if not bad:
+            return state
+        self.setting, self._spared = leaving_out(self.setting, bad), {**self._spared, **bad}
+        kept = tuple(f for f in self.findings if f.kind != "in motion" or f.record not in bad)
+        self.findings = (*kept, unknown_past(bad))
+        return self.again(state)
+
+    def past_outliers(self, state: State) -> State:
+        """Leave out more outliers of records that have some, which a model's residual shows.
+
+        A record without any shows none here either: what stands out there is the model's fault.
+        Returns the model itself where there are none, else refitted.
+        """
+        found: dict[str, BoolArray] = {}
+        spoilt = {finding.record for finding in self.findings if finding.kind == "spikes"}
+        for record in dict.fromkeys((*self.setting.train, *self.setting.validation)):
+            if record.name not in spoilt:
+                continue
+            left = record.y_um - simulate_effects([state.fit.variant], record)[:, 0]
+            single, _ = spikes(replace(record, y_um=left))
+            new = single & record.error_mask
+            if new.any() and new.sum() <= _MOST_OUTLIERS * new.size:
+                found[record.name] = found.get(record.name, np.zeros_like(new)) | new
+        if not found:
+            return state
+        self.setting, self._whole = (
+            leaving_out(each, found) for each in (self.setting, self._whole)
+        )
+        self.findings = (*self.findings, *(outliers_left(n, m) for n, m in found.items()))
+        return self.again(state)
+
+    def at_floor(self, state: State) -> bool:
+        """Whether so little exceeds noise and numerical floor that no effect can be earned."""
+        variance = self.noise_um**2
+        if state.outcome.mean_square - variance < AT_FLOOR * variance:
+            return True
+        variance += self.numerical(state).total_um ** 2
+        return state.outcome.mean_square - variance < AT_FLOOR * variance
+
+    def _is_explained(self, state: State) -> bool:
+        return state.outcome.errors.validation_rmse_um <= EXPLAINED * self.noise_um
+
+    def numerical(self, state: State) -> NumericalFloor:
+        """Return what the simulation of a model on the validation records leaves open."""
+        records = self._close_up or self.setting.validation
+        if self._floor is None or self._floor[0] is not state or self._floor[1] is not records:
+            # asked of one model again and again: whether it is at the floor, how probable, its verdict
+            self._floor = (state, records, numerical_floor(state.fit.variant, records))
+        return self._floor[2]
+
+    def clocks(self, state: State) -> tuple[Finding, ...]:
+        """Return what is wrong with the clock of single records, by a model."""
+        setting, floor_um = self.setting, math.hypot(self.noise_um, self.numerical(state).total_um)
+        if self._clocks is None or self._clocks[0] is not state or self._clocks[1] != floor_um:
+            found = record_clocks(
+                state.fit.variant, setting.train, setting.validation, floor_um, setting.smoothness
+            )
+            self._clocks = (state, floor_um, found)
+        return self._clocks[2]
+
+    def _plays(self, state: State) -> Core:
+        # smooth weights are those of the whole comb
+        return state.hysteresis if self.setting.smoothness else state.hysteresis.pruned()
+
+    def _refit(
+        self, state: State, trials: Sequence[Trial], task: str, least_um: float = math.inf
+    ) -> list[Outcome]:
+        core = type(state.hysteresis)
+        return refit_all(
+            self.setting, self._plays(state), [t for t in trials if t.kind.fits_in(core)],
+            self._checkpoint, self._jobs,
+            lambda done, total: self._progress(task, done, total), least_um,
+        )  # fmt: skip
+
+    def _update_noise(self, state: State) -> None:
+        # a record of which a part is held out is one record
+        whole: dict[str, Record] = {}
+        for r in (*self.setting.train, *self.setting.validation):
+            other = whole.get(r.name, r)
+            whole[r.name] = replace(r, error_mask=r.error_mask | other.error_mask)
+        records = tuple(whole.values())
+        residuals = [
+            (r.y_um - simulate_effects([state.fit.variant], r)[:, 0])[r.error_mask] for r in records
+        ]
+        if state.outcome.mean_square < self._least:
+            # what the best model leaves is most like the noise
+            self._least, self._colour = state.outcome.mean_square, slowness(residuals)
+        quiet = self.dataset.quiet
+        white_um, _ = noise_floor(quiet, records, residuals, colour=1.0)
+        if self._whitest is None or white_um < self._whitest[0]:
+            self._whitest = (white_um, records, residuals)
+        self.noise_um, self.noise_origin = noise_floor(
+            quiet, *self._whitest[1:], colour=self._colour
+        )
+
+
+def setting_of(dataset: Dataset) -> Setting:
+    """Return the records to fit and to judge, and their size."""
+    train, validation = _parts(dataset)
+    return Setting(train, validation, data_scale((*train, *validation)))
+
+
+def _parts(dataset: Dataset) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
+    """Records to fit and to judge; without any for the latter, blocks of the former in turn."""
+    if not dataset.holds_out_quarters or min(r.error_mask.sum() for r in dataset.train) < _BLOCKS:
+        return tuple(dataset.train), tuple(dataset.validation)
+    whole = [r for r in dataset.records if r.role == "train" and not r.is_quiet]
+    parts = [hold_out_blocks(record) for record in whole]
+    return tuple(train for train, _ in parts), tuple(held for _, held in parts)

@@ -1,0 +1,354 @@
+"""One round of a search: every candidate refitted and ranked, and what of it is added."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+
+from rdpi_gym.diagnosis.portrait.learning import learn_forms
+from rdpi_gym.diagnosis.results import Candidate
+from rdpi_gym.diagnosis.search.beginning import Beginning
+from rdpi_gym.diagnosis.search.bench import State
+from rdpi_gym.diagnosis.search.candidates import (
+    CHANCE,
+    FIRST_SAMPLES,
+    SEARCH_SAMPLES,
+    Outcome,
+    Trial,
+    assess,
+    past_cusps,
+    refit,
+)
+from rdpi_gym.diagnosis.search.forms import better_forms, further_forms, in_best_form
+from rdpi_gym.diagnosis.search.openings import missed
+from rdpi_gym.diagnosis.search.ranking import (
+    AT_FLOOR,
+    LEAST_GAIN,
+    Ranked,
+    of_effect,
+    own_bounds,
+    rank,
+    share_of_train,
+)
+from rdpi_gym.diagnosis.search.stability import WITHIN, exchanged, in_blocks
+from rdpi_gym.diagnosis.search.traces import taken_by
+from rdpi_gym.diagnosis.search.vetoes import hear
+from rdpi_gym.identification.jacobian import simulate_effects
+from rdpi_gym.identification.joint import FirstSteps
+from rdpi_gym.plant.effects.base import Effect, forms_of
+from rdpi_gym.support.errors import InputError
+
+_NOMINEES = 4
+# Others that a drift is compared with where it is judged within the records, and the share of the
+# excess that it has to take there.
+_RIVALS_WITHIN, _MOST_OF_IT = 3, 0.5
+# Of what the best candidate takes from the records to fit, what a drift takes that is as good.
+_AS_WELL = 0.98
+# Of the training error's excess, what a candidate's first steps have to take for it to be refined.
+_GLIMPSE = 0.01
+# Of the training error's excess, what a candidate takes that is judged with exchanged roles too.
+_ASKED = 0.2
+# Largest confidence in one member of a class that records of one rate do not tell apart.
+_ONE_CLASS = 0.5
+# Rivals that are tried once more in the end: by the gain of the effect chosen, or by the noise.
+_CLOSE_GAIN, _CLOSE_NOISE = 0.03, 1.0
+# Candidates of a round for which the effects that are there already are moved past their cusps.
+_LEADERS = 4
+# The best candidates of a round show the noise floor; what others leave is no smaller.
+_FLOOR_FROM = 3
+
+
+class Rounds(Beginning):
+    """A search that refits, ranks and chooses candidates."""
+
+    def ranked(self, state: State) -> list[Ranked]:
+        """Refit every candidate that the model does not have, and better forms of what it has."""
+        have = {effect.name for effect in state.effects}
+        kinds = {name: kind for name, kind in self.catalogue.items() if name not in have}
+        task = "with " + ", ".join(e.name for e in state.effects) if have else "candidates"
+        scale = self.setting.scale
+        starts = self._starts(state, list(kinds.values()))
+        new = [
+            Trial(kind, state.effects, start)
+            for kind, start in zip(kinds.values(), starts, strict=True)
+        ]
+        begun = self.setting.first_steps(self._plays(state), state.effects, 0)
+        least_um = self._least_um(begun)
+        simple = self._refit(state, [*new, *better_forms(state.effects, scale)], task, least_um)
+        leaders = [past_cusps(self.setting, o, state.effects) for o in simple[:_LEADERS]]
+        outcomes = sorted([*leaders, *simple[_LEADERS:]], key=lambda o: o.mean_square)
+        self._floor_from(outcomes)
+        if not outcomes:
+            return []
+        if outcomes[0].mean_square > (1.0 + AT_FLOOR) * self.noise_um**2:
+            others = [o for o in outcomes if o.effect in kinds]
+            suspects = self._suspects | self._traced(begun, list(kinds.values()))
+            if missed(self.setting, state.outcome, self._openings, self.noise_um):
+                suspects = suspects | {"initial_memory"}
+            trials = further_forms(state.outcome, others, kinds, state.effects, scale, suspects)
+            outcomes += self._refit(state, trials, f"forms {task}", least_um)
+            self._floor_from(sorted(outcomes, key=lambda o: o.mean_square))
+        tried = [*kinds.values(), *(type(e) for e in state.effects)]
+        best = in_best_form(outcomes, self.noise_um)
+        most = self._most_trained(state, outcomes)
+        ranked = [
+            replace(r, most_train_share=most.get(r.candidate.effect, 0.0))
+            for r in rank(state.outcome, best, tried, self.noise_um, self._seed)
+        ]
+        if not self._rates_alike:
+            return ranked
+        alike = set(self._like_rate) - have
+        return [_lags(r, self._like_rate) if r.candidate.effect in alike else r for r in ranked]
+
+    def learned(self, state: State, kind: type[Effect]) -> list[Ranked]:
+        """Refit every form of a block that records teach, and return the one worth its freedom."""
+        outcomes = learn_forms(
+            self.setting, self._plays(state), state.effects, kind, self._progress
+        )  # fmt: skip
+        best = in_best_form(outcomes, self.noise_um)
+        return rank(state.outcome, best, [kind], self.noise_um, self._seed)
+
+    def choose(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
+        """Return what to add: the simplest of the best class, a pair, or nothing."""
+        if self._goes_by_the_clock(ranked) and (found := self._within(state, ranked)):
+            return found
+        earned = self._heard([r for r in ranked if r.earned])
+        if earned:
+            best = max(earned, key=lambda r: r.worth)
+            names = (best.candidate.effect, *best.candidate.indistinguishable)
+            have = {effect.name for effect in state.effects}
+            equals = [r for r in earned if r.candidate.effect in names]
+            # a better form of an effect that is there comes before another name
+            return [
+                min(
+                    equals,
+                    key=lambda r: (
+                        _bounds_hit(r), r.candidate.effect not in have,
+                        len(r.candidate.parameters), -r.worth,
+                    ),
+                )
+            ]  # fmt: skip
+        if self._is_explained(state):
+            return []
+        return (
+            self._both_ways(state, ranked)
+            or self._within(state, ranked)
+            or self._pair(state, ranked)
+        )
+
+    def after(self, state: State, chosen: Sequence[Ranked]) -> State:
+        """Return the model with what was chosen, refitted on the whole comb."""
+        if not chosen or chosen[-1].outcome.fit is None:
+            return state
+        return self.on_whole_comb(State(chosen[-1].outcome))
+
+    def need(self, ranked: Sequence[Ranked], kind: type[Effect]) -> None:
+        """Refuse where an effect that was asked for cannot be fitted."""
+        if ranked[0].outcome.fit is None:
+            raise InputError(f"{kind.name}: {ranked[0].outcome.remark}")
+
+    def rivals(
+        self, state: State, chosen: Candidate, field: Sequence[Ranked]
+    ) -> tuple[Effect, ...]:
+        """Return what came so close to a chosen effect in its round that it is tried once more."""
+        own = chosen.errors.validation_rmse_um**2
+        gain = state.outcome.mean_square - own
+        reach = max(_CLOSE_GAIN * gain, _CLOSE_NOISE * self.noise_um**2)
+        barred = {chosen.effect, *self._like_rate, *(e.name for e in state.effects)}
+        return tuple(
+            r.outcome.fitted
+            for r in field
+            if r.outcome.fit is not None
+            and r.candidate.effect not in barred
+            and r.candidate.errors.validation_rmse_um**2 - own <= reach
+            and not r.outcome.fitted.is_idle(self.setting.scale)
+        )
+
+    def _most_trained(self, state: State, outcomes: Sequence[Outcome]) -> dict[str, float]:
+        """Return by effect what its best form takes of the error of the records to fit."""
+        variance, most = self.noise_um**2, dict[str, float]()
+        for outcome in outcomes:
+            if outcome.fit is not None:
+                share = share_of_train(state.outcome, outcome, variance)
+                most[outcome.effect] = max(share, most.get(outcome.effect, share))
+        return most
+
+    def _starts(
+        self, state: State, kinds: Sequence[type[Effect]]
+    ) -> list[tuple[Effect, ...] | None]:
+        """Return the starts of candidates with those that the longest record shows, if any."""
+        record = max(self.setting.train, key=lambda r: r.t_s[-1] - r.t_s[0])
+        left_um = record.y_um - simulate_effects([state.fit.variant], record)[:, 0]
+        left_um -= left_um.mean()
+        shown = [kind.seen_in(record.t_s, left_um) for kind in kinds]
+        return [
+            (*seen, *kind.starts(self.setting.scale)) if seen else None
+            for kind, seen in zip(kinds, shown, strict=True)
+        ]
+
+    def _least_um(self, begun: FirstSteps) -> float:
+        """Return the training error (µm) that is no gain: what takes no more is not refined."""
+        return math.sqrt((1.0 - self._worth_a_look(begun)) * begun.train_rmse_um**2)
+
+    def _worth_a_look(self, begun: FirstSteps) -> float:
+        """Return the share of what a model leaves that a candidate has to take to be refined."""
+        excess = 1.0 - (self.noise_um / max(begun.train_rmse_um, 1e-300)) ** 2
+        return _GLIMPSE * max(excess, 0.0)
+
+    def _traced(self, begun: FirstSteps, kinds: Sequence[type[Effect]]) -> set[str]:
+        """Return the candidates of which some form could take a share that is worth a look."""
+        records, scale = self.setting.train, self.setting.scale
+        least, counted = self._worth_a_look(begun), sum(map(len, begun.left_um))
+        traces = {kind.name: kind.traces(scale) for kind in kinds}
+        return {
+            name
+            for name, them in traces.items()
+            if them
+            and taken_by(records, begun, them, FIRST_SAMPLES) > least + CHANCE * len(them) / counted
+        }
+
+    def _floor_from(self, outcomes: Sequence[Outcome]) -> None:
+        for outcome in [o for o in outcomes if o.fit is not None][:_FLOOR_FROM]:
+            self._update_noise(State(outcome))
+
+    def _goes_by_the_clock(self, ranked: Sequence[Ranked]) -> bool:
+        """Whether a drift explains the records to fit best: no later record tells its form."""
+        most = max((r.most_train_share for r in ranked), default=0.0)
+        return any(
+            r.most_train_share >= max(_MOST_OF_IT, _AS_WELL * most)
+            for r in ranked
+            if r.candidate.effect in self.catalogue and self.catalogue[r.candidate.effect].clocked
+        )
+
+    def _within(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
+        """Judge within every record what the records to fit ask for: the others may not show it.
+
+        What goes by the clock is told of no later record; and where more than one effect is
+        missing, one that is added alone can spoil a record that hangs on another.
+        """
+        if self.dataset.holds_out_quarters or self._is_within:
+            return []
+        asked = self._asked_within(ranked)
+        if not asked:
+            return []
+        kinds = [self.catalogue[name] for name in asked]
+        here = in_blocks(self.setting)
+        now = refit(here, state.hysteresis, state.effects, None)
+        tried = [
+            refit(here, state.hysteresis, state.effects, form)
+            for kind in kinds
+            for form in forms_of(kind)
+            if form.fits_in(type(state.hysteresis))
+        ]
+        others = [r for r in ranked if r.candidate.effect not in asked and r.outcome.fit]
+        for r in sorted(others, key=lambda r: r.train_share)[-_RIVALS_WITHIN:]:
+            tried.append(refit(here, state.hysteresis, state.effects, type(r.outcome.fitted)))
+            kinds.append(type(r.outcome.fitted))
+        again = rank(now, in_best_form(tried, self.noise_um), kinds, self.noise_um, self._seed)
+        best = max(again, key=lambda r: r.worth)
+        if best.candidate.effect not in asked or best.worth <= _MOST_OF_IT:
+            return []
+        if not self._heard([best]):
+            return []
+        self.setting, self._whole, self._is_within = here, in_blocks(self._whole), True
+        self.remarks = (*self.remarks, WITHIN)
+        return [best]
+
+    def _asked_within(self, ranked: Sequence[Ranked]) -> set[str]:
+        """Return the candidates that take much of the error of the records to fit."""
+        new = [r for r in ranked if r.candidate.effect in self.catalogue]
+        clocked = {
+            r.candidate.effect
+            for r in new
+            if self.catalogue[r.candidate.effect].clocked and r.most_train_share >= _ASKED
+        }
+        most = sorted((r for r in new if r.train_share > _MOST_OF_IT), key=lambda r: r.train_share)
+        return clocked | {r.candidate.effect for r in most[-_RIVALS_WITHIN:]}
+
+    def _both_ways(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
+        """Judge what the records to fit ask for with the roles of the records exchanged too."""
+        here = exchanged(self.setting, self.dataset.holds_out_quarters)
+        if here is None:
+            return []
+        asked = [r for r in ranked if r.train_share >= _ASKED and r.candidate.share > 0.0]
+        now = assess(here, "", here.fit(state.hysteresis, state.effects, samples=SEARCH_SAMPLES))
+        for r in self._heard([r for r in asked if not r.worse]):
+            assert r.outcome.fit is not None
+            start = r.outcome.fit.variant
+            fit = here.fit(start.hysteresis, start.effects, samples=SEARCH_SAMPLES)
+            turned_round = assess(here, r.candidate.effect, fit)
+            kinds = [type(r.outcome.fitted)]
+            again = rank(now, [turned_round], kinds, self.noise_um, self._seed)[0]
+            if again.earned:
+                return [r]
+        return []
+
+    def _heard(self, earned: Sequence[Ranked]) -> list[Ranked]:
+        """Leave out what a test without a model denies, and what is not what its name says."""
+        left = []
+        for r in earned:
+            assert r.outcome.fit is not None
+            name = r.candidate.effect
+            if r.outcome.fitted.is_idle(self.setting.scale):
+                continue
+            veto = hear(
+                self.dataset, self.checks, r.outcome.fit.variant, name, self.noise_um, self._seed
+            )
+            if veto is None:
+                left.append(r)
+            else:
+                self.remarks = tuple(dict.fromkeys((*self.remarks, f"{name} vetoed: {veto}")))
+        return left
+
+    def _pair(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
+        """Try pairs of nominees: effects may help only together."""
+        have = {effect.name for effect in state.effects}
+        usable = [r for r in ranked if r.outcome.fit is not None and r.candidate.effect not in have]
+        by_train = sorted(usable, key=lambda r: r.outcome.errors.train_rmse_um)
+        nominees = {r.candidate.effect: r for r in (*usable[:2], *by_train[:_NOMINEES])}
+        best: tuple[float, Outcome, list[str]] | None = None
+        pairs = list(combinations(nominees, 2))
+        for done, (first, second) in enumerate(pairs):
+            self._progress("pairs", done, len(pairs))
+            start = nominees[first].outcome.fit
+            assert start is not None
+            outcome = refit(
+                self.setting, start.variant.hysteresis, start.variant.effects,
+                self.catalogue[second],
+            )  # fmt: skip
+            if outcome.fit is not None and (best is None or outcome.mean_square < best[0]):
+                best = (outcome.mean_square, outcome, [first, second])
+        if best is None:
+            return []
+        kinds = [self.catalogue[name] for name in best[2]]
+        together = rank(state.outcome, [best[1]], kinds, self.noise_um, self._seed)[0]
+        alone = min(nominees[name].outcome.mean_square for name in best[2])
+        if not together.earned or best[0] > alone - LEAST_GAIN * self.noise_um**2:
+            return []
+        return [
+            Ranked(best[1], of_effect(together.candidate, best[1].fit, name), True)
+            for name in best[2]
+        ]
+
+
+def _bounds_hit(ranked: Ranked) -> int:
+    return len(own_bounds(ranked.outcome))
+
+
+def _lags(ranked: Ranked, alike: Sequence[str]) -> Ranked:
+    """Return a candidate that records of one rate cannot tell from others that lag."""
+    candidate = of_class(ranked.candidate, alike)
+    remark = "one class with them and with δ2: all rates are alike"
+    return replace(ranked, candidate=replace(candidate, remarks=(*candidate.remarks, remark)))
+
+
+def of_class(candidate: Candidate, alike: Sequence[str]) -> Candidate:
+    """Return a candidate as a member of a class, and no surer than one can be."""
+    names = dict.fromkeys((*candidate.indistinguishable, *alike))
+    return replace(
+        candidate,
+        indistinguishable=tuple(name for name in names if name != candidate.effect),
+        confidence=min(candidate.confidence, _ONE_CLASS),
+    )
