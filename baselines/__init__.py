@@ -7,6 +7,7 @@ name                                    controller
 ``inversion-free-literal``              Eq. 6 and 7 as printed: rate of its own command
 ``inversion-free-reference-rate``       Eq. 6 at the rate of the reference over A
 ``inversion-free-low-passed``           Eq. 6 with its own rate low-passed
+``static-inverse-multiplicative``       Eq. 6 with the rate ignored, the paper's [8]
 ``classical-literal``                   classical inverse at the rate of its own command
 ``classical-reference-rate``            classical inverse at the rate of the reference over A
 ``classical-low-passed``                classical inverse with its own rate low-passed
@@ -17,9 +18,16 @@ name                                    controller
 ``pi-<feedforward>``                    PI on the error that one of the above leaves
 ``adaptive-feedforward``                the inverse of what the belief lacks, estimated online
 ``preview-inversion``                   inversion of the belief over the whole reference, in advance
+``pi-preview``                          PI with notch and low-pass on an inverse that is read ahead
+``integral-resonant``                   a mode is damped by an integrator in positive feedback
+``positive-position``                   a mode is damped by a resonant filter of the position
+``dual-loop``                           a mode is damped by a non-minimum-phase all-pass
+``smith-predictor``                     PI on a model of the path without its delay
+``lqg-preview``                         state feedback with a disturbance observer
+``h-infinity``                          mixed-sensitivity design, by python-control
 ======================================  ============================================================
 
-A new controller is one file in this folder: a subclass of :class:`baselines.base.Baseline` that
+What has knobs says so, see :mod:`baselines.tuning`. A new controller is one file in this folder: a subclass of :class:`baselines.base.Baseline` that
 states its ``name``. One of another project is named by an entry point of the group
 ``rdpi_gym.controllers``, or typed as ``module:attribute``.
 """

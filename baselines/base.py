@@ -106,6 +106,13 @@ class Baseline(ABC):
         """
         return None
 
+    def certificate(self) -> str | None:
+        """Return one line on what is proved of the loop on its belief, else None.
+
+        It is known before the controller drives anything: small gain, passivity, or poles.
+        """
+        return None
+
     def predict(
         self,
         observation: NDArray[np.floating[Any]],

@@ -114,6 +114,29 @@ class ExtendedInverse(ClassicalReferenceRate):
         command: Array = self._answer(np.ascontiguousarray(shown.T), state)[0]
         return command
 
+    def corrected_command(
+        self, observation: NDArray[np.floating[Any]], correction_um: Array, state: Array
+    ) -> Array:
+        """Return u(k+1) (V), ``(B,)``, with feedback inside: what the plays are to give is corrected.
+
+        Parameters
+        ----------
+        observation
+            ``(B, D)``.
+        correction_um
+            Added (µm) behind the inverses of the output effects, ``(B,)``; the rate that the
+            thresholds follow stays that of the reference, which is smooth.
+        state
+            Memory, ``float64[S, B]``, changed in place.
+        """
+        shown = self.layout.reference_um(observation[:, 1 : 2 + self.inverses.ahead])
+        block = np.ascontiguousarray(shown.T)
+        if self.inverses.changes_nothing:
+            command: Array = self._through(block, state, False, correction_um)[0]
+        else:
+            command = self._answer(block, state, correction_um)[0]
+        return command
+
     def command_block(
         self,
         reference_um: ArrayLike,
@@ -150,28 +173,34 @@ class ExtendedInverse(ClassicalReferenceRate):
         held = np.repeat(known[-1:], max(samples - len(known), 0), axis=0)
         return self._answer(np.concatenate([known[:samples], held]), memory)
 
-    def _answer(self, shown_um: Array, state: Array) -> Array:
+    def _answer(self, shown_um: Array, state: Array, correction_um: Array | float = 0.0) -> Array:
         """Answer all rows but the last `ahead`, which an episode that runs has yet to see."""
         ahead, flag = self.inverses.ahead, len(self._rest)
         fresh = state[flag] == 0.0
         state[flag] = 1.0
         if fresh.all() or not fresh.any():
             begins = bool(fresh[0])
-            return self._through(shown_um if begins else shown_um[ahead:], state, begins)
+            known = shown_um if begins else shown_um[ahead:]
+            return self._through(known, state, begins, correction_um)
+        correction = np.broadcast_to(correction_um, fresh.shape)
         u = np.empty((len(shown_um) - ahead, len(fresh)))
         for begins, lanes in ((True, fresh), (False, ~fresh)):
             part = np.ascontiguousarray(shown_um[0 if begins else ahead :, lanes])
             moved = np.ascontiguousarray(state[:, lanes])
-            u[:, lanes] = self._through(part, moved, begins)
+            u[:, lanes] = self._through(part, moved, begins, correction[lanes])
             state[:, lanes] = moved
         return u
 
-    def _through(self, reference_um: Array, state: Array, begins: bool) -> Array:
+    def _through(
+        self, reference_um: Array, state: Array, begins: bool, correction_um: Array | float = 0.0
+    ) -> Array:
         own = state[: len(self._rest)]
         x = run_stages(self._stages["output"], reference_um - self.belief.offset_um, state, begins)
         v = self._reference_rate(x, own)
         for effect in self.inverses.rate:
             v = followed(effect, v, self.layout.ts_s)
+        own[-1] = x[-1]
+        x = np.ascontiguousarray(x + correction_um)
         u = np.empty_like(x)
         parameters = np.repeat(self._parameters[:, :1], x.shape[1], axis=1)
         if self.inverses.congruency is None:
@@ -180,7 +209,6 @@ class ExtendedInverse(ClassicalReferenceRate):
             powers = growth(self.inverses.congruency, self.layout.ts_s, self.model)
             low, high = rising_range(self.model, powers, self.layout.command_range_V)
             congruent_inverse_block(x, v, powers, parameters, own[:-1], low, high, u)
-        own[-1] = x[-1]
         u = np.ascontiguousarray(run_stages(self._stages["command"], u, state, begins))
         limit_block(u, own[0], *self.limits)
         return u

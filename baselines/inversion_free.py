@@ -100,6 +100,32 @@ class InversionFreeReferenceRate(InversionFree):
         inversion_free_given_rate(reference_um, v, parameters, state[:-1], u, *self.limits)
 
 
+class StaticInverseMultiplicative(InversionFreeReferenceRate):
+    """Eq. 6 with δ2 ignored: the static compensator that the paper extends.
+
+    u(k) = (y_r(k) - Σ a_i Φ_{r_i}[u](k-1)) / a_0 on a classical Prandtl-Ishlinskii model: the
+    inverse multiplicative structure, which needs the model alone and no inverse of it. Its loop is
+    z + g = 0.
+
+    Source: M. Rakotondrabe, American Control Conference 2012, the paper's [8].
+
+    Examples
+    --------
+    >>> from rdpi_gym.envs.layout import ObservationLayout
+    >>> from rdpi_gym.plant import named_plant
+    >>> plant = named_plant("P10")
+    >>> layout = ObservationLayout.for_plant(plant, ts_s=5e-5)
+    >>> StaticInverseMultiplicative(plant, layout).model.delta2_s
+    0.0
+    """
+
+    name = "static-inverse-multiplicative"
+
+    def compensator_model(self, hysteresis: RDPI) -> RDPI:
+        """Return the static model."""
+        return hysteresis.static()
+
+
 class InversionFreeLowPassed(InversionFreeLiteral):
     """Eq. 6 at its own rate through a first-order low-pass at 500 Hz, or lower where it must be.
 

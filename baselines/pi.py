@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from baselines.base import Baseline
 from baselines.feedforward import Feedforward
 from baselines.limits import limited
+from baselines.loops.certificates import Certificate, certify, harmful_mode_hz, loop_warning
+from baselines.loops.path import belief_path, grid
+from baselines.loops.systems import LinearSystem, Response, gain, integrator, unit_delay
 from baselines.pi_gains import gains_within_margin, simc_gains
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -101,6 +105,39 @@ class PI(Baseline):
         """That of the feedforward."""
         return 1 if self.feedforward is None else self.feedforward.needed_preview
 
+    @cached_property
+    def _loops(self) -> tuple[tuple[LinearSystem, ...], Array, Response, bool]:
+        """Open loops at the gain A, sticking and sliding, points to look at, whether there is a mode."""
+        ts_s, core = self.layout.ts_s, self.belief.hysteresis
+        path = belief_path(self.belief, ts_s)
+        feedback = integrator(ts_s).times(self.gains.integral_V_um_s)
+        feedback = (feedback + gain(self.gains.proportional_V_um)).times(core.A)
+        loops = tuple(unit_delay() * feedback * each for each in path.extremes)
+        return loops, *grid(path, ts_s), path.mode is not None
+
+    @cached_property
+    def certified(self) -> Certificate:
+        """What is certain of the loop on its belief; see :mod:`baselines.loops.certificates`."""
+        loops, _, z, _ = self._loops
+        lowest = self.belief.hysteresis.a0 / self.belief.hysteresis.A
+        return certify(loops, z, (lowest, 1.0), steady=(lowest, 1.0))
+
+    def certificate(self) -> str | None:
+        """Return what is certain of the loop on its belief in one line; None where nothing is."""
+        return self.certified.line()
+
     def warning(self) -> str | None:
-        """Return the feedforward's warning; the feedback itself has its margin by design."""
-        return None if self.feedforward is None else self.feedforward.warning()
+        """Return the feedforward's warning, else one on the loop.
+
+        On a belief without a mode it says up to which frequency a mode of the true plant makes the
+        loop unstable: the gains know of none.
+        """
+        said = None if self.feedforward is None else self.feedforward.warning()
+        if said is not None:
+            return said
+        loops, angles, z, has_mode = self._loops
+        responses = [] if has_mode else [loop.response(z) for loop in loops]
+        highest = [harmful_mode_hz(each, angles, self.layout.ts_s) for each in responses]
+        return loop_warning(
+            self.certified, max(highest, default=None), self.belief, self.layout.ts_s
+        )

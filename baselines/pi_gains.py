@@ -6,8 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from baselines.loops.path import effect_system, sliding_system
+from baselines.loops.systems import Response
 from baselines.stability import nyquist_gain
 from rdpi_gym.plant import PlantModel, check_ts
 from rdpi_gym.plant.cores.base import Core
@@ -21,8 +22,6 @@ _SENSITIVITY = 2.0
 _FACTORS = np.geomspace(1e-5, 1.0, 231)
 # What the proportional part may leave of |L| < 1 at half the sampling frequency.
 _NYQUIST_GAIN = 0.4
-
-Response = NDArray[np.complex128]
 
 
 class Gains(NamedTuple):
@@ -86,6 +85,10 @@ def simc_gains(model: Core, ts_s: float) -> Gains:
 def gains_within_margin(gains: Gains, belief: PlantModel, ts_s: float) -> Gains:
     """Lower PI gains until the loop with the belief's linear effects has its margin.
 
+    It sees what the belief has: a mode of the true plant that the belief lacks is met with gains
+    for a plant without one, and :meth:`baselines.pi.PI.warning` says up to which frequency such a
+    mode makes the loop unstable.
+
     Parameters
     ----------
     gains
@@ -120,8 +123,9 @@ def gains_within_margin(gains: Gains, belief: PlantModel, ts_s: float) -> Gains:
     z = np.exp(1j * _frequencies(linear, ts_s))
     path = np.ones_like(z)
     for effect in linear:
-        path = path * _response(effect, belief.hysteresis, ts_s, z)
-    plants = (path * _sliding(belief.hysteresis, ts_s, z), path * belief.hysteresis.a0)
+        path = path * effect_system(effect, belief.hysteresis, ts_s).response(z)
+    sliding = belief.hysteresis.A * sliding_system(belief.hysteresis, ts_s).response(z)
+    plants = (path * sliding, path * belief.hysteresis.a0)
     both = _largest(gains, plants, ts_s, z)
     alone = _largest(Gains(0.0, gains.integral_V_um_s), plants, ts_s, z)
     if alone > both:
@@ -152,24 +156,3 @@ def _frequencies(effects: list[Effect], ts_s: float) -> Array:
                 angles.append(2.0 * math.pi * values[f_hz] * ts_s * (1.0 + width))
     every = np.sort(np.concatenate(angles))
     return every[(every > 0.0) & (every <= math.pi)]
-
-
-def _sliding(model: Core, ts_s: float, z: Response) -> Response:
-    """All plays sliding: A (1 - κ (1 - z⁻¹) (1 - p) / (1 - p z⁻¹))."""
-    p = model.rate_pole(ts_s)
-    lead = model.rate_gain_um_s_V / ts_s
-    return model.A + lead * (1.0 - p) * (1.0 - 1.0 / z) / (1.0 - p / z)
-
-
-def _response(effect: Effect, model: Core, ts_s: float, z: Response) -> Response:
-    column = np.array(effect.coefficients(ts_s, model))
-    if type(effect).block is delay_block:
-        whole, part = column
-        return np.asarray(z**-whole * (1.0 - part + part / z), dtype=np.complex128)
-    m = round(math.sqrt(len(column) + 3.0)) - 2
-    f = column[: m * m].reshape(m, m)
-    g0, g1, c = (column[m * m + k * m : m * m + (k + 1) * m] for k in range(3))
-    states = np.linalg.solve(z[:, None, None] * np.eye(m) - f, (g0 + z[:, None] * g1)[..., None])[
-        ..., 0
-    ]
-    return np.asarray(states @ c + column[m * m + 3 * m], dtype=np.complex128)

@@ -27,6 +27,8 @@ class Controller(Protocol):
         Called before an episode with the whole reference (µm), ``(samples, lanes)``.
     ``warning() -> str | None``
         One line on what keeps it from what it should do, such as its stability limit.
+    ``certificate() -> str | None``
+        One line on what is proved of its loop before it drives anything.
 
     Examples
     --------
@@ -101,6 +103,22 @@ def make_named_controller(name: str, belief: PlantModel, layout: ObservationLayo
     return made
 
 
+def certificate_of(controller: Controller) -> str | None:
+    """Return what a controller can prove of its loop on its belief; None: nothing.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> plant = named_plant("P5")
+    >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-3)
+    >>> certificate_of(make_named_controller("pi", plant, layout))
+    'passive: stable for any hysteresis of at most 1 times the believed gain; poles within 0.7696'
+    """
+    say = getattr(controller, "certificate", None)
+    said: str | None = None if say is None else say()
+    return said
+
+
 def warning_of(controller: Controller) -> str | None:
     """Return what a controller says of itself, such as that it is unstable; None: nothing.
 
@@ -109,8 +127,8 @@ def warning_of(controller: Controller) -> str | None:
     >>> from rdpi_gym.plant import named_plant
     >>> plant = named_plant("P5")
     >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-3)
-    >>> print(warning_of(make_named_controller("pi", plant, layout)))
-    None
+    >>> warning_of(make_named_controller("pi", plant, layout))
+    'belief P5 has no mode, and one below 500 Hz (damping 0.02) makes the loop unstable'
     """
     say = getattr(controller, "warning", None)
     said: str | None = None if say is None else say()

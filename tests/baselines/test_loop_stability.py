@@ -129,9 +129,9 @@ def test_warnings_of_the_paper_s_plants():
             }
             literal = {"inversion-free-literal", "classical-literal"}
             assert unstable == (literal if ts_s < 1e-4 else set())
-            assert make_controller("pi-classical-literal", model, layout).warning() == (
-                make_controller("classical-literal", model, layout).warning()
-            )
+            said = make_controller("pi-classical-literal", model, layout).warning()
+            alone = make_controller("classical-literal", model, layout).warning()
+            assert said == alone or (alone is None and "has no mode" in said)
 
 
 compensators = st.builds(

@@ -1,0 +1,127 @@
+"""What a closed loop does at each frequency, measured by a multisine that it tracks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from baselines.loops.systems import Response
+from rdpi_gym.envs.controller import Controller
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.tracking import TrackingTask
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+
+@dataclass(frozen=True)
+class LoopResponse:
+    """Ratios over the reference, line by line.
+
+    Parameters
+    ----------
+    frequencies_hz
+        Of the lines (Hz), ``(F,)``.
+    tracking
+        Displacement over reference, complex.
+    """
+
+    frequencies_hz: Array
+    tracking: Response
+
+    @property
+    def error(self) -> Response:
+        """Error over reference."""
+        return np.asarray(1.0 - self.tracking)
+
+    def bandwidth_hz(self, decibel: float = 3.0) -> float:
+        """Frequency (Hz) up to which the displacement's amplitude stays within ± `decibel`."""
+        return self._held(np.abs(20.0 * np.log10(np.abs(self.tracking))) <= decibel)
+
+    def accuracy_hz(self, share: float = 0.1) -> float:
+        """Frequency (Hz) up to which the error, phase included, stays below a share."""
+        return self._held(np.abs(self.error) <= share)
+
+    def _held(self, within: np.ndarray) -> float:
+        count = len(within) if within.all() else int(np.argmin(within))
+        return float(self.frequencies_hz[count - 1]) if count else 0.0
+
+
+def measure_loop(
+    controller: Controller,
+    truth: PlantModel,
+    layout: ObservationLayout,
+    amplitude_um: float,
+    samples: int = 1000,
+    periods: int = 4,
+    lines: int = 60,
+    seed: int = 0,
+) -> LoopResponse:
+    """Let a loop track a multisine, and take the ratios of its lines.
+
+    Parameters
+    ----------
+    controller
+        Fresh; its belief may be another plant.
+    truth
+        The plant.
+    layout
+        What is shown.
+    amplitude_um
+        Root mean square (µm) of the multisine: small beside the thresholds, so that plays stick and
+        the loop is linear, large beside the noise.
+    samples, periods
+        Of one period, and how many; the last half of them is looked at.
+    lines
+        Number of lines, evenly in the logarithm of frequency, up to a third of the sampling
+        frequency.
+    seed
+        Of their phases and of the sensor's noise.
+
+    Raises
+    ------
+    InputError
+        The loop diverges.
+
+    Examples
+    --------
+    >>> from baselines.static_gain import StaticGain
+    >>> from rdpi_gym.plant import P10
+    >>> layout = ObservationLayout.for_plant(P10, ts_s=1e-4)
+    >>> loop = measure_loop(StaticGain(P10, layout), P10, layout, 0.05, samples=200)
+    >>> loop.bandwidth_hz(6.0) > 3000.0
+    True
+    """
+    rng = np.random.default_rng(seed)
+    bins = np.unique(np.geomspace(1.0, samples // 3, lines).round().astype(int))
+    angles = 2.0 * math.pi * np.outer(np.arange(samples), bins) / samples
+    wave = np.cos(angles + rng.uniform(0.0, 2.0 * math.pi, len(bins))).sum(axis=1)
+    task = TrackingTask(truth, layout)
+    noise = [rng]
+    task.reset(np.zeros((2, 1)) + layout.centre_um, noise)
+    reference = np.tile(wave * amplitude_um / wave.std(), periods)[:, None]
+    reference += task.displacement_um - reference[0]
+    observation = task.reset(reference, noise)
+    displacement = np.empty(len(reference))
+    displacement[0], state, starts = task.displacement_um[0], None, np.ones(1, dtype=bool)
+    for k in range(1, len(reference)):
+        action, state = controller.predict(observation, state, starts, deterministic=True)
+        command = action[:, 0].astype(np.float64)
+        if layout.action == "command":
+            command = layout.place_to_V(command)
+        else:
+            command = task.command_V + layout.action_scale_V * command
+        observation = task.step(command)
+        displacement[k] = task.displacement_um[0]
+        starts = np.zeros(1, dtype=bool)
+    if not np.isfinite(displacement).all() or np.ptp(displacement) > 100.0 * np.ptp(reference):
+        raise InputError("the loop diverges on the multisine; nothing can be measured in it")
+    kept = samples * (periods - periods // 2)
+    spectra = [
+        np.fft.rfft(x[kept:].reshape(-1, samples).mean(axis=0))[bins]
+        for x in (displacement, reference[:, 0])
+    ]
+    frequencies = bins / (samples * layout.ts_s)
+    return LoopResponse(frequencies, np.asarray(spectra[0] / spectra[1]))

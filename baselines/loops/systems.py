@@ -1,0 +1,166 @@
+"""Linear systems in samples with one input and one output, and what is made of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from rdpi_gym.support.arrays import Array
+
+Response = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class LinearSystem:
+    """x(k+1) = A x(k) + b u(k), y(k) = c x(k) + d u(k).
+
+    Parameters
+    ----------
+    a, b, c
+        ``(n, n)``, ``(n,)``, ``(n,)``.
+    d
+        What the output has of the input at once.
+
+    Examples
+    --------
+    >>> integrator = LinearSystem(np.eye(1), np.ones(1), np.ones(1), 0.0)
+    >>> (integrator + gain(0.5)).response(np.array([-1.0 + 0j])).tolist()
+    [0j]
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: float
+
+    @property
+    def order(self) -> int:
+        """Number of states n."""
+        return len(self.b)
+
+    @property
+    def radius(self) -> float:
+        """Largest magnitude of a pole; 0 without states."""
+        return float(np.abs(np.linalg.eigvals(self.a)).max(initial=0.0)) if self.order else 0.0
+
+    def __mul__(self, other: LinearSystem) -> LinearSystem:
+        """Run one behind the other, the right one first."""
+        a = np.block(
+            [[other.a, np.zeros((other.order, self.order))], [np.outer(self.b, other.c), self.a]]
+        )
+        b = np.concatenate([other.b, self.b * other.d])
+        return LinearSystem(a, b, np.concatenate([self.d * other.c, self.c]), self.d * other.d)
+
+    def __add__(self, other: LinearSystem) -> LinearSystem:
+        """Run both side by side."""
+        a = np.block(
+            [
+                [self.a, np.zeros((self.order, other.order))],
+                [np.zeros((other.order, self.order)), other.a],
+            ]
+        )
+        joined = np.concatenate([self.b, other.b]), np.concatenate([self.c, other.c])
+        return LinearSystem(a, *joined, self.d + other.d)
+
+    def times(self, factor: float) -> LinearSystem:
+        """Return the system with its output multiplied."""
+        return LinearSystem(self.a, self.b, factor * self.c, factor * self.d)
+
+    def closed(self) -> LinearSystem:
+        """Return 1 / (1 + L): what negative feedback leaves of what comes in.
+
+        Examples
+        --------
+        >>> loop = unit_delay() * gain(0.5)
+        >>> loop.closed().radius
+        0.5
+        """
+        left = 1.0 / (1.0 + self.d)
+        a = self.a - left * np.outer(self.b, self.c)
+        return LinearSystem(a, left * self.b, -left * self.c, left)
+
+    def response(self, z: Response) -> Response:
+        """Return the frequency response at points z, ``complex128[F]``."""
+        if not self.order:
+            return np.full(z.shape, self.d, dtype=np.complex128)
+        shifted = z[:, None, None] * np.eye(self.order) - self.a
+        states = np.linalg.solve(shifted, np.broadcast_to(self.b[:, None], (len(z), self.order, 1)))
+        return np.asarray(states[..., 0] @ self.c + self.d, dtype=np.complex128)
+
+
+def gain(factor: float) -> LinearSystem:
+    """Return a gain without memory.
+
+    Examples
+    --------
+    >>> gain(2.0).order
+    0
+    """
+    return LinearSystem(np.zeros((0, 0)), np.zeros(0), np.zeros(0), factor)
+
+
+def weighted(weights: Sequence[float]) -> LinearSystem:
+    """Return the weighted sum of the newest inputs, the newest first.
+
+    Examples
+    --------
+    >>> weighted([0.0, 1.0]).response(np.array([2.0 + 0j])).tolist()
+    [(0.5+0j)]
+    """
+    n = len(weights) - 1
+    b = np.eye(n, 1)[:, 0] if n else np.zeros(0)
+    return LinearSystem(np.eye(n, k=-1), b, np.array(weights[1:], dtype=float), float(weights[0]))
+
+
+def unit_delay() -> LinearSystem:
+    """Return a delay by one sample.
+
+    Examples
+    --------
+    >>> unit_delay().order
+    1
+    """
+    return weighted([0.0, 1.0])
+
+
+def integrator(ts_s: float) -> LinearSystem:
+    """Return Ts / (1 - 1/z): what has come in up to now, over time.
+
+    Examples
+    --------
+    >>> integrator(0.1).d
+    0.1
+    """
+    return LinearSystem(np.eye(1), np.ones(1), np.full(1, ts_s), ts_s)
+
+
+def sampled(
+    numerator: Sequence[float], denominator: Sequence[float], ts_s: float, at_rad_s: float = 0.0
+) -> LinearSystem:
+    """Sample a filter in s by Tustin's rule.
+
+    Parameters
+    ----------
+    numerator, denominator
+        Coefficients, the highest power first.
+    ts_s
+        Sampling time (s).
+    at_rad_s
+        Frequency (rad/s) at which the response is kept; 0 for low ones.
+
+    Examples
+    --------
+    >>> lag = sampled([1.0], [1e-3, 1.0], 1e-4)
+    >>> round(lag.radius, 3)
+    0.905
+    """
+    half = 0.5 * at_rad_s * ts_s
+    step = ts_s * math.tan(half) / half if 0.0 < half < 1.5 else ts_s
+    a, b, c, d = signal.tf2ss(numerator, denominator)
+    a, b, c, d, _ = signal.cont2discrete((a, b, c, d), step, "bilinear")
+    return LinearSystem(a, b[:, 0], c[0], float(d[0, 0]))
