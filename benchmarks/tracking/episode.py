@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs.tracking import NoiseSource
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 
 TIMED_SAMPLES = 300
+_GIVEN_UP_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -63,9 +65,31 @@ def record(
     Exception
         Whatever the controller raises.
     """
+    return play(controller, TrackingTask(truths, layout), references_um, rngs)
+
+
+def play(
+    controller: Any,
+    task: TrackingTask,
+    references_um: Array,
+    noises: Sequence[NoiseSource],
+) -> Recording:
+    """Run a controller on tracking problems that are made already; see :func:`record`.
+
+    Parameters
+    ----------
+    controller
+        As there.
+    task
+        The problems, with actions read as commands.
+    references_um
+        ``(K, B)``.
+    noises
+        One a lane, for the sensors' noise.
+    """
     samples, lanes = references_um.shape
-    task = TrackingTask(truths, layout)
-    observation = task.reset(references_um, rngs)
+    layout = task.layout
+    observation = task.reset(references_um, noises)
     plan = getattr(controller, "plan", None)
     if plan is not None:
         plan(references_um)
@@ -91,6 +115,8 @@ def microseconds_per_sample(
 ) -> float:
     """Time one decision (µs) of a controller that runs one plant: the median over many.
 
+    One that is very slow is given up early.
+
     Parameters
     ----------
     controller
@@ -113,6 +139,8 @@ def microseconds_per_sample(
         begin = time.perf_counter()
         answer, state = controller.predict(observation, state, starts, deterministic=True)
         spent.append(time.perf_counter() - begin)
+        if sum(spent) > _GIVEN_UP_S:
+            break
         action = np.clip(np.reshape(answer, 1).astype(np.float64), -1.0, 1.0)
         observation = task.step(layout.place_to_V(action))
         starts = np.zeros(1, dtype=bool)

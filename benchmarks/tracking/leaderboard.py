@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from baselines import ORACLE
@@ -159,11 +159,36 @@ def _labels(rivals: pd.DataFrame, order: Sequence[str]) -> dict[str, dict[str, s
     """Rank and places of every controller, from paired differences over the drawn seeds."""
     logs = _log_means(drawn(rivals), "rmse_percent")
     names = [name for name in order if name in logs.columns and logs[name].notna().all()]
-    n = len(names)
     worse = np.array([[exceeds(logs[a] - logs[b]) for b in names] for a in names])
+    unranked = {name: {"rank": "–", "places": "–"} for name in order}
+    return unranked | {ORACLE: {"rank": "bound", "places": "–"}} | ranks_of(names, worse)
+
+
+def ranks_of(names: Sequence[str], worse: NDArray[np.bool_]) -> dict[str, dict[str, str]]:
+    """Return rank and places of controllers, from who is behind whom.
+
+    Parameters
+    ----------
+    names
+        The controllers, best first.
+    worse
+        ``(N, N)``: whether the one of the row is behind that of the column.
+
+    Returns
+    -------
+    dict
+        By name ``rank``, which those share between whom a chain of ties leads, with ``=``; and
+        ``places``, the ranks that the comparisons leave open.
+
+    Examples
+    --------
+    >>> behind = np.array([[False, False, False], [False, False, False], [True, True, False]])
+    >>> ranks_of(["a", "b", "c"], behind)["b"]
+    {'rank': '1=', 'places': '1 to 2'}
+    """
+    n = len(names)
+    labels: dict[str, dict[str, str]] = {}
     tied = ~(worse | worse.T) if n else worse
-    labels = {name: {"rank": "–", "places": "–"} for name in order}
-    labels[ORACLE] = {"rank": "bound", "places": "–"}
     first = 0
     for i, name in enumerate(names):
         if not tied[:i, i:].any():

@@ -159,14 +159,14 @@ RASTER = StageTask(
 STEPS = StageTask(
     "Steps",
     "Steps, as a positioner makes them",
-    "The stage of `PiezoStage-v0` on levels held for 25 ms: jumps that no stage can follow, and ways "
-    "of 2 and 5 ms that excite the mode. Percent are large, as the jump itself is in them.",
+    "The stage of `PiezoStage-v0` on levels held for 25 ms, with ways of 1.5 to 5 ms between them: the "
+    "shorter they are, the more they excite the mode, and 1.5 ms takes nearly all of the range.",
     (_QUANTISED,),
     hidden=_HIDDEN,
     history=HISTORY,
     references=(
-        {"signal": "random-steps", "hold_s": 0.025},
-        {"signal": "random-steps", "hold_s": 0.025, "rise_s": 0.002},
+        {"signal": "random-steps", "hold_s": 0.025, "rise_s": 0.0015},
+        {"signal": "random-steps", "hold_s": 0.025, "rise_s": 0.0025},
         {"signal": "random-steps", "hold_s": 0.025, "rise_s": 0.005},
         {"signal": "steps", "hold_s": 0.025, "rise_s": 0.002},
     ),

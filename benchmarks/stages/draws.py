@@ -1,0 +1,70 @@
+"""Which plants a score is over: a public seed, or one that whoever runs a leaderboard keeps."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from rdpi_gym.envs.tasks import PUBLIC_SEED
+from rdpi_gym.support.errors import InputError
+
+
+@dataclass(frozen=True)
+class TestSeed:
+    """The seed of test draws, and what tables say of it.
+
+    Parameters
+    ----------
+    seed
+        A whole number of 0 or above.
+    is_public
+        Whether it is the one that is committed; another is named by a hash alone.
+
+    Examples
+    --------
+    >>> TestSeed().label
+    'public seed 2026'
+    >>> TestSeed(12345, is_public=False).label
+    'private seed 5994471a'
+    """
+
+    __test__ = False  # to pytest it looks like a class of tests
+
+    seed: int = PUBLIC_SEED
+    is_public: bool = True
+
+    @property
+    def label(self) -> str:
+        """What rows and tables say."""
+        if self.is_public:
+            return f"public seed {self.seed}"
+        return f"private seed {hashlib.sha256(str(self.seed).encode()).hexdigest()[:8]}"
+
+
+def read_seed(path: Path | None) -> TestSeed:
+    """Read the seed of test draws from a file that holds one whole number; None: the public one.
+
+    Raises
+    ------
+    InputError
+        The file is missing, or holds something else.
+
+    Examples
+    --------
+    >>> read_seed(None).is_public
+    True
+    """
+    if path is None:
+        return TestSeed()
+    try:
+        text = path.read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"the seed file {path} cannot be read ({type(error).__name__}); give a text file with one whole number"
+        ) from None
+    if not (text.isascii() and text.isdigit() and len(text) <= 30):
+        raise InputError(
+            f"the seed file {path} does not hold a whole number of at most 30 digits; write one, for example 8713409"
+        )
+    return TestSeed(int(text), is_public=False)

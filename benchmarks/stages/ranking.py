@@ -1,0 +1,192 @@
+"""From rows to a ranking: failures first, then the worst tenth, then the middle half of the plants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from scipy.stats import spearmanr
+
+from baselines.horizon import HORIZON_BOUND
+from benchmarks.stages.unit import PREVIEW, WHOLE, WORST_PERCENT
+from benchmarks.tracking.leaderboard import CONFIDENCE, ranks_of
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.store import Row
+
+COLUMNS = (
+    "rank", "controller", "failed", "p90_percent", "p90_low", "p90_high", "iqm_percent", "iqm_low",
+    "iqm_high", "iqm_noise", "command_variation_V_s", "microseconds_per_sample", "tuning_samples",
+    "sees", "certificate", "places", "failure",
+)  # fmt: skip
+"""Of a ranking. ``failed``: share of the plants; ``iqm_noise``: in units of the sensor's noise;
+``failure``: the first reason."""
+RESAMPLES = 2000
+BOUND, AHEAD = "bound", "whole reference"
+
+
+def interquartile_mean(values: Array) -> Array:
+    """Mean of the middle half along the last axis, plants at its edges in part.
+
+    Parameters
+    ----------
+    values
+        ``(..., N)``.
+
+    Examples
+    --------
+    >>> float(interquartile_mean(np.array([9.0, 1.0, 2.0, 3.0])))
+    2.5
+    """
+    ordered = np.sort(values, axis=-1)
+    n = ordered.shape[-1]
+    edges = np.arange(n + 1)
+    inside = np.clip(np.minimum(edges[1:], 0.75 * n) - np.maximum(edges[:-1], 0.25 * n), 0.0, None)
+    return np.asarray(ordered @ inside / inside.sum())
+
+
+def ninetieth(values: Array) -> Array:
+    """90th percentile along the last axis, linear between plants.
+
+    Examples
+    --------
+    >>> float(ninetieth(np.arange(11.0)))
+    9.0
+    """
+    return np.asarray(np.percentile(values, 90.0, axis=-1))
+
+
+def ranking(rows: Sequence[Row]) -> pd.DataFrame:
+    """Rank the controllers on one task.
+
+    A plant on which a controller failed counts with its RMSE or :data:`~benchmarks.stages.unit.WORST_PERCENT`,
+    whichever is more. Of two controllers the one with fewer failures is ahead, then that with the
+    smaller 90th percentile, then that with the smaller interquartile mean; at each the paired
+    bootstrap over the plants has to exclude zero, else the next one decides. Where none does, they
+    tie. Controllers that are given the whole reference, and the bound, have no rank.
+
+    Parameters
+    ----------
+    rows
+        Of one task and the same plants for all controllers.
+
+    Returns
+    -------
+    DataFrame
+        Columns :data:`COLUMNS`, best first.
+    """
+    table = pd.DataFrame(list(rows))
+    numbers = sorted(table["plant"].unique())
+    names = list(dict.fromkeys(table["controller"]))
+    errors = np.array([_errors(table, name, numbers) for name in names])
+    fails = np.array([_fails(table, name, numbers) for name in names])
+    rng = np.random.default_rng(0)
+    picked = rng.integers(len(numbers), size=(RESAMPLES, len(numbers)))
+    drawn = {
+        "failed": fails[:, picked].mean(axis=-1),
+        "p90": ninetieth(errors[:, picked]),
+        "iqm": interquartile_mean(errors[:, picked]),
+    }
+    lines = []
+    for i, name in enumerate(names):
+        own = table[table["controller"] == name]
+        lines.append(
+            {
+                "controller": name,
+                "failed": float(fails[i].mean()),
+                "p90_percent": float(ninetieth(errors[i])),
+                **_interval("p90", drawn["p90"][i]),
+                "iqm_percent": float(interquartile_mean(errors[i])),
+                **_interval("iqm", drawn["iqm"][i]),
+                **_rest(own, errors[i]),
+            }
+        )
+    ranked = pd.DataFrame(lines)
+    order = ranked.sort_values(["failed", "p90_percent", "iqm_percent"], kind="stable").index
+    ranked = ranked.loc[order].reset_index(drop=True)
+    is_rival = [
+        name != HORIZON_BOUND and sees != WHOLE
+        for name, sees in zip(ranked["controller"], ranked["sees"], strict=True)
+    ]
+    index = [int(i) for i, rival in zip(order, is_rival, strict=True) if rival]
+    worse = np.array([[_is_behind(drawn, a, b) for b in index] for a in index])
+    labels = ranks_of([names[i] for i in index], worse)
+    unranked = {name: BOUND if name == HORIZON_BOUND else AHEAD for name in ranked["controller"]}
+    ranked["rank"] = [
+        labels[n]["rank"] if n in labels else unranked[n] for n in ranked["controller"]
+    ]
+    ranked["places"] = [labels[n]["places"] if n in labels else "–" for n in ranked["controller"]]
+    return ranked[list(COLUMNS)]
+
+
+def _errors(table: pd.DataFrame, name: str, numbers: Sequence[int]) -> Array:
+    own = table[table["controller"] == name].set_index("plant").loc[list(numbers)]
+    rmse = own["rmse_percent"] if "rmse_percent" in own else pd.Series(np.nan, index=own.index)
+    failed = own["failure"].to_numpy() != ""
+    values = rmse.fillna(WORST_PERCENT).to_numpy(dtype=np.float64)
+    return np.where(failed, np.maximum(values, WORST_PERCENT), values)
+
+
+def _fails(table: pd.DataFrame, name: str, numbers: Sequence[int]) -> Array:
+    own = table[table["controller"] == name].set_index("plant").loc[list(numbers)]
+    return np.asarray(own["failure"].to_numpy() != "", dtype=np.float64)
+
+
+def _interval(name: str, drawn: Array) -> dict[str, float]:
+    low, high = np.quantile(drawn, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)])
+    return {f"{name}_low": float(low), f"{name}_high": float(high)}
+
+
+def _is_behind(drawn: dict[str, Array], a: int, b: int) -> bool:
+    """Whether one controller is behind another by the first figure that tells them apart."""
+    for each in drawn.values():
+        low, high = np.quantile(
+            each[a] - each[b], [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)]
+        )
+        if low > 0.0 or high < 0.0:
+            return bool(low > 0.0)
+    return False
+
+
+def _rest(own: pd.DataFrame, errors: Array) -> dict[str, object]:
+    def median(column: str) -> float:
+        return float(own[column].median()) if column in own else float("nan")
+
+    def first(column: str) -> object:
+        known = own[column].dropna().tolist() if column in own else []
+        return known[0] if known else None
+
+    reasons = own.loc[own["failure"] != "", "failure"]
+    per_percent = median("rmse_noise") / median("rmse_percent")
+    return {
+        "iqm_noise": float(interquartile_mean(errors)) * per_percent,
+        "command_variation_V_s": median("command_variation_V_s"),
+        "microseconds_per_sample": median("microseconds_per_sample"),
+        "tuning_samples": first("tuning_samples"),
+        "sees": first("sees") or PREVIEW,
+        "certificate": first("certificate"),
+        "failure": reasons.iloc[0] if len(reasons) else "",
+    }
+
+
+def rank_correlation(rows: Sequence[Row]) -> float:
+    """Return Spearman's correlation of the order on the even and on the odd plants of one task.
+
+    The two halves are disjoint draws. The bound and what sees the whole reference do not count;
+    NaN below three controllers.
+
+    Parameters
+    ----------
+    rows
+        Of one task.
+    """
+    halves = []
+    for parity in (0, 1):
+        ranked = ranking([row for row in rows if row["plant"] % 2 == parity])
+        rivals = ranked[~ranked["rank"].isin([BOUND, AHEAD])]
+        halves.append({name: place for place, name in enumerate(rivals["controller"])})
+    first, second = halves
+    if len(first) < 3 or first.keys() != second.keys():
+        return float("nan")
+    found = spearmanr([first[name] for name in first], [second[name] for name in first])
+    return float(found.statistic)

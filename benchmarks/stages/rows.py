@@ -1,0 +1,42 @@
+"""What names a row, and the store of rows: one controller on one drawn plant of a task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from rdpi_gym.support.store import RowStore
+
+SUITE_VERSION = 1
+"""Of the tasks: rows of another are of other plants or another protocol."""
+ROWS_FILE = "task-rows.jsonl"
+FORMAT = "rdpi-task-rows"
+Key: TypeAlias = tuple[str, str, str, int]
+
+
+def key(row: Mapping[str, Any]) -> Key:
+    """Return what names a row: controller, task, draws, number of the plant.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        It is no row of this benchmark.
+
+    Examples
+    --------
+    >>> key({"controller": "pi", "task": "Stage", "draws": "public seed 2026", "plant": 3})
+    ('pi', 'Stage', 'public seed 2026', 3)
+    """
+    return str(row["controller"]), str(row["task"]), str(row["draws"]), int(row["plant"])
+
+
+def open_rows(folder: Path) -> RowStore[Key]:
+    """Return the store of the rows in a folder.
+
+    Raises
+    ------
+    InputError
+        The file there is something else, or cannot be read.
+    """
+    return RowStore(folder / ROWS_FILE, FORMAT, key)

@@ -1,0 +1,166 @@
+"""The run: units that are not finished, on all cores, row by row into a store."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from baselines import CONTROLLERS, ControllerFactory, find_factory, inverts_any_core
+from baselines.horizon import HORIZON_BOUND
+from baselines.tuning import TUNED
+from benchmarks.stages.draws import TestSeed
+from benchmarks.stages.rows import SUITE_VERSION, key, open_rows
+from benchmarks.stages.unit import make_units, run_unit
+from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
+from benchmarks.tracking.learned import is_learned
+from rdpi_gym.envs.tasks import named_task
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fingerprint import code_parts, fingerprint
+from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.progress import Progress
+from rdpi_gym.support.store import Row
+
+_OWN = ("unit.py",)
+
+
+def field() -> list[str]:
+    """Return the controllers of this package that enter by default.
+
+    All but those that see the whole reference, which are no rivals, and those that invert any core,
+    which are the doubles of others: what is believed of every task is the RDPI model.
+
+    Examples
+    --------
+    >>> {"pi", "classical-static"} <= set(field()), "preview-inversion" in field()
+    (True, False)
+    """
+    return [
+        name
+        for name, make in CONTROLLERS.items()
+        if not inverts_any_core(name) and not hasattr(make, "plan")
+    ]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run leaves.
+
+    Parameters
+    ----------
+    rows
+        Those that were asked for, the bound's among them.
+    computed
+        Number of rows that were not finished before.
+    notes
+        What a reader should know, one sentence each.
+    """
+
+    rows: list[Row]
+    computed: int
+    notes: tuple[str, ...]
+
+
+def run_tasks(
+    controllers: Sequence[str],
+    tasks: Sequence[str],
+    plants: int,
+    out: Path,
+    *,
+    seed: TestSeed | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+    ray_address: str | None = None,
+    factories: Mapping[str, ControllerFactory] | None = None,
+    bound: bool = True,
+) -> Outcome:
+    """Compute what is missing, and return every row that was asked for; an interrupted run goes on.
+
+    Parameters
+    ----------
+    controllers
+        Names, as :func:`baselines.make_controller` takes them.
+    tasks
+        Short names of tasks, or ids.
+    plants
+        Number of test plants of each.
+    out
+        Folder of the row store.
+    seed
+        Of the test draws; the public one by default.
+    jobs
+        Worker processes; -1: one a core.
+    progress
+        Called as units are done.
+    ray_address
+        Of a Ray cluster that does the units in place of processes here.
+    factories
+        What makes further controllers, by name.
+    bound
+        Whether the bound is run beside them.
+
+    Raises
+    ------
+    InputError
+        No such controller or task, or the folder or the cluster cannot be used.
+    """
+    drawn = TestSeed() if seed is None else seed
+    names = [named_task(task).name for task in tasks]
+    made = dict(factories or {})
+    asked = list(dict.fromkeys((*controllers, *made, *([HORIZON_BOUND] if bound else []))))
+    for name in asked:
+        if name not in (*CONTROLLERS, *made, HORIZON_BOUND) and not is_learned(name):
+            find_factory(name)
+    if plants < 1 or not names or not set(asked) - {HORIZON_BOUND}:
+        raise InputError("nothing to score; give at least one controller, one task and one plant")
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; give a folder for --out")
+    units = [
+        unit
+        for task in dict.fromkeys(names)
+        for name in asked
+        for unit in make_units(
+            name, task, drawn.seed, drawn.label, range(plants),
+            _stamp(name, task, made), made.get(name),
+        )
+    ]  # fmt: skip
+    store = open_rows(out)
+    remark = store.remark()
+    notes = [] if remark is None else [remark]
+    stamps = {k: unit.stamp for unit in units for k in unit.keys}
+    aside = store.set_aside(lambda row: stamps.get(key(row), row["stamp"]) != row["stamp"])
+    if aside is not None:
+        notes.append(f"Rows of changed code or controllers were set aside in {aside.name}.")
+    missing = [unit for unit in units if not store.rows.keys() >= set(unit.keys)]
+    computed = 0
+    for done, rows in enumerate(run_cases(run_unit, missing, jobs, ray_address), start=1):
+        store.append(rows)
+        computed += len(rows)
+        if progress is not None:
+            progress("scoring", done, len(missing))
+    return Outcome([store.rows[k] for unit in units for k in unit.keys], computed, tuple(notes))
+
+
+def _stamp(controller: str, task: str, made: Mapping[str, ControllerFactory]) -> str:
+    """Return a hash of all that the rows of a controller on a task depend on."""
+    if controller in made:  # no one can say whether it is still the same: always run anew
+        return os.urandom(8).hex()
+    one = named_task(task)
+    plants = [
+        json.dumps(each.to_dict(), sort_keys=True).encode()
+        for each in (*one.nominals, *one.beliefs)
+    ]
+    parts = [_code().encode(), task_fingerprint(controller, one.nominal()).encode(), *plants]
+    return fingerprint(parts)
+
+
+@cache
+def _code() -> str:
+    here = Path(__file__).parent
+    tuned = sorted(TUNED.glob("*.json")) if TUNED.is_dir() else []
+    parts = [str(SUITE_VERSION).encode(), code_fingerprint().encode()]
+    parts += [path.read_bytes() for path in tuned]
+    return fingerprint([*parts, *code_parts([here / name for name in _OWN])])

@@ -1,0 +1,207 @@
+"""A unit of work: one controller on every drawn plant of one task, all side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from baselines import ControllerFactory, make_controller
+from baselines.horizon import HORIZON_BOUND, TrueHorizon
+from benchmarks.stages.rows import SUITE_VERSION, Key, key
+from benchmarks.tracking.episode import Recording, microseconds_per_sample, play
+from benchmarks.tracking.scoring import one_line, score
+from rdpi_gym.envs.controller import Controller, warning_of
+from rdpi_gym.envs.tasks import Lanes, StageTask, named_task
+from rdpi_gym.support.store import Row
+
+SATURATED_PERCENT = 1.0
+"""Samples (%) of a reference at the end of the command's range from which on it counts as a failure."""
+SLOWEST_US = 5000.0
+"""Time of one decision (µs) from which on a controller is too slow: fifty samples of most tasks."""
+WORST_PERCENT = 100.0
+"""RMSE (%) that a plant without a finite score counts with, and the least of one that failed."""
+
+DIVERGED, SATURATED, ERROR, SLOW = "diverged", "saturated", "error", "too slow"
+WHOLE, PREVIEW = "whole reference", "preview"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What one worker does at a time; its rows are written when it is done.
+
+    Parameters
+    ----------
+    controller
+        As :func:`baselines.make_controller` takes it, or the name of the bound.
+    task
+        Short name of a task.
+    seed, draws
+        Of the test draws, and what rows say of it.
+    plants
+        Numbers of the plants.
+    stamp
+        Hash of all that the rows depend on.
+    factory
+        What makes the controller, where its name does not say.
+    """
+
+    controller: str
+    task: str
+    seed: int
+    draws: str
+    plants: tuple[int, ...]
+    stamp: str
+    factory: ControllerFactory | None = None
+
+    @property
+    def keys(self) -> list[Key]:
+        """Of its rows, in their order."""
+        return [key(_row(self, number)) for number in self.plants]
+
+
+def run_unit(unit: Unit) -> list[Row]:
+    """Score a controller on every plant; one that fails leaves rows that say so.
+
+    Returns
+    -------
+    list of dict
+        One row a plant, in their order.
+    """
+    try:
+        found = _run(unit)
+    except Exception as error:  # a user's controller may raise anything; the others go on
+        reason = f"{ERROR}: {one_line(f'{type(error).__name__}: {error}')}"
+        return [_row(unit, number) | _failed(reason) for number in unit.plants]
+    return [_row(unit, number) | found[number] for number in unit.plants]
+
+
+def _run(unit: Unit) -> dict[int, Row]:
+    task = named_task(unit.task)
+    rows: dict[int, Row] = {}
+    for lanes in task.lanes("test", unit.plants, unit.seed):
+        timed, first = 0.0, lanes.draws[0]
+        if unit.controller != HORIZON_BOUND:
+            alone = _controller(unit, lanes)
+            timed = microseconds_per_sample(
+                alone, first.truth, lanes.layout(), first.references_um[:, 0]
+            )
+        if timed > SLOWEST_US:
+            said = f"{SLOW}: {timed:.3g} µs a sample, at most {SLOWEST_US:g} are allowed"
+            slow = _failed(said) | {"microseconds_per_sample": timed}
+            rows |= {draw.number: slow for draw in lanes.draws}
+            continue
+        controller = _controller(unit, lanes)
+        taken = play(controller, lanes.track(lanes.layout()), lanes.references_um, lanes.noises)
+        common = {"microseconds_per_sample": timed, **_said(controller)}
+        rows |= {number: row | common for number, row in _scores(task, lanes, taken).items()}
+    return rows
+
+
+def _controller(unit: Unit, lanes: Lanes) -> Controller:
+    """Make what is scored: the bound alone is given the true plants, all others their belief."""
+    layout = lanes.layout()
+    if unit.controller == HORIZON_BOUND:
+        return TrueHorizon(lanes.plant(), layout)
+    return make_controller(unit.factory or unit.controller, lanes.belief, layout)
+
+
+def _said(controller: Any) -> Row:
+    certify = getattr(controller, "certificate", None)
+    return {
+        "warning": warning_of(controller),
+        "certificate": None if certify is None else certify(),
+        "sees": WHOLE if hasattr(controller, "plan") else PREVIEW,
+        "tuning_samples": int(getattr(controller, "plant_samples", 0)),
+    }
+
+
+def _scores(task: StageTask, lanes: Lanes, taken: Recording) -> dict[int, Row]:
+    """Return what is measured of each plant: means over its references, and why it failed."""
+    numbers = np.array(lanes.numbers)
+    every = [_lane(task, lanes, taken, b) for b in range(len(numbers))]
+    rows = {}
+    for draw in lanes.draws:
+        own = [every[b] for b in np.flatnonzero(numbers == draw.number)]
+        reasons = [
+            f"{reason} on {name}"
+            for (_, reason), name in zip(own, draw.names, strict=True)
+            if reason
+        ]
+        scored = [one for one, _ in own if one is not None]
+        if len(scored) < len(own):
+            rows[draw.number] = _failed("; ".join(reasons))
+            continue
+        percent = [one.rmse_percent for one in scored]
+        um = float(np.mean([one.rmse_um for one in scored]))
+        rows[draw.number] = {
+            "rmse_percent": float(np.mean(percent)),
+            "worst_percent": max(percent),
+            "each_percent": [float(f"{value:.6g}") for value in percent],
+            "rmse_um": um,
+            "rmse_noise": um / task.noise_um,
+            "command_variation_V_s": float(np.mean([one.command_variation_V_s for one in scored])),
+            "failure": "; ".join(reasons),
+        }
+    return rows
+
+
+def _lane(task: StageTask, lanes: Lanes, taken: Recording, b: int) -> tuple[Any, str]:
+    """Return the score of one lane, None without any, and in a word why it failed."""
+    action = taken.action[:, b]
+    if not np.isfinite(action).all():
+        return (
+            None,
+            f"{ERROR}: action at sample {int(np.argmin(np.isfinite(action)))} is not finite",
+        )
+    r = lanes.references_um[:, b]
+    with np.errstate(over="ignore", invalid="ignore"):
+        scored = score(
+            r, taken.displacement_um[:, b], taken.command_V[:, b], action,
+            first=task.first, ts_s=task.ts_s,
+        )  # fmt: skip
+    if not np.isfinite(scored.rmse_um):
+        return None, DIVERGED
+    if scored.rmse_um > np.std(r[task.first :]) or scored.rmse_percent > WORST_PERCENT:
+        return scored, DIVERGED
+    if scored.saturated_percent > SATURATED_PERCENT:
+        return scored, SATURATED
+    return scored, ""
+
+
+def _failed(reason: str) -> Row:
+    return {"failure": reason}
+
+
+def _row(unit: Unit, number: int) -> Row:
+    return {
+        "controller": unit.controller,
+        "task": unit.task,
+        "draws": unit.draws,
+        "plant": number,
+        "suite": SUITE_VERSION,
+        "stamp": unit.stamp,
+    }
+
+
+def make_units(
+    controller: str,
+    task: str,
+    seed: int,
+    draws: str,
+    plants: Sequence[int],
+    stamp: str,
+    factory: ControllerFactory | None = None,
+) -> list[Unit]:
+    """Cut what is asked of a controller on a task into units of at most :data:`PLANTS` plants."""
+    numbers = list(plants)
+    return [
+        Unit(controller, task, seed, draws, tuple(numbers[i : i + PLANTS]), stamp, factory)
+        for i in range(0, len(numbers), PLANTS)
+    ]
+
+
+PLANTS = 50
+"""Plants of a unit at most: what is done twice where a run is interrupted."""

@@ -1,0 +1,167 @@
+"""The tasks as a benchmark: rows, failures, the order that they make."""
+
+import time
+
+import numpy as np
+import pytest
+
+from baselines import make_controller
+from benchmarks.stages.draws import TestSeed, read_seed
+from benchmarks.stages.ranking import (
+    interquartile_mean,
+    rank_correlation,
+    ranking,
+)
+from benchmarks.stages.run import field, run_tasks
+from benchmarks.stages.unit import WORST_PERCENT
+from rdpi_gym.envs.tasks import TASKS
+from rdpi_gym.support.errors import InputError
+
+
+class Wrapped:
+    """A controller that goes wrong in one way."""
+
+    def __init__(self, belief, layout):
+        self.inner = make_controller("classical-static", belief, layout)
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        return self.inner.predict(observation, state, episode_start)
+
+
+class AnswersNaN(Wrapped):
+    def predict(self, *args, **options):
+        action, state = super().predict(*args, **options)
+        return np.full_like(action, np.nan), state
+
+
+class Raises(Wrapped):
+    def predict(self, *args, **options):
+        raise ValueError("no\nidea")
+
+
+class Rails(Wrapped):
+    def predict(self, *args, **options):
+        action, state = super().predict(*args, **options)
+        return np.ones_like(action), state
+
+
+class Slow(Wrapped):
+    def predict(self, *args, **options):
+        time.sleep(0.5)
+        return super().predict(*args, **options)
+
+
+class Certified(Wrapped):
+    def certificate(self):
+        return "small gain 0.5 below 1"
+
+
+FACTORIES = {kind.__name__: kind for kind in (AnswersNaN, Raises, Rails, Slow, Certified)}
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory):
+    out = tmp_path_factory.mktemp("stages")
+    return out, run_tasks(
+        ["none", "classical-static"], ["Bare"], 4, out, factories=FACTORIES, bound=False
+    )
+
+
+def ranked(outcome):
+    return ranking(outcome[1].rows).set_index("controller")
+
+
+def test_what_goes_wrong_is_a_failed_row_and_all_else_is_kept(outcome):
+    table = ranked(outcome)
+    assert len(outcome[1].rows) == 4 * 7
+    said = table["failure"]
+    assert "action at sample 1 is not finite" in said["AnswersNaN"]
+    assert said["Raises"] == "error: ValueError: no idea"
+    assert said["Slow"].startswith("too slow: 5")
+    assert said["Rails"].startswith("diverged on 1 sine")
+    assert table.loc[list(said.index[said != ""]), "failed"].tolist() == [1.0] * 4
+    assert table.loc["AnswersNaN", "p90_percent"] == WORST_PERCENT
+
+
+def test_failures_come_last_and_doubles_tie(outcome):
+    table = ranked(outcome)
+    assert table.index[0] in ("classical-static", "Certified")
+    assert table["rank"][:3].tolist() == ["1=", "1=", "3"]
+    assert table.loc["Certified", "certificate"] == "small gain 0.5 below 1"
+    best, gain = table.loc["classical-static"], table.loc["none"]
+    assert best["failed"] == gain["failed"] == 0.0
+    assert best["p90_high"] < gain["p90_low"]
+    task = TASKS["Bare"]
+    per_noise = 2.0 * task.layout().scale_um / 100.0 / task.noise_um  # percent of a peak to peak
+    assert best["iqm_noise"] == pytest.approx(best["iqm_percent"] * per_noise, rel=0.3)
+
+
+def test_a_run_goes_on_where_it_was_and_gives_the_same_rows(outcome, tmp_path):
+    out, first = outcome
+    again = run_tasks(["none", "classical-static"], ["Bare"], 4, out, bound=False)
+    assert again.computed == 0
+    anew = run_tasks(["none", "classical-static"], ["Bare"], 4, tmp_path, bound=False)
+    timed = "microseconds_per_sample"
+    before = [row for row in first.rows if row["controller"] in ("none", "classical-static")]
+    assert [{**r, timed: 0} for r in before] == [{**r, timed: 0} for r in anew.rows]
+
+
+def test_another_seed_has_other_plants_and_its_name_does_not_tell_it(tmp_path):
+    (tmp_path / "seed").write_text("123456789\n")
+    seed = read_seed(tmp_path / "seed")
+    private = run_tasks(["none"], ["Bare"], 2, tmp_path, seed=seed, bound=False)
+    public = run_tasks(["none"], ["Bare"], 2, tmp_path, bound=False)
+    assert private.rows[0]["rmse_percent"] != public.rows[0]["rmse_percent"]
+    assert "123456789" not in (tmp_path / "task-rows.jsonl").read_text()
+    assert (seed.is_public, TestSeed().is_public) == (False, True)
+
+
+def test_the_bound_holds_the_true_plants_and_has_no_rank(tmp_path):
+    outcome = run_tasks(["none"], ["Raster"], 1, tmp_path)
+    table = ranking(outcome.rows).set_index("controller")
+    assert table["rank"].tolist() == ["bound", "1"]
+    assert table.loc["true-plant-horizon", "iqm_noise"] < 2.0
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"controllers": ["pii"]}, "no controller is named 'pii'; did you mean 'pi'"),
+        ({"tasks": ["Stag"]}, "no task is named 'Stag'; did you mean 'Stage'"),
+        ({"plants": 0}, "nothing to score"),
+    ],
+)
+def test_what_cannot_be_scored_is_refused_in_one_line(asked, said, tmp_path):
+    words = {"controllers": ["none"], "tasks": ["Bare"], "plants": 1} | asked
+    with pytest.raises(InputError, match=said) as caught:
+        run_tasks(**words, out=tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def rows_of(errors):
+    return [
+        {"controller": name, "task": "Bare", "plant": plant, "rmse_percent": value,
+         "rmse_noise": value, "failure": "", "sees": "preview"}
+        for name, values in errors.items()
+        for plant, value in enumerate(values)
+    ]  # fmt: skip
+
+
+def test_the_worst_tenth_counts_before_the_middle_half():
+    rng = np.random.default_rng(0)
+    steady = 1.0 + 0.01 * rng.random(40)
+    risky = np.where(np.arange(40) % 4 == 0, 5.0, 0.5) + 0.01 * rng.random(40)
+    found = ranking(rows_of({"risky": risky, "steady": steady, "worst": 9.0 * steady}))
+    assert found["controller"].tolist() == ["steady", "risky", "worst"]
+    assert found["rank"].tolist() == ["1", "2", "3"]
+    assert rank_correlation(rows_of({"a": steady, "b": 2 * steady, "c": risky + 9})) == 1.0
+
+
+def test_the_interquartile_mean_is_the_mean_of_the_middle_half():
+    assert interquartile_mean(np.array([100.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -9.0])) == 3.5
+
+
+def test_the_field_holds_rivals_only():
+    names = field()
+    assert {"none", "pi", "pi-extended-inverse"} <= set(names)
+    assert not {"preview-inversion", "core-inverse", "true-plant-horizon"} & set(names)
