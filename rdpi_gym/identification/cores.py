@@ -135,7 +135,7 @@ def fit_core(
     moving = data.train if isinstance(data, Dataset) else [r for r in data if not r.is_quiet]
     validation = list(data.validation) if isinstance(data, Dataset) else []
     check_motion(moving)
-    found = fitted_core(kind, list(moving), name, progress or silent)
+    found = _fitted(kind, list(moving), name, progress or silent)
     return stating(judged(found, validation), quantities)
 
 
@@ -147,7 +147,7 @@ def stating(found: CoreFit, quantities: Quantities) -> CoreFit:
     return replace(found, plant=plant, quantities=quantities)
 
 
-def fitted_core(kind: type[Core], train: Sequence[Record], name: str, report: Progress) -> CoreFit:
+def _fitted(kind: type[Core], train: Sequence[Record], name: str, report: Progress) -> CoreFit:
     """Return the fit of :func:`fit_core` to records, none of them judged beside."""
     problem = _Problem(train)
     begun: list[_Point] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -147,6 +147,8 @@ class JointFit:
         Whether the search ended by itself.
     smoothness
         That was asked of the weights.
+    shape_errors
+        Standard errors of the numbers of the core's shape, by name, as those of effects.
     """
 
     variant: Variant[Core]
@@ -156,6 +158,7 @@ class JointFit:
     passes: int
     converged: bool
     smoothness: float = 0.0
+    shape_errors: Mapping[str, float | None] = field(default_factory=dict)
 
 
 def free_numbers(
@@ -466,14 +469,17 @@ def fit_joint(
         cost = _least(here, n_weights)
     cost -= problem.priced(best, here)
     edge = [n for n in problem.free if n.effect is not None and n.at_bound(best)]
+    errors = _standard_errors(best, problem.free, here, cost)
+    own = [n.name(best) for n in problem.free if n.effect is None]
     return JointFit(
         best,
         math.sqrt(max(cost, 0.0) / max(here.count, 1)),
         tuple(n.name(best) for n in edge),
-        _standard_errors(best, problem.free, here, cost),
+        {name: error for name, error in errors.items() if name not in own},
         used,
         converged,
         smoothness,
+        {name: errors[name] for name in own},
     )
 
 
@@ -628,8 +634,6 @@ def _standard_errors(
     errors: dict[str, float | None] = {}
     curvature = np.diag(gram)[len(active) :]
     for number, value, shows in zip(free, deviation[len(active) :], curvature > 0.0, strict=True):
-        if number.effect is None:
-            continue
         physical = math.exp(number.read(best)) * value if number.logarithmic else float(value)
         known = shows and math.isfinite(physical) and not number.at_bound(best)
         errors[number.name(best)] = float(physical) if known else None

@@ -10,33 +10,32 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.identification.cores import (
-    CoreFit,
-    fitted_core,
-    is_at_bound,
-    judged,
-    responses_to,
-    stating,
-)
-from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.identification.cores import CoreFit, is_at_bound, judged, stating
+from rdpi_gym.identification.first_fits import first_fit, with_one_more
+from rdpi_gym.identification.held_out import left_by
+from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.identification.kind_rules import Way, judged_way, told_apart
 from rdpi_gym.identification.plausibility import check_motion
 from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
-from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.identification.scale import data_scale, plant_ranges
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, silent
 
-# Of the best held-out error, what another kind may have more and not be told from it.
-_ALIKE = 0.05
-# What moving numbers may change of the displacement, and how many standard errors they may move,
-# where a model is one with that of other numbers.
-_SAME, _ERRORS = 1e-3, 2.0
-# Effects that every kind is fitted beside, passes and samples of those refits.
-_BESIDE, _STEPS_BESIDE, _SAMPLES_BESIDE = ("creep", "sensor_lag"), 15, 20_000
+# Effects that every kind is fitted beside; passes and samples of full refits, and times the best
+# held-out error, up to which a kind gets one.
+_BESIDE, _PASSES, _SAMPLES, _NEAR = ("creep", "sensor_lag"), 15, 20_000, 3.0
+# Effects that take a kind's place in part, tried beside each where much is left: times what changes
+# from sample to sample (mean square), and the share that one has to take.
+_BESIDES, _MUCH, _TAKES = ("backlash", "resonance"), 1.1, 0.1
+# Times what is usual of a record's error, from which on no kind explains it; times the best error, up
+# to which a kind is refitted without such records; and the fewest records of which any can be left out.
+_UNTOLD, _HOPEFUL, _FEWEST = 3.0, 6.0, 3
 # Cycles, area over the product of the standard deviations, and its standard errors, from which on
 # loops are said to turn one way.
 _CYCLES, _AREA, _SURE = 2, 0.02, 4.0
@@ -60,6 +59,8 @@ class KindChoice:
         Why a kind was not fitted, by its name.
     same
         Names of those among `alike` that are one model with the chosen kind at the numbers found.
+    left_out
+        Names of records that no kind explains as it does the others: they were not fitted.
     """
 
     fits: tuple[CoreFit, ...]
@@ -68,6 +69,7 @@ class KindChoice:
     clockwise: bool | None
     refused: Mapping[str, str]
     same: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
 
 def choose_kind(
@@ -76,8 +78,11 @@ def choose_kind(
     """Fit every kind of hysteresis and order them by their held-out error.
 
     Each is fitted together with a creep and a lag of the sensor, which bend and widen loops as well:
-    without them the rate-dependent kinds take a lag for hysteresis. Without records to validate on,
-    blocks of each record are held out.
+    without them the rate-dependent kinds take a lag for hysteresis. First fits on few samples show
+    which kinds come near the best; those are refitted on more. Where even the best leaves much, those
+    are tried beside a backlash and beside a resonance too, of which kinds take the place. A record that no kind explains as it
+    does the others, such as one whose turns lie between the samples, is left out of the fits. Without
+    records to validate on, blocks of each record are held out.
 
     Parameters
     ----------
@@ -110,78 +115,95 @@ def choose_kind(
         whole = [r for r in dataset.records if r.role == "train" and not r.is_quiet]
         parts = [hold_out_blocks(record) for record in whole]
         train, validation = [fit for fit, _ in parts], [held for _, held in parts]
-    clockwise = orientation(train)
-    kinds = list(CORES.values())
-    report, fits, refused = progress or silent, [], {}
-    for done, kind in enumerate(kinds):
-        report("kinds of hysteresis", done, len(kinds))
-        try:
-            found = _beside(fitted_core(kind, train, name, silent), train)
-        except InputError as error:
-            refused[kind.name] = str(error)
-            continue
-        fits.append(stating(judged(found, validation), dataset.quantities))
-    report("kinds of hysteresis", len(kinds), len(kinds))
-    if not fits:
+    report, scale = progress or silent, data_scale(train)
+    refused: dict[str, str] = {}
+
+    def begun(kinds: Sequence[type[Core]], records: Sequence[Record]) -> list[Way]:
+        ways = []
+        for done, kind in enumerate(kinds):
+            report("kinds of hysteresis", done, len(kinds))
+            try:
+                fit = first_fit(records, kind, beside(scale), scale)
+            except InputError as error:
+                refused[kind.name] = str(error)
+                continue
+            if fit is not None and math.isfinite(fit.train_rmse_um):
+                ways.append(judged_way(fit, validation))
+        report("kinds of hysteresis", len(kinds), len(kinds))
+        return ways
+
+    ways = begun(list(CORES.values()), train)
+    if not ways:
         raise InputError(next(iter(refused.values())))
-    fits.sort(key=_held_out)
-    best = _held_out(fits[0])
-    near = [fit for fit in fits if _held_out(fit) <= (1.0 + _ALIKE) * best]
-    chosen = min(near, key=_freedom)
-    others = [fit.plant.hysteresis.name for fit in near if fit is not chosen]
-    same = same_models(chosen, train)
-    alike = (*others, *(name for name in same if name not in others))
-    return KindChoice(tuple(fits), chosen, alike, clockwise, refused, same)
+    told = explained(train, [way.fit for way in ways])
+    if len(told) < len(train):
+        ways = begun([type(way.core) for way in _near(ways, _HOPEFUL)], told)
+    best = min(ways, key=_left)
+    if _left(best) > _MUCH * float(best.white_um2.mean()):
+        wider = _near(ways, _HOPEFUL)
+        for done, way in enumerate(wider):
+            report("kinds with an effect more", done, len(wider))
+            tried = (with_one_more(told, way.fit, CATALOGUE[name], scale) for name in _BESIDES)
+            fits = [judged_way(fit, validation) for fit in tried if fit is not None]
+            more = min(fits, key=_left, default=way)
+            if _left(more) < (1.0 - _TAKES) * _left(way):
+                ways[ways.index(way)] = more
+    near = _near(ways, _NEAR)
+    for done, way in enumerate(near):
+        report("kinds that come near", done, len(near))
+        variant = way.fit.variant
+        fit = fit_joint(told, variant.hysteresis, variant.effects, _PASSES, samples=_SAMPLES)
+        ways[ways.index(way)] = judged_way(fit, validation)
+    found = told_apart(ways, told)
+    stated = {
+        way.core.name: stating(
+            judged(_as_core_fit(way.fit, told, name), validation), dataset.quantities
+        )
+        for way in ways
+    }
+    return KindChoice(
+        tuple(sorted(stated.values(), key=_held_out)),
+        stated[found.chosen.core.name],
+        found.alike,
+        orientation(train),
+        refused,
+        found.same,
+        tuple(record.name for record in train if record not in told),
+    )
 
 
-def same_models(fit: CoreFit, records: Sequence[Record]) -> tuple[str, ...]:
-    """Return the other kinds that are one model with a fit at the numbers that it found.
+def explained(records: Sequence[Record], fits: Sequence[JointFit]) -> list[Record]:
+    """Return the records without those that no fit explains as it does the others.
 
-    The numbers of a case that both kinds have are within two standard errors, or putting them there
-    changes the displacement by less than a thousandth.
+    What is left of those is thrice what is usual, in µm and over their motion.
 
     Parameters
     ----------
-    fit
-        Of any core.
     records
-        Records that it was fitted to.
-
-    Examples
-    --------
-    >>> from rdpi_gym.identification.cores import fit_core
-    >>> from rdpi_gym.plant import Plant
-    >>> t = np.arange(0, 2.0, 1e-3)
-    >>> u = 20 * np.sin(2 * np.pi * t) * t
-    >>> plant = PlantModel(CORES["duhem"](1.0, 0.7, 12.0), "piezo", (-40.0, 40.0), (0.0, 10.0))
-    >>> record = Record("growing", t, u, Plant(plant, 1e-3).simulate(u), ts_s=1e-3)
-    >>> same_models(fit_core([record], CORES["duhem"]), [record])
-    ('asymmetric_bouc_wen', 'bouc_wen')
+        Records that were fitted.
+    fits
+        Of several kinds.
     """
-    core: Core = fit.plant.hysteresis
-    met = {case for case, numbers in core.cases.items() if _stands_at(fit, core, numbers, records)}
-    return tuple(k.name for k in CORES.values() if k.name != core.name and met & set(k.cases))
+    if len(records) < _FEWEST:
+        return list(records)
+    least = np.array([min(_rms(left_by(f.variant, r)) for f in fits) for r in records])
+    share = least / np.array([max(float(np.std(r.y_um[r.error_mask])), 1e-300) for r in records])
+    untold = (least > _UNTOLD * np.median(least)) & (share > _UNTOLD * np.median(share))
+    return [record for record, out in zip(records, untold, strict=True) if not out]
 
 
-def _stands_at(
-    fit: CoreFit, core: Core, numbers: Mapping[str, float], records: Sequence[Record]
-) -> bool:
-    told = {
-        name: value
-        for name, value in numbers.items()
-        if abs(getattr(core, name) - value) > _ERRORS * fit.standard_errors.get(name, 0.0)
-    }
-    try:
-        there = replace(core, **told)  # type: ignore[type-var]
-    except InputError:  # what the other numbers do not allow
-        return False
-    moves = changes = 0.0
-    for record in records:
-        here = responses_to(core, record) @ np.array(core.gains)
-        change = responses_to(there, record) @ np.array(there.gains) - here
-        moves += len(here) * float(np.var(here))
-        changes += len(here) * float(np.var(change))
-    return changes <= _SAME**2 * moves
+def _rms(left: Array) -> float:
+    return math.sqrt(float(np.mean(left**2)))
+
+
+def _near(ways: Sequence[Way], times: float) -> list[Way]:
+    """Return the kinds that leave at most so many times what the best one leaves held out (rms)."""
+    least = min(map(_left, ways))
+    return [way for way in ways if _left(way) <= times**2 * least]
+
+
+def _left(way: Way) -> float:
+    return float(way.pieces.mean())
 
 
 def beside(scale: DataScale) -> tuple[Effect, ...]:
@@ -197,35 +219,26 @@ def beside(scale: DataScale) -> tuple[Effect, ...]:
     return in_chain_order(CATALOGUE[name].starts(scale)[0] for name in _BESIDE)
 
 
-def _beside(found: CoreFit, train: Sequence[Record]) -> CoreFit:
-    """Return a fit with a creep and a lag of the sensor refitted beside the core."""
-    core = found.plant.hysteresis
-    variant = fit_joint(
-        train,
-        core,
-        beside(data_scale(train)),
-        _STEPS_BESIDE,
-        samples=_SAMPLES_BESIDE,
-        smoothness=found.smoothness,
-    ).variant
+def _as_core_fit(fit: JointFit, train: Sequence[Record], name: str) -> CoreFit:
+    """Return a joint refit as the fit of a core."""
+    core = fit.variant.hysteresis
     make: Callable[..., PlantModel[Any]] = PlantModel
-    bench = found.plant
-    plant = make(
-        variant.hysteresis, bench.name, bench.command_range_V, bench.reference_um,
-        effects=variant.effects, note=bench.note,
-    )  # fmt: skip
+    note = f"core {core.name} fitted to {', '.join(record.name for record in train)}."
+    plant = make(core, name, *plant_ranges(train), effects=fit.variant.effects, note=note)
     trained = [simulate_record(plant, record) for record in train]
     offset = float(np.average([o.offset_um for o in trained], weights=[o.counted for o in trained]))
-    core = variant.hysteresis
     numbers = {p.name: float(getattr(core, p.name)) for p in type(core).shape}
-    return replace(
-        found,
-        plant=replace(plant, offset_um=offset),
-        shape=numbers,
-        at_bound=tuple(p.name for p in type(core).shape if is_at_bound(p, numbers[p.name])),
-        offsets_um={left.record.name: left.offset_um for left in trained},
-        rmse_um={left.record.name: left.rmse_um for left in trained},
-        train_rmse_um=pooled_rmse(trained),
+    return CoreFit(
+        replace(plant, offset_um=offset),
+        numbers,
+        {n: math.inf if error is None else error for n, error in fit.shape_errors.items()},
+        tuple(p.name for p in type(core).shape if is_at_bound(p, numbers[p.name])),
+        {left.record.name: left.offset_um for left in trained},
+        {left.record.name: left.rmse_um for left in trained},
+        pooled_rmse(trained),
+        None,
+        fit.passes,
+        fit.smoothness,
     )
 
 
@@ -268,7 +281,3 @@ def orientation(records: Sequence[Record]) -> bool | None:
 
 def _held_out(fit: CoreFit) -> float:
     return math.inf if fit.validation_rmse_um is None else fit.validation_rmse_um
-
-
-def _freedom(fit: CoreFit) -> int:
-    return int(np.count_nonzero(fit.plant.hysteresis.gains)) + len(fit.shape)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis.results import Errors
-from rdpi_gym.diagnosis.search.candidates import PIECES, Outcome, Setting, refit
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.forms import better_forms, in_best_form
+from rdpi_gym.identification.held_out import PIECES
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.scale import data_scale

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.identification.cores import fit_core
-from rdpi_gym.identification.kinds import choose_kind, orientation, same_models
+from rdpi_gym.identification.cores import CoreFit, fit_core
+from rdpi_gym.identification.kind_rules import same_models
+from rdpi_gym.identification.kinds import choose_kind, orientation
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
@@ -145,9 +146,13 @@ def test_kinds_that_are_one_model_at_the_numbers_found_are_alike() -> None:
     for noise_um in (0.0, 0.01):
         data = records(Dahl(2.0, 5.0, 1.0), noise_um)
         others = {"asymmetric_bouc_wen", "bouc_wen", "duhem", "lugre"}
-        assert set(same_models(fit_core(data, CORES["dahl"]), data)) == others
+        assert set(one_model_with(fit_core(data, CORES["dahl"]), data)) == others
     data = records(Dahl(2.0, 5.0, 1.5), noise_um)
-    assert same_models(fit_core(data, CORES["dahl"]), data) == ()
+    assert one_model_with(fit_core(data, CORES["dahl"]), data) == ()
+
+
+def one_model_with(fit: CoreFit, data: list[Record]) -> tuple[str, ...]:
+    return same_models(fit.plant.hysteresis, data, fit.standard_errors)
 
 
 def test_standard_errors_are_those_of_repeated_noise() -> None:

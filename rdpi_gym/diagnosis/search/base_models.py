@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
-from rdpi_gym.diagnosis.search.candidates import FIRST_SAMPLES, Setting
-from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.diagnosis.search.candidates import Setting
+from rdpi_gym.identification.first_fits import first_fit
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect
-
-# Steps from each start of a core, and passes from the best one.
-_FIRST_STEPS, _PASSES = 6, 15
 
 
 def begun(setting: Setting, kind: type[Core], effects: Sequence[Effect] = ()) -> Core:
@@ -45,36 +40,9 @@ def begun(setting: Setting, kind: type[Core], effects: Sequence[Effect] = ()) ->
     """
     if len(kind.starts(setting.scale)) == 1:
         return kind.comb(setting.scale)
-    found = first_fit(setting, kind, effects)
+    found = first_fit(setting.train, kind, effects, setting.scale, setting.smoothness)
     assert found is not None
     return found.variant.hysteresis
-
-
-def first_fit(
-    setting: Setting, kind: type[Core], effects: Sequence[Effect], least_um: float = math.inf
-) -> JointFit | None:
-    """Refit a kind on few samples, from the start of which a few steps leave least.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    kind
-        The core.
-    effects
-        Refitted with it.
-    least_um
-        Training error (µm rms) that the steps from the best start have to reach; else None.
-    """
-    starts = kind.starts(setting.scale)
-    variant: Variant[Core] = Variant(kind.comb(setting.scale), tuple(effects))
-    if len(starts) > 1:
-        first = [setting.first_steps(start, effects, _FIRST_STEPS) for start in starts]
-        best = min(first, key=lambda each: each.train_rmse_um)
-        if best.train_rmse_um > least_um:
-            return None
-        variant = best.variant
-    return setting.fit(variant.hysteresis, variant.effects, _PASSES, samples=FIRST_SAMPLES)
 
 
 def on_comb(core: Core, records: Sequence[Record]) -> Core:

@@ -52,7 +52,7 @@ class Beginning(Bench):
             own = next(way.outcome for way in ways if way.kind is RDPI)
             if not instead(ways, own, self._seed):
                 return CoreChoice(RDPI.name, clockwise=clockwise)
-        return choose(ways, clockwise, self._seed)[0]
+        return choose(self.setting, ways, clockwise, self._seed)
 
     def other_core(self, state: State) -> CoreChoice | None:
         """Return another core that explains what an RDPI model with all its effects does not, if any.
@@ -73,7 +73,8 @@ class Beginning(Bench):
             ways = fit_kinds(self.setting, kinds, self._progress, state.effects, least_um)
         if not instead(ways, state.outcome, self._seed):
             return None
-        return choose([*ways, Fitted(RDPI, state.outcome)], self.core.clockwise, self._seed)[0]
+        every = [*ways, Fitted(RDPI, state.outcome)]
+        return choose(self.setting, every, self.core.clockwise, self._seed)
 
     def gives_way(self, state: State, other: State) -> bool:
         """Whether a model of another core is at the noise, or so much better that it takes the place of one.

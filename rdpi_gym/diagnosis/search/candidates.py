@@ -12,7 +12,9 @@ import numpy as np
 from rdpi_gym.diagnosis.results import Errors
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
 from rdpi_gym.diagnosis.search.traces import nearest
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.first_fits import FIRST_SAMPLES
+from rdpi_gym.identification.held_out import PIECES, left_by, pieces_of
+from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import FirstSteps, JointFit, first_steps, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
@@ -20,12 +22,10 @@ from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.parallel import run_cases
 
-# Pieces that a validation record is cut into: what the spread of an improvement is judged by.
-PIECES = 8
 # Samples in the squares of a search: a thousand for each number; the errors are of all samples.
 SEARCH_SAMPLES = 24_000
-# Samples and steps in which every start of a candidate shows which optimum is worth the rest.
-FIRST_SAMPLES, _FIRST_STEPS = 6_000, 4
+# Steps in which every start of a candidate shows which optimum is worth the rest.
+_FIRST_STEPS = 4
 # Passes of a whole refit.
 _PASSES = 30
 # Along a cusp: reach in the parameter's logarithm, sections, and passes for everything else.
@@ -353,20 +353,13 @@ def _along_cusp(setting: Setting, fit: JointFit, effect: str, parameter: str) ->
 def _squares(
     variant: Variant[Core], records: Sequence[Record], by_record: dict[str, float]
 ) -> tuple[float, Array]:
-    total, samples, pieces = 0.0, 0, []
-    for record in records:
-        error = record.y_um - simulate_effects([variant], record)[:, 0]
-        error = error[record.error_mask]
-        squares = (error - error.mean()) ** 2
+    lefts = [left_by(variant, record) for record in records]
+    for record, left in zip(records, lefts, strict=True):
         label = record.name
         while label in by_record:  # the held-out part of a record that is also fitted
             label += " (held out)"
-        by_record[label] = math.sqrt(float(squares.mean()))
-        parts = np.array_split(squares, PIECES)  # empty ones where there are few samples
-        pieces.append([(part if part.size else squares).mean() for part in parts])
-        total += float(squares.sum())
-        samples += len(squares)
-    return math.sqrt(total / samples), np.array(pieces)
+        by_record[label] = math.sqrt(float((left**2).mean()))
+    return math.sqrt(float((np.concatenate(lefts) ** 2).mean())), pieces_of(lefts)
 
 
 def refit_all(

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rdpi_gym.diagnosis.results import CoreChoice
-from rdpi_gym.diagnosis.search.base_models import first_fit
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
-from rdpi_gym.diagnosis.search.ranking import beats
+from rdpi_gym.identification.first_fits import first_fit
+from rdpi_gym.identification.held_out import beats
+from rdpi_gym.identification.kind_rules import judged_way, told_apart
 from rdpi_gym.identification.kinds import beside
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.base import Core
@@ -23,9 +24,6 @@ from rdpi_gym.support.words import joined
 
 AUTO = "auto"
 """Asks for every kind that turns as the loops do."""
-# Of the best held-out error, what another kind may have more and be no worse; and the share of
-# draws of held-out pieces from which on one is better.
-_ALIKE, _BETTER = 1.05, 0.95
 # Of the RDPI model's mean square, what another kind has to leave to take its place, and how surely:
 # before any effect is named where loops turn the wrong way for it, and at the end of a search.
 _INSTEAD, _SURE = 0.5, 0.99
@@ -45,18 +43,6 @@ class Fitted:
 
     kind: type[Core]
     outcome: Outcome
-
-    @property
-    def core(self) -> Core:
-        """The core as it was fitted."""
-        assert self.outcome.fit is not None
-        return self.outcome.fit.variant.hysteresis
-
-    @property
-    def freedom(self) -> int:
-        """Numbers of the core that are not zero."""
-        free = sum(not p.fixed for p in self.kind.shape)
-        return int(np.count_nonzero(self.core.gains)) + free
 
 
 def turning(clockwise: bool | None) -> list[type[Core]]:
@@ -100,7 +86,7 @@ def fit_kinds(
         report("kinds of hysteresis", done, len(kinds))
         own = in_chain_order(e for e in effects or beside(setting.scale) if type(e).fits_in(kind))
         try:
-            fit = first_fit(setting, kind, own, least_um)
+            fit = first_fit(setting.train, kind, own, setting.scale, setting.smoothness, least_um)
         except InputError:
             continue
         if fit is not None and math.isfinite(fit.train_rmse_um):
@@ -109,36 +95,31 @@ def fit_kinds(
     return sorted(found, key=lambda each: each.outcome.mean_square)
 
 
-def choose(ways: Sequence[Fitted], clockwise: bool | None, seed: int) -> tuple[CoreChoice, Fitted]:
-    """Choose a kind by held-out error: of those that are no worse than the best, the simplest.
+def choose(
+    setting: Setting, ways: Sequence[Fitted], clockwise: bool | None, seed: int
+) -> CoreChoice:
+    """Choose a kind by held-out error, as :func:`~rdpi_gym.identification.kind_rules.told_apart` does.
 
     Parameters
     ----------
+    setting
+        The data.
     ways
-        Kinds, best first.
+        Kinds.
     clockwise
         How loops turn.
     seed
         Of the bootstrap over pieces of the held-out records.
     """
-    rng, best = np.random.default_rng(seed), ways[0]
-    most = _ALIKE**2 * best.outcome.mean_square
-    chosen = min((w for w in ways if w.outcome.mean_square <= most), key=lambda w: w.freedom)
-    others = [w for w in ways if w is not chosen]
-    sure = {w.kind.name: beats(w.outcome, best.outcome, rng) for w in others}
-    alike = [
-        w for w in others if w.outcome.mean_square <= most or sure[w.kind.name] < _BETTER
-    ]  # fmt: skip
-    apart = [sure[w.kind.name] for w in others if w not in alike]
-    return (
-        CoreChoice(
-            chosen.kind.name,
-            tuple(w.kind.name for w in alike),
-            min(apart) if apart else None,
-            _experiment(chosen.kind, [w.kind for w in alike]),
-            clockwise,
-        ),
-        chosen,
+    fits = [way.outcome.fit for way in ways if way.outcome.fit is not None]
+    told = told_apart([judged_way(f, setting.validation) for f in fits], setting.train, seed)
+    kind = type(told.chosen.core)
+    return CoreChoice(
+        kind.name,
+        told.alike,
+        told.confidence,
+        _experiment(kind, [CORES[name] for name in told.alike]),
+        clockwise,
     )
 
 
@@ -156,7 +137,7 @@ def instead(ways: Sequence[Fitted], of: Outcome, seed: int) -> bool:
     """
     if not ways or ways[0].outcome.mean_square > _INSTEAD * of.mean_square:
         return False
-    return beats(of, ways[0].outcome, np.random.default_rng(seed)) >= _SURE
+    return beats(of.pieces, ways[0].outcome.pieces, np.random.default_rng(seed)) >= _SURE
 
 
 def _experiment(kind: type[Core], alike: Iterable[type[Core]]) -> str | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import AS_IT_IS, Outcome
+from rdpi_gym.identification.held_out import beats
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.support.arrays import Array
@@ -30,7 +31,6 @@ _SAME_LEFT = 0.25
 SETTLED_GAIN = 0.005
 # A held-out record may lose this share of the gain before the candidate counts as harmful.
 _HARM = 0.5
-_DRAWS = 400
 # What a candidate with a parameter at its bound is worth of what it gains.
 _AT_BOUND = 0.5
 
@@ -122,7 +122,7 @@ def rank(
             remarks.append("the search did not end" if ended else "its first steps take nothing")
         share = gain / excess if excess > 0 else 0.0
         enough = gain > max(LEAST_GAIN * variance, LEAST_SHARE * excess)
-        helps = beats(current, outcome, rng) >= LEAST_CONFIDENCE
+        helps = beats(current.pieces, outcome.pieces, rng) >= LEAST_CONFIDENCE
         train_share = share_of_train(current, outcome, variance)
         helps = helps and train_share >= LEAST_TRAIN_SHARE
         candidate = Candidate(
@@ -189,26 +189,11 @@ def share_of_train(current: Outcome, outcome: Outcome, variance: float) -> float
     return (before - after) / max(before - variance, 1e-300)
 
 
-def beats(loser: Outcome, winner: Outcome, rng: np.random.Generator) -> float:
-    """Return the share of bootstrap draws of validation pieces in which the winner is better.
-
-    Parameters
-    ----------
-    loser, winner
-        Refits judged on the same records.
-    rng
-        Where the draws come from.
-    """
-    difference = (loser.pieces - winner.pieces).ravel()
-    draws = rng.integers(0, difference.size, (_DRAWS, difference.size))
-    return float(np.mean(difference[draws].mean(axis=1) > 0.0))
-
-
 def _confidence(
     current: Outcome, outcome: Outcome, others: Sequence[Outcome], rng: np.random.Generator
 ) -> float:
     """Probability of beating the model without it and every rival outside its class."""
-    return min([beats(o, outcome, rng) for o in (current, *others)])
+    return min([beats(o.pieces, outcome.pieces, rng) for o in (current, *others)])
 
 
 def _worse_records(current: Outcome, outcome: Outcome, gain: float, variance: float) -> list[str]:

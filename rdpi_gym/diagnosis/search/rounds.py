@@ -13,7 +13,6 @@ from rdpi_gym.diagnosis.search.beginning import Beginning
 from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.candidates import (
     CHANCE,
-    FIRST_SAMPLES,
     SEARCH_SAMPLES,
     Outcome,
     Trial,
@@ -35,6 +34,7 @@ from rdpi_gym.diagnosis.search.ranking import (
 from rdpi_gym.diagnosis.search.stability import WITHIN, exchanged, in_blocks
 from rdpi_gym.diagnosis.search.traces import taken_by
 from rdpi_gym.diagnosis.search.vetoes import hear
+from rdpi_gym.identification.first_fits import FIRST_SAMPLES
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import FirstSteps
 from rdpi_gym.plant.effects.base import Effect, forms_of

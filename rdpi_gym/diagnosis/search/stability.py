@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
-from rdpi_gym.diagnosis.search.ranking import beats
+from rdpi_gym.identification.held_out import beats
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record, hold_out_blocks
 from rdpi_gym.plant.cores.base import Core
@@ -199,7 +199,7 @@ def stability(
             kept = tuple(e for e in variant.effects if e.name != name)
             fields = [kept, *(in_chain_order([*kept, rival]) for rival in others)]
             outcomes = [_quick(here, variant.hysteresis, f, smoothness) for f in fields]
-            won[name].append(min(beats(outcome, full, rng) for outcome in outcomes))
+            won[name].append(min(beats(o.pieces, full.pieces, rng) for o in outcomes))
             if split is ways[0]:
                 without_um[name] = outcomes[0].errors.validation_rmse_um
     return {name: Standing(float(np.mean(won[name])), without_um[name]) for name in rivals}
