@@ -33,7 +33,7 @@ class UnknownInverse(Inverse):
     Examples
     --------
     >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> effect = Unknown(0.1, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, centre_V=0.0, span_um=40.0)
+    >>> effect = Unknown(even_1=0.1, odd_1=0.05, span_um=40.0)
     >>> inverse = UnknownInverse(effect, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
     >>> state, _ = inverse.start(np.zeros(1))
     >>> y = effect.run([0.0, 20.0, -20.0], 1e-4)

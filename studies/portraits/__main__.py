@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from argparse import Namespace
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.forms import in_best_form
 from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.law import plant_of
+from rdpi_gym.diagnosis.search.remainder import remainder
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
@@ -40,15 +42,16 @@ RESULTS = Path(__file__).parents[1] / "results" / "portraits"
 _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis")
 _TS_S, _TRACKED_S, _REACH, _PARTS = 1e-3, 12.0, 0.7, 4
 _FACTOR = 2.0
+_HALVES = 0.75  # of the squared error: who predicts so much halves the error
 TARGETS = {
     "place": 80,
     "memory": 90,
     "parity": 95,
     "time constant": 80,
-    "halved": 100,
-    "excess halved": 100,
+    "halved, by a learner": 100,
+    "halved, over the noise": 100,
 }
-"""What is asked (%)."""
+"""What is asked (%); the error halved on the plants of which a learner, or the truth, says that it can be."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,7 @@ def run_case(case: Case, code: str) -> Row:
         | {
             "status": "done",
             "floors": found.floors,
+            "predictable": _predictable(laboratory, base),
             "tau_s": found.numbers["tau_s"],
             "before": before / noise_um,
             "after": after / noise_um,
@@ -151,6 +155,16 @@ def answers(drawn: Portrait | None, sort: Sort, numbers: dict[str, float]) -> Ro
 
 def _silent(task: str, done: int, total: int) -> None:
     """Report nothing: a case is one of many."""
+
+
+def _predictable(laboratory: Laboratory, base: State) -> float:
+    """Share of the squared error of a model, noise included, that a learner predicts on unseen data.
+
+    A ridge regression on features of the command's past, or what recurs with it: nothing of the block.
+    """
+    own = laboratory.setting
+    left = remainder(base.fit.variant, own.train, own.validation, own.scale, laboratory.noise_um)
+    return left.share * (left.left_um / base.outcome.errors.validation_rmse_um) ** 2
 
 
 def _plant(laboratory: Laboratory, state: State) -> PlantModel:
@@ -199,9 +213,12 @@ def report(rows: Sequence[Row], plants: int, seed: int) -> str:
     """
     frame = pd.DataFrame([row for row in rows if row["status"] == "done"])
     failed = len(rows) - len(frame)
-    frame["halved"] = frame["after"] <= 0.5 * frame["before"]
-    excess = (np.sqrt(np.maximum(frame[name] ** 2 - 1.0, 0.0)) for name in ("after", "before"))
-    frame["excess halved"] = np.less_equal(next(excess), 0.5 * next(excess))
+    halved = frame["after"] <= 0.5 * frame["before"]
+    follows = frame["predictable"] >= _HALVES, 1.0 - frame["before"] ** -2 >= _HALVES
+    for name, where in zip(list(TARGETS)[-2:], follows, strict=True):
+        frame[name] = halved.astype(object).where(where)
+    left = [np.sqrt(np.maximum(frame[name] ** 2 - 1.0, 0.0)) for name in ("before", "after")]
+    taken = np.median(1.0 - (left[1] / np.maximum(left[0], 1e-9)) ** 2)
     lines = []
     for name, target in TARGETS.items():
         asked = frame[name].dropna().astype(bool)
@@ -221,9 +238,10 @@ def report(rows: Sequence[Row], plants: int, seed: int) -> str:
             "sort": name,
             "plants": len(part),
             **{asked: _count(part[asked]) for asked in TARGETS},
+            "predictable (%)": round(100.0 * float(part["predictable"].mean())),
             "error": _pair(part["before"], part["after"]),
             "tracking error": _pair(part["tracking_before"], part["tracking_after"]),
-            "said": "; ".join(part["said"]),
+            "said": _said(part["said"]),
         }
         for name, part in frame.groupby("sort", sort=False)
     ]
@@ -235,13 +253,33 @@ def report(rows: Sequence[Row], plants: int, seed: int) -> str:
         f"A compensator (`extended-inverse`) that believes the model with the block tracks better than "
         f"with the bare model on {better} of {len(frame)} plants; the error falls by a factor of "
         f"{float(np.exp(falls.mean())):.2f} (geometric mean).",
+        f"The error is halved where {100.0 * _HALVES:.0f} % of its square is taken, noise included. `By a learner` counts "
+        "the plants on which a ridge regression on features of the command's past predicts so much on data that it "
+        "has not seen; `over the noise` those on which so much follows from the command in truth. Of all "
+        f"{len(frame)} plants the block halves the error of {int(halved.sum())}, and it takes {100.0 * taken:.0f} % of the "
+        "squares over the noise (median).",
         "Errors are of the records held out, and of a reference tracked, without and with the block: "
-        "geometric means in noise floors. A portrait that says that it cannot tell counts as not right. The excess is over the noise, below "
-        "which no error falls.",
+        f"geometric means in noise floors. {_told(frame)} What is not told counts as not right.",
         frame_table(pd.DataFrame(by_sort)),
         studies.portraits.__doc__ or "",
     ]
     return "\n\n".join(part.strip() for part in parts) + "\n"
+
+
+def _said(words: pd.Series) -> str:
+    """Place, memory and parity as they were said, each with how often."""
+    said = Counter(", ".join(each.split(", ")[:3]) for each in words)
+    return "; ".join(f"{count} {what}" for what, count in said.most_common())
+
+
+def _told(frame: pd.DataFrame) -> str:
+    """How often a place is told, and right."""
+    drawn = frame[frame["said"] != "no portrait"]
+    told = drawn[~drawn["said"].str.startswith("place?")]
+    return (
+        f"{len(frame) - len(drawn)} plants have no portrait; of {len(drawn)} portraits {len(told)} tell a "
+        f"place, and it is right on {int(told['place'].sum())}."
+    )
 
 
 def _count(values: pd.Series) -> str:

@@ -52,8 +52,10 @@ class World:
         return self.numbers["size"] * self.numbers["sign"]
 
     def rate(self, x: Array) -> Array:
-        """Rate of a share of the range, in units of the fastest."""
-        return np.gradient(x, self.drive.step_s) / self.fastest_1_s
+        """Rate of a share of the range, in units of the fastest; the stage rests before the record."""
+        found = np.gradient(x, self.drive.step_s) / self.fastest_1_s
+        found[0] = 0.0
+        return np.asarray(found)
 
     def lag(self, x: Array, name: str = "tau_s") -> Array:
         """First-order low-pass, settled where the record begins."""

@@ -41,12 +41,18 @@ def test_an_effect_is_seen_and_the_records_are_those_of_its_seed():
 def test_the_report_counts():
     row = {
         "status": "done", "sort": "drag", "before": 4.0, "after": 1.0, "tracking_before": 2.0,
-        "tracking_after": 1.0, "place": True, "memory": True, "parity": False, "time constant": None,
+        "tracking_after": 1.0, "predictable": 0.9, "place": True, "memory": True, "parity": False, "time constant": None,
         "said": "behind, no memory, odd",
     }  # fmt: skip
     text = report([row, {"status": "failed"}], 2, 1)
     assert "1 plants, seed 1; 1 failed." in text
     assert "| parity | 0 | 1 | 0 | 95 |" in text
+    assert "1 behind, no memory, odd |" in text
+    assert "0 plants have no portrait; of 1 portraits 1 tell a place, and it is right on 1." in text
+    assert "| halved, by a learner | 1 | 1 | 100 | 100 |" in text
+    little = report([row | {"predictable": 0.7, "before": 1.9}], 1, 1)
+    assert "| halved, by a learner | 0 | 0 |  | 100 |" in little
+    assert "| halved, over the noise | 0 | 0 |  | 100 |" in little
     assert "the error falls by a factor of 2.00" in text
 
 

@@ -11,8 +11,8 @@ from rdpi_gym.plant.effects.base import Effect, forms_of, in_chain_order
 from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.progress import Progress
 
-# Passes and samples in which every start shows which are worth the rest, and how many of them are.
-_FIRST_PASSES, _FIRST_SAMPLES, _FOLLOWED = 4, 4_000, 2
+# Passes and samples in which every start shows which are worth the rest: two of many where they are as near as this.
+_FIRST_PASSES, _FIRST_SAMPLES, _MANY, _AS_NEAR = 4, 4_000, 3, 1.1
 _PASSES, SAMPLES = 20, 10_000
 # Times the least squared error, on the records held out, that a memory may leave to be worth a second.
 _NEAR = 2.0
@@ -55,8 +55,13 @@ def learn(
             )
             for effects in fields
         ]  # fmt: skip
-        best = sorted(first, key=lambda fit: fit.train_rmse_um)[:_FOLLOWED]
-        begun = [(fit.variant.hysteresis, fit.variant.effects) for fit in best]
+        best = sorted(first, key=lambda fit: fit.train_rmse_um)[: 2 if len(first) >= _MANY else 1]
+        near = _AS_NEAR * best[0].train_rmse_um
+        begun = [
+            (fit.variant.hysteresis, fit.variant.effects)
+            for fit in best
+            if fit.train_rmse_um <= near
+        ]
     fits = [setting.fit(core, effects, _PASSES, held, SAMPLES) for core, effects in begun]
     return assess(setting, Unknown.name, min(fits, key=lambda fit: fit.train_rmse_um))
 

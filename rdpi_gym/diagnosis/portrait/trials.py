@@ -133,7 +133,7 @@ def try_all(
         slow = [t for t in found if t.nature == "with memory"]
         for place in dict.fromkeys(t.place for t in slow):
             one = leading([t for t in slow if t.place == place])
-            if one.drive != "both":
+            if one.drive != "both" and _asks_for_two(found, place):
                 found.append(_twice(setting, hysteresis, present, one, one.drive))
         one = leading(found)
         if one.nature == "with two memories":
@@ -143,6 +143,13 @@ def try_all(
                 found.append(_twice(setting, hysteresis, present, near_by, drive))
     progress("portrait", len(PLACES) * len(worth), len(PLACES) * len(worth))
     return sorted(found, key=_priced)
+
+
+def _asks_for_two(found: Sequence[Tried], place: Place) -> bool:
+    """Whether a second memory takes what it is worth with both parities; where it was far it was not tried."""
+    both = {t.nature: t.score for t in found if t.place == place and t.drive == "both"}
+    once, twice = both["with memory"], both.get("with two memories")
+    return twice is not None and twice < once - _WORTH
 
 
 def _twice(

@@ -23,7 +23,7 @@ class Unknown(Behind, Static):
 
     Examples
     --------
-    >>> block = Unknown(0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, centre_V=0.0, span_um=10.0)
+    >>> block = Unknown(even_1=0.1, odd_1=0.0, span_um=10.0)
     >>> block.run([-10.0, 0.0, 5.0], 1e-3).tolist()
     [-9.0, 0.0, 5.25]
     """
