@@ -19,15 +19,14 @@ SMOOTHING = 1e-4
 makes of it: what keeps the plan from ringing at zeros that sampling makes."""
 # Of the command's range: the step that derivatives are taken with.
 _STEP = 1e-3
-_ROUNDS = 2
 
 
 class TrueHorizon(Baseline):
     """Knows the true plants and all that they remember, and looks as far ahead as anybody.
 
-    In each sample it finds the commands over the preview that make the smallest squared error, by
-    Gauss-Newton steps on the plant itself, and sets the first of them. No reading enters, so no
-    noise does. A controller that knew the plant exactly could do as much: the distance to it is the
+    In each sample it improves the commands over the preview by a Gauss-Newton step on the plant
+    itself, for the smallest squared error, and sets the first of them: each is improved as often as
+    there are samples of preview before it is set. No reading enters, so no noise does. A controller that knew the plant exactly could do as much: the distance to it is the
     price of not knowing. It is no proof of a smallest error, as its horizon ends and its commands
     are kept smooth. Like the full-preview inversion it holds what no controller may hold, so
     :func:`~baselines.make_controller` does not make it.
@@ -94,9 +93,8 @@ class TrueHorizon(Baseline):
             self._many.retune(list(self._models) * self._count)
         # Rows 0 and 1 are the last two commands; the plan goes on as it ended.
         plan = np.concatenate([self._plan[1:], 2.0 * self._plan[-1:] - self._plan[-2:-1]])
-        for _ in range(_ROUNDS):
-            plan[2:] += self._improvement(target, plan, here)
-            np.clip(plan, self.limits.low_V, self.limits.high_V, out=plan)
+        plan[2:] += self._improvement(target, plan, here)
+        np.clip(plan, self.limits.low_V, self.limits.high_V, out=plan)
         self._plan = plan
         command = plan[2]
         self._twin.step(np.ascontiguousarray(command[None]))

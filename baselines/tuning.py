@@ -256,6 +256,8 @@ class Tunable(Baseline):
         What can be turned of it.
     settings : mapping
         Value of every knob.
+    plant_samples : int
+        Samples of plants that were simulated to find them; 0: they are not the committed ones.
 
     Examples
     --------
@@ -274,13 +276,15 @@ class Tunable(Baseline):
     def __init__(
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
-        given = committed_settings(type(self), belief) if settings is None else settings
+        committed = committed_tuning(type(self), belief) if settings is None else None
+        self.plant_samples = 0 if committed is None else committed.plant_samples
+        given = (settings or {}) if committed is None else committed.settings
         self.settings = checked_settings(self.name, self.knobs, given)
         super().__init__(belief, layout)
 
 
-def committed_settings(kind: type[Tunable], belief: PlantModel) -> Settings:
-    """Return the committed settings of a controller for beliefs with these effects.
+def committed_tuning(kind: type[Tunable], belief: PlantModel) -> Tuning | None:
+    """Return what is committed of a controller for beliefs with these effects.
 
     Parameters
     ----------
@@ -291,8 +295,8 @@ def committed_settings(kind: type[Tunable], belief: PlantModel) -> Settings:
 
     Returns
     -------
-    mapping
-        Of the task whose belief has the same effects, else of the first task in the file; empty
+    Tuning or None
+        Of the task whose belief has the same effects, else of the first task in the file; None
         where there is no file.
 
     Examples
@@ -300,15 +304,15 @@ def committed_settings(kind: type[Tunable], belief: PlantModel) -> Settings:
     >>> from rdpi_gym.plant import P10
     >>> class Nobody(Tunable):
     ...     name = "nobody"
-    >>> committed_settings(Nobody, P10)
-    {}
+    >>> print(committed_tuning(Nobody, P10))
+    None
     """
     tunings = _committed(kind)
     if not tunings:
-        return {}
+        return None
     effects = tuple(sorted(effect.name for effect in belief.effects))
     same = (tuning for tuning in tunings.values() if tuning.effects == effects)
-    return next(same, next(iter(tunings.values()))).settings
+    return next(same, next(iter(tunings.values())))
 
 
 @cache

@@ -8,6 +8,7 @@
     found = rg.discover(data)              # which effects are missing; found.plant has them
     found.add("creep")                     # and on from here: each a new result
     rg.benchmark(["pi", "extended-inverse"], plants=[found.plant])
+    rg.score_tasks(["pi", "extended-inverse"], ["Stage"])
 
 The import also registers the environments with Gymnasium. Each name is loaded when it is first used.
 """
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.results import load_result
     from rdpi_gym.face.search import SearchResult, add, diagnose, discover, portrait
     from rdpi_gym.face.simulation import Simulation, simulate
+    from rdpi_gym.face.tasks import TaskScores, score_submission, score_tasks, submit
     from rdpi_gym.face.training import Training, export, train
     from rdpi_gym.support.errors import InputError
 
@@ -56,6 +58,7 @@ _HOME = {
     "results": ("load_result",),
     "search": ("SearchResult", "add", "diagnose", "discover", "portrait"),
     "simulation": ("Simulation", "simulate"),
+    "tasks": ("TaskScores", "score_submission", "score_tasks", "submit"),
     "training": ("Training", "export", "train"),
 }
 _MODULES = {name: f"{__name__}.face.{module}" for module, names in _HOME.items() for name in names}
@@ -75,6 +78,7 @@ __all__ = [
     "Result",
     "SearchResult",
     "Simulation",
+    "TaskScores",
     "Training",
     "__version__",
     "add",
@@ -95,8 +99,11 @@ __all__ = [
     "plants",
     "portrait",
     "reproduce",
+    "score_submission",
+    "score_tasks",
     "signals",
     "simulate",
+    "submit",
     "train",
 ]
 

@@ -9,6 +9,9 @@ from pathlib import Path
 from rdpi_gym.envs.tasks import PUBLIC_SEED
 from rdpi_gym.support.errors import InputError
 
+FEWEST_DIGITS, MOST_DIGITS = 20, 40
+"""Of a private seed: one of fewer could be found by trying all against the hash that tables show."""
+
 
 @dataclass(frozen=True)
 class TestSeed:
@@ -25,8 +28,8 @@ class TestSeed:
     --------
     >>> TestSeed().label
     'public seed 2026'
-    >>> TestSeed(12345, is_public=False).label
-    'private seed 5994471a'
+    >>> TestSeed(12345678901234567890, is_public=False).label
+    'private seed 6ed645ef'
     """
 
     __test__ = False  # to pytest it looks like a class of tests
@@ -63,8 +66,9 @@ def read_seed(path: Path | None) -> TestSeed:
         raise InputError(
             f"the seed file {path} cannot be read ({type(error).__name__}); give a text file with one whole number"
         ) from None
-    if not (text.isascii() and text.isdigit() and len(text) <= 30):
+    if not (text.isascii() and text.isdigit() and FEWEST_DIGITS <= len(text) <= MOST_DIGITS):
         raise InputError(
-            f"the seed file {path} does not hold a whole number of at most 30 digits; write one, for example 8713409"
+            f"the seed file {path} does not hold one whole number of {FEWEST_DIGITS} to {MOST_DIGITS} digits; "
+            "write a random one, as tables show a hash that a short one could be guessed from"
         )
     return TestSeed(int(text), is_public=False)

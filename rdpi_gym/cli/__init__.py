@@ -12,6 +12,8 @@ from rdpi_gym.support.command import run_command
 
 COMMANDS = (
     "bench",
+    "submit",
+    "score",
     "reproduce",
     "fit",
     "compare",

@@ -1,4 +1,4 @@
-"""`rdpi bench`: scores controllers on reference signals and on measured records."""
+"""`rdpi bench`: scores controllers on reference signals and measured records, or on registered tasks."""
 
 from __future__ import annotations
 
@@ -10,12 +10,19 @@ import typer
 import rdpi_gym as rg
 from rdpi_gym.cli.options import OutOption, words
 from rdpi_gym.cli.tables import print_table
+from rdpi_gym.cli.task_scores import (
+    TASKS_HELP,
+    DrawsOption,
+    SeedFileOption,
+    print_scores,
+    refuse_failures,
+)
 from rdpi_gym.support.command_line import check_jobs
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import progress_bar
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     import pandas as pd
 
@@ -26,12 +33,14 @@ _LEGEND = (
     "includes zero. Status: rows with each warning."
 )
 
+_SEEDS, _FULL = 5, 100
+
 
 def bench(
     out: OutOption = Path("results/bench"),
     seeds: Annotated[
         int, typer.Option("--seeds", min=1, help="Number of seeds; seed 0 is the nominal plant.")
-    ] = 5,
+    ] = _SEEDS,
     seed: Annotated[int, typer.Option("--seed", min=0, help="The first of them.")] = 0,
     jobs: Annotated[
         int,
@@ -91,13 +100,34 @@ def bench(
             "by default the plant itself.",
         ),
     ] = None,
+    task: Annotated[
+        str | None,
+        typer.Option("--task", metavar="NAME,...", help=f"In place of those: {TASKS_HELP}"),
+    ] = None,
+    full: Annotated[
+        bool,
+        typer.Option("--full", help="In place of those: every task, with 100 plants each."),
+    ] = False,
+    draws: DrawsOption = None,
+    seed_file: SeedFileOption = None,
 ) -> None:
     """Rank controllers by their tracking error; an interrupted run continues.
 
     A run of all controllers, plants, references and sampling times also scores plants with hidden
-    effects, by what is believed of them.
+    effects, by what is believed of them. With --task or --full the registered tasks are scored
+    instead: stages with their own plants, references and protocol.
     """
     own = controller or []
+    if task is not None or full:
+        others = {"--plants": plants, "--references": references, "--ts": ts, "--plant": plant,
+                  "--belief": belief, "--seeds": seeds if seeds != _SEEDS else None,
+                  "--seed": seed or None}  # fmt: skip
+        _bench_tasks(task, full, draws, seed_file, words(controllers), own, out, jobs, ray, others)
+        return
+    if draws is not None or seed_file is not None:
+        raise InputError(
+            "--draws and --seed-file are of registered tasks; give --task NAME or --full with them"
+        )
     with progress_bar() as show:
         scores = rg.benchmark(
             words(controllers),
@@ -128,6 +158,44 @@ def bench(
     print(f"leaderboard: {leaderboard}")
     print(f"page: {page}")
     _refuse_errors(scores.table, own)
+
+
+def _bench_tasks(
+    task: str | None,
+    full: bool,
+    draws: int | None,
+    seed_file: Path | None,
+    controllers: list[str] | None,
+    own: list[str],
+    out: Path,
+    jobs: int,
+    ray: str | None,
+    others: Mapping[str, object],
+) -> None:
+    """Score the registered tasks."""
+    given = [name for name, value in others.items() if value is not None]
+    if given:
+        raise InputError(
+            f"{given[0]} is not for registered tasks, which have plants and references of their own; leave it out"
+        )
+    if full and task is not None:
+        raise InputError("--full is every task; leave --task out")
+    if draws is None and full:
+        draws = _FULL
+    with progress_bar() as show:
+        scores = rg.score_tasks(
+            controllers,
+            ["all"] if full else words(task) or (),
+            **({} if draws is None else {"plants": draws}),
+            own_controllers=own,
+            seed_file=seed_file,
+            out=out,
+            jobs=jobs,
+            ray=ray,
+            progress=show,
+        )
+    print_scores(scores, own, out)
+    refuse_failures(scores, own)
 
 
 def _refuse_errors(table: pd.DataFrame, own: Sequence[str]) -> None:

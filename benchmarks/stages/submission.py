@@ -1,0 +1,276 @@
+"""A submission: a folder with a controller, its hash, its rows and the command that made them."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+import shutil
+import sys
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from baselines import LEARNED
+from benchmarks.stages.draws import TestSeed
+from benchmarks.stages.rows import SUITE_VERSION, open_rows
+from benchmarks.stages.run import run_tasks
+from benchmarks.stages.tables import TaskScores
+from benchmarks.tracking.fingerprint import code_fingerprint
+from benchmarks.tracking.learned import is_learned
+from rdpi_gym.envs.tasks import named_task
+from rdpi_gym.support.checks import is_whole
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_json, write_json
+from rdpi_gym.support.progress import Progress
+from rdpi_gym.support.store import Row
+from rdpi_gym.support.words import quoted
+
+FORMAT, VERSION = "rdpi-submission", 1
+FILE = "submission.json"
+# Of a row: what says how well a controller did, and what depends on the machine.
+_FIGURES = ("rmse_percent", "worst_percent", "each_percent", "command_variation_V_s", "failure")
+
+
+@dataclass(frozen=True)
+class Submission:
+    """What a folder says.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    controller
+        As it was named where it was submitted.
+    code
+        Name of the copy in the folder; empty for a controller of this package.
+    hash
+        Of that copy, or of this package's code.
+    tasks, plants
+        What it was scored on, with the public seed.
+    command
+        The command that made it.
+    """
+
+    folder: Path
+    controller: str
+    code: str
+    hash: str
+    tasks: tuple[str, ...]
+    plants: int
+    command: str
+
+    @property
+    def runs_as(self) -> str:
+        """Name under which :func:`baselines.make_controller` finds what the folder holds."""
+        if not self.code:
+            return self.controller
+        if is_learned(self.controller):
+            return f"{LEARNED}{self.folder / self.code}"
+        return f"{Path(self.code).stem}:{self.controller.partition(':')[2]}"
+
+
+def submit(
+    controller: str,
+    tasks: list[str],
+    plants: int,
+    folder: Path,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> tuple[Submission, TaskScores]:
+    """Score a controller on public draws and put all that a leaderboard needs into a folder.
+
+    Parameters
+    ----------
+    controller
+        A name of this package, ``module:attribute`` of one file, or ``learned:`` and a folder.
+    tasks
+        Tasks, by short name or id.
+    plants
+        Number of plants of each.
+    folder
+        Where to.
+    jobs, progress
+        As :func:`benchmarks.stages.run.run_tasks`.
+
+    Raises
+    ------
+    InputError
+        No such controller or task, or a controller whose code is no single file.
+    """
+    names = tuple(dict.fromkeys(named_task(task).name for task in tasks))
+    outcome = run_tasks(
+        [controller], names, plants, folder, jobs=jobs, progress=progress, bound=False
+    )
+    code = _copied(controller, folder)
+    words = ["rdpi", "submit", controller, "--task", ",".join(names), "--draws", str(plants)]
+    command = shlex.join([*words, "--out", str(folder)])
+    entry = Submission(folder, controller, code, _hash(folder, code), names, plants, command)
+    write_json(
+        folder / FILE,
+        {
+            "format": FORMAT,
+            "version": VERSION,
+            "suite": SUITE_VERSION,
+            "controller": controller,
+            "code": code,
+            "hash": entry.hash,
+            "tasks": list(names),
+            "plants": plants,
+            "draws": TestSeed().label,
+            "command": command,
+        },
+    )
+    return entry, TaskScores(tuple(outcome.rows), TestSeed().label, outcome.computed, outcome.notes)
+
+
+def read_submission(folder: Path) -> Submission:
+    """Read a submission, and see that it is whole.
+
+    Raises
+    ------
+    InputError
+        It is none, of another suite, its controller is not the one that was scored, or rows are
+        missing.
+    """
+    document = read_json(folder / FILE, FORMAT, VERSION)
+    where = str(folder / FILE)
+    suite = document.get("suite")
+    if suite != SUITE_VERSION:
+        raise InputError(
+            f"{where} is of task suite {quoted(suite)}, and this release scores suite {SUITE_VERSION}; submit it again"
+        )
+    text = {name: document.get(name) for name in ("controller", "code", "hash", "command")}
+    tasks, plants = document.get("tasks"), document.get("plants", 0)
+    if not all(isinstance(value, str) for value in text.values()) or not (
+        isinstance(tasks, list) and tasks and is_whole(plants, 1)
+    ):
+        raise InputError(f"{where} is not what rdpi submit writes; submit it again")
+    entry = Submission(
+        folder,
+        **{name: str(value) for name, value in text.items()},
+        tasks=tuple(named_task(str(task)).name for task in tasks),
+        plants=int(plants),
+    )
+    if Path(entry.code).name != entry.code or (entry.code and not (folder / entry.code).exists()):
+        raise InputError(f"{where} names the code {quoted(entry.code)}, which is not in its folder")
+    if entry.code and _hash(folder, entry.code) != entry.hash:
+        raise InputError(
+            f"{folder / entry.code} is not what was submitted: its hash differs; submit it again"
+        )
+    wanted = _keys(entry)
+    missing = [k for k in wanted if k not in open_rows(folder).rows]
+    if missing:
+        task, plant = missing[0][1], missing[0][3]
+        raise InputError(
+            f"{folder} lacks {len(missing)} of {len(wanted)} rows, the first that of task {task}, plant {plant}; run its command again: {entry.command}"
+        )
+    return entry
+
+
+def score_submission(
+    folder: Path,
+    seed: TestSeed,
+    out: Path,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> TaskScores:
+    """Score a submission on draws of a seed, beside the bound.
+
+    The code in the folder is run: score only what you would run anyway.
+
+    Parameters
+    ----------
+    folder
+        As :func:`submit` leaves it.
+    seed
+        Of the draws.
+    out
+        Folder of the rows.
+    jobs, progress
+        As :func:`benchmarks.stages.run.run_tasks`.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_submission`.
+    """
+    entry = read_submission(folder)
+    here = str(folder.resolve())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    outcome = run_tasks(
+        [entry.runs_as], entry.tasks, entry.plants, out, seed=seed, jobs=jobs, progress=progress
+    )
+    notes = [*outcome.notes]
+    if seed.is_public:
+        stated = open_rows(folder).rows
+        differ = sum(
+            _figures(row) != _figures(stated[entry.controller, k[1], k[2], k[3]])
+            for row in outcome.rows
+            if row["controller"] == entry.runs_as
+            for k in [(None, row["task"], row["draws"], row["plant"])]
+        )
+        whole = len(entry.tasks) * entry.plants
+        notes.append(
+            f"The submitted rows are reproduced, all {whole}."
+            if not differ
+            else f"{differ} of {whole} submitted rows are not reproduced here: other code, or another machine."
+        )
+    renamed = [
+        row | {"controller": entry.controller} if row["controller"] == entry.runs_as else row
+        for row in outcome.rows
+    ]
+    return TaskScores(tuple(renamed), seed.label, outcome.computed, tuple(notes))
+
+
+def _keys(entry: Submission) -> list[tuple[str, str, str, int]]:
+    label = TestSeed().label
+    return [
+        (entry.controller, task, label, plant)
+        for task in entry.tasks
+        for plant in range(entry.plants)
+    ]
+
+
+def _figures(row: Row) -> list[Any]:
+    return [row.get(name) for name in _FIGURES]
+
+
+def _copied(controller: str, folder: Path) -> str:
+    """Copy a controller's own code into a folder and return its name there; empty: this package's."""
+    if is_learned(controller):
+        path = Path(controller.removeprefix(LEARNED))
+        if not path.is_dir():
+            return ""  # a shipped one
+        shutil.copytree(path, folder / "policy", dirs_exist_ok=True)
+        return "policy"
+    module, colon, _ = controller.partition(":")
+    if not colon:
+        return ""
+    spec = find_spec(module)
+    origin = None if spec is None else spec.origin
+    if (
+        origin is None
+        or not Path(origin).is_file()
+        or spec is None
+        or spec.submodule_search_locations
+    ):
+        raise InputError(
+            f"{controller!r} is not of a single file; write a submission as one module, for example my_controller.py"
+        )
+    content = Path(origin).read_bytes()
+    name = f"submitted_{hashlib.sha256(content).hexdigest()[:12]}.py"
+    (folder / name).write_bytes(content)
+    return name
+
+
+def _hash(folder: Path, code: str) -> str:
+    if not code:
+        return code_fingerprint()
+    path = folder / code
+    files = sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
+    digest = hashlib.sha256()
+    for each in files:
+        digest.update(each.relative_to(folder).as_posix().encode() + b"\0" + each.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,124 @@
+"""`rdpi bench --task`, `rdpi submit` and `rdpi score` through the command line, bad input included."""
+
+import json
+import shutil
+
+import pytest
+
+import rdpi_gym.cli as cli
+from benchmarks.stages import run, unit
+
+OWN = """
+from baselines import make_controller
+
+def mine(belief, layout):
+    return make_controller("classical-static", belief, layout)
+"""
+
+
+@pytest.fixture(autouse=True)
+def a_bound_that_is_quick(monkeypatch):
+    """Let a plain inverse stand for the bound, which takes seconds."""
+    real = unit._controller
+    monkeypatch.setattr(
+        unit,
+        "_controller",
+        lambda one, lanes: (
+            unit.make_controller("classical-reference-rate", lanes.belief, lanes.layout())
+            if one.controller == run.HORIZON_BOUND
+            else real(one, lanes)
+        ),
+    )
+
+
+@pytest.fixture(scope="module")
+def submitted(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("submission")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        (folder / "my_stage_controller.py").write_text(OWN)
+        words = ["submit", "my_stage_controller:mine", "--task", "Bare", "--draws", "2"]
+        assert cli.main([*words, "--jobs", "1", "--out", str(folder / "entry")]) == 0
+    return folder / "entry"
+
+
+def refused(capsys, *words):
+    assert cli.main(list(words)) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    return line
+
+
+def test_a_submission_scored_twice_gives_equal_numbers(submitted, tmp_path, capsys):
+    tables = []
+    for name in ("first", "second"):
+        words = ["score", str(submitted), "--jobs", "1", "--out", str(tmp_path / name)]
+        assert cli.main(words) == 0
+        said = capsys.readouterr().out
+        assert "The submitted rows are reproduced, all 2." in said
+        assert "public seed 2026" in said
+        rows = (tmp_path / name / "tasks.csv").read_text().splitlines()
+        head = rows[0].split(",")
+        timed = head.index("microseconds_per_sample")
+        tables.append([[c for i, c in enumerate(r.split(",")) if i != timed] for r in rows])
+    assert tables[0] == tables[1]
+    assert json.loads((submitted / "submission.json").read_text())["tasks"] == ["Bare"]
+
+
+def test_a_private_seed_has_plants_of_its_own_and_every_table_says_so(submitted, tmp_path, capsys):
+    (tmp_path / "seed").write_text("98765432109876543210")
+    words = ["score", str(submitted), "--seed-file", str(tmp_path / "seed"), "--jobs", "1"]
+    assert cli.main([*words, "--out", str(tmp_path / "out")]) == 0
+    assert "private seed" in capsys.readouterr().out
+    text = (tmp_path / "out" / "tasks.md").read_text()
+    assert text.count("private seed") == 2
+    assert "98765432109876543210" not in text
+
+
+def changed(submitted, tmp_path, **values):
+    folder = shutil.copytree(submitted, tmp_path / "entry")
+    document = json.loads((folder / "submission.json").read_text())
+    (folder / "submission.json").write_text(json.dumps(document | values))
+    return folder
+
+
+def test_a_submission_that_is_not_whole_is_refused_in_one_line(submitted, tmp_path, capsys):
+    folder = changed(submitted, tmp_path, plants=3)
+    assert "lacks 1 of 3 rows, the first that of task Bare, plant 2; run its command again" in (
+        refused(capsys, "score", str(folder))
+    )
+    shutil.rmtree(folder)
+    folder = changed(submitted, tmp_path, suite=0)
+    assert "is of task suite 0" in refused(capsys, "score", str(folder))
+    shutil.rmtree(folder)
+    folder = changed(submitted, tmp_path)
+    (code,) = folder.glob("submitted_*.py")
+    code.write_text(OWN + "#")
+    assert "its hash differs" in refused(capsys, "score", str(folder))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["bench", "--task", "Stag"], "did you mean 'Stage'"),
+        (["bench", "--task", "Stage", "--plants", "P5"], "--plants is not for registered tasks"),
+        (["bench", "--draws", "3"], "--draws and --seed-file are of registered tasks"),
+        (["bench", "--full", "--task", "Stage"], "--full is every task"),
+        (["bench", "--task", "Bare", "--seed-file", "no-such-file"], "no-such-file cannot be read"),
+        (["submit", "pii"], "did you mean 'pi'"),
+        (["score", "no-such-folder"], "does not exist"),
+    ],
+)
+def test_bad_words_are_answered_in_one_line(words, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert said in refused(capsys, *words)
+
+
+def test_bench_ranks_on_a_task_and_goes_on(tmp_path, capsys):
+    words = ["bench", "--task", "Bare", "--draws", "2", "--controllers", "none,classical-static"]
+    words += ["--jobs", "1", "--out", str(tmp_path)]
+    assert cli.main(words) == 0
+    first = capsys.readouterr().out
+    assert first.startswith("Bare: classical-static first")
+    assert "6 rows, 6 of them computed now" in first
+    assert cli.main(words) == 0
+    assert "6 rows, 0 of them computed now" in capsys.readouterr().out
