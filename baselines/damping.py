@@ -4,7 +4,8 @@ An inner loop C_d damps the believed mode and an outer one, k_i / s + k_p, track
 C = C_d + k_i / s + k_p. The inner loops of the literature feed the position back positively; here they
 see the deviation from the reference, which is the same loop, and leave the reference to the
 feedforward. Each gives -k at rest, so what is damped yields more: 1 / (1 - k). Their corner is where
-the loop at the mode has no phase, with lags, delay and the sample that computing takes counted in:
+the loop at the mode has no phase, with lags, delay and the sample that computing takes counted in,
+plays sticking as much as sliding:
 there L is large and positive, and |1 / (1 + L)| small. Where that takes another sign than the
 literature's (a long delay), it is turned round.
 """
@@ -67,8 +68,9 @@ class DampedTracking(LinearFeedback):
         if mode is None or mode.omega0_rad_s * ts_s > _FASTEST * math.pi:
             return gain(0.0)
         at = np.array([cmath.exp(1j * mode.omega0_rad_s * ts_s)])
-        path = unit_delay() * self.path.dynamics
-        needed = -cmath.phase(complex(path.response(at)[0])) % (2.0 * math.pi)
+        paths = (unit_delay() * each for each in self.path.extremes)
+        between = sum(complex(path.response(at)[0]) for path in paths)
+        needed = -cmath.phase(between) % (2.0 * math.pi)
         sign = 1.0 if needed <= math.pi else -1.0
         found = self.damper(mode, needed % math.pi).times(sign)
         loops = [(unit_delay() * found * each).response(self.z) for each in self.path.extremes]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -83,6 +84,19 @@ class Knob:
                 f"{self.name} is {quoted(value)}; give {self.low:g} to {self.high:g}{unit}"
             )
         return float(value)  # type: ignore[arg-type]
+
+    def at(self, part: float) -> float:
+        """Return the value that part of the range from the default, within the range.
+
+        Examples
+        --------
+        >>> Knob("cutoff_hz", 10.0, 1000.0, 100.0, "Hz", logarithmic=True).at(-0.25)
+        31.622776601683793
+        """
+        value = self.default + part * (self.high - self.low)
+        if self.logarithmic:
+            value = self.default * math.pow(self.high / self.low, part)
+        return min(max(value, self.low), self.high)
 
 
 def checked_settings(name: str, knobs: Sequence[Knob], settings: Mapping[str, Any]) -> Settings:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -57,6 +58,8 @@ def measure_loop(
     samples: int = 1000,
     periods: int = 4,
     lines: int = 60,
+    highest_hz: float | None = None,
+    at: Literal["reference", "reading"] = "reference",
     seed: int = 0,
 ) -> LoopResponse:
     """Let a loop track a multisine, and take the ratios of its lines.
@@ -75,8 +78,14 @@ def measure_loop(
     samples, periods
         Of one period, and how many; the last half of them is looked at.
     lines
-        Number of lines, evenly in the logarithm of frequency, up to a third of the sampling
-        frequency.
+        Number of lines, evenly in the logarithm of frequency.
+    highest_hz
+        Frequency (Hz) of the last line; by default a third of the sampling frequency. Above a mode a
+        feedforward drives hard, and plays that slide for a fast line yield to a slow one.
+    at
+        ``reference``: the whole controller, feedforward and preview included. ``reading``: the
+        reference rests, and the multisine is taken off the sensor's reading, so that the feedback
+        alone follows it; its error is 1 / (1 + L).
     seed
         Of their phases and of the sensor's noise.
 
@@ -95,18 +104,24 @@ def measure_loop(
     True
     """
     rng = np.random.default_rng(seed)
-    bins = np.unique(np.geomspace(1.0, samples // 3, lines).round().astype(int))
+    highest = samples / 3.0 if highest_hz is None else highest_hz * samples * layout.ts_s
+    bins = np.unique(np.geomspace(1.0, highest, lines).round().astype(int))
     angles = 2.0 * math.pi * np.outer(np.arange(samples), bins) / samples
     wave = np.cos(angles + rng.uniform(0.0, 2.0 * math.pi, len(bins))).sum(axis=1)
     task = TrackingTask(truth, layout)
     noise = [rng]
     task.reset(np.zeros((2, 1)) + layout.centre_um, noise)
     reference = np.tile(wave * amplitude_um / wave.std(), periods)[:, None]
-    reference += task.displacement_um - reference[0]
-    observation = task.reset(reference, noise)
+    rest = task.displacement_um.copy()
+    shown = reference[:, 0] / layout.scale_um if at == "reading" else np.zeros(len(reference))
+    observation = task.reset(
+        np.full_like(reference, rest[0]) if at == "reading" else reference + rest[0] - reference[0],
+        noise,
+    )
     displacement = np.empty(len(reference))
     displacement[0], state, starts = task.displacement_um[0], None, np.ones(1, dtype=bool)
     for k in range(1, len(reference)):
+        observation[:, -2] -= shown[k - 1]
         action, state = controller.predict(observation, state, starts, deterministic=True)
         command = action[:, 0].astype(np.float64)
         if layout.action == "command":

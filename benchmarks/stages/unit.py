@@ -96,7 +96,7 @@ def _run(unit: Unit) -> dict[int, Row]:
         controller = _controller(unit, lanes)
         taken = play(controller, lanes.track(lanes.layout()), lanes.references_um, lanes.noises)
         common = {"microseconds_per_sample": timed, **_said(controller)}
-        rows |= {number: row | common for number, row in _scores(task, lanes, taken).items()}
+        rows |= {number: row | common for number, row in plant_scores(task, lanes, taken).items()}
     return rows
 
 
@@ -118,8 +118,24 @@ def _said(controller: Any) -> Row:
     }
 
 
-def _scores(task: StageTask, lanes: Lanes, taken: Recording) -> dict[int, Row]:
-    """Return what is measured of each plant: means over its references, and why it failed."""
+def plant_scores(task: StageTask, lanes: Lanes, taken: Recording) -> dict[int, Row]:
+    """Return what is measured of each plant: means over its references, and why it failed.
+
+    Parameters
+    ----------
+    task
+        The task.
+    lanes
+        What was run.
+    taken
+        What the run left.
+
+    Returns
+    -------
+    dict
+        By the plant's number; ``failure`` is empty where it did not fail, and ``rmse_percent`` is
+        missing where there is no score.
+    """
     numbers = np.array(lanes.numbers)
     every = [_lane(task, lanes, taken, b) for b in range(len(numbers))]
     rows = {}

@@ -23,6 +23,7 @@ COMMANDS = (
     "simulate",
     "effects",
     "train",
+    "tune",
     "export",
 )
 

@@ -41,7 +41,9 @@ def test_the_settings_of_the_task_with_the_same_effects_are_taken_else_of_the_fi
     assert turned(RINGING, LAYOUT).settings["share"] == 1.2
     creeping = replace(P5, effects=(load_effect("creep")(),))
     assert turned(creeping, LAYOUT).settings["share"] == 0.9
-    assert turned(RINGING, LAYOUT, {"share": 0.7}).settings["share"] == 0.7
+    given = turned(RINGING, LAYOUT, {"share": 0.7})
+    assert given.settings["share"] == 0.7
+    assert (given.plant_samples, turned(RINGING, LAYOUT).plant_samples) == (0, 1000)
 
 
 @pytest.mark.parametrize(

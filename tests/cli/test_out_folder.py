@@ -19,6 +19,7 @@ COMMANDS = (
     ["simulate"],
     ["effects"],
     ["train", "ppo"],
+    ["tune", "dual-loop"],
 )
 
 

@@ -1,0 +1,345 @@
+"""`rdpi tune`: the settings of a controller, found on training draws of a task by Optuna."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from baselines import CONTROLLERS, make_controller
+from baselines.tuning import (
+    Knob,
+    Settings,
+    Tuning,
+    checked_settings,
+    read_tunings,
+    write_tunings,
+)
+from benchmarks.stages.ranking import interquartile_mean, ninetieth
+from benchmarks.stages.unit import WORST_PERCENT, plant_scores
+from benchmarks.tracking.episode import play
+from rdpi_gym.envs.controller import certificate_of, warning_of
+from rdpi_gym.envs.tasks import Lanes, StageTask, named_task
+from rdpi_gym.envs.tasks.task import Split
+from rdpi_gym.support.checks import is_whole, shown
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.progress import Progress, silent
+from rdpi_gym.support.words import guess, quoted, some
+
+if TYPE_CHECKING:
+    from optuna import Study
+    from optuna.trial import Trial
+
+VALIDATION_PLANTS = 20
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Errors of a controller over plants: RMSE in percent of the references' peak to peak.
+
+    Parameters
+    ----------
+    iqm_percent, p90_percent, worst_percent
+        Mean of the middle half of the plants, the 90th percentile, and the largest.
+    failures, plants
+        Plants on which it fails as a ranking counts it, and all.
+    plant_samples
+        Samples that were simulated.
+    """
+
+    iqm_percent: float
+    p90_percent: float
+    worst_percent: float
+    failures: int
+    plants: int
+    plant_samples: int
+
+    @property
+    def objective(self) -> float:
+        """What is minimised: the mean of the three, so that no plant is given up for the others."""
+        return (self.iqm_percent + self.p90_percent + self.worst_percent) / 3.0
+
+    def __str__(self) -> str:
+        failed = f"{self.failures} of {self.plants} plants fail"
+        return f"{self.iqm_percent:.3g} % (90th percentile {self.p90_percent:.3g} %, {failed})"
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What a search found.
+
+    Parameters
+    ----------
+    controller, task
+        Their names.
+    tuning
+        The settings, and how they were found.
+    trials
+        Settings that were tried.
+    before, after
+        On validation draws: with the class's defaults, and with what was found.
+    certificate, warning
+        What the controller says of itself with these settings.
+    path
+        File of the settings.
+    """
+
+    controller: str
+    task: str
+    tuning: Tuning
+    trials: int
+    before: Figures
+    after: Figures
+    certificate: str | None
+    warning: str | None
+    path: Path
+
+    def __str__(self) -> str:
+        settings = ", ".join(f"{k} {v:.4g}" for k, v in self.tuning.settings.items())
+        lines = [
+            f"RMSE {self.after} on validation plants of {self.task}: {self.controller} after "
+            f"{self.trials} trials; untuned {self.before}",
+            f"settings: {settings}",
+            f"found on {self.tuning.plant_samples / 1e6:.3g} million samples of training plants; "
+            f"{self.tuning.score_percent:.3g} % there (mean of middle, 90th percentile and worst)",
+            f"certificate: {self.certificate or 'none'}",
+            *([f"warning: {self.warning}"] if self.warning else []),
+            f"written: {self.path}",
+        ]
+        return "\n".join(lines)
+
+
+def tune(
+    name: str,
+    task: str = "Stage",
+    out: Path = Path("results/tune"),
+    *,
+    trials: int = 40,
+    seed: int = 0,
+    plants: int = 16,
+    progress: Progress | None = None,
+) -> Tuned:
+    """Find settings of a controller on training draws of a task; the same call goes on with a search.
+
+    Parameters
+    ----------
+    name
+        Of a controller with knobs.
+    task
+        Short name or id of a task.
+    out
+        Folder of the search and of the settings' file, ``NAME.json``, which keeps other tasks.
+    trials
+        Settings that are tried, the defaults among them.
+    seed
+        Of the draws and of the search.
+    plants
+        Training plants, all lanes of one run.
+    progress
+        Called as trials are done.
+
+    Raises
+    ------
+    InputError
+        The controller has no knobs, there is no such task, a number is out of range, Optuna is
+        missing, or the folder cannot be used.
+    """
+    knobs = _knobs(name)
+    asked = named_task(task)
+    for what, value in (("trials", trials), ("plants", plants)):
+        if not is_whole(value, 1):
+            raise InputError(f"{what} is {shown(value)}; give a whole number of 1 or more")
+    path = out / f"{name}.json"
+    known = read_tunings(path, name, knobs) if path.exists() else {}
+    study = _study(name, asked, out, seed, plants, knobs)
+    spent = _search(study, name, asked, trials, seed, plants, progress or silent)
+    settings = checked_settings(name, knobs, study.best_params)
+    belief = asked.belief()
+    tuning = Tuning(
+        settings,
+        tuple(sorted(effect.name for effect in belief.effects)),
+        f"rdpi tune {name} --task {asked.name} --trials {trials} --plants {plants} --seed {seed}",
+        seed,
+        spent,
+        float(study.best_value),
+    )
+    write_tunings(path, name, known | {asked.name: tuning})
+    made = CONTROLLERS[name](belief, asked.layout(), settings=settings)  # type: ignore[call-arg]
+    return Tuned(
+        name,
+        asked.name,
+        tuning,
+        _done(study),
+        figures(name, checked_settings(name, knobs, {}), asked, "validation", VALIDATION_PLANTS),
+        figures(name, settings, asked, "validation", VALIDATION_PLANTS),
+        certificate_of(made),
+        warning_of(made),
+        path,
+    )
+
+
+def promise(name: str, task: str) -> str:
+    """Return what is known of a controller on a task's belief before it drives anything, one line.
+
+    Raises
+    ------
+    InputError
+        As :func:`tune`.
+
+    Examples
+    --------
+    >>> promise("dual-loop", "Bare").split(":")[0]
+    'dual-loop on Bare, certificate'
+    """
+    _knobs(name)
+    asked = named_task(task)
+    made = make_controller(name, asked.belief(), asked.layout())
+    warned = warning_of(made)
+    said = f"{name} on {asked.name}, certificate: {certificate_of(made) or 'none'}"
+    return f"{said}; warning: {warned}" if warned else said
+
+
+def figures(
+    name: str,
+    settings: Settings | None,
+    task: StageTask,
+    split: Split,
+    plants: int,
+    seed: int | None = None,
+) -> Figures:
+    """Score a controller with settings on draws of a task.
+
+    Parameters
+    ----------
+    name
+        Of the controller.
+    settings
+        Its settings; None: as it is made.
+    task, split, plants, seed
+        What is drawn, see :meth:`rdpi_gym.envs.tasks.StageTask.draw`.
+    """
+    found: list[float] = []
+    samples = 0
+    for lanes in task.lanes(split, plants, seed):
+        layout = lanes.layout()
+        if settings is None:
+            controller = make_controller(name, lanes.belief, layout)
+        else:
+            controller = CONTROLLERS[name](lanes.belief, layout, settings=settings)  # type: ignore[call-arg]
+        found += _plant_errors(controller, lanes)
+        samples += task.samples * len(lanes.numbers)
+    errors = np.array(found)
+    return Figures(
+        float(interquartile_mean(errors)),
+        float(ninetieth(errors)),
+        float(errors.max()),
+        int(np.sum(errors >= WORST_PERCENT)),
+        len(errors),
+        samples,
+    )
+
+
+def _plant_errors(controller: Any, lanes: Lanes) -> list[float]:
+    """RMSE (%) of each plant as a ranking counts it."""
+    taken = play(controller, lanes.track(lanes.layout()), lanes.references_um, lanes.noises)
+    rows = plant_scores(lanes.task, lanes, taken).values()
+    return [
+        WORST_PERCENT if row["failure"] else min(float(row["rmse_percent"]), WORST_PERCENT)
+        for row in rows
+    ]
+
+
+def _knobs(name: str) -> Sequence[Knob]:
+    knobs: Sequence[Knob] = getattr(CONTROLLERS.get(name), "knobs", ())
+    if not knobs:
+        tunable = [each for each, make in CONTROLLERS.items() if getattr(make, "knobs", ())]
+        close = guess(name, tunable)
+        raise InputError(
+            f"{quoted(name)} has no knobs to turn; {close and close + ' '}those that have are {some(tunable, 20)}"
+        )
+    return knobs
+
+
+def _study(
+    name: str, task: StageTask, out: Path, seed: int, plants: int, knobs: Sequence[Knob]
+) -> Study:
+    try:
+        import optuna
+        from optuna.storages import JournalStorage
+        from optuna.storages.journal import JournalFileBackend
+    except ImportError as error:
+        raise InputError(f"tuning needs Optuna ({error}); install rdpi-gym[tune]") from error
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    # what a trial depends on is in the study's name: another search never goes on with it
+    drawn = (task.nominals, task.beliefs, task.references, task.samples, tuple(knobs))
+    stamp = zlib.crc32(repr(drawn).encode())
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        storage = JournalStorage(JournalFileBackend(str(out / f"{name}.journal")))
+        return optuna.create_study(
+            storage=storage,
+            study_name=f"{name} {task.name} seed {seed} plants {plants} {stamp:08x}",
+            load_if_exists=True,
+        )
+    except (OSError, ValueError, KeyError) as error:
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
+        raise InputError(f"the search in {out} cannot be read or written ({reason})") from error
+
+
+def _done(study: Study) -> int:
+    return sum(trial.state.is_finished() for trial in study.get_trials(deepcopy=False))
+
+
+def _search(
+    study: Study,
+    name: str,
+    task: StageTask,
+    trials: int,
+    seed: int,
+    plants: int,
+    progress: Progress,
+) -> int:
+    """Try settings until there are enough, and return the plant samples that all of them took."""
+    from optuna.samplers import TPESampler
+    from optuna.trial import TrialState
+
+    knobs = _knobs(name)
+    begins = _first_settings(knobs)
+    for done in range(_done(study), trials):
+        progress("trying settings", done, trials)
+        # a sampler a trial: a search that was interrupted goes on as if it had not been
+        study.sampler = TPESampler(seed=zlib.crc32(f"{seed} {done}".encode()), n_startup_trials=4)
+        if done < len(begins):
+            study.enqueue_trial(begins[done])
+        trial = study.ask()
+        settings = _suggested(trial, knobs)
+        try:
+            found = figures(name, settings, task, "training", plants, seed)
+        except InputError:  # no controller with these settings
+            study.tell(trial, state=TrialState.FAIL)
+            continue
+        trial.set_user_attr("plant_samples", found.plant_samples)
+        study.tell(trial, found.objective)
+    progress("trying settings", trials, trials)
+    finished = study.get_trials(deepcopy=False)
+    if not any(trial.state is TrialState.COMPLETE for trial in finished):
+        raise InputError(f"{name} cannot be made with any of {trials} settings; check the belief")
+    return sum(int(trial.user_attrs.get("plant_samples", 0)) for trial in finished)
+
+
+def _first_settings(knobs: Sequence[Knob]) -> list[dict[str, float]]:
+    """Return the defaults, then each knob alone moved a fifth of its range down and up."""
+    defaults = {knob.name: knob.default for knob in knobs}
+    moved = [defaults | {knob.name: knob.at(part)} for knob in knobs for part in (-0.2, 0.2)]
+    return [defaults, *moved]
+
+
+def _suggested(trial: Trial, knobs: Sequence[Knob]) -> Mapping[str, float]:
+    return {
+        knob.name: trial.suggest_float(knob.name, knob.low, knob.high, log=knob.logarithmic)
+        for knob in knobs
+    }
