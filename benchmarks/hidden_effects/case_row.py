@@ -64,6 +64,11 @@ def found(discovery: SearchResult) -> dict[str, Any]:
         "verdict": discovery.verdict,
         "unexplained_um": unexplained,
         "ranking": [_candidate(candidate) for candidate in discovery.candidates],
+        # what a candidate leaves beside what was added before it
+        "later_rounds": [
+            {c.effect: c.errors.validation_rmse_um for c in tried if c.parameters}
+            for tried in discovery.rounds[1:]
+        ],
         "steps": [_candidate(added) | _details(added) for added in discovery.added],
         "removed": list(discovery.removed),
         "remainder": discovery.remainder,
@@ -87,4 +92,5 @@ def _details(candidate: Candidate) -> dict[str, Any]:
         "parameters": dict(candidate.parameters),
         "standard_errors": dict(candidate.standard_errors),
         "remarks": list(candidate.remarks),
+        "instead": dict(candidate.instead),
     }

@@ -33,6 +33,7 @@ FORMATS: Mapping[str, Kind] = {
 }
 """Kinds by the format that their files state."""
 VERSION = 1
+_INSTEAD = "validation_rmse_instead"
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,9 @@ class Candidate:
     without_um
         Validation error (µm rms) with all other effects of the final model and without this one;
         None where that was not asked.
+    instead
+        By effect that came close to this one, the validation error (µm rms) of the final model with it
+        in this one's place.
     """
 
     effect: str
@@ -115,6 +119,7 @@ class Candidate:
     remarks: tuple[str, ...] = ()
     form: str = ""
     without_um: float | None = None
+    instead: Mapping[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the files."""
@@ -130,6 +135,7 @@ class Candidate:
             "evidence": self.evidence,
             "remarks": list(self.remarks),
             "validation_rmse_without": self.without_um,
+            _INSTEAD: dict(self.instead),
         }
 
     @classmethod
@@ -147,6 +153,7 @@ class Candidate:
             fields.texts("remarks"),
             fields.optional_text("form") or "",
             fields.optional_number("validation_rmse_without"),
+            fields.numbers(_INSTEAD) if fields.raw(_INSTEAD) else {},
         )
 
 

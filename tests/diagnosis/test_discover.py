@@ -19,6 +19,7 @@ from rdpi_gym.plant.effects.sensor_lag import SensorLag
 from rdpi_gym.signals import BandLimitedNoise, DecayingSine, Multisine, Sine
 from rdpi_gym.signals.experiments import polyline
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fields import Fields
 from rdpi_gym.virtual_lab.independent import simulate_truth
 
 NOISE_UM = 0.012
@@ -105,6 +106,19 @@ def test_what_is_improbable_goes_unless_the_error_hangs_on_it(lagging, monkeypat
         assert removed == gone
         assert tuple(e.name for e in left.effects) == (() if gone else (name,))
         assert ["as it is 30 % probable" in sentence for sentence in why] == [True] * len(gone)
+
+
+def test_what_came_close_is_tried_in_the_place_of_what_was_chosen(lagging):
+    bench = Laboratory(lagging, FEW, 1, 0, None, None)
+    base = bench.base(None)
+    state = State(refit(bench.setting, base.hysteresis, (), SensorLag))
+    step = Candidate("sensor_lag", state.outcome.errors, {}, {}, 1.0, 0.5, (), "")
+    _, (settled,) = bench.settle(
+        state, [step], {"sensor_lag": (CATALOGUE["asymmetry"](0.02, 40.0),)}
+    )
+    assert (settled.effect, settled.indistinguishable) == ("sensor_lag", ())
+    assert settled.instead["asymmetry"] > 2.0 * settled.errors.validation_rmse_um
+    assert Candidate.from_fields(Fields(settled.to_dict(), "step")).instead == settled.instead
 
 
 def test_two_hidden_effects_are_both_found():

@@ -7,7 +7,7 @@ import pytest
 
 from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.diagnosis.search.numerics import numerical_floor
+from rdpi_gym.diagnosis.search.numerics import NumericalFloor, held_about, numerical_floor
 from rdpi_gym.diagnosis.search.verdict import judge
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.identification.scale import data_scale
@@ -79,6 +79,37 @@ def test_the_same_judgement_with_and_without_steps(added, good):
     found = judge(setting, lagging, rmse_um, NOISE_UM, floor, added)
     assert (found.verdict, found.sampling is None) == (good, False)
     assert judge(setting, lagging, 1.1 * NOISE_UM, NOISE_UM, floor, added).sampling is None
+
+
+@pytest.mark.parametrize(
+    ("floors", "shown", "verdict", "says"),
+    [
+        (1.3, 3.0, "explained", True),
+        (2.0, 3.0, "explained", True),
+        (1.3, 0.1, "explained", False),
+        (2.0, 0.1, "unexplained", False),
+    ],
+)
+def test_faster_sampling_is_advised_where_the_error_bears_it_out(floors, shown, verdict, says):
+    bare = Variant(P10.hysteresis, ())
+    record = sampled(bare, 2e-4)
+    moved = replace(record, y_um=record.y_um + 0.05 * np.sin(2 * np.pi * 7.0 * record.t_s))
+    setting = Setting((moved,), (moved,), data_scale([moved]))
+    floor = NumericalFloor(0.0, 3.0 * NOISE_UM, 5000.0, shown_um=shown * NOISE_UM)
+    found = judge(setting, bare, floors * NOISE_UM, NOISE_UM, floor, added=True)
+    assert (found.verdict, found.sampling is not None) == (verdict, says)
+
+
+def test_a_command_that_was_not_held_speaks_against_one_that_is():
+    limited = Variant(P10.hysteresis, (CATALOGUE["slew_limit"](2e4),))
+    record = sampled(limited, 2e-4)
+    floor = numerical_floor(limited, [record])
+    assert floor.held_um > 10.0 * NOISE_UM
+    assert floor.borne_um < 0.2 * floor.held_um
+    held = held_about(record.u_V, 4)
+    fine = Record("fine", 5e-5 * np.arange(held.size), held, held, ts_s=5e-5)
+    answer = replace(record, y_um=simulate_effects([limited], fine)[::4, 0])
+    assert numerical_floor(limited, [answer]).borne_um > 0.9 * floor.held_um
 
 
 def test_an_effect_too_fast_for_the_records_is_named_with_the_rate_that_would_do():

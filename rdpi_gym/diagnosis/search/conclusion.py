@@ -110,7 +110,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     chances = _probabilities(laboratory, search, added)
     probable = () if chances is None else chances.probable
     experiment = _next_experiment(laboratory, end, search.last, judgement, groups, probable)
-    sentence, shares = _remainder(laboratory, end, judgement, numerical.total_um)
+    sentence, shares = _remainder(laboratory, end, judgement, numerical.borne_um)
     plant = plant_of(laboratory.setting, end.outcome, search.given)
     left = [simulate_record(plant, record) for record in laboratory.setting.train]
     label = f"with {added[0].effect}" if len(added) == 1 else "with effects"
@@ -149,6 +149,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
             ),
             *laboratory.remarks,
             *search.notes,
+            *laboratory.on_every_sample(end),
             *([laboratory.reads_fewer] if laboratory.reads_fewer else []),
         ),
         quantities=dataset.quantities,
@@ -186,8 +187,7 @@ def _remainder(
 ) -> tuple[str, Left | None]:
     """Say whether what is left follows from the input, and how surely."""
     if judgement.verdict != "unexplained":
-        rest = "the noise" if judgement.sampling is None else judgement.rest
-        return f"What is left is {rest}.", None
+        return f"What is left is {judgement.rest}.", None
     clocks = laboratory.clocks(state)
     if clocks:
         late = joined([finding.record for finding in clocks])

@@ -146,6 +146,16 @@ class Laboratory(Pruning):
         self._progress("all samples", 2, 2)
         return base, end
 
+    def on_every_sample(self, state: State) -> tuple[str, ...]:
+        """Say what a model leaves where beginnings that were left out of judging it count too."""
+        if not any(r.name in self._spared for r in self.setting.validation):
+            return ()
+        here = replace(self._whole, smoothness=self.setting.smoothness)
+        whole_um = assess(here, "", state.fit).errors.validation_rmse_um
+        return (
+            f"with the beginnings that were left out the validation error is {whole_um:.4g} µm",
+        )
+
     def final_noise(self, state: State) -> None:
         """Take the noise's colour from the model that is saved."""
         self._least = math.inf

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -107,6 +108,11 @@ class Pruning(Rounds):
                 continue
             self._progress(f"rivals of {step.effect}", 0, len(kinds))
             outcomes = [refit(self.setting, state.hysteresis, others, kind) for kind in kinds]
+            instead = {
+                o.effect: o.errors.validation_rmse_um
+                for o in (*outcomes, replace(state.outcome, effect=step.effect))
+                if math.isfinite(o.errors.validation_rmse_um)
+            }
             # an effect is replaced only by one that fits the other records no worse either
             most = state.outcome.errors.train_rmse_um * (1.0 + SETTLED_GAIN)
             outcomes = [o for o in outcomes if o.errors.train_rmse_um <= most and not own_bounds(o)]
@@ -121,11 +127,11 @@ class Pruning(Rounds):
                 best = next(r for r in ranked if r.candidate.effect == step.effect)
             else:
                 state = State(best.outcome)
-            settled.append(
-                replace(
-                    best.candidate, errors=step.errors, share=step.share, evidence=step.evidence
+            chosen = best.candidate
+            if chosen.effect == step.effect:
+                chosen = replace(
+                    chosen, errors=step.errors, share=step.share, evidence=step.evidence
                 )
-                if best.candidate.effect == step.effect
-                else best.candidate
-            )
+            others_um = {n: um for n, um in instead.items() if n != chosen.effect}
+            settled.append(replace(chosen, instead=others_um))
         return state, settled

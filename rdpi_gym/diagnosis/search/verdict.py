@@ -22,6 +22,9 @@ from rdpi_gym.support.words import digits, micrometres
 EXPLAINED = 1.15
 # Of what exceeds the noise, the numerical floor's share from which on it is all that is said.
 _DOMINATES = 0.5
+# Noise floors from which on the numerical one matters; and up to which a model that is within both
+# is explained although its error does not show which of them it is.
+_MATTERS, _CLOSE = 0.5, 1.5
 # Steps between two samples with which it is tried whether the sampling is what is left.
 _PARTS = (2, 4, 8)
 # Rounds in which the motion between samples and the parameters are found in turn; and of what is
@@ -30,6 +33,8 @@ _CORRECTIONS, _LEAST_SHARE = 3, 0.1
 # Of the sampling rate, the highest frequency, and in samples, the shortest time constant, of which
 # records show more than that it is there.
 _HIGHEST_SHARE, _FEWEST_SAMPLES = 0.1, 2.0
+
+_BETWEEN = "motion between the samples"
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class Judgement:
 
     verdict: Verdict
     sampling: str | None = None
-    rest: str = "motion between the samples"
+    rest: str = "the noise"
     again: str = "Record the same motion again, sampled faster."
 
 
@@ -86,8 +91,11 @@ def judge(
     motion between the samples matters. That is tried: with steps between the samples, the command
     linear from one to the next, the same model has to reach the noise floor, as it is or with its
     parameters fitted once more to what such steps change. What half the step and a command held
-    between the samples change is the numerical floor: an error within it and the noise is
-    explained too, and where it is most of the error nothing else is concluded.
+    between the samples change is the numerical floor. What the error bears out of it is added to
+    the noise: an error within both is explained too, and where it is most of the error nothing
+    else is concluded. An alternative that the error speaks against (a command that is held, where
+    one that is linear fits better) explains nothing, and is no reason to sample faster; unless
+    the command jumps, and nobody knows what it does between two samples.
     """
     good: Verdict = "explained" if added else "no missing effect"
     if rmse_um <= EXPLAINED * noise_um:
@@ -99,19 +107,23 @@ def judge(
     ):
         sampling = _between_samples(_corrected(setting, variant), noise_um, validation)
     if sampling is not None:
-        return Judgement(good, sampling)
-    floor_um = math.hypot(noise_um, numerical.total_um)
-    if rmse_um <= EXPLAINED * floor_um:
+        return Judgement(good, sampling, _BETWEEN)
+    matters = numerical.borne_um > _MATTERS * noise_um
+    if matters and rmse_um <= EXPLAINED * math.hypot(noise_um, numerical.borne_um):
         return _by_floor(good, numerical, noise_um)
-    if numerical.total_um**2 > _DOMINATES * (rmse_um**2 - noise_um**2):
+    if rmse_um <= min(EXPLAINED * math.hypot(noise_um, numerical.total_um), _CLOSE * noise_um):
+        return Judgement(good, rest="the noise, and what a simulation of these records leaves open")
+    if matters and numerical.borne_um**2 > _DOMINATES * (rmse_um**2 - noise_um**2):
         return _by_floor("unexplained", numerical, noise_um)
-    return Judgement("unexplained", _beyond_sampling(variant, validation) if added else None)
+    if not added or numerical.total_um <= _MATTERS * noise_um:
+        return Judgement("unexplained")
+    return Judgement("unexplained", _beyond_sampling(variant, validation), _BETWEEN)
 
 
 def _by_floor(verdict: Verdict, numerical: NumericalFloor, noise_um: float) -> Judgement:
     """Return a verdict that stands under the reservation of the larger part of the floor."""
     if numerical.jittered_um <= numerical.sampled_um:
-        return Judgement(verdict, _faster(numerical, noise_um))
+        return Judgement(verdict, _faster(numerical, noise_um), _BETWEEN)
     text = (
         f"Write time stamps with more digits, or trigger the samples by a clock: stamps that are "
         f"off an even one by {digits(1e6 * numerical.off_s)} µs rms change the model by "
@@ -125,7 +137,7 @@ def _faster(numerical: NumericalFloor, noise_um: float) -> str:
     return (
         f"Sample faster than {digits(numerical.needed_hz(noise_um), 2)} Hz: half the step and "
         f"another command between the samples change the model by "
-        f"{micrometres(numerical.total_um)} rms, so less than that cannot be judged."
+        f"{micrometres(numerical.borne_um)} rms, so less than that cannot be judged."
     )
 
 
