@@ -29,7 +29,7 @@ class SearchOptions:
     ----------
     model
         The model to start from, a plant file as `rdpi fit` writes it or a plant's name; its effects
-        are kept and refitted. Without it the bare model is fitted.
+        are kept and refitted. Without it a search fits the bare model; an addition needs it.
     core
         The kind of hysteresis, a core's name; "auto" for the one of all that explains records held
         out best. Without it that of the model, or RDPI as long as no other is clearly better where

@@ -1,5 +1,7 @@
 """The portrait of what no effect of the catalogue is, on records of another formulation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from benchmarks.foreign_effects.plants import Foreign
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.learning import learn_forms
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
+from rdpi_gym.diagnosis.portrait.sentences import sentences_of
 from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.scale import data_scale
@@ -62,10 +65,17 @@ def test_the_power_of_a_bent_input_is_told(bent):
 
 def test_it_says_the_numbers_first_and_comes_back_from_its_file(bent):
     assert bent.sentences[0].startswith(
-        f"A free block takes the validation error from {bent.before_um:.3g}"
+        f"From {bent.before_um:.3g} µm to {bent.after_um:.3g} µm: so far a free block takes"
+    )
+    assert bent.sentences[1] == (
+        "Over 99 % of draws of the records place it before the hysteresis: there it changes the command that the plays see."
     )
     assert "to the power 1.5 ± " in str(bent)
     assert Portrait.from_fields(Fields(bent.to_dict(), "file")) == bent
+    open_place = replace(bent, place=None, places={"behind": 0.43, "before": 0.55, "in": 0.02})
+    assert sentences_of(open_place)[1].startswith(
+        "Where in the chain it stands these records cannot tell: 55 % before the hysteresis and 43 % behind it, "
+    )
 
 
 def test_a_memory_is_told_with_its_time_constant():

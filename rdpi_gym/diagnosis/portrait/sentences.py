@@ -6,13 +6,13 @@ from rdpi_gym.diagnosis.portrait.portrait import Portrait, Value
 from rdpi_gym.support.words import joined, micrometres, number, pm
 
 _PLACES = {
-    "before": "before the hysteresis: it changes the command that the plays see",
-    "in": "in the hysteresis: it changes the weights of the plays",
-    "behind": "behind the hysteresis: it is added to the displacement or bends it",
+    "before": "there it changes the command that the plays see",
+    "in": "there it changes the weights of the plays",
+    "behind": "there it is added to the displacement or bends it",
 }
 _PARITIES = {
-    "even": "It is even: where the command is mirrored, it stays as it is",
-    "odd": "It is odd: where the command is mirrored, it changes its sign",
+    "even": "It is even: where the command is mirrored about the middle of its range, it stays as it is",
+    "odd": "It is odd: where the command is mirrored about the middle of its range, it changes its sign",
     "both": "It has an even and an odd part about the middle of the range",
 }
 # What separates two places.
@@ -31,6 +31,8 @@ _BETWEEN = {
     ),
 }
 _DRIFTS = 2.0  # errors from which on a change is one
+_ALL = 0.99  # of a few hundred draws, a share that is told as a bound
+_SLIGHT = 0.05  # a share that is not told
 
 
 def experiment_for(drawn: Portrait) -> str:
@@ -72,46 +74,57 @@ def sentences_of(drawn: Portrait) -> tuple[str, ...]:
         The portrait.
     """
     said = [
-        f"A free block takes the validation error from {micrometres(drawn.before_um)} to "
-        f"{micrometres(drawn.after_um)} (`rdpi add unknown`, form {drawn.form or 'static, behind'!r}): "
-        f"the unknown effect {_place(drawn)}.",
+        f"From {micrometres(drawn.before_um)} to {micrometres(drawn.after_um)}: so far a free block takes the "
+        f"validation error (`rdpi add unknown`, form {drawn.form or 'static, behind'!r}).",
+        f"{_place(drawn)}.",
         f"{_memory(drawn)}. {_parity(drawn)}.",
         _growth(drawn),
         _drift(drawn),
     ]
     if drawn.nearest:
-        nearest = "; ".join(f"{kin.effect} ({kin.differs})" for kin in drawn.nearest)
+        nearest = "; ".join(f"{kin.effect}, but {kin.differs}" for kin in drawn.nearest)
         said.append(f"Nearest in the catalogue: {nearest}.")
-    return tuple(filter(None, (*said, f"To see it best: {drawn.experiment}")))
+    best = drawn.experiment[:1].lower() + drawn.experiment[1:]
+    return tuple(filter(None, (*said, f"To see it best, {best}")))
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %"
+    return "over 99 %" if share > _ALL else f"{100.0 * share:.0f} %"
 
 
 def _place(drawn: Portrait) -> str:
+    found = [
+        name
+        for name in sorted(drawn.places, key=lambda name: -drawn.places[name])
+        if drawn.places[name] > _SLIGHT
+    ]
+    shares = [f"{_percent(drawn.places[name])} {name} it" for name in found]
+    first = shares[0].replace(" it", " the hysteresis")
     if drawn.place is None:
-        found = [
-            n
-            for n in sorted(drawn.places, key=lambda n: -drawn.places[n])
-            if drawn.places[n] > 0.05
-        ]
-        shares = joined(
-            [f"{name} the hysteresis ({_percent(drawn.places[name])})" for name in found]
+        return (
+            f"Where in the chain it stands these records cannot tell: {joined([first, *shares[1:]])}, by "
+            "draws of their pieces"
         )
-        return f"stands {shares}: these records cannot tell which"
-    return f"stands {_PLACES[drawn.place]} ({_percent(drawn.places[drawn.place])} of draws)"
+    share = _percent(drawn.places[drawn.place])
+    return f"{_upper(share)} of draws of the records place it {drawn.place} the hysteresis: {_PLACES[drawn.place]}"
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _memory(drawn: Portrait) -> str:
     if drawn.memory is None:
-        return f"Whether it has a memory these records cannot tell ({_percent(drawn.memories)} of draws)"
+        return (
+            f"Whether it has a memory these records cannot tell: in {_percent(drawn.memories)} of their "
+            "draws it has one"
+        )
     if not drawn.memory:
         return "It has no memory"
     constants = joined([_seconds(value) for value in drawn.time_constants_s])
     if len(drawn.time_constants_s) > 1:
-        return f"It has two memories, of {constants}"
-    return f"It has a memory of {constants}"
+        return f"It remembers, with two time constants: {constants}"
+    return f"It remembers, with a time constant of {constants}"
 
 
 def _seconds(value: Value) -> str:
@@ -121,9 +134,9 @@ def _seconds(value: Value) -> str:
 def _parity(drawn: Portrait) -> str:
     if drawn.parity is None:
         shares = [
-            f"{name} {_percent(share)}" for name, share in drawn.parities.items() if share > 0.05
+            f"{name} {_percent(share)}" for name, share in drawn.parities.items() if share > _SLIGHT
         ]
-        return f"Whether it is even or odd these records cannot tell ({joined(shares)})"
+        return f"Whether it is even or odd these records cannot tell: {joined(shares)}"
     return _PARITIES[drawn.parity]
 
 
@@ -145,4 +158,4 @@ def _drift(drawn: Portrait) -> str:
     changed = pm(drift.value, drift.error)
     if abs(drift.value) > _DRIFTS * drift.error:
         return f"It changes by {changed} % from the first record to the last."
-    return f"It does not change with time ({changed} % from the first record to the last)."
+    return f"{changed} % is its change from the first record to the last: none that shows."
