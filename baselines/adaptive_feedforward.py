@@ -28,12 +28,17 @@ SPLINE: Array = np.array(
 ) / 16.0  # fmt: skip
 """Weights of five samples for the value and the first three derivatives in the middle, per sample."""
 HALF = 2
-PLAYS = (0.05, 0.15, 0.35, 0.7)
+PLAYS = (0.03, 0.08, 0.15, 0.25, 0.4, 0.55, 0.75, 1.0)
 """Thresholds of the plays that make up for wrong weights, as shares of the scale."""
+PRODUCTS = (1, 3, 5)
+"""Plays whose products with r make up for small loops that differ from place to place."""
+POWERS = (2, 3)
+"""Powers of r that make up for a gain that differs from place to place."""
 SLOW_S = (0.01, 0.1)
 """Time constants (s) of the low-passes that make up for creep."""
-GAIN_SPREAD, PLAY_SPREAD, OFFSET_SPREAD = 0.1, 0.05, 0.025
-"""Expected size of the corrections of the gain, of a play, and of the offset as share of the scale."""
+GAIN_SPREAD, PLAY_SPREAD, OFFSET_SPREAD = 0.1, 0.2, 0.025
+"""Expected size of the corrections of the gain, of a play and its like, and of the offset as share
+of the scale."""
 MOST = 0.5
 """Largest correction as share of the scale."""
 BAND_HZ = 250.0
@@ -45,8 +50,9 @@ _ROUNDING = 1e-5
 class AdaptiveFeedforward(Tunable):
     """w = r + θ·φ[r] at the time k + 1 + lead, u(k+1) = the belief's classical inverse of w.
 
-    φ holds r', r'', r''', which undo lags, a mode and what is left of a delay; r, 1 and four plays
-    of r, for wrong weights and thresholds; two slow low-passes of r, for creep. θ is estimated as
+    φ holds r', r'', r''', which undo lags, a mode and what is left of a delay; r, 1 and eight plays
+    of r, for wrong weights and thresholds; r², r³ and products of r and plays, for a hysteresis of
+    another kind; two slow low-passes of r, for creep. θ is estimated as
     an inverse model, not from the tracking error: w is what went into the plant behind the belief's
     inverse, so least squares with forgetting of w - y on φ, derivatives taken of the *measured* y
     and both at the same sample, finds θ with w = y + θ·φ. What rings is then data and no
@@ -82,7 +88,7 @@ class AdaptiveFeedforward(Tunable):
     name = "adaptive-feedforward"
     knobs = (
         Knob("lead_samples", 1.0, 12.0, 2.0),
-        Knob("memory_s", 0.02, 5.0, 0.3, "s", logarithmic=True),
+        Knob("memory_s", 0.02, 5.0, 0.05, "s", logarithmic=True),
         Knob("doubt", 5e-4, 0.1, 7.5e-3, logarithmic=True),
         Knob("dynamics_s", 3e-5, 3e-3, 3e-4, "s", logarithmic=True),
     )
@@ -103,7 +109,8 @@ class AdaptiveFeedforward(Tunable):
         self._slow = np.exp(-ts / np.array(SLOW_S))[:, None]
         dynamics = self.settings["dynamics_s"] / ts
         spreads = [dynamics, dynamics**2, dynamics**3, GAIN_SPREAD, OFFSET_SPREAD * scale]
-        spreads += [PLAY_SPREAD] * (len(PLAYS) + len(SLOW_S))
+        plays = len(PLAYS) + len(PRODUCTS) + len(POWERS) + len(SLOW_S)
+        spreads += [PLAY_SPREAD] * plays
         self.fit = ForgettingLeastSquares(
             [*prior, *[0.0] * (len(spreads) - len(prior))],
             spreads,
@@ -115,15 +122,14 @@ class AdaptiveFeedforward(Tunable):
         # Reference times of the correction that acts at k + 1, and those of the fit's five samples.
         ahead = self.lead - 1 + np.arange(2 * HALF + 1)
         self._window = np.minimum(ahead, layout.preview)
-        slow = 2 + len(PLAYS) + len(SLOW_S)
-        self._rings = self.lead + HALF + 2, slow
+        self._rings = self.lead + HALF + 2, 2 + plays
         self.rows = Rows(
             inverse=len(self.inverse.start(np.zeros(1))),
             measured=2 * HALF + 1,
             wanted=self.lead + 2 * HALF + 1,
             plays=len(PLAYS),
             slow=len(SLOW_S),
-            seen=self._rings[0] * slow,
+            seen=math.prod(self._rings),
             fit=self.fit.rows,
             monitor=self.monitor.rows,
             last_V=1,
@@ -220,7 +226,11 @@ class AdaptiveFeedforward(Tunable):
         plays, slow = self.rows.of(state, "plays"), self.rows.of(state, "slow")
         np.clip(plays, smooth_um - self._thresholds_um, smooth_um + self._thresholds_um, out=plays)
         slow += (1.0 - self._slow) * (smooth_um - slow)
-        static = np.vstack([smooth_um, np.ones_like(smooth_um), plays, slow])
+        centre, scale = self.layout.centre_um, self.layout.scale_um
+        place = (smooth_um - centre) / scale
+        products = place * (plays[list(PRODUCTS)] - centre)
+        powers = [scale * place**power for power in POWERS]
+        static = np.vstack([smooth_um, np.ones_like(smooth_um), plays, products, *powers, slow])
         shift_in(self.rows.of(state, "seen").reshape(*self._rings, -1), static)
         return static
 
