@@ -21,12 +21,39 @@ from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.effects.linear import linear_block
 from rdpi_gym.support.arrays import Array
 
-# (1 + z)^(4-n) (z - 1)^n of five samples, centred: s^n of a cubic spline through them. Smoothing and
-# derivatives share one frequency response but (tan(ω Ts / 2) 2 / Ts)^n, 2 % above ω^n at 740 Hz.
-SPLINE: Array = np.array(
-    [[1, 4, 6, 4, 1], [-2, -4, 0, 4, 2], [4, 0, -8, 0, 4], [-8, 16, 0, -16, 8]], dtype=np.float64
-) / 16.0  # fmt: skip
-"""Weights of five samples for the value and the first three derivatives in the middle, per sample."""
+
+def spline_weights(order: int) -> Array:
+    """Weights of ``order + 1`` samples for the value and all but the last derivatives in the middle.
+
+    Row q is (1 + z)^(order - q) (2 (z - 1))^q / 2^order, a spline's q-th derivative per sample:
+    smoothing and derivatives share one frequency response but (2 tan(ω Ts / 2))^q, which at 740 Hz
+    and 0.1 ms is 2 % above (ω Ts)^q. So the coefficients of a fit mean the same for any two signals.
+
+    Parameters
+    ----------
+    order
+        Even.
+
+    Returns
+    -------
+    float64[order, order + 1]
+
+    Examples
+    --------
+    >>> (16 * spline_weights(4)[:2]).tolist()
+    [[1.0, 4.0, 6.0, 4.0, 1.0], [-2.0, -4.0, 0.0, 4.0, 2.0]]
+    """
+    rows = []
+    for q in range(order):
+        row = np.array([1.0])
+        for factor in [[1.0, 1.0]] * (order - q) + [[-2.0, 2.0]] * q:
+            row = np.convolve(row, factor)
+        rows.append(row / 2.0**order)
+    return np.array(rows)
+
+
+SPLINE = spline_weights(4)
+"""Of a cubic: value and three derivatives from five samples."""
 HALF = 2
 PLAYS = (0.03, 0.08, 0.15, 0.25, 0.4, 0.55, 0.75, 1.0)
 """Thresholds of the plays that make up for wrong weights, as shares of the scale."""
@@ -89,7 +116,7 @@ class AdaptiveFeedforward(Tunable):
     knobs = (
         Knob("lead_samples", 1.0, 12.0, 2.0),
         Knob("memory_s", 0.02, 5.0, 0.05, "s", logarithmic=True),
-        Knob("doubt", 5e-4, 0.1, 7.5e-3, logarithmic=True),
+        Knob("doubt", 5e-4, 0.1, 1.5e-2, logarithmic=True),
         Knob("dynamics_s", 3e-5, 3e-3, 3e-4, "s", logarithmic=True),
     )
 
@@ -101,7 +128,7 @@ class AdaptiveFeedforward(Tunable):
         inverse: type[Feedforward] = ClassicalReferenceRate if rdpi else CoreInverse
         self.inverse = inverse(belief, layout)
         ts, scale = layout.ts_s, layout.scale_um
-        delay, series = _believed_inverse(belief, ts)
+        delay, series = believed_inverse(belief, ts)
         self.wanted_lead = round(self.settings["lead_samples"] + delay)
         self.lead = max(1, min(self.wanted_lead, layout.preview - 1 - HALF))
         prior = np.convolve(series, _shift(delay - self.lead))[1:4].tolist()
@@ -205,9 +232,11 @@ class AdaptiveFeedforward(Tunable):
         fit = of(state, "fit")
         self._learn(state, ~ringing & self._is_free(observation, state))
         self.fit.unlearn(fit, np.where(ringing, trust, 1.0))
-        correction = np.einsum("fb,fb->b", self.fit.theta(fit), np.vstack([*derivatives, static]))
+        phi = np.vstack([*derivatives, static])
+        believed = self.fit.prior @ phi
+        correction = believed + trust * (np.einsum("fb,fb->b", self.fit.theta(fit), phi) - believed)
         most = MOST * self.layout.scale_um
-        wanted: Array = smooth + np.clip(trust * correction, -most, most)
+        wanted: Array = smooth + np.clip(correction, -most, most)
         shift_in(of(state, "wanted"), wanted)
         return wanted
 
@@ -248,7 +277,7 @@ class AdaptiveFeedforward(Tunable):
         self.fit.learn(of(state, "fit"), phi, entered - smooth, counts & begun)
 
 
-def _believed_inverse(belief: PlantModel, ts_s: float) -> tuple[float, Array]:
+def believed_inverse(belief: PlantModel, ts_s: float) -> tuple[float, Array]:
     """The belief's delay in samples, and its linear effects' inverse: powers 0 to 3 of θ."""
     delay, series = 0.0, np.array([1.0, 0.0, 0.0, 0.0])
     for effect in belief.effects:

@@ -54,7 +54,7 @@ def learned():
 
 
 def percent(errors_um):
-    return 100.0 * np.sqrt(np.mean(errors_um[500:] ** 2, axis=0)) / 80.0
+    return 100.0 * np.sqrt(np.mean(errors_um[1000:] ** 2, axis=0)) / 80.0
 
 
 def test_an_unknown_stage_is_tracked_to_a_fifth_of_a_percent(learned):
