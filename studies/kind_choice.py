@@ -3,8 +3,12 @@
 Plants of every kind, with gains and shapes drawn at random, bare or with one effect, go through the
 standard protocol or through two records of another one (loops within loops, a chirp). Noise is a
 three-thousandth of the stroke. `rg.choose_kind` is right where it names the kind or lists it among
-those that the records do not tell apart; it is falsely sure where it does neither. An interrupted
-run continues.
+those that the records do not tell apart; it is falsely sure where it does neither.
+
+With `--silence 100` as many bare plants of RDPI are asked whether a search prefers another core: by
+default, before effects are named and at the end, and where it is told to choose (`--core auto`).
+
+An interrupted run continues.
 """
 
 from __future__ import annotations
@@ -20,10 +24,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rdpi_gym.diagnosis.search.core_choice import choose, fit_kinds, turning
+from rdpi_gym.diagnosis.search.discover import discover
+from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.identification.kinds import choose_kind
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
-from rdpi_gym.plant import CORES, PlantModel
+from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.plant.parameters import DataScale
@@ -33,6 +40,7 @@ from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.progress import silent
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.dataset import plant_displacement, simulate_dataset
 from rdpi_gym.virtual_lab.truth import Truth
@@ -69,14 +77,24 @@ class Case:
 
 
 def cases(per: int, seed: int) -> list[Case]:
-    """Return the plants: of each kind `per` bare ones and `per` with an effect, protocols in turn."""
+    """Return the plants: of each kind `per` bare ones and `per` with an effect, protocols in turn.
+
+    Any beginning is a fair sample.
+    """
     found = []
-    for place, kind in enumerate(CORES):
-        for number in range(per):
-            protocol = PROTOCOLS[(place + number) % len(PROTOCOLS)]
-            effect = AROUND[(3 * place + number) % len(AROUND)]
-            found += [Case(kind, each, protocol, number, seed) for each in ("", effect)]
+    for number in range(per):
+        for half in range(2):
+            for place, kind in enumerate(CORES):
+                protocol = PROTOCOLS[(place + number) % len(PROTOCOLS)]
+                effect = AROUND[(3 * place + number) % len(AROUND)]
+                hides = (place + half) % 2 == 1
+                found.append(Case(kind, effect if hides else "", protocol, number, seed))
     return found
+
+
+def quiet_cases(plants: int, seed: int) -> list[Case]:
+    """Return bare plants of RDPI, protocols in turn."""
+    return [Case(RDPI.name, "", PROTOCOLS[n % len(PROTOCOLS)], n, seed) for n in range(plants)]
 
 
 def drawn(case: Case) -> tuple[PlantModel[Any], Dataset]:
@@ -150,14 +168,51 @@ def run_case(case: Case, code: str) -> Row:
     }
 
 
+def run_quiet(case: Case, code: str) -> Row:
+    """Ask a search of one plant without effects which core it takes, and return the row.
+
+    Where the bare model is at the noise, a search ends there; only where it is not, all of it is run.
+    """
+    row: Row = {"key": case.key, "code": code, "protocol": case.protocol}
+    began = time.process_time()
+    try:
+        _, data = drawn(case)
+        laboratory = Laboratory(data, CATALOGUE, 1, case.seed, None, None)
+        base = laboratory.base(None)
+        whole = not laboratory.at_floor(base)
+        kind = discover(data, seed=case.seed).core.kind if whole else laboratory.core.kind
+        setting, clockwise = laboratory.setting, laboratory.core.clockwise
+        ways = fit_kinds(setting, [RDPI, *turning(clockwise)], silent)
+        told = choose(setting, ways, clockwise, case.seed)
+    except InputError as error:
+        return row | {"status": "failed", "error": str(error)}
+    return row | {
+        "status": "done",
+        "chosen": kind,
+        "whole": whole,
+        "told": told.kind,
+        "alike": list(told.alike),
+        "seconds": time.process_time() - began,
+    }
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the study, print and write its table."""
     options = Options("kind_choice", __doc__, out=RESULTS, seed=1, jobs=2)
     options.add_number("--per", 15, "bare plants, and plants with an effect, of each kind")
+    options.add_number("--silence", 0, "bare plants of RDPI, in place of all kinds", least=0)
     return options.run(arguments, _study)
 
 
 def _study(chosen: Namespace) -> None:
+    if chosen.silence:
+        asked = quiet_cases(chosen.silence, chosen.seed)
+        chosen.out /= "silence"
+        rows = study_rows(asked, run_quiet, chosen, (*_ROOMS, "diagnosis"), [Path(__file__)])
+        text = silence_report(rows, chosen.seed)
+        print(text)
+        write_atomic(chosen.out / "silence.md", text)
+        return
     rows = study_rows(cases(chosen.per, chosen.seed), run_case, chosen, _ROOMS, [Path(__file__)])
     text = report(rows, chosen.per, chosen.seed)
     print(text)
@@ -170,17 +225,18 @@ def report(rows: Sequence[Row], per: int, seed: int) -> str:
     Examples
     --------
     >>> row = {"status": "done", "kind": "stop", "effect": "", "right": True, "exact": True,
-    ...        "sure": True, "chosen": "stop", "seconds": 2.0}
+    ...        "alike": [], "sure": True, "chosen": "stop", "seconds": 2.0}
     >>> report([row], 1, 1).splitlines()[2]
-    'The kind is named, or stands among those said to be alike, in 1 of 1 (100 %); a wrong kind is named alone in 0.'
+    'The kind is named, or stands among those said to be alike, in 1 of 1 (100 %); a wrong kind is named alone in 0. 1.0 names a plant.'
     """
     frame = pd.DataFrame([row for row in rows if row["status"] == "done"])
     failed = sum(row["status"] != "done" for row in rows)
     frame["with"] = ["an effect" if effect else "none" for effect in frame["effect"]]
+    frame["names"] = [1 + len(alike) for alike in frame["alike"]]
     grouped = frame.groupby(["kind", "with"])
     table = grouped.agg(
         plants=("right", "size"), right=("right", "sum"), exact=("exact", "sum"),
-        seconds=("seconds", "median"),
+        names=("names", "mean"), seconds=("seconds", "median"),
     ).reset_index()  # fmt: skip
     taken = (
         frame[~frame["right"]]
@@ -193,8 +249,45 @@ def report(rows: Sequence[Row], per: int, seed: int) -> str:
     return (
         "# Which kind of hysteresis?\n\n"
         f"The kind is named, or stands among those said to be alike, in {right} of {len(frame)} "
-        f"({100 * right / len(frame):.0f} %); a wrong kind is named alone in {wrong}.{failures}\n\n"
+        f"({100 * right / len(frame):.0f} %); a wrong kind is named alone in {wrong}.{failures} "
+        f"{frame['names'].mean():.1f} names a plant.\n\n"
         f"{frame_table(table.round(1))}\n\nMade by `python -m studies.kind_choice --per {per} --seed {seed}`.\n"
+    )
+
+
+def silence_report(rows: Sequence[Row], seed: int) -> str:
+    """Return the table of plants of RDPI without effects as Markdown.
+
+    Examples
+    --------
+    >>> row = {"status": "done", "protocol": "standard", "chosen": "rdpi", "whole": False,
+    ...        "told": "stop", "alike": ["rdpi"], "seconds": 2.0}
+    >>> silence_report([row], 1).splitlines()[2]
+    'No other core is preferred on 1 of 1 plants of RDPI without effects; told to choose (`--core auto`), the'
+    """
+    frame = pd.DataFrame([row for row in rows if row["status"] == "done"])
+    failed = sum(row["status"] != "done" for row in rows)
+    frame["silent"] = frame["chosen"] == RDPI.name
+    frame["rdpi named"] = frame["told"] == RDPI.name
+    frame["rdpi among the names"] = [
+        RDPI.name in (told, *alike)
+        for told, alike in zip(frame["told"], frame["alike"], strict=True)
+    ]
+    frame["names"] = [1 + len(alike) for alike in frame["alike"]]
+    table = frame.groupby("protocol").agg(
+        plants=("silent", "size"), silent=("silent", "sum"), searched=("whole", "sum"),
+        **{name: (name, "sum") for name in ("rdpi named", "rdpi among the names")},
+        names=("names", "mean"), seconds=("seconds", "median"),
+    ).reset_index()  # fmt: skip
+    failures = f" {failed} failed." if failed else ""
+    return (
+        "# Is another core preferred where RDPI is right?\n\n"
+        f"No other core is preferred on {frame['silent'].sum()} of {len(frame)} plants of RDPI without "
+        "effects; told to choose (`--core auto`), the\n"
+        f"search names RDPI on {frame['rdpi named'].sum()}, and lists it among those that it does not tell "
+        f"apart on {frame['rdpi among the names'].sum()}.{failures}\n\n"
+        f"{frame_table(table.round(1))}\n\n`searched`: the bare model was not at the noise, and the whole "
+        f"search was run. Made by `python -m studies.kind_choice --silence {len(rows)} --seed {seed}`.\n"
     )
 
 

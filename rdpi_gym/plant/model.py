@@ -56,7 +56,7 @@ class PlantModel(Generic[AnyCore]):
     ------
     InputError
         An empty or reversed range, a reference amplitude that is not above zero, a value that is
-        not finite.
+        not finite, an effect that acts on what the core does not have.
 
     Examples
     --------
@@ -110,6 +110,12 @@ class PlantModel(Generic[AnyCore]):
         names = [effect.name for effect in self.effects]
         if len(set(names)) != len(names):
             raise InputError(f"effects {', '.join(names)}; a plant has each effect once at most")
+        for effect in self.effects:
+            if not effect.fits_in(type(self.hysteresis)):
+                raise InputError(
+                    f"{effect.full_name()} acts on what only the core {RDPI.name} has, and the core "
+                    f"is {self.hysteresis.name}; take it out, or give the plant the core {RDPI.name}"
+                )
         object.__setattr__(self, "effects", in_chain_order(self.effects))
 
     def turns_from(self, first_V: float) -> tuple[float, ...]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rdpi_gym.diagnosis.search import core_choice
 from rdpi_gym.identification import kinds
 from rdpi_gym.plant import CORES
 from studies import kind_choice
@@ -42,3 +43,16 @@ def test_a_row_says_what_was_chosen_and_the_table_counts_it(monkeypatch):
     text = kind_choice.report([row, row | {"right": False, "sure": True, "chosen": "dahl"}], 1, 0)
     assert "in 1 of 2 (50 %); a wrong kind is named alone in 1." in text
     assert RESULT.read_text(encoding="utf-8").startswith("# Which kind of hysteresis?")
+
+
+def test_a_search_prefers_no_other_core_where_rdpi_is_right(monkeypatch):
+    few = {name: CORES[name] for name in ("rdpi", "duhem")}
+    monkeypatch.setattr(core_choice, "CORES", few)
+    case = kind_choice.quiet_cases(2, 0)[1]
+    assert (case.kind, case.effect, case.protocol) == ("rdpi", "", kind_choice.PROTOCOLS[1])
+    row = kind_choice.run_quiet(case, "code")
+    assert (row["status"], row["chosen"], row["told"]) == ("done", "rdpi", "rdpi")
+    assert not row["whole"]
+    text = kind_choice.silence_report([row, row | {"chosen": "duhem", "told": "duhem"}], 1)
+    assert "No other core is preferred on 1 of 2 plants" in text
+    assert "names RDPI on 1, and lists it among those that it does not tell apart on 1." in text

@@ -9,7 +9,16 @@ from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.base_models import begun
 from rdpi_gym.diagnosis.search.bench import Bench, State
 from rdpi_gym.diagnosis.search.candidates import refit
-from rdpi_gym.diagnosis.search.core_choice import AUTO, Fitted, choose, fit_kinds, instead, turning
+from rdpi_gym.diagnosis.search.core_choice import (
+    AUTO,
+    Fitted,
+    choose,
+    fit_kinds,
+    instead,
+    simpler,
+    turning,
+)
+from rdpi_gym.diagnosis.search.ranking import AT_FLOOR
 from rdpi_gym.diagnosis.search.separability import RATE, separability, typical_effects
 from rdpi_gym.identification.kinds import orientation
 from rdpi_gym.plant import CORES, RDPI, PlantModel
@@ -18,9 +27,9 @@ from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import joined
 
-# Noise floors from which on another core is asked for at the end, and what its first steps have to
-# leave of the error of the records to fit.
-_NOWHERE, _HOPEFUL = 2.0, 0.7
+# Noise floors from which on much is left, and what the first steps of another core have to leave of
+# the error of the records to fit: there, and where less is left.
+_NOWHERE, _HOPEFUL, _NO_WORSE = 2.0, 0.7, 1.0
 # It takes the place of RDPI where it leaves so few noise floors and so much less, or far less.
 _NEAR, _BESIDES, _FAR = 1.5, 0.6, 0.1
 # Where all rates are alike, an effect at this cosine to that of δ2 is indistinguishable from it.
@@ -57,23 +66,33 @@ class Beginning(Bench):
     def other_core(self, state: State) -> CoreChoice | None:
         """Return another core that explains what an RDPI model with all its effects does not, if any.
 
-        Asked only where no core was asked for or given, and much is left that is not the clock of one
-        record: a record in a wrong time looks like another kind of hysteresis.
+        Asked only where no core was asked for or given, and something is left that is not the clock of
+        one record: a record in a wrong time looks like another kind of hysteresis. Where little is
+        left, plays and effects may imitate a kind: one of fewer numbers has to leave half of that.
         """
-        left = state.outcome.mean_square
         if self._asked_core is not None or self.core.kind != RDPI.name:
             return None
-        if left <= _NOWHERE**2 * self.noise_um**2 or self.at_floor(state) or self.clocks(state):
+        left, variance = state.outcome.mean_square, self.noise_um**2
+        # above the noise, not the numerical floor: that of another kind may be lower
+        if left <= (1.0 + AT_FLOOR) * variance or self.clocks(state):
             return None
-        least_um = _HOPEFUL * state.outcome.errors.train_rmse_um
+        much = left > _NOWHERE**2 * variance and not self.at_floor(state)
+        least_um = (_HOPEFUL if much else _NO_WORSE) * state.outcome.errors.train_rmse_um
         kinds = turning(self.core.clockwise)
-        ways = fit_kinds(self.setting, kinds, self._progress, (), least_um)
-        if state.effects and not instead(ways, state.outcome, self._seed):
+
+        def better(ways: Sequence[Fitted]) -> list[Fitted]:
+            if much and instead(ways, state.outcome, self._seed):
+                return list(ways)
+            return simpler(ways, Fitted(RDPI, state.outcome), self.noise_um, self._seed)
+
+        ways = better(fit_kinds(self.setting, kinds, self._progress, (), least_um))
+        if state.effects and not ways:
             # effects that stand in for the core are none beside it, but others may be
-            ways = fit_kinds(self.setting, kinds, self._progress, state.effects, least_um)
-        if not instead(ways, state.outcome, self._seed):
+            beside = fit_kinds(self.setting, kinds, self._progress, state.effects, least_um)
+            ways = better(beside)
+        if not ways:
             return None
-        every = [*ways, Fitted(RDPI, state.outcome)]
+        every = [*ways, Fitted(RDPI, state.outcome)] if much else ways
         return choose(self.setting, every, self.core.clockwise, self._seed)
 
     def gives_way(self, state: State, other: State) -> bool:
@@ -83,7 +102,10 @@ class Beginning(Bench):
         """
         left, its = state.outcome.mean_square, other.outcome.mean_square
         near = its <= _NEAR**2 * self.noise_um**2
-        return its < _FAR * left or (near and its < _BESIDES * left)
+        if its < _FAR * left or (near and its < _BESIDES * left):
+            return True
+        own, others = (Fitted(type(s.hysteresis), s.outcome) for s in (state, other))
+        return near and bool(simpler([others], own, self.noise_um, self._seed))
 
     def left_by(self, core: CoreChoice, state: State, other: State) -> str:
         """Say what a search with another core left, which did not take the place of this one."""

@@ -44,6 +44,16 @@ class Fitted:
     kind: type[Core]
     outcome: Outcome
 
+    @property
+    def numbers(self) -> int:
+        """Numbers of the whole model: gains that are not zero, of the core's shape and of effects."""
+        assert self.outcome.fit is not None
+        core, effects = self.outcome.fit.variant.hysteresis, self.outcome.fit.variant.effects
+        free = sum(
+            not p.fixed for each in (core.shape, *(e.parameters for e in effects)) for p in each
+        )
+        return int(np.count_nonzero(core.gains)) + free
+
 
 def turning(clockwise: bool | None) -> list[type[Core]]:
     """Return the kinds whose loops turn as those of records do; None, where that is unknown: all.
@@ -138,6 +148,31 @@ def instead(ways: Sequence[Fitted], of: Outcome, seed: int) -> bool:
     if not ways or ways[0].outcome.mean_square > _INSTEAD * of.mean_square:
         return False
     return beats(of.pieces, ways[0].outcome.pieces, np.random.default_rng(seed)) >= _SURE
+
+
+def simpler(ways: Sequence[Fitted], of: Fitted, noise_um: float, seed: int) -> list[Fitted]:
+    """Return the kinds that explain with fewer numbers half of what a model leaves beyond the noise.
+
+    Parameters
+    ----------
+    ways
+        Kinds.
+    of
+        The model.
+    noise_um
+        Noise floor (µm rms).
+    seed
+        As :func:`choose`.
+    """
+    least = noise_um**2 + _INSTEAD * max(of.outcome.mean_square - noise_um**2, 0.0)
+    rng = np.random.default_rng(seed)
+    return [
+        way
+        for way in ways
+        if way.numbers < of.numbers
+        and way.outcome.mean_square <= least
+        and beats(of.outcome.pieces, way.outcome.pieces, rng) >= _SURE
+    ]
 
 
 def _experiment(kind: type[Core], alike: Iterable[type[Core]]) -> str | None:

@@ -10,6 +10,8 @@ import pytest
 
 from rdpi_gym.plant import CORES, Plant, PlantModel
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects.base import forms_of
 from rdpi_gym.plant.packing import empty_state, pack
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
@@ -165,3 +167,14 @@ def test_it_says_what_people_look_for(name: str) -> None:
     for text in (kind.title, kind.equation, kind.source, kind.signature, kind.experiment):
         assert len(text) > 10
     assert kind.hardware.endswith(".")
+
+
+def test_what_only_the_rdpi_model_has_is_refused_around_other_cores() -> None:
+    effect = next(form for form in forms_of(CATALOGUE["asymmetry"]) if form.weighs_plays)()
+    for name, kind in CORES.items():
+        core = kind.starts(SCALE)[0]
+        if name == "rdpi":
+            Plant(PlantModel(core, "m", (-30.0, 30.0), (0.0, 5.0), effects=(effect,)), TS_S)  # type: ignore[arg-type]
+            continue
+        with pytest.raises(InputError, match=f"only the core rdpi has, and the core is {name}"):
+            PlantModel(core, "m", (-30.0, 30.0), (0.0, 5.0), effects=(effect,))  # type: ignore[arg-type]
