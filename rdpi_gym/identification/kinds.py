@@ -33,6 +33,8 @@ _BESIDE, _PASSES, _SAMPLES, _NEAR = ("creep", "sensor_lag"), 15, 20_000, 3.0
 # Effects that take a kind's place in part, tried beside each where much is left: times what changes
 # from sample to sample (mean square), and the share that one has to take.
 _BESIDES, _MUCH, _TAKES = ("backlash", "resonance"), 1.1, 0.1
+# Of the largest span of a command, how far from 0 V a record that begins at rest may begin.
+_AT_REST = 0.02
 # Times what is usual of a record's error, from which on no kind explains it; times the best error, up
 # to which a kind is refitted without such records; and the fewest records of which any can be left out.
 _UNTOLD, _HOPEFUL, _FEWEST = 3.0, 6.0, 3
@@ -60,7 +62,8 @@ class KindChoice:
     same
         Names of those among `alike` that are one model with the chosen kind at the numbers found.
     left_out
-        Names of records that no kind explains as it does the others: they were not fitted.
+        Names of records that were not fitted: they begin away from rest while others begin there, or
+        no kind explains them as it does the others.
     """
 
     fits: tuple[CoreFit, ...]
@@ -80,9 +83,10 @@ def choose_kind(
     Each is fitted together with a creep and a lag of the sensor, which bend and widen loops as well:
     without them the rate-dependent kinds take a lag for hysteresis. First fits on few samples show
     which kinds come near the best; those are refitted on more. Where even the best leaves much, those
-    are tried beside a backlash and beside a resonance too, of which kinds take the place. A record that no kind explains as it
-    does the others, such as one whose turns lie between the samples, is left out of the fits. Without
-    records to validate on, blocks of each record are held out.
+    are tried beside a backlash and beside a resonance too, of which kinds take the place. A record that
+    begins away from rest, while others begin there, is left out, for some kinds never forget what
+    came before; so is one that no kind explains as it does the others. Without records to validate
+    on, blocks of each record are held out.
 
     Parameters
     ----------
@@ -116,6 +120,7 @@ def choose_kind(
         parts = [hold_out_blocks(record) for record in whole]
         train, validation = [fit for fit, _ in parts], [held for _, held in parts]
     report, scale = progress or silent, data_scale(train)
+    every, train, validation = train, from_rest(train), from_rest(validation)
     refused: dict[str, str] = {}
 
     def begun(kinds: Sequence[type[Core]], records: Sequence[Record]) -> list[Way]:
@@ -165,11 +170,32 @@ def choose_kind(
         tuple(sorted(stated.values(), key=_held_out)),
         stated[found.chosen.core.name],
         found.alike,
-        orientation(train),
+        orientation(every),
         refused,
         found.same,
-        tuple(record.name for record in train if record not in told),
+        tuple(record.name for record in every if record not in told),
     )
+
+
+def from_rest(records: Sequence[Record]) -> list[Record]:
+    """Return the records that begin at 0 V or have a recorded past, where half of all do; else all.
+
+    Parameters
+    ----------
+    records
+        Records that move.
+
+    Examples
+    --------
+    >>> t = np.arange(4.0)
+    >>> begin = {"still": 0.0, "at rest": 0.0, "moving": 2.0}
+    >>> made = [Record(name, t, u0 + t, t, ts_s=1.0) for name, u0 in begin.items()]
+    >>> [record.name for record in from_rest(made)]
+    ['still', 'at rest']
+    """
+    span = max(float(np.ptp(record.u_V)) for record in records)
+    kept = [r for r in records if r.before_V.size or abs(float(r.u_V[0])) <= _AT_REST * span]
+    return kept if 2 * len(kept) >= len(records) else list(records)
 
 
 def explained(records: Sequence[Record], fits: Sequence[JointFit]) -> list[Record]:

@@ -9,7 +9,7 @@ import pytest
 
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.bench import setting_of
-from rdpi_gym.diagnosis.search.core_choice import choose, fit_kinds, instead
+from rdpi_gym.diagnosis.search.core_choice import choose, fit_kinds, instead, simpler
 from rdpi_gym.diagnosis.search.discover import add_effect, discover
 from rdpi_gym.identification.kinds import orientation
 from rdpi_gym.measurement import Dataset, Record
@@ -73,7 +73,17 @@ def test_rdpi_stays_where_nothing_speaks_against_it():
     own, other = fit_kinds(setting, [RDPI, CORES["bouc_wen"]], silent)
     assert own.kind is RDPI
     assert not instead([other], own.outcome, 0)
+    assert simpler([other], own, 0.01, 0) == []
     choice = choose(setting, [own, other], False, 0)
     assert choice.kind == "rdpi"
     assert choice.alike == ()
     assert choice.confidence == 1.0
+
+
+def test_a_kind_of_fewer_numbers_that_leaves_half_beyond_the_noise_takes_the_place_of_plays():
+    plant = PlantModel(CORES["duhem"](1.0, 0.7, 6.0), "duhem", (-15.0, 15.0), (0, 5))  # type: ignore[arg-type]
+    other, own = fit_kinds(setting_of(records(plant)), [RDPI, CORES["duhem"]], silent)
+    assert other.kind is CORES["duhem"]
+    assert other.numbers < own.numbers
+    assert simpler([other], own, 0.01, 0) == [other]
+    assert simpler([own], other, 0.01, 0) == []

@@ -64,7 +64,7 @@ def diagnose(
         Name of the hysteresis core; "auto": the one of all that leaves least of the records held
         out. None: that of `given`; without it RDPI, unless loops turn clockwise and another core
         explains them clearly better. A discovery asks for another one too where RDPI with all that
-        was added leaves two noise floors.
+        was added leaves something above the noise.
 
     Returns
     -------
