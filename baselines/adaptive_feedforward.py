@@ -14,7 +14,7 @@ from baselines.feedforward import Feedforward
 from baselines.inverses.preview_filter import inverse_series
 from baselines.least_squares import ForgettingLeastSquares
 from baselines.memory import Rows, shift_in
-from baselines.ringing import RingingMonitor
+from baselines.ringing import BAND_HZ, RingingMonitor
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import RDPI, PlantModel
@@ -68,8 +68,6 @@ GAIN_SPREAD, PLAY_SPREAD, OFFSET_SPREAD = 0.1, 0.2, 0.025
 of the scale."""
 MOST = 0.5
 """Largest correction as share of the scale."""
-BAND_HZ = 250.0
-"""Upper end of the band (Hz) that references are expected in; what the error has above it rings."""
 # Observations are float32.
 _ROUNDING = 1e-5
 

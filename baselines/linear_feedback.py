@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from functools import cached_property
 from typing import Any, ClassVar
@@ -14,11 +15,16 @@ from baselines.inverses.preview_filter import PreviewFilter
 from baselines.loops.certificates import Certificate, certify, harmful_mode_hz, loop_warning
 from baselines.loops.path import BeliefPath, belief_path, grid
 from baselines.loops.systems import LinearSystem, unit_delay, weighted
+from baselines.memory import Rows
+from baselines.ringing import BAND_HZ, RingingMonitor
 from baselines.tuning import Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
+
+FALL_S, RECOVERY_S = 5e-3, 1.0
+"""Time constants (s) with which the feedback is withdrawn while it rings, and given back."""
 
 
 class LinearFeedback(Tunable):
@@ -29,6 +35,11 @@ class LinearFeedback(Tunable):
     drives is nearly linear, and it answers what the inverses leave. A subclass designs C from the
     linear part of the belief. Where the command is at its limit and the error drives further into
     it, C's memory stands still.
+
+    A guard watches whether the error rings, :class:`baselines.ringing.RingingMonitor`: while it does
+    C is given less and less of the error, what it holds stays, and what it is given comes back over a
+    second only. A loop that is stable with its gain is so with less, so a mode that a load has moved
+    costs bandwidth and not the stage.
 
     Parameters
     ----------
@@ -58,6 +69,15 @@ class LinearFeedback(Tunable):
                 self.path = BeliefPath(passed, self.path.sliding, self.path.mode, self.path.delay_s)
         self.angles, self.z = grid(self.path, layout.ts_s)
         self.feedback = self.design()
+        self.monitor = RingingMonitor(BAND_HZ, layout.scale_um, layout.ts_s)
+        self._falls = math.exp(-layout.ts_s / FALL_S)
+        self._returns = 1.0 - math.exp(-layout.ts_s / RECOVERY_S)
+        self.rows = Rows(
+            feedback=self.feedback.order,
+            monitor=self.monitor.rows,
+            allowed=1,
+            inverse=len(self.inverse.start(np.zeros(1))),
+        )
 
     def inverted_belief(self) -> PlantModel:
         """Return the plant that the feedforward inverts; the belief, unless a subclass knows better."""
@@ -68,17 +88,21 @@ class LinearFeedback(Tunable):
         """Return C from the path, the grid and the settings."""
 
     def start(self, reference_um: Array) -> Array:
-        """Return the memory at rest: that of C, then the inverse's."""
-        own = np.zeros((self.feedback.order, len(reference_um)))
-        return np.concatenate([own, self.inverse.start(reference_um)])
+        """Return the memory at rest; see :meth:`baselines.base.Baseline.start`."""
+        state = np.zeros((self.rows.total, len(reference_um)))
+        self.rows.of(state, "monitor")[:] = self.monitor.start(reference_um)
+        self.rows.of(state, "allowed")[:] = 1.0
+        self.rows.of(state, "inverse")[:] = self.inverse.start(reference_um)
+        return state
 
     def next_command(
         self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
     ) -> Array:
         """Answer e(k) and r(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         system = self.feedback
-        own, rest = state[: system.order], state[system.order :]
+        own, rest = self.rows.of(state, "feedback"), self.rows.of(state, "inverse")
         error = reference_um[0] - self.layout.measured_um(observation)
+        error *= self._allowed(error, reference_um[0], state)
         last = rest[0].copy()
         u = self.inverse.corrected_command(observation, system.c @ own + system.d * error, rest)
         low, high, step = self.limits
@@ -87,6 +111,15 @@ class LinearFeedback(Tunable):
         stands = (above & (error > 0.0)) | (below & (error < 0.0))
         own[:] = np.where(stands, own, system.a @ own + system.b[:, None] * error)
         return u
+
+    def _allowed(self, error_um: Array, reference_um: Array, state: Array) -> Array:
+        """Share of the error that the feedback is given, 1 until something rings."""
+        allowed: Array = self.rows.of(state, "allowed")[0]
+        _, ringing = self.monitor.watch(self.rows.of(state, "monitor"), error_um, reference_um)
+        allowed[:] = np.where(
+            ringing, self._falls * allowed, allowed + self._returns * (1.0 - allowed)
+        )
+        return allowed
 
     @property
     def needed_preview(self) -> int:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from rdpi_gym.support.arrays import Array
 
+BAND_HZ = 250.0
+"""Upper end of the band (Hz) that references are expected in; what the error has above it rings."""
 FAST_S, SLOW_S = 4e-3, 4e-2
 """Time constants (s) of the energies that are compared: a few periods of a mode, and ten times that."""
 WITHDRAW_S, RETURN_S = 2e-3, 5e-2

@@ -83,6 +83,22 @@ def test_a_damper_damps_its_mode_and_one_that_has_moved(name):
         assert left.max() < (0.5 if factor == 1.0 else 1.0)
 
 
+def test_a_loop_that_a_load_makes_unstable_is_withdrawn_and_does_not_ring_on():
+    controller = made("dual-loop", STAGE, {"gain_share": 1.5, "damping_share": 1.0})
+    loaded = stage(resonance={"f0_hz": 400.0})
+    moved = belief_path(loaded, TS).dynamics
+    assert (unit_delay() * controller.feedback * moved).closed().radius > 1.01
+    r = 20.0 * np.sin(2.0 * np.pi * 30.0 * TS * np.arange(3000))[:, None]
+    task, state = TrackingTask(loaded, controller.layout), None
+    observation, errors = task.reset(r), []
+    for _ in range(len(r) - 1):
+        action, state = controller.predict(observation, state)
+        observation = task.step(controller.layout.place_to_V(np.float64(action[:, 0])))
+        errors.append(abs(task.error_um[0]))
+    assert max(errors) < 30.0
+    assert max(errors[-500:]) < 2.0
+
+
 def test_a_belief_without_a_mode_gives_a_controller_without_notch_or_damper():
     lagging = replace(STATIC, effects=STAGE.effects[1:])
     for name in ("pi-preview", *DAMPERS):
