@@ -181,8 +181,12 @@ def _tracking_um(found: Measured, belief: PlantModel) -> float:
     reference = middle + _REACH * stroke * start * wave
     layout = ObservationLayout.for_plant(belief, ts_s=_TS_S, preview=4)
     u = ExtendedInverse(belief, layout).command_block(reference[:, None])[:, 0]
-    drive = Drive("tracked", "validation", _TS_S, _PARTS, between(u, _PARTS))
-    error = (found.answer(drive) - reference)[t > 1.0]
+    low_V, high_V = belief.command_range_V
+    rest_V = min(
+        max(0.0, low_V), high_V
+    )  # where the compensator takes every memory to have settled
+    drive = Drive("tracked", "validation", _TS_S, _PARTS, between(np.append(rest_V, u), _PARTS))
+    error = (found.answer(drive)[1:] - reference)[t > 1.0]
     return float(np.std(error))
 
 

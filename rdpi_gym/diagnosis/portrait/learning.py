@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import Effect, forms_of, in_chain_order
+from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
 from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.progress import Progress
 
 # Passes and samples in which every start shows which are worth the rest: two of many where they are as near as this.
 _FIRST_PASSES, _FIRST_SAMPLES, _MANY, _AS_NEAR = 4, 4_000, 3, 1.1
 _PASSES, SAMPLES = 20, 10_000
+# A memory that is shorter than so many samples is none.
+_LEAST_SAMPLES = 2.0
 # Times the least squared error, on the records held out, that a memory may leave to be worth a second.
 _NEAR = 2.0
 
@@ -75,6 +77,9 @@ def learn_forms(
 ) -> list[Outcome]:
     """Refit the forms of the block; those with two memories where one memory comes near the best.
 
+    Forms whose memory came out shorter than the samples are left out: they are static ones that a
+    compensator takes for what they are not.
+
     Parameters
     ----------
     setting, hysteresis, present
@@ -96,4 +101,18 @@ def learn_forms(
             starts = form.from_simpler(simpler.fitted, setting.scale)
         found[form.form] = learn(setting, hysteresis, present, starts)
     progress(f"forms of {kind.name}", len(kinds), len(kinds))
-    return list(found.values())
+    return [outcome for outcome in found.values() if are_shown(outcome.fitted, setting.scale)]
+
+
+def are_shown(block: Effect, scale: DataScale) -> bool:
+    """Whether the samples show all memories that a block has.
+
+    Parameters
+    ----------
+    block
+        As it was fitted.
+    scale
+        Size of the data.
+    """
+    taus = (v for name, v in block.values.items() if name.startswith("time_constant"))
+    return all(tau >= _LEAST_SAMPLES * scale.shortest_s for tau in taus)

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from rdpi_gym.diagnosis.portrait.learning import learn
+from rdpi_gym.diagnosis.portrait.learning import are_shown, learn
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, forms_of
@@ -23,8 +23,6 @@ Parity = Literal["even", "odd", "both"]
 _WEIGHTS = frozenset(p.name for k in forms_of(Unknown) for p in k.parameters if p.neutral == 0.0)
 PLACES: tuple[Place, ...] = ("before", "in", "behind", "beside")
 _DRAWS = 400
-# A memory that is shorter than so many samples is none.
-_LEAST_SAMPLES = 2.0
 # Of the logarithm of the error, what a second memory or a second parity has to take.
 _WORTH = 0.15
 # The same by which a nature may be worse, of either parity, for each parity to be tried alone.
@@ -116,7 +114,7 @@ def try_all(
     found = [_tried(setting, outcome, "both", frozenset()) for outcome in forms]
     near = leading(found).score + _NEAR
     single = [t for t in found if t.nature != "with two memories"]
-    worth = {t.nature for t in single if t.score < near and not _is_short(t, shortest_s)}
+    worth = {t.nature for t in single if t.score < near}
     drives: tuple[Parity, ...] = ("even", "odd")
     for done, both in enumerate([t for t in single if t.nature in worth]):
         progress("portrait", done, len(PLACES) * len(worth))
@@ -128,7 +126,7 @@ def try_all(
             held = _held(type(start), drive)
             outcome = learn(setting, hysteresis, present, [start], held)
             found.append(_tried(setting, outcome, drive, held))
-    found = [t for t in found if not _is_short(t, shortest_s)]
+    found = [t for t in found if are_shown(t.block, setting.scale)]
     if leading(found).time_constants_s:
         slow = [t for t in found if t.nature == "with memory"]
         for place in dict.fromkeys(t.place for t in slow):
@@ -136,11 +134,11 @@ def try_all(
             if one.drive != "both" and _asks_for_two(found, place):
                 found.append(_twice(setting, hysteresis, present, one, one.drive))
         one = leading(found)
-        if one.nature == "with two memories":
-            near_by = leading([t for t in slow if t.place == one.place])
+        near_by = [t for t in slow if t.place == one.place]
+        if one.nature == "with two memories" and near_by:
             tried = {t.drive for t in found if (t.place, t.nature) == (one.place, one.nature)}
             for drive in (d for d in get_args(Parity) if d not in tried):
-                found.append(_twice(setting, hysteresis, present, near_by, drive))
+                found.append(_twice(setting, hysteresis, present, leading(near_by), drive))
     progress("portrait", len(PLACES) * len(worth), len(PLACES) * len(worth))
     return sorted(found, key=_priced)
 
@@ -148,8 +146,8 @@ def try_all(
 def _asks_for_two(found: Sequence[Tried], place: Place) -> bool:
     """Whether a second memory takes what it is worth with both parities; where it was far it was not tried."""
     both = {t.nature: t.score for t in found if t.place == place and t.drive == "both"}
-    once, twice = both["with memory"], both.get("with two memories")
-    return twice is not None and twice < once - _WORTH
+    once, twice = both.get("with memory"), both.get("with two memories")
+    return once is not None and twice is not None and twice < once - _WORTH
 
 
 def _twice(
@@ -198,11 +196,6 @@ def leading(tried: Sequence[Tried]) -> Tried:
 def _priced(one: Tried) -> float:
     price = _WORTH * ((one.drive == "both") + (one.nature == "with two memories"))
     return one.score + price
-
-
-def _is_short(one: Tried, shortest_s: float) -> bool:
-    """Whether a block has a memory that the samples do not show."""
-    return any(tau < _LEAST_SAMPLES * shortest_s for tau in one.time_constants_s)
 
 
 def shares(
