@@ -22,6 +22,9 @@ COVERED = 0.9
 # Shares of the excess beyond which nothing more is read from them: of a named effect, of another.
 _LEAST_SHARE, _LEAST_OTHER, _MOST_SHARE = 0.01, 0.003, 0.999
 _MOST_FLOORS, _MOST_RIVALS = 100.0, 3
+# Of the square of the floor, what is taken to be left at least; and the largest logarithm of a ratio
+# of what two effects leave.
+_LEAST_LEFT, _FARTHEST = 0.15, 8.0
 # Floors up to which a model counts as explained; as a verdict does, but for what the sampling hides.
 _EXPLAINED = 1.15
 _FITTED = Path(__file__).with_name("probabilities.json")
@@ -106,12 +109,29 @@ class Course:
             "share": _logit(min(max(sign.share, _LEAST_OTHER), _MOST_SHARE)),
             "rival": float(rival or bool(names & set(sign.indistinguishable))),
             "kin": float(bool(names & set(kin))),
+            "behind": self._behind(sign),
         }
+
+    def _behind(self, sign: Sign) -> float:
+        """How much more one effect would leave in the place of another that alone explains the data.
+
+        The logarithm of the ratio of the excesses; 0 where there is no such effect.
+        """
+        if len(self.added) != 1 or self.end_um > _EXPLAINED * self.floor_um:
+            return 0.0
+        ratio = math.log(self._left_by(sign) / self._left_by(self.added[0]))
+        return min(max(ratio, 0.0), _FARTHEST)
+
+    def _left_by(self, sign: Sign) -> float:
+        """What a candidate leaves of the excess, refitted in the first round (µm²)."""
+        floor = max(self.floor_um, 1e-300) ** 2
+        excess = max(self.base_um**2 - floor, 0.0)
+        return (1.0 - min(max(sign.share, -1.0), 1.0)) * excess + _LEAST_LEFT * floor
 
 
 NAMED = ("left", "explained", "share", "rivals", "splits", "later")
 IN_CLASS = ("left", "explained", "share", "later")
-UNNAMED = ("left", "explained", "steps", "share", "rival", "kin")
+UNNAMED = ("left", "explained", "share", "rival", "kin", "behind")
 ELSE = ("left", "explained", "steps", "base")
 NOTHING = ("empty", "base")
 """Features that each of the probabilities is read from."""

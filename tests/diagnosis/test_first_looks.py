@@ -10,6 +10,7 @@ import pytest
 
 from rdpi_gym.diagnosis.search.candidates import Setting, refit
 from rdpi_gym.diagnosis.search.scale import comb
+from rdpi_gym.diagnosis.search.separability import next_experiment, typical_effects
 from rdpi_gym.diagnosis.search.traces import taken_by
 from rdpi_gym.identification.first_fits import FIRST_SAMPLES
 from rdpi_gym.identification.joint import first_steps
@@ -33,6 +34,18 @@ def record(name: str, *effects: Effect, seed: int = 0, noise_um: float = 0.01) -
 def setting(*effects: Effect) -> Setting:
     train, validation = record("a", *effects), record("b", *effects, seed=1)
     return Setting((train,), (validation,), data_scale((train, validation)))
+
+
+def test_an_experiment_that_was_made_is_not_advised_again() -> None:
+    here = setting()
+    typical = typical_effects(CATALOGUE, here.scale)
+    pair = typical["saturation"], typical["congruency"]
+    first = next_experiment(*pair, P10.hysteresis, here.scale)
+    assert first is not None
+    name = first.split("of the standard protocol, ")[1].split(" (")[0]
+    second = next_experiment(*pair, P10.hysteresis, here.scale, (name,))
+    assert second is not None
+    assert f" {name} (" not in second
 
 
 def fitted(here: Setting) -> RDPI:

@@ -60,6 +60,18 @@ def test_the_kin_of_what_was_added_is_more_probable_than_others():
     assert found.effects["sensor_lag"] > 2 * found.effects["backlash"]
 
 
+def test_kin_that_leaves_more_in_its_place_is_no_longer_probable():
+    kin = {"sensor_lag": {"delay"}}
+
+    def set_with(share, left=1.0):
+        went = course(sign("delay", 0.999), left=left, tried=(sign("sensor_lag", share),))
+        return probabilities(went, kin).probable
+
+    assert set_with(0.998) == ("delay", "sensor_lag")
+    assert set_with(0.9) == ("delay",)  # three noise floors in the place of a delay
+    assert "sensor_lag" in set_with(0.9, left=3.0)  # where much is left, both may be there
+
+
 def test_where_nothing_was_added_and_the_noise_is_left_nothing_is_missing():
     quiet = probabilities(course(tried=(sign("creep", 0.01),), base=1.0), {})
     assert quiet.none > 0.7

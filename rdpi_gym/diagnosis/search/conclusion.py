@@ -259,6 +259,7 @@ def _next_experiment(
         laboratory.limits,
         judgement.verdict != "unexplained",
         probable,
+        [record.name for record in laboratory.dataset.records],
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from rdpi_gym.diagnosis.hygiene import Finding
 from rdpi_gym.diagnosis.results import Candidate
@@ -45,6 +45,7 @@ def what_to_measure(
     limits: Sequence[str],
     is_settled: bool,
     probable: Sequence[str] = (),
+    made: Collection[str] = (),
 ) -> str | None:
     """Name the experiment that would decide what these data cannot.
 
@@ -70,6 +71,8 @@ def what_to_measure(
         Whether the model explains the records.
     probable
         Effects that may be there, the most probable first, those of the model among them.
+    made
+        Names of the records: an experiment of the standard protocol is not advised twice.
 
     Returns
     -------
@@ -91,7 +94,7 @@ def what_to_measure(
     if not pairs and not is_settled:
         alike = [[typical[n] for n in group if n in typical] for group in groups]
         pairs = [(group[0], group[1]) for group in alike if len(group) > 1]
-    if pairs and (found := next_experiment(*pairs[0], hysteresis, scale)) is not None:
+    if pairs and (found := next_experiment(*pairs[0], hysteresis, scale, made)) is not None:
         return found
     if is_settled and not effects:
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,9 @@ from rdpi_gym.support.arrays import Array
 # Above this cosine two effects are one class on the data.
 ALIKE = 0.95
 RATE = "rate-dependent threshold (δ2)"
+
+# Experiments that show no effect which others do not show.
+_NO_ADVICE = ("quiet", "triangle-slow-again")
 
 
 @dataclass(frozen=True)
@@ -147,6 +150,7 @@ def next_experiment(
     second: Effect,
     hysteresis: Core,
     scale: DataScale,
+    made: Collection[str] = (),
 ) -> str | None:
     """Name the experiment of the standard protocol that tells two effects apart best.
 
@@ -158,16 +162,18 @@ def next_experiment(
         The fitted model.
     scale
         Size of the data: the experiments use its range of commands.
+    made
+        Names of those that were made: they have told what they can.
 
     Returns
     -------
     str or None
-        A sentence; None where no experiment shows a difference.
+        A sentence; None where no other experiment shows a difference.
     """
     best: tuple[float, Experiment] | None = None
     smallest_V = max(hysteresis.first_threshold_V, 0.02 * scale.span_V)
     for experiment in standard_protocol(scale.centre_V, scale.span_V, smallest_V):
-        if experiment.role == "validation" or experiment.name in ("quiet", "triangle-slow-again"):
+        if experiment.role == "validation" or experiment.name in (*_NO_ADVICE, *made):
             continue
         u = experiment.command_V()
         record = Record(experiment.name, experiment.times_s(), u, u, experiment.ts_s)
