@@ -10,13 +10,15 @@ from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import forms_of
 from rdpi_gym.plant.effects.unknown import Unknown
-from rdpi_gym.plant.effects.unknown_drives import OfTheRate
+from rdpi_gym.plant.effects.unknown_drives import OfTheRate, Static
 from rdpi_gym.plant.effects.unknown_places import Block
 from rdpi_gym.support.arrays import Array
 
 # Corrections: each takes the error down by the largest slope of what the block adds, 0.02 to 0.3. Where
 # it adds a rate without a lag, that slope is above one from sample to sample, and more would not settle.
+# What a curve adds hangs on the sample alone: from the second on they are secant steps, in these bounds.
 _ROUNDS, _RATE_ROUNDS = 6, 1
+_LEAST_SLOPE, _LARGEST_SLOPE = 0.2, 5.0
 _RATES = 2  # rows of the block's state that its rate is taken from
 
 
@@ -43,6 +45,7 @@ class UnknownInverse(Inverse):
 
     effect = Unknown.name
     forms = _forms("before", "behind")
+    _reads_guess = True
 
     def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
         super().__init__(effect, setting, ahead)
@@ -50,6 +53,7 @@ class UnknownInverse(Inverse):
         self._p = np.array(effect.coefficients(setting.ts_s, setting.hysteresis))[:, None]
         self._each = effect.state_rows(setting.ts_s)
         self._rounds = _RATE_ROUNDS if isinstance(effect, OfTheRate) else _ROUNDS
+        self._by_secants = isinstance(effect, Static) and self._reads_guess
         self.rows = self._rounds * self._each
 
     def start(self, y: Array) -> tuple[Array, Array]:
@@ -69,12 +73,21 @@ class UnknownInverse(Inverse):
     def run(self, y: Array, state: Array) -> Array:
         """Correct; see :meth:`Inverse.run`."""
         p = np.repeat(self._p, y.shape[1], axis=1)
-        x, out = y, np.empty_like(y)
+        x, before = y, (y, y)
         for k in range(self._rounds):
-            own = state[k * self._each : (k + 1) * self._each]
+            own, out = state[k * self._each : (k + 1) * self._each], np.empty_like(y)
             self._block(x, self._command(x, k, state), p, own, self._ts_s, out)
-            x = y - (out - x)
+            slope = self._slope(x - before[0], out - before[1]) if k else 1.0
+            before = x, out
+            x = x + (y - out) / slope
         return x
+
+    def _slope(self, step: Array, answer: Array) -> Array | float:
+        """Slope of the block between two guesses, where a sample's answer hangs on it alone."""
+        if not self._by_secants:
+            return 1.0
+        slope = np.divide(answer, step, out=np.ones_like(step), where=step != 0.0)
+        return np.asarray(np.clip(slope, _LEAST_SLOPE, _LARGEST_SLOPE))
 
     def _command(self, x: Array, k: int, state: Array) -> Array:
         """Command that belongs to a guess; a block that stands apart from the plays reads none."""
@@ -102,6 +115,7 @@ class UnknownWithin(UnknownInverse):
     """
 
     forms = _forms("in", "beside")
+    _reads_guess = False
 
     def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
         super().__init__(effect, setting, ahead)

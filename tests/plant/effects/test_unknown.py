@@ -62,6 +62,14 @@ def test_a_term_is_even_or_odd(term):
     )  # fmt: skip
 
 
+def test_a_steep_curve_is_undone_too():
+    steep = Unknown(even_1=0.0, odd_1=0.45, span_um=20.0)  # its slope goes from 1 to 2.35
+    y = steep.run(U, TS)
+    inverse = inverse_of(steep)(steep, Setting(TS, P5.hysteresis, 20.0, 0.0))
+    state, _ = inverse.start(y[:1])
+    assert np.abs(inverse.run(y[1:, None].copy(), state)[:, 0] - U[1:]).max() < 1e-3
+
+
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.form)
 def test_its_inverse_leaves_a_seventh_of_it_at_most(form):
     effect = small(form, 1)
