@@ -36,7 +36,7 @@ states its ``name``. One of another project is named by an entry point of the gr
 from baselines.base import Baseline
 from baselines.feedforward import Feedforward
 from baselines.lookup import LEARNED, find_factory, make_controller
-from baselines.preview import ORACLE, PreviewOracle
+from baselines.preview import FULL_PREVIEW, FullPreviewInversion
 from baselines.registry import (
     CONTROLLERS,
     FEEDFORWARDS,
@@ -50,13 +50,13 @@ from rdpi_gym.envs.controller import Controller, ControllerFactory
 __all__ = [
     "CONTROLLERS",
     "FEEDFORWARDS",
+    "FULL_PREVIEW",
     "LEARNED",
-    "ORACLE",
     "Baseline",
     "Controller",
     "ControllerFactory",
     "Feedforward",
-    "PreviewOracle",
+    "FullPreviewInversion",
     "find_factory",
     "inverts_any_core",
     "inverts_effects",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from baselines.preview import ORACLE
+from baselines.preview import FULL_PREVIEW
 from baselines.registry import CONTROLLERS
 from rdpi_gym.envs.controller import GROUP, Controller, ControllerFactory
 from rdpi_gym.envs.layout import ObservationLayout
@@ -87,9 +87,9 @@ def find_factory(name: str) -> object:
     if ":" in name:
         return load_attribute(name, "controller")
     found = installed(GROUP, name, "controller")
-    if name == ORACLE:
+    if name == FULL_PREVIEW:
         raise InputError(
-            f"{ORACLE} holds the true plant, so only rdpi bench makes it; preview-inversion inverts what is believed of the plant"
+            f"{FULL_PREVIEW} holds the true plant, so only rdpi bench makes it; preview-inversion inverts what is believed of the plant"
         )
     if found is None:
         known = [*CONTROLLERS, *installed_names(GROUP)]

@@ -1,4 +1,4 @@
-"""Commands planned over the whole reference: ``preview-inversion``, and the oracle that is a bound."""
+"""Commands planned over the whole reference: ``preview-inversion``, and the same of true plants."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
-ORACLE = "preview-oracle"
-"""What tables call :class:`PreviewOracle`."""
+FULL_PREVIEW = "full-preview-inversion"
+"""What tables call :class:`FullPreviewInversion`."""
 
 # Share of the scale below which an error is that of actions, which are float32.
 _ENOUGH = 1e-7
@@ -162,13 +162,15 @@ class PreviewInversion(Planned):
         return _inverted(self.belief, self.layout, self.limits, reference_um)
 
 
-class PreviewOracle(Planned):
-    """The bound: inverts the true plant of every lane over the whole reference.
+class FullPreviewInversion(Planned):
+    """Inverts what it is given of every lane, the true plant, over the whole reference.
 
-    What is left of the error is what the sampling time, the command's range and the numerical
-    inversion leave; no noise enters, since nothing is measured. It holds what no controller may
-    hold, so it is no controller: it has no name, :func:`~baselines.make_controller` does not make
-    it, and only a benchmark that gives it the plants can.
+    It is the bound of those who know the plant and all that is to come: nobody who sees a preview
+    can do as much, see :class:`baselines.horizon.TrueHorizon`. What is left of the error is what the
+    sampling time, the command's range and the numerical inversion leave; no noise enters, since
+    nothing is measured. It holds what no controller may hold, so it is no controller: it has no
+    name, :func:`~baselines.make_controller` does not make it, and only a benchmark that gives it the
+    plants can.
 
     Parameters
     ----------
@@ -181,9 +183,9 @@ class PreviewOracle(Planned):
     --------
     >>> from rdpi_gym.plant import P5
     >>> truths = [P5, P5.with_hysteresis(P5.hysteresis.static())]
-    >>> oracle = PreviewOracle(truths, ObservationLayout.for_plant(P5, ts_s=5e-5))
+    >>> bound = FullPreviewInversion(truths, ObservationLayout.for_plant(P5, ts_s=5e-5))
     >>> r = 10.0 * np.sin(2 * np.pi * 50.0 * 5e-5 * np.arange(800))[:, None]
-    >>> u = oracle.plan(np.hstack([r, r]))
+    >>> u = bound.plan(np.hstack([r, r]))
     >>> bool(np.abs(Plant(truths, 5e-5, lanes=2).simulate(u) - r).max() < 0.02)
     True
     """

@@ -51,7 +51,7 @@ class Controllers(Mapping[str, BaselineFactory]):
 
     Examples
     --------
-    >>> "pi-classical-static" in CONTROLLERS, "preview-oracle" in CONTROLLERS
+    >>> "pi-classical-static" in CONTROLLERS, "full-preview-inversion" in CONTROLLERS
     (True, False)
     """
 

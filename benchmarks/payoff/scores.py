@@ -110,7 +110,7 @@ def payoff_table(
     -------
     DataFrame
         Columns :data:`COLUMNS`. ``fall`` is the RMSE with the bare belief over this one;
-        ``optimality_gap`` and ``command_total_variation`` are relative to the oracle that knows
+        ``optimality_gap`` and ``command_total_variation`` are relative to the bound that knows
         the truth.
     """
     cases = payoff_cases()

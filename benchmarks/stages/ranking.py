@@ -10,7 +10,7 @@ from scipy.stats import spearmanr
 
 from baselines.horizon import HORIZON_BOUND
 from benchmarks.stages.unit import PREVIEW, WHOLE, WORST_PERCENT
-from benchmarks.tracking.leaderboard import CONFIDENCE, ranks_of
+from benchmarks.tracking.leaderboard import CONFIDENCE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.store import Row
 
@@ -60,10 +60,11 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     """Rank the controllers on one task.
 
     A plant on which a controller failed counts with its RMSE or :data:`~benchmarks.stages.unit.WORST_PERCENT`,
-    whichever is more. Of two controllers the one with fewer failures is ahead, then that with the
-    smaller 90th percentile, then that with the smaller interquartile mean; at each the paired
-    bootstrap over the plants has to exclude zero, else the next one decides. Where none does, they
-    tie. Controllers that are given the whole reference, and the bound, have no rank.
+    whichever is more. Of two controllers the one that failed on fewer plants is ahead; then that with
+    the smaller 90th percentile, where the paired bootstrap of the difference over the plants excludes
+    zero; then that with the smaller interquartile mean, where it does; else they tie. The rank is one
+    more than the number of those that are ahead. Controllers that are given the whole reference, and
+    the bound, have no rank.
 
     Parameters
     ----------
@@ -83,7 +84,6 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     rng = np.random.default_rng(0)
     picked = rng.integers(len(numbers), size=(RESAMPLES, len(numbers)))
     drawn = {
-        "failed": fails[:, picked].mean(axis=-1),
         "p90": ninetieth(errors[:, picked]),
         "iqm": interquartile_mean(errors[:, picked]),
     }
@@ -102,20 +102,23 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
             }
         )
     ranked = pd.DataFrame(lines)
-    order = ranked.sort_values(["failed", "p90_percent", "iqm_percent"], kind="stable").index
-    ranked = ranked.loc[order].reset_index(drop=True)
-    is_rival = [
-        name != HORIZON_BOUND and sees != WHOLE
-        for name, sees in zip(ranked["controller"], ranked["sees"], strict=True)
-    ]
-    index = [int(i) for i, rival in zip(order, is_rival, strict=True) if rival]
-    worse = np.array([[_is_behind(drawn, a, b) for b in index] for a in index])
-    labels = ranks_of([names[i] for i in index], worse)
-    unranked = {name: BOUND if name == HORIZON_BOUND else AHEAD for name in ranked["controller"]}
-    ranked["rank"] = [
-        labels[n]["rank"] if n in labels else unranked[n] for n in ranked["controller"]
-    ]
-    ranked["places"] = [labels[n]["places"] if n in labels else "–" for n in ranked["controller"]]
+    is_rival = (ranked["controller"] != HORIZON_BOUND) & (ranked["sees"] != WHOLE)
+    rivals: list[int] = np.flatnonzero(is_rival).tolist()
+    behind = np.array(
+        [[_is_behind(fails, drawn, a, b) for b in rivals] for a in rivals], dtype=np.bool_
+    ).reshape(len(rivals), len(rivals))
+    ahead = behind.sum(axis=1)
+    last = len(rivals) - behind.sum(axis=0)
+    ranked["rank"] = np.where(ranked["controller"] == HORIZON_BOUND, BOUND, AHEAD)
+    ranked["places"] = "–"
+    for i, best, worst in zip(rivals, (ahead + 1).tolist(), last.tolist(), strict=True):
+        ranked.loc[i, "rank"] = f"{best}{'=' if best < worst else ''}"
+        ranked.loc[i, "places"] = f"{best} to {worst}" if best < worst else f"{best}"
+    # what has no rank stands where its figures put it
+    ranked["order"] = 0.0
+    ranked.loc[rivals, "order"] = ahead
+    figures = ["failed", "p90_percent", "iqm_percent"]
+    ranked = ranked.sort_values(["failed", "order", *figures[1:]], kind="stable", ignore_index=True)
     return ranked[list(COLUMNS)]
 
 
@@ -137,8 +140,11 @@ def _interval(name: str, drawn: Array) -> dict[str, float]:
     return {f"{name}_low": float(low), f"{name}_high": float(high)}
 
 
-def _is_behind(drawn: dict[str, Array], a: int, b: int) -> bool:
+def _is_behind(fails: Array, drawn: dict[str, Array], a: int, b: int) -> bool:
     """Whether one controller is behind another by the first figure that tells them apart."""
+    more = float(fails[a].sum() - fails[b].sum())
+    if more:
+        return more > 0.0
     for each in drawn.values():
         low, high = np.quantile(
             each[a] - each[b], [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)]
@@ -170,7 +176,7 @@ def _rest(own: pd.DataFrame, errors: Array) -> dict[str, object]:
 
 
 def rank_correlation(rows: Sequence[Row]) -> float:
-    """Return Spearman's correlation of the order on the even and on the odd plants of one task.
+    """Return Spearman's correlation of the ranks on the even and on the odd plants of one task.
 
     The two halves are disjoint draws. The bound and what sees the whole reference do not count;
     NaN below three controllers.
@@ -183,10 +189,9 @@ def rank_correlation(rows: Sequence[Row]) -> float:
     halves = []
     for parity in (0, 1):
         ranked = ranking([row for row in rows if row["plant"] % 2 == parity])
-        rivals = ranked[~ranked["rank"].isin([BOUND, AHEAD])]
-        halves.append({name: place for place, name in enumerate(rivals["controller"])})
+        rivals = ranked[~ranked["rank"].isin([BOUND, AHEAD])].set_index("controller")
+        halves.append(rivals["rank"].str.rstrip("=").astype(int))
     first, second = halves
-    if len(first) < 3 or first.keys() != second.keys():
+    if len(first) < 3:
         return float("nan")
-    found = spearmanr([first[name] for name in first], [second[name] for name in first])
-    return float(found.statistic)
+    return float(spearmanr(first, second.loc[first.index]).statistic)

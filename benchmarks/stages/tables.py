@@ -25,14 +25,14 @@ METHOD = f"""\
 - **Score of a plant.** Mean over its references of the RMSE in percent of the reference's peak to peak, of the displacement without the sensor's noise, over the samples that the task scores.
 - **Failed.** Share of the plants on which, with any reference, the error was larger than that of standing still or above {WORST_PERCENT:g} %, more than {SATURATED_PERCENT:g} % of the actions lay at the end of the command's range, the controller raised an error or answered with NaN, or one decision took more than {SLOWEST_US:g} µs. Such a plant counts with {WORST_PERCENT:g} % at least.
 - **p90, IQM.** 90th percentile over the plants, and mean of their middle half; in brackets the {100 * CONFIDENCE:g} % interval of a bootstrap over the plants.
-- **Rank.** Failures decide first, then p90, then IQM; a figure decides where the paired bootstrap of the difference excludes zero, else the next one does. Those whom a chain of ties connects share a rank, marked with `=`.
+- **Rank.** One more than the number of controllers that are ahead for sure: those that failed on fewer plants; of equals there, those with a smaller p90, where the paired bootstrap of the difference excludes zero; of equals there, those with a smaller IQM, likewise. `=` marks a rank that is tied with another controller's.
 - **Over noise.** IQM in units of the sensor's noise (rms).
 - **Bound.** `{HORIZON_BOUND}` inverts the true plant, with all that it remembers, over the same preview as everybody's: what not knowing the plant costs is the distance to it. It is no proof of a smallest error.
 - **Whole reference.** Controllers that are given the whole reference before the episode are listed and not ranked.
 - **Time.** Median time of one decision for one plant, on the machine and under the load of the run.
 - **Tuned on.** Plant samples of training draws that its committed settings took; 0: nothing was tuned.
 - **Certificate.** What a controller says of its stability on its belief before it drives anything.
-- **Order kept.** Spearman's correlation of the order of all rivals on the plants of even and of odd numbers, two disjoint draws.
+- **Order kept.** Spearman's correlation of the ranks of all rivals on the plants of even and of odd numbers, two disjoint draws.
 """
 
 

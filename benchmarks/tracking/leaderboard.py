@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
-from baselines import ORACLE
+from baselines import FULL_PREVIEW
 from benchmarks.tracking.rows import key
 from benchmarks.tracking.scoring import tally
 from rdpi_gym.support.arrays import Array
@@ -32,23 +32,23 @@ CONFIDENCE = 0.95
 
 
 def score_table(rows: Sequence[Row]) -> pd.DataFrame:
-    """Relate every row to the oracle's on the same truth.
+    """Relate every row to the bound's on the same truth.
 
     Parameters
     ----------
     rows
-        As the store holds them, the oracle's among them.
+        As the store holds them, the bound's among them.
 
     Returns
     -------
     DataFrame
         Columns :data:`COLUMNS`, one row a row; one that ended in an error has no numbers. The command's total
-        variation is divided by that of the oracle's command, the smallest that tracks.
+        variation is divided by that of the bound's command, the smallest that tracks.
     """
-    oracle = {key(row)[1:]: row for row in rows if row["controller"] == ORACLE}
+    bound = {key(row)[1:]: row for row in rows if row["controller"] == FULL_PREVIEW}
     table = []
     for row in rows:
-        best = oracle.get(key(row)[1:], {})
+        best = bound.get(key(row)[1:], {})
         table.append(
             row
             | {
@@ -95,12 +95,12 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     """Rank the controllers by the geometric mean of their RMSE (%) over all cases.
 
     The mean is taken for each seed, as are those of the RMSE (µm) and of the optimality gaps, and
-    the mean rank (by RMSE within each case, the oracle aside; a row with an error is last). Each is
+    the mean rank (by RMSE within each case, the bound aside; a row with an error is last). Each is
     given as the mean over the drawn seeds, with its confidence interval.
 
     Two controllers are tied where the confidence interval of their paired difference includes zero:
     that of the mean, over the drawn seeds, of the difference of the logarithms of their geometric
-    means, by Student's t. The oracle is a bound and has no rank.
+    means, by Student's t. The bound has no rank.
 
     Parameters
     ----------
@@ -111,11 +111,11 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         Columns :data:`RANKING`, best first. ``rank``: those between whom a chain of ties leads have
-        one number, followed by ``=``; ``bound`` for the oracle. ``places``: those that the paired
+        one number, followed by ``=``; ``bound`` of the bound. ``places``: those that the paired
         differences leave open. Means are missing where a row ended in an error. ``status``: in how
         many rows each word of :data:`~benchmarks.tracking.scoring.MEANING` stands.
     """
-    rivals = table[table["controller"] != ORACLE]
+    rivals = table[table["controller"] != FULL_PREVIEW]
     errors = rivals["rmse_um"].fillna(np.inf)
     ranks = errors.groupby([rivals[name] for name in [*CASE, "seed"]]).rank(method="average")
     table = table.assign(case_rank=ranks)
@@ -135,7 +135,7 @@ def _line(controller: str, rows: pd.DataFrame) -> dict[str, object]:
     rank, rank_half = interval(draws.groupby("seed")["case_rank"].mean().to_numpy())
     statuses = rows["status"].tolist()
     said = tally(statuses)
-    if controller == ORACLE:
+    if controller == FULL_PREVIEW:
         said = "bound" if said == "ok" else f"bound, {said}"
     return {
         "controller": controller,
@@ -159,36 +159,11 @@ def _labels(rivals: pd.DataFrame, order: Sequence[str]) -> dict[str, dict[str, s
     """Rank and places of every controller, from paired differences over the drawn seeds."""
     logs = _log_means(drawn(rivals), "rmse_percent")
     names = [name for name in order if name in logs.columns and logs[name].notna().all()]
-    worse = np.array([[exceeds(logs[a] - logs[b]) for b in names] for a in names])
-    unranked = {name: {"rank": "–", "places": "–"} for name in order}
-    return unranked | {ORACLE: {"rank": "bound", "places": "–"}} | ranks_of(names, worse)
-
-
-def ranks_of(names: Sequence[str], worse: NDArray[np.bool_]) -> dict[str, dict[str, str]]:
-    """Return rank and places of controllers, from who is behind whom.
-
-    Parameters
-    ----------
-    names
-        The controllers, best first.
-    worse
-        ``(N, N)``: whether the one of the row is behind that of the column.
-
-    Returns
-    -------
-    dict
-        By name ``rank``, which those share between whom a chain of ties leads, with ``=``; and
-        ``places``, the ranks that the comparisons leave open.
-
-    Examples
-    --------
-    >>> behind = np.array([[False, False, False], [False, False, False], [True, True, False]])
-    >>> ranks_of(["a", "b", "c"], behind)["b"]
-    {'rank': '1=', 'places': '1 to 2'}
-    """
     n = len(names)
-    labels: dict[str, dict[str, str]] = {}
+    worse = np.array([[exceeds(logs[a] - logs[b]) for b in names] for a in names])
     tied = ~(worse | worse.T) if n else worse
+    labels = {name: {"rank": "–", "places": "–"} for name in order}
+    labels[FULL_PREVIEW] = {"rank": "bound", "places": "–"}
     first = 0
     for i, name in enumerate(names):
         if not tied[:i, i:].any():

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pandas as pd
 
-from baselines import ORACLE
+from baselines import FULL_PREVIEW
 from benchmarks.tracking.evaluation import Evaluation
 from benchmarks.tracking.leaderboard import CONFIDENCE
 from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
@@ -25,8 +25,8 @@ METHOD = f"""\
 - **Rank.** By the mean RMSE (%). Two controllers are tied if the {100 * CONFIDENCE:g} % confidence interval of their paired difference over the drawn seeds includes zero (Student's t on the difference of the logarithms of their means). Controllers that a chain of ties connects share a rank, marked with `=`. `places` are the ranks that the paired differences of a controller with all others leave open.
 - **Mean rank.** By RMSE within each case and seed, the bound aside.
 - **Status.** In how many rows of all: {"; ".join(f"`{word}`: {text}" for word, text in MEANING.items())}.
-- **Bound.** `{ORACLE}` is no controller and has no rank. It holds the true plant of every row and the whole reference, and inverts the one along the other before it begins: what it leaves is what the sampling time, the command's range and the accuracy of its inversion leave. Nothing is measured, so noise costs it nothing. The benchmark gives the true plant to it alone.
-- **Optimality gap.** RMSE over that of `{ORACLE}` on the same row. It is large, since the bound is nearly exact on a smooth reference: it says what knowledge of the plant, preview and freedom from noise would be worth together.
+- **Bound.** `{FULL_PREVIEW}` is no controller and has no rank. It holds the true plant of every row and the whole reference, and inverts the one along the other before it begins: what it leaves is what the sampling time, the command's range and the accuracy of its inversion leave. Nothing is measured, so noise costs it nothing. The benchmark gives the true plant to it alone.
+- **Optimality gap.** RMSE over that of `{FULL_PREVIEW}` on the same row. It is large, since the bound is nearly exact on a smooth reference: it says what knowledge of the plant, preview and freedom from noise would be worth together.
 - **Command variation.** Total variation of the command over that of the bound's command on the same row; a value far above 1 is chatter, dither or noise that is passed on.
 - **Time.** `µs per sample` is the median time of one decision for one plant through `predict`, on the machine and under the load of this run.
 """
@@ -82,7 +82,7 @@ def leaderboard_text(evaluation: Evaluation) -> str:
 
 def _below_bound(table: pd.DataFrame) -> str:
     """Say in which rows a controller has a smaller error than the bound, and why."""
-    rows = table[table["controller"] != ORACLE]
+    rows = table[table["controller"] != FULL_PREVIEW]
     below = rows[rows["optimality_gap"] < 1.0 - 1e-6]
     counted = int(rows["optimality_gap"].notna().sum())
     if below.empty:

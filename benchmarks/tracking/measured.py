@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines import ORACLE, ControllerFactory, make_controller
+from baselines import FULL_PREVIEW, ControllerFactory, make_controller
 from benchmarks.tracking.learned import is_learned
 from benchmarks.tracking.own import Made
 from benchmarks.tracking.scoring import ERROR, one_line
@@ -100,7 +100,7 @@ def score_records(
         kept = slice(max(0, record.t_s.size - round(SHOWN_S / record.ts_s)), None)
         shown = {"t_s": record.t_s[kept], "applied": record.u_V[kept]}
         for name in controllers:
-            if name == ORACLE or is_learned(name) or isinstance(made_by.get(name), Made):
+            if name == FULL_PREVIEW or is_learned(name) or isinstance(made_by.get(name), Made):
                 continue  # what answers observations has none here, and the bound no true plant
             row: dict[str, object] = {
                 "controller": name, "belief": belief.name, "record": record.name, "ts_s": record.ts_s,

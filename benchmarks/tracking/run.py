@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from baselines import ORACLE
+from baselines import FULL_PREVIEW
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
 from benchmarks.tracking.rows import Key, key, open_rows
 from benchmarks.tracking.scoring import ERROR, words
@@ -27,7 +27,7 @@ class Outcome:
     Parameters
     ----------
     rows
-        The rows that were asked for, and the oracle's beside them.
+        The rows that were asked for, and the bound's beside them.
     notes
         What a reader of the results should know, one sentence each.
     computed
@@ -124,8 +124,8 @@ def _in_order(selection: Selection) -> Iterator[Key]:
 
 
 def _settings(selection: Selection) -> Iterator[tuple[str, Stage, float]]:
-    # the oracle is always run: gaps and efforts are measured against it
-    for controller in dict.fromkeys((*selection.controllers, ORACLE)):
+    # the bound is always run: gaps and efforts are measured against it
+    for controller in dict.fromkeys((*selection.controllers, FULL_PREVIEW)):
         for one in selection.stages:
             for ts in one.every_ts_s:
                 if selection.runs_at(controller, one, ts):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from baselines import (
     CONTROLLERS,
-    ORACLE,
+    FULL_PREVIEW,
     ControllerFactory,
     find_factory,
     inverts_any_core,
@@ -157,10 +157,10 @@ def select(
             if (with_effects or not inverts_effects(name))
             and (with_cores or not inverts_any_core(name))
         ]
-        controllers += [ORACLE, *shipped]
+        controllers += [FULL_PREVIEW, *shipped]
     factories = dict(factories or {})
     names = tuple(dict.fromkeys((*controllers, *own_controllers, *factories)))
-    own = [name for name in names if name not in CONTROLLERS and name != ORACLE]
+    own = [name for name in names if name not in CONTROLLERS and name != FULL_PREVIEW]
     for name in own:
         if not is_learned(name) and name not in factories:
             find_factory(name)
@@ -181,7 +181,7 @@ def select(
     trained |= {name: f.layout.ts_s for name, f in factories.items() if isinstance(f, Made)}
     stages = tuple(make_stage(model, times, believed) for model in models)
     if times is None:
-        alone = set(names) <= {*trained, ORACLE}
+        alone = set(names) <= {*trained, FULL_PREVIEW}
         stages = _with_trained(stages, sorted(set(trained.values())), alone)
     selection = Selection(names, stages, wanted, tuple(seeds), notes, trained, factories)
     asked_for = {*own_controllers, *factories, *(controllers_asked or ())}

@@ -9,7 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from baselines import ORACLE, Controller, ControllerFactory, PreviewOracle, make_controller
+from baselines import (
+    FULL_PREVIEW,
+    Controller,
+    ControllerFactory,
+    FullPreviewInversion,
+    make_controller,
+)
 from benchmarks.tracking.case import Case
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.own import Made
@@ -24,7 +30,7 @@ from rdpi_gym.support.store import Row
 
 TRACE_SAMPLES = 200
 TRUE_PLANT = "true plant"
-"""What tables say in place of a belief for the oracle."""
+"""What tables say in place of a belief for the bound."""
 # Lanes whose lengths differ by more are run apart: a short one would idle to the end of a long one.
 _LENGTH_RATIO = 4.0
 
@@ -153,9 +159,9 @@ def _run(task: Task) -> list[Row]:
 
 
 def _controller(task: Task, layout: ObservationLayout, truths: Sequence[PlantModel]) -> Controller:
-    """Make what is scored: the oracle alone is given the true plants, all others their belief."""
-    if task.controller == ORACLE:
-        return PreviewOracle(truths, layout)
+    """Make what is scored: the bound alone is given the true plants, all others their belief."""
+    if task.controller == FULL_PREVIEW:
+        return FullPreviewInversion(truths, layout)
     return make_controller(task.factory or task.controller, _belief(task), layout)
 
 
@@ -215,7 +221,7 @@ def _row(task: Task, lane: Lane) -> Row:
     return {
         "controller": task.controller,
         "plant": task.stage.plant.name,
-        "belief": TRUE_PLANT if task.controller == ORACLE else _belief(task).name,
+        "belief": TRUE_PLANT if task.controller == FULL_PREVIEW else _belief(task).name,
         "reference": lane.case.reference,
         "frequency_hz": lane.case.frequency_hz,
         "ts_s": task.ts_s,

@@ -1,4 +1,4 @@
-"""The preview oracle and the PI gains with a belief that has effects."""
+"""Preview inversion and the PI gains with a belief that has effects."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ CONVERGES = {
 
 
 @pytest.mark.parametrize("name", CONVERGES)
-def test_the_oracle_inverts_the_effects_of_its_belief(name):
+def test_preview_inversion_inverts_the_effects_of_its_belief(name):
     belief, r = plant_with(**CONVERGES[name]), references()
     u = make_controller("preview-inversion", belief, ObservationLayout.for_plant(belief, TS)).plan(
         r

@@ -169,7 +169,7 @@ def test_polynomials_are_the_loops(lag, model, ts_s):
 
 @settings(deadline=None)
 @given(model=compensators, ts_s=st.floats(1e-6, 1e-2))
-def test_the_oracle_s_learning_contracts_at_every_frequency(model, ts_s):
+def test_the_inversion_s_learning_contracts_at_every_frequency(model, ts_s):
     """|1 - γ L P| <= 1 for γ up to 2, sliding and sticking, for either way to sample L."""
     ahead, pole = learning_recursion(model, ts_s)
     z = np.exp(1j * np.linspace(1e-4, np.pi, 800))

@@ -1,4 +1,4 @@
-"""Commands planned over the whole reference: yardsticks, and that the oracle is a bound."""
+"""Commands planned over the whole reference: yardsticks, one of them a bound."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pytest
 from baselines import (
     CONTROLLERS,
     FEEDFORWARDS,
-    ORACLE,
-    PreviewOracle,
+    FULL_PREVIEW,
+    FullPreviewInversion,
     inverts_any_core,
     known_controller,
     make_controller,
@@ -93,7 +93,7 @@ def tracked(controller, truths, layout, r):
 @pytest.mark.parametrize("ts_s", [5e-5, 1e-3])
 @pytest.mark.parametrize("model", [P5, P10], ids=["P5", "P10"])
 @pytest.mark.parametrize("spread", [0.0, 0.05])
-def test_the_oracle_is_a_bound_whatever_the_true_plant(model, ts_s, spread):
+def test_full_preview_is_a_bound_whatever_the_true_plant(model, ts_s, spread):
     plant = band_limited(model)
     layout = ObservationLayout.for_plant(plant, ts_s)
     r = benchmark_references(model.reference_um[1], ts_s, min(1600, round(0.4 / ts_s)))
@@ -104,27 +104,27 @@ def test_the_oracle_is_a_bound_whatever_the_true_plant(model, ts_s, spread):
         # where the plant rises with its newest command, a search in each sample is exact as well
         if not inverts_any_core(name)
     }
-    oracle = tracked(PreviewOracle(truths, layout), truths, layout, r)
+    bound = tracked(FullPreviewInversion(truths, layout), truths, layout, r)
     own = scores.pop("preview-inversion")
     if spread == 0.0:  # the belief is the truth: they are the same
-        np.testing.assert_array_equal(own, oracle)
+        np.testing.assert_array_equal(own, bound)
     best = np.min(list(scores.values()), axis=0)
-    assert np.all(oracle < best)
-    assert np.median(best / oracle) > 10.0
+    assert np.all(bound < best)
+    assert np.median(best / bound) > 10.0
     if spread:
-        assert np.all(oracle < own)
-        assert np.median(own / oracle) > 100.0
+        assert np.all(bound < own)
+        assert np.median(own / bound) > 100.0
         assert np.mean(own > best) > 0.3  # what inverts the belief is no bound
 
 
-def test_the_oracle_is_made_by_no_name_and_asks_for_a_plant_a_lane():
+def test_full_preview_is_made_by_no_name_and_asks_for_a_plant_a_lane():
     layout = ObservationLayout.for_plant(P5, 1e-3)
     with pytest.raises(InputError, match="preview-inversion"):
-        make_controller(ORACLE, P5, layout)
+        make_controller(FULL_PREVIEW, P5, layout)
     with pytest.raises(InputError, match="is no controller of this package"):
-        known_controller(ORACLE)
+        known_controller(FULL_PREVIEW)
     with pytest.raises(InputError, match="2 true plants for 3 lanes"):
-        PreviewOracle([P5, P5], layout).plan(np.zeros((10, 3)))
+        FullPreviewInversion([P5, P5], layout).plan(np.zeros((10, 3)))
 
 
 @pytest.mark.parametrize("ts_s", [2e-5, 2e-4, 5e-3])

@@ -3,7 +3,7 @@ import re
 import pandas as pd
 import pytest
 
-from baselines import ORACLE, needed_core
+from baselines import FULL_PREVIEW, needed_core
 from benchmarks.tracking.leaderboard import COLUMNS, ranking, score_table
 from benchmarks.tracking.run import benchmark
 from benchmarks.tracking.selection import select
@@ -95,7 +95,7 @@ def test_by_default_only_controllers_that_suit_the_core_run_and_one_line_says_wh
     selection = select(None, [FRICTION], ["sine"], [1e-3], [0])
     assert set(selection.controllers) >= {
         "adaptive-feedforward", "core-inverse", "none", "pi", "pi-core-inverse", "pi-none",
-        "preview-inversion", ORACLE,
+        "preview-inversion", FULL_PREVIEW,
     }  # fmt: skip
     assert not any(needed_core(name) is RDPI for name in selection.controllers)
     assert len(selection.notes) == 1
@@ -233,7 +233,7 @@ def test_one_that_fails_later_has_rows_that_say_so_and_the_others_are_ranked(
 def test_status_is_a_column_everywhere(tmp_path, capsys):
     out = tmp_path / "out"
     arguments = [
-        "bench", "--controllers", "inversion-free-literal,none,preview-oracle", "--plants", "P5",
+        "bench", "--controllers", "inversion-free-literal,none,full-preview-inversion", "--plants", "P5",
         "--references", "sine", "--ts", "2e-4", "--seeds", "2", "--jobs", "1", "--out", str(out),
     ]  # fmt: skip
     assert main(arguments) == 0
@@ -242,7 +242,7 @@ def test_status_is_a_column_everywhere(tmp_path, capsys):
     assert said in (out / "leaderboard.md").read_text()
     ranked = pd.read_csv(out / "ranking.csv").set_index("controller")
     assert ranked.loc["inversion-free-literal", "status"].startswith(said)
-    assert ranked.loc["preview-oracle", ["rank", "status"]].tolist() == ["bound", "bound"]
+    assert ranked.loc["full-preview-inversion", ["rank", "status"]].tolist() == ["bound", "bound"]
     page = (out / "report.html").read_text()
     assert said in page
     assert "unstable 2/2" in page  # of every case
@@ -251,7 +251,7 @@ def test_status_is_a_column_everywhere(tmp_path, capsys):
 def test_the_bound_alone_is_scored(tmp_path):
     out = tmp_path / "out"
     arguments = [
-        "bench", "--controllers", "preview-oracle", "--plants", "P5", "--references", "sine",
+        "bench", "--controllers", "full-preview-inversion", "--plants", "P5", "--references", "sine",
         "--ts", "1e-3", "--seeds", "1", "--seed", "4", "--jobs", "1", "--out", str(out),
     ]  # fmt: skip
     assert main(arguments) == 0
@@ -268,7 +268,7 @@ def test_the_users_own_controller_is_printed_wherever_it_stands(capsys):
             "frequency_hz": 1.0, "seed": seed, "rmse_um": 1.0 + i, "rmse_percent": 1.0 + i,
             "microseconds_per_sample": 1.0, "command_variation_V_s": 1.0, "status": "ok",
         }
-        for i, name in enumerate(["preview-oracle", *names])
+        for i, name in enumerate(["full-preview-inversion", *names])
         for seed in (1, 2)
     ]  # fmt: skip
     title, table = first_of(ranking(score_table(rows)), ["c10"])

@@ -33,5 +33,5 @@ def test_a_new_reference_is_one_file(tmp_path):
     found = subprocess.run(
         [sys.executable, "-c", ASK, str(tmp_path)], capture_output=True, text=True, check=True
     )
-    expected = [(name, "sawtooth", 10.0, True) for name in ("none", "preview-oracle")]
+    expected = [(name, "sawtooth", 10.0, True) for name in ("none", "full-preview-inversion")]
     assert found.stdout.strip() == str(expected)

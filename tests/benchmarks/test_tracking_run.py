@@ -70,9 +70,9 @@ def scores(outcome):
 def test_every_row_that_was_asked_for_is_there_and_in_order(tmp_path):
     selection = small()
     outcome = run.benchmark(selection, tmp_path, jobs=1)
-    # 4 sines and the steps, 2 seeds, the oracle beside the two that were asked for
+    # 4 sines and the steps, 2 seeds, the bound beside the two that were asked for
     assert [row["controller"] for row in outcome.rows] == [
-        name for name in ("none", "classical-static", "preview-oracle") for _ in range(10)
+        name for name in ("none", "classical-static", "full-preview-inversion") for _ in range(10)
     ]
     assert [row["seed"] for row in outcome.rows[:4]] == [0, 1, 0, 1]
     table = evaluate(selection, outcome).table
@@ -203,13 +203,13 @@ def test_rows_with_an_error_are_tried_again(tmp_path, mine):
     assert first.rows[0]["status"].startswith("error: FileNotFoundError")
     needs.write_text("here")
     second = run.benchmark(selection, tmp_path / "out", jobs=1)
-    assert second.computed == 10  # the oracle's rows are kept
+    assert second.computed == 10  # the bound's rows are kept
     assert {row["status"] for row in second.rows} == {"ok"}
 
 
 def test_actions_beyond_the_range_are_clipped_and_said_to_be_saturated(tmp_path, mine):
     outcome = run.benchmark(small([f"{mine}:Beyond"]), tmp_path, jobs=1)
-    rows = [row for row in outcome.rows if row["controller"] != "preview-oracle"]
+    rows = [row for row in outcome.rows if row["controller"] != "full-preview-inversion"]
     assert all(row["saturated_percent"] == 100.0 for row in rows)
     assert all("saturated: 100 %" in row["status"] for row in rows)
     assert all("diverged: " in row["status"] for row in rows)

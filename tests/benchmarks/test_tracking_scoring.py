@@ -158,13 +158,13 @@ def row(controller, rmse, seed=0, reference="sine", variation=10.0):
     }  # fmt: skip
 
 
-def test_gap_and_variation_are_relative_to_the_oracle_of_the_same_seed():
+def test_gap_and_variation_are_relative_to_the_bound_of_the_same_seed():
     table = score_table(
         [
             row("a", 3.0, seed=0, variation=20.0),
             row("a", 4.0, seed=1),
-            row("preview-oracle", 1.0, seed=0),
-            row("preview-oracle", 8.0, seed=1),
+            row("full-preview-inversion", 1.0, seed=0),
+            row("full-preview-inversion", 8.0, seed=1),
         ]
     )
     assert tuple(table.columns) == COLUMNS
@@ -182,19 +182,22 @@ def test_interval_is_students():
 def test_ranking_is_by_the_geometric_mean_over_drawn_seeds():
     rows = []
     for seed in (0, 1, 2):
-        rows += [row("preview-oracle", 1.0, seed), row("preview-oracle", 1.0, seed, "steps")]
+        rows += [
+            row("full-preview-inversion", 1.0, seed),
+            row("full-preview-inversion", 1.0, seed, "steps"),
+        ]
         rows += [row("even", 2.0, seed), row("even", 2.0, seed, "steps")]
         rows += [row("uneven", 1.0, seed), row("uneven", 9.0, seed, "steps")]
     ranked = ranking(score_table(rows)).set_index("controller")
-    assert ranked.index.tolist() == ["preview-oracle", "even", "uneven"]
+    assert ranked.index.tolist() == ["full-preview-inversion", "even", "uneven"]
     assert ranked["optimality_gap"].tolist() == pytest.approx([1.0, 2.0, 3.0])
     assert ranked.loc["uneven", "rmse_percent"] == pytest.approx(30.0)
     assert ranked.loc["even", "mean_rank"] == ranked.loc["uneven", "mean_rank"] == 1.5
-    assert pd.isna(ranked.loc["preview-oracle", "mean_rank"])
+    assert pd.isna(ranked.loc["full-preview-inversion", "mean_rank"])
 
 
 def test_seed_0_does_not_enter_the_mean_where_others_were_drawn():
-    rows = [row("preview-oracle", 1.0, s) for s in (0, 1, 2)]
+    rows = [row("full-preview-inversion", 1.0, s) for s in (0, 1, 2)]
     rows += [row("a", rmse, s) for s, rmse in enumerate((0.001, 2.0, 2.0))]
     ranked = ranking(score_table(rows)).set_index("controller")
     assert ranked.loc["a", "rmse_percent"] == pytest.approx(20.0)
@@ -213,11 +216,14 @@ def test_references_faster_than_the_identification_are_not_covered_by_it():
 
 
 def test_a_row_with_an_error_takes_the_mean_away_and_ranks_last():
-    rows = [row("preview-oracle", 1.0), row("preview-oracle", 1.0, reference="steps")]
+    rows = [
+        row("full-preview-inversion", 1.0),
+        row("full-preview-inversion", 1.0, reference="steps"),
+    ]
     rows += [row("good", 5.0), row("good", 5.0, reference="steps")]
     rows += [row("bad", 0.1), row("bad", None, reference="steps")]
     ranked = ranking(score_table(rows)).set_index("controller")
-    assert ranked.index.tolist() == ["preview-oracle", "good", "bad"]
+    assert ranked.index.tolist() == ["full-preview-inversion", "good", "bad"]
     assert pd.isna(ranked.loc["bad", "rmse_percent"])
     assert ranked.loc["bad", "errors"] == 1
     assert ranked.loc["bad", ["rank", "status"]].tolist() == ["–", "error 1/2"]
@@ -233,7 +239,7 @@ def test_controllers_whose_paired_difference_includes_zero_share_a_rank():
     table = score_table(
         seeded(
             {
-                "preview-oracle": [0.1, 0.1, 0.1, 0.1],
+                "full-preview-inversion": [0.1, 0.1, 0.1, 0.1],
                 # every seed has its own level: only the paired difference tells them apart
                 "best": [1.0, 2.0, 4.0, 8.0],
                 "as-good": [1.1, 1.9, 4.2, 7.9],
@@ -245,11 +251,11 @@ def test_controllers_whose_paired_difference_includes_zero_share_a_rank():
     )
     ranked = ranking(table).set_index("controller")
     assert ranked["rank"].to_dict() == {
-        "preview-oracle": "bound", "best": "1=", "as-good": "1=", "worse": "3", "worst": "4",
+        "full-preview-inversion": "bound", "best": "1=", "as-good": "1=", "worse": "3", "worst": "4",
         "broken": "–",
     }  # fmt: skip
     assert ranked["places"].to_dict() == {
-        "preview-oracle": "–", "best": "1 to 2", "as-good": "1 to 2", "worse": "3", "worst": "4",
+        "full-preview-inversion": "–", "best": "1 to 2", "as-good": "1 to 2", "worse": "3", "worst": "4",
         "broken": "–",
     }  # fmt: skip
 

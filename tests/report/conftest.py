@@ -127,7 +127,7 @@ class MadeScores:
 
 
 CONTROLLERS = (
-    "pi-classical-reference-rate", "pi-inversion-free-reference-rate", "preview-oracle", "none",
+    "pi-classical-reference-rate", "pi-inversion-free-reference-rate", "full-preview-inversion", "none",
     "classical-literal", "inversion-free-low-passed", "learned:ppo-increment", "my.package:Own",
 )  # fmt: skip
 

@@ -24,7 +24,7 @@ def page_of(task: StageTask) -> str:
     history = (
         f"An observation holds {task.history} earlier samples of reference, reading and command."
         if task.history
-        else "A history of a few samples would not show it, and none is in the observation."
+        else "A few earlier samples would not either, and none are in the observation."
     )
     lines = [
         f"{task.title}.",
@@ -42,7 +42,8 @@ def page_of(task: StageTask) -> str:
             f" and rounds to {1e3 * first.sensor.resolution_um:.3g} nm."
             if first.sensor.resolution_um
             else "."
-        ),
+        )
+        + (f" The command's converter has {task.command_bits} bits." if task.command_bits else ""),
         "",
         "## Belief",
         _belief(task),
@@ -52,8 +53,8 @@ def page_of(task: StageTask) -> str:
         + f"; amplitude {task.layout().scale_um:.4g} µm, a smooth start of {task.smooth_start_s:g} s.",
         "",
         "## Observation and history",
-        f"As of `PiezoTracking-v0`, with {task.preview} samples of preview. Not Markov: {task.hidden} "
-        f"is hidden. {history}",
+        f"As of `PiezoTracking-v0`, with {task.preview} samples of preview. Not Markov: it does not show "
+        f"{task.hidden}. {history}",
         "",
         "## Protocol",
         f"Sampling time {1e3 * task.ts_s:g} ms; an episode has {task.samples} samples, the "
@@ -81,7 +82,8 @@ def _plants(task: StageTask) -> list[str]:
 def _effects(model: PlantModel) -> Mapping[str, str]:
     return {
         effect.full_name(): ", ".join(
-            f"{p.name} = {effect.values[p.name]:g} {p.unit}" for p in effect.parameters
+            f"{p.name} = {effect.values[p.name]:g}{'' if p.unit == '1' else f' {p.unit}'}"
+            for p in effect.parameters
         )
         for effect in model.effects
     }

@@ -84,7 +84,7 @@ class StageTask:
     Parameters
     ----------
     name
-        Short name; ``rdpi_gym/Piezo<name>-v0`` is the id.
+        Short name; the id is made of it, see :attr:`id`.
     title
         In words.
     about

@@ -16,7 +16,7 @@ from rdpi_gym.report.thin import thin_index
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import number
 
-_BOUND = "preview-oracle"
+_BOUND = "full-preview-inversion"
 # Errors of seed 0 that are smaller than this part of the smallest mean do not widen the axis.
 _NEAR = 0.05
 _RMSE = "RMSE (% of peak to peak)"
@@ -157,7 +157,7 @@ def ranking_range(ranking: pd.DataFrame) -> tuple[float, float]:
     Examples
     --------
     >>> columns = ["rmse_percent", "rmse_percent_low", "rmse_percent_high", "seed_0_rmse_percent"]
-    >>> rows = [["none", 3.0, 2.0, 4.0, 1.5], ["preview-oracle", 1e-5, 1e-5, 1e-5, 1e-5]]
+    >>> rows = [["none", 3.0, 2.0, 4.0, 1.5], ["full-preview-inversion", 1e-5, 1e-5, 1e-5, 1e-5]]
     >>> ranking_range(pd.DataFrame(rows, columns=["controller", *columns]))
     (1.0, 6.0)
     """

@@ -1,0 +1,144 @@
+"""The page of the registered tasks, from what their files declare: `python -m studies.tasks_page`."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from collections.abc import Sequence
+from pathlib import Path
+
+from baselines.horizon import HORIZON_BOUND
+from benchmarks.stages.draws import FEWEST_DIGITS
+from benchmarks.stages.tables import METHOD
+from rdpi_gym.envs.tasks import PUBLIC_SEED, TASKS, StageTask
+from rdpi_gym.envs.tasks.page import page_of
+from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import table
+
+OUT = Path(__file__).parents[1] / "docs"
+PAGE = "tasks.md"
+
+_HEAD = f"""\
+# The registered tasks
+
+**{len(TASKS)} stages, each with its references, what is believed of it, and the protocol of a score.** Most are the paper's plant
+with what a stage in a laboratory has besides; four have the hysteresis of a measured stack. Every one is an environment of Gymnasium
+and a column of the ranking; what they ask for differs so much that a rank on one says little about another.
+
+<!-- written by `python -m studies.tasks_page` -->
+
+"""
+
+_USE = f"""
+## Train and tune
+
+`gymnasium.make(id)` draws a training plant, a reference and noise at every reset. Where a controller is tuned, draw plants as lanes side by side:
+
+```python
+from rdpi_gym.envs.tasks import TASKS
+
+(lanes,) = TASKS["Stage"].lanes("training", plants=2)
+layout = lanes.layout()  # what is shown, with the task's preview
+task = lanes.track(layout)  # reset it with lanes.references_um and lanes.noises, then step
+print(lanes.belief.name, lanes.references_um.shape)
+```
+
+```text
+P10 stage (2500, 12)
+```
+
+Training, validation and test plants come from random words of their own: `"training"`, `"validation"` or `"test"` is among them, so no seed
+makes one the other. A controller is told `lanes.belief`, the nominal plant with its nominal effects: the truth is up to 5 % off in every number of the
+hysteresis and up to 40 % in every parameter of an effect.
+
+## Score a controller
+
+<!-- not run: takes minutes -->
+```bash
+rdpi bench --task Stage,Load --draws 20 --out results/tasks
+rdpi bench --full --out results/full
+```
+
+The first ranks the controllers that ship on 20 test plants of two tasks, the second on 100 plants of every task; both go on where they were interrupted, and
+`--ray HOST:PORT` runs them on a cluster. `--controller my_controller:make` adds your own.
+
+{METHOD}
+`{HORIZON_BOUND}` is the bound with everybody's preview; the bound of `rdpi bench` without tasks knows the whole reference and is another one.
+
+## Enter a leaderboard
+
+<!-- not run: takes minutes -->
+```bash
+rdpi submit my_controller:make --task Stage,Load --draws 20 --out results/entry
+rdpi score results/entry --seed-file secret.txt --out results/judged
+```
+
+1. Write your controller as one module: a callable `(belief, layout)` that returns something with `predict` ([how](commands.md#score-a-controller)). It may import this
+   package and what is installed; other files of yours are not taken along. A trained policy is `learned:FOLDER`.
+2. `rdpi submit` scores it on public plants (seed {PUBLIC_SEED}) and leaves a folder: `submission.json` with the command, the tasks and a hash; the code; the rows. A
+   controller that fails on a plant has a row that says why. Send the folder.
+3. Whoever runs the leaderboard keeps a file with one random number of {FEWEST_DIGITS} digits or more outside the repository. `rdpi score` sees that the folder is whole, that the code is what was
+   hashed and that the tasks are those of this release, then draws plants from that number, which nobody has tuned on. Every table says whether its seed was public or private, with
+   a hash that tells two private ones apart. Without `--seed-file` it repeats the public score and says whether the submitted rows are reproduced.
+
+`rdpi score` runs the submitted code: do that where you would run any stranger's code, and nowhere else.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the page.
+
+    Parameters
+    ----------
+    arguments
+        Words after the command; those of the process by default.
+
+    Returns
+    -------
+    int
+        0, else as :func:`~rdpi_gym.support.command.run_command` says.
+    """
+    return Options("tasks_page", __doc__, out=OUT).run(arguments, _run)
+
+
+def _run(options: Namespace) -> None:
+    print(write_atomic(options.out / PAGE, page_text()))
+
+
+def page_text() -> str:
+    """Return the page.
+
+    Examples
+    --------
+    >>> page_text().startswith("# The registered tasks")
+    True
+    """
+    rows = [
+        [
+            f"[{task.name}](#{task.name.lower()})",
+            task.title,
+            f"{1e3 * task.ts_s:g}",
+            str(len(task.references)),
+            str(task.history),
+        ]
+        for task in TASKS.values()
+    ]
+    head = ["task", "what it is", "Ts (ms)", "references", "history (samples)"]
+    return (
+        _HEAD
+        + table(head, rows, right=(2, 3, 4))
+        + "\n"
+        + _USE
+        + "".join(map(_section, TASKS.values()))
+    )
+
+
+def _section(task: StageTask) -> str:
+    page = page_of(task).partition("\n```python")[0].strip()
+    title, _, rest = page.partition("\n")
+    return f"\n## {task.name}\n\n**{title}** `{task.id}`\n\n{rest.strip().replace('## ', '### ')}\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
