@@ -9,7 +9,7 @@ import pandas as pd
 from scipy.stats import spearmanr
 
 from baselines.horizon import HORIZON_BOUND
-from benchmarks.stages.unit import PREVIEW, WHOLE, WORST_PERCENT
+from benchmarks.stages.unit import PREVIEW, WORST_PERCENT
 from benchmarks.tracking.leaderboard import CONFIDENCE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.store import Row
@@ -22,7 +22,7 @@ COLUMNS = (
 """Of a ranking. ``failed``: share of the plants; ``iqm_noise``: in units of the sensor's noise;
 ``failure``: the first reason."""
 RESAMPLES = 2000
-BOUND, AHEAD = "bound", "whole reference"
+BOUND = "bound"
 
 
 def interquartile_mean(values: Array) -> Array:
@@ -102,14 +102,14 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
             }
         )
     ranked = pd.DataFrame(lines)
-    is_rival = (ranked["controller"] != HORIZON_BOUND) & (ranked["sees"] != WHOLE)
+    is_rival = (ranked["controller"] != HORIZON_BOUND) & (ranked["sees"] == PREVIEW)
     rivals: list[int] = np.flatnonzero(is_rival).tolist()
     behind = np.array(
         [[_is_behind(fails, drawn, a, b) for b in rivals] for a in rivals], dtype=np.bool_
     ).reshape(len(rivals), len(rivals))
     ahead = behind.sum(axis=1)
     last = len(rivals) - behind.sum(axis=0)
-    ranked["rank"] = np.where(ranked["controller"] == HORIZON_BOUND, BOUND, AHEAD)
+    ranked["rank"] = np.where(ranked["controller"] == HORIZON_BOUND, BOUND, ranked["sees"])
     ranked["places"] = "–"
     for i, best, worst in zip(rivals, (ahead + 1).tolist(), last.tolist(), strict=True):
         ranked.loc[i, "rank"] = f"{best}{'=' if best < worst else ''}"
@@ -175,10 +175,15 @@ def _rest(own: pd.DataFrame, errors: Array) -> dict[str, object]:
     }
 
 
+def rivals_of(ranked: pd.DataFrame) -> pd.DataFrame:
+    """Return the controllers of a ranking that have a rank: those that see a preview and no more."""
+    return ranked[ranked["rank"].str.rstrip("=").str.isdigit()]
+
+
 def rank_correlation(rows: Sequence[Row]) -> float:
     """Return Spearman's correlation of the ranks on the even and on the odd plants of one task.
 
-    The two halves are disjoint draws. The bound and what sees the whole reference do not count;
+    The two halves are disjoint draws. The bound, and what sees more than the preview, do not count;
     NaN below three controllers.
 
     Parameters
@@ -189,7 +194,7 @@ def rank_correlation(rows: Sequence[Row]) -> float:
     halves = []
     for parity in (0, 1):
         ranked = ranking([row for row in rows if row["plant"] % 2 == parity])
-        rivals = ranked[~ranked["rank"].isin([BOUND, AHEAD])].set_index("controller")
+        rivals = rivals_of(ranked).set_index("controller")
         halves.append(rivals["rank"].str.rstrip("=").astype(int))
     first, second = halves
     if len(first) < 3:

@@ -30,8 +30,9 @@ _OWN = ("unit.py",)
 def field() -> list[str]:
     """Return the controllers of this package that enter by default.
 
-    All but those that see the whole reference, which are no rivals, and those that invert any core,
-    which are the doubles of others: what is believed of every task is the RDPI model.
+    All but those that are given the whole reference and do not learn from it, which are no rivals, and
+    those that invert any core, which are the doubles of others: what is believed of every task is the
+    RDPI model.
 
     Examples
     --------
@@ -41,7 +42,8 @@ def field() -> list[str]:
     return [
         name
         for name, make in CONTROLLERS.items()
-        if not inverts_any_core(name) and not hasattr(make, "plan")
+        if not inverts_any_core(name)
+        and (not hasattr(make, "plan") or getattr(make, "repeats", False))
     ]
 
 

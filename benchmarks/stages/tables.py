@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from baselines.horizon import HORIZON_BOUND
-from benchmarks.stages.ranking import AHEAD, BOUND, rank_correlation, ranking
+from benchmarks.stages.ranking import BOUND, rank_correlation, ranking, rivals_of
 from benchmarks.stages.rows import SUITE_VERSION
-from benchmarks.stages.unit import SATURATED_PERCENT, SLOWEST_US, WORST_PERCENT
+from benchmarks.stages.unit import PASSES, SATURATED_PERCENT, SLOWEST_US, WORST_PERCENT
 from benchmarks.tracking.leaderboard import CONFIDENCE
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.files import write_atomic
@@ -28,7 +28,7 @@ METHOD = f"""\
 - **Rank.** One more than the number of controllers that are ahead for sure: those that failed on fewer plants; of equals there, those with a smaller p90, where the paired bootstrap of the difference excludes zero; of equals there, those with a smaller IQM, likewise. `=` marks a rank that is tied with another controller's.
 - **Over noise.** IQM in units of the sensor's noise (rms).
 - **Bound.** `{HORIZON_BOUND}` inverts the true plant, with all that it remembers, over the same preview as everybody's: what not knowing the plant costs is the distance to it. It is no proof of a smallest error.
-- **Whole reference.** Controllers that are given the whole reference before the episode are listed and not ranked.
+- **Whole reference, {PASSES} passes.** Controllers that are given the whole reference before the episode, and those that learn from pass to pass over the same one, are listed and not ranked; of the latter the last pass is scored.
 - **Time.** Median time of one decision for one plant, on the machine and under the load of the run.
 - **Tuned on.** Plant samples of training draws that its committed settings took; 0: nothing was tuned.
 - **Certificate.** What a controller says of its stability on its belief before it drives anything.
@@ -167,12 +167,8 @@ def _short(text: object, most: int = 70) -> str:
     return said if len(said) <= most else f"{said[: most - 1]}…"
 
 
-def _rivals(ranked: pd.DataFrame) -> pd.DataFrame:
-    return ranked[~ranked["rank"].isin([BOUND, AHEAD])]
-
-
 def _first(task: str, ranked: pd.DataFrame) -> str:
-    rivals = _rivals(ranked)
+    rivals = rivals_of(ranked)
     best = rivals.iloc[0]
     tied = rivals.loc[rivals["rank"] == best["rank"], "controller"].tolist()[1:]
     said = (
@@ -183,7 +179,7 @@ def _first(task: str, ranked: pd.DataFrame) -> str:
 
 
 def _line(task: str, ranked: pd.DataFrame, correlation: float) -> dict[str, object]:
-    best, bound = _rivals(ranked).iloc[0], ranked[ranked["rank"] == BOUND]
+    best, bound = rivals_of(ranked).iloc[0], ranked[ranked["rank"] == BOUND]
     return {
         "task": task,
         "first": best["controller"],
@@ -192,12 +188,13 @@ def _line(task: str, ranked: pd.DataFrame, correlation: float) -> dict[str, obje
         "IQM (%)": best["iqm_percent"],
         "over noise": best["iqm_noise"],
         "bound, IQM (%)": float(bound["iqm_percent"].iloc[0]) if len(bound) else float("nan"),
-        "rivals without a failure": f"{int((_rivals(ranked)['failed'] == 0.0).sum())} of {len(_rivals(ranked))}",
+        "rivals without a failure": f"{int((rivals_of(ranked)['failed'] == 0.0).sum())} of {len(rivals_of(ranked))}",
         "order kept": correlation,
     }
 
 
 def leaders(ranked: pd.DataFrame, own: Sequence[str] = (), most: int = 10) -> pd.DataFrame:
-    """Return the first of a ranking as a reader sees it, with the bound and a user's own."""
-    shown = ranked["controller"].isin([*_rivals(ranked)["controller"][:most], *own])
-    return view(ranked[shown | (ranked["rank"] == BOUND)])
+    """Return the first of a ranking as a reader sees it, with what has no rank and a user's own."""
+    beside = ~ranked["controller"].isin(rivals_of(ranked)["controller"])
+    shown = ranked["controller"].isin([*rivals_of(ranked)["controller"][:most], *own])
+    return view(ranked[shown | beside])

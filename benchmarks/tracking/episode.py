@@ -30,11 +30,14 @@ class Recording:
         Applied command (V).
     action
         What set the command, before it was clipped to [-1, 1]; NaN where a controller said so.
+    measured_um
+        The sensor's reading (µm).
     """
 
     displacement_um: Array
     command_V: Array
     action: Array
+    measured_um: Array
 
 
 def record(
@@ -94,8 +97,9 @@ def play(
     if plan is not None:
         plan(references_um)
     displacement, command = np.empty((samples, lanes)), np.empty((samples, lanes))
-    action = np.zeros((samples, lanes))
+    action, measured = np.zeros((samples, lanes)), np.empty((samples, lanes))
     displacement[0], command[0] = task.displacement_um, task.command_V
+    measured[0] = task.measured_um
     starts = np.ones(lanes, dtype=bool)
     state = None
     with np.errstate(invalid="ignore", over="ignore"):
@@ -104,10 +108,10 @@ def play(
             action[k] = np.reshape(answer, lanes)
             command[k] = layout.place_to_V(np.minimum(np.maximum(action[k], -1.0), 1.0))
             observation = task.step(command[k])
-            displacement[k] = task.displacement_um
+            displacement[k], measured[k] = task.displacement_um, task.measured_um
             if k == 1:
                 starts = np.zeros(lanes, dtype=bool)
-    return Recording(displacement, command, action)
+    return Recording(displacement, command, action, measured)
 
 
 def microseconds_per_sample(
