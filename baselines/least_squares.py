@@ -13,6 +13,8 @@ from rdpi_gym.support.errors import InputError
 
 SOLVE_EVERY = 5
 """Samples between two solutions: the sums are kept at every sample, the equations solved at these."""
+SWEEPS = 3
+"""Sweeps over the coordinates at a solution within bounds."""
 
 
 class ForgettingLeastSquares:
@@ -33,6 +35,9 @@ class ForgettingLeastSquares:
         Time constant of the forgetting (s).
     ts_s
         Sampling time (s).
+    least
+        Lower bounds of the parameters, ``(F,)``, -inf where there is none: θ then minimises the sum
+        within them. None: no bounds.
 
     Raises
     ------
@@ -61,6 +66,7 @@ class ForgettingLeastSquares:
         noise: float,
         memory_s: float,
         ts_s: float,
+        least: ArrayLike | None = None,
     ) -> None:
         self.prior = np.asarray(prior, dtype=np.float64)
         deviation = np.asarray(spread, dtype=np.float64)
@@ -68,6 +74,7 @@ class ForgettingLeastSquares:
             raise InputError(
                 f"spreads {deviation.tolist()}, noise {noise} and memory {memory_s} s; give each above 0"
             )
+        self._least = None if least is None else np.asarray(least, dtype=np.float64)
         self._kept = math.exp(-ts_s / memory_s)
         self._precision = np.diag((noise / deviation) ** 2)
         self._pull = self._precision @ self.prior
@@ -110,7 +117,25 @@ class ForgettingLeastSquares:
         if due.any():
             left = np.moveaxis(products[:, :, due], 2, 0) + self._precision
             right = moments[:, due].T + self._pull
-            self.theta(memory)[:, due] = np.linalg.solve(left, right[:, :, None])[:, :, 0].T
+            if self._least is None:
+                self.theta(memory)[:, due] = np.linalg.solve(left, right[:, :, None])[:, :, 0].T
+            else:
+                self.theta(memory)[:, due] = self._projected(
+                    left, right, self.theta(memory)[:, due]
+                )
+
+    def _projected(self, left: Array, right: Array, theta: Array) -> Array:
+        """Go on from θ towards the least sum of squares within the bounds, coordinate by coordinate.
+
+        Each step is exact in its coordinate, so the sum falls with every one, and a few sweeps at
+        every turn follow the minimum (Gauss and Seidel's iteration, projected).
+        """
+        assert self._least is not None
+        for _ in range(SWEEPS):
+            for i in range(self.size):
+                slope = right[:, i] - np.einsum("bf,fb->b", left[:, i], theta)
+                theta[i] = np.maximum(theta[i] + slope / left[:, i, i], self._least[i])
+        return theta
 
     def unlearn(self, memory: Array, share: Array) -> None:
         """Keep a share ``(B,)`` of what was learned and move θ to the prior alike, in place."""
