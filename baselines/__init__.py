@@ -18,6 +18,7 @@ name                                    controller
 ``pi-<feedforward>``                    PI on the error that one of the above leaves
 ``adaptive-feedforward``                the inverse of what the belief lacks, estimated online
 ``adaptive-inverse``                    classical inverse of weights that are estimated online
+``model-predictive``                    the belief over the preview, with a disturbance estimate
 ``iterative-learning``                  learns a reference pass by pass (a track of its own)
 ``preview-inversion``                   inversion of the belief over the whole reference, in advance
 ``pi-preview``                          PI with notch and low-pass on an inverse that is read ahead

@@ -1,0 +1,206 @@
+"""``model-predictive``: the belief's linear part over the preview, behind the inverse of its hysteresis."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.classical import ClassicalReferenceRate
+from baselines.core_inverse import CoreInverse
+from baselines.feedforward import Feedforward
+from baselines.loops.path import belief_path
+from baselines.loops.systems import LinearSystem
+from baselines.memory import Rows
+from baselines.tuning import Knob, Settings, Tunable
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.support.arrays import Array
+
+MODE_FACTORS = (0.6, 0.8, 1.2, 1.4)
+"""Of the believed frequency of a mode: where the certificate asks for stability."""
+
+
+class ModelPredictive(Tunable):
+    """w(k+1 ... k+N) minimise Σ (r - d - y)² + ρ Σ (w(j) - 2 w(j-1) + w(j-2))², N the preview; u inverts w.
+
+    y is what the belief's lags, modes and delay make of w, the displacement of the hysteresis. The
+    hysteresis itself is linearised about the branch it is on by its inverse, which is slid along w
+    sample by sample: so the problem is linear, its solution a row of gains on the reference shown,
+    the model's state and the last two w, and the horizon recedes at the price of a product. The
+    command is clipped to its range and largest change. d = measured - y, low-passed, is held over
+    the horizon: no constant disturbance leaves an offset.
+
+    Parameters
+    ----------
+    belief, layout, settings
+        As :class:`baselines.tuning.Tunable`.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P10
+    >>> from rdpi_gym.plant.effects import load_effect
+    >>> stage = replace(P10, effects=(load_effect("resonance")(f0_hz=739.0, damping=0.03),))
+    >>> layout = ObservationLayout.for_plant(stage, ts_s=1e-4, preview=8)
+    >>> ModelPredictive(stage, layout, {"band_hz": 20.0}).certificate()
+    'small gain: stable with a mode of 0.6 to 1.4 times the believed frequency, as far as the loop is linear; largest gain 0.483'
+
+    Notes
+    -----
+    Offset-free prediction: Maeder, Borrelli, Morari, Automatica 45, 2009. Without limits within the
+    horizon the quadratic programme has this closed form (Rawlings, Mayne, Diehl, Model Predictive
+    Control, 2017, 1.3); only the last clipping knows of them.
+    """
+
+    name = "model-predictive"
+    inverts_effects = True
+    knobs = (
+        Knob("smoothness", 1e-6, 10.0, 1e-2, logarithmic=True),
+        Knob("band_hz", 1.0, 500.0, 20.0, "Hz", logarithmic=True),
+    )
+
+    def __init__(
+        self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
+    ) -> None:
+        super().__init__(belief, layout, settings)
+        rdpi = isinstance(belief.hysteresis, RDPI)
+        self._inverse: Feedforward = (ClassicalReferenceRate if rdpi else CoreInverse)(
+            belief, layout
+        )
+        path = belief_path(belief, layout.ts_s)
+        self.model = path.dynamics
+        self.wanted_preview = 1 + math.ceil(2.0 * path.delay_s / layout.ts_s) + 2
+        self._gains = horizon_gains(self.model, layout.preview, self.settings["smoothness"])
+        self._pass = 1.0 - math.exp(-2.0 * math.pi * self.settings["band_hz"] * layout.ts_s)
+        states = np.eye(self.model.order) - self.model.a
+        self._at_rest = np.linalg.solve(states, self.model.b) if self.model.order else self.model.b
+        self.rows = Rows(
+            state=self.model.order,
+            wanted=2,
+            disturbance=1,
+            inverse=len(self._inverse.start(np.zeros(1))),
+        )
+
+    @property
+    def needed_preview(self) -> int:
+        """Twice what slow signals are late by, and three samples."""
+        return self.wanted_preview
+
+    def warning(self) -> str | None:
+        """Return one line where the horizon ends before the plant has answered, else None."""
+        if self.layout.preview >= self.wanted_preview:
+            return None
+        return f"short horizon: preview {self.layout.preview}, {self.wanted_preview} needed"
+
+    def certificate(self) -> str | None:
+        """Return what the small-gain theorem says of a mode elsewhere than believed, else None."""
+        if not any(effect.name == "resonance" for effect in self.belief.effects):
+            return None
+        largest = self._largest_gain()
+        if largest >= 1.0:
+            return None
+        low, high = min(MODE_FACTORS), max(MODE_FACTORS)
+        return (
+            f"small gain: stable with a mode of {low} to {high} times the believed frequency, as far as "
+            f"the loop is linear; largest gain {largest:.3g}"
+        )
+
+    def start(self, reference_um: Array) -> Array:
+        """Return the memory at rest; see :meth:`baselines.base.Baseline.start`."""
+        state, of = np.zeros((self.rows.total, len(reference_um))), self.rows.of
+        of(state, "state")[:] = self._at_rest[:, None] * reference_um
+        of(state, "wanted")[:] = reference_um
+        of(state, "inverse")[:] = self._inverse.start(reference_um)
+        return state
+
+    def next_command(
+        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
+    ) -> Array:
+        """Correct by y(k), answer all that is shown; see :meth:`baselines.base.Baseline.next_command`."""
+        of, model = self.rows.of, self.model
+        x, last, disturbance = of(state, "state"), of(state, "wanted"), of(state, "disturbance")
+        expected = model.c @ x + model.d * last[1]
+        measured = self.layout.measured_um(observation)
+        disturbance[0] += self._pass * (measured - expected - disturbance[0])
+        x[:] = model.a @ x + np.outer(model.b, last[1])
+        shown = self.layout.reference_um(observation)[:, 1:].T - disturbance
+        on_reference, on_state, on_last = self._gains
+        wanted = on_reference @ shown + on_state @ x + on_last @ last
+        last[0], last[1] = last[1].copy(), wanted
+        return self._inverse.next_command(
+            observation, np.stack([wanted, wanted]), of(state, "inverse")
+        )
+
+    def _largest_gain(self) -> float:
+        """Largest |F Q (P - P̂)| over the frequencies, for modes of :data:`MODE_FACTORS`.
+
+        Q is what d makes of w; by the internal model only what the path is otherwise than believed
+        is fed back.
+        """
+        z = np.exp(1j * np.geomspace(1e-3, math.pi, 3000))
+        on_reference, on_state, on_last = self._gains
+        order, later = self.model.order, 1.0 / z
+        states = np.linalg.solve(
+            z[:, None, None] * np.eye(order) - self.model.a,
+            np.broadcast_to(self.model.b[:, None], (len(z), order, 1)),
+        )[..., 0]
+        own = 1.0 - states @ on_state - on_last[1] * later - on_last[0] * later**2
+        answer = on_reference.sum() * later / own
+        low = self._pass / (1.0 - (1.0 - self._pass) * later)
+        believed, largest = self.model.response(z), 0.0
+        for factor in MODE_FACTORS:
+            moved = [
+                replace(e, f0_hz=factor * e.values["f0_hz"]) if e.name == "resonance" else e  # type: ignore[call-arg]
+                for e in self.belief.effects
+            ]
+            path = belief_path(replace(self.belief, effects=tuple(moved)), self.layout.ts_s)
+            differs = np.abs(low * answer * (path.dynamics.response(z) - believed))
+            largest = max(largest, float(differs.max()))
+        return largest
+
+
+def horizon_gains(
+    model: LinearSystem, horizon: int, smoothness: float
+) -> tuple[Array, Array, Array]:
+    """Return the first w of the plan as gains on the reference ahead, the state, and the last two w.
+
+    Parameters
+    ----------
+    model
+        From w to y.
+    horizon
+        Samples N.
+    smoothness
+        ρ.
+
+    Returns
+    -------
+    float64[N], float64[n], float64[2]
+
+    Examples
+    --------
+    Without dynamics, and hardly a price, w is the next reference:
+
+    >>> from baselines.loops.systems import gain
+    >>> (np.round(horizon_gains(gain(1.0), 3, 1e-9)[0], 6) + 0.0).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    free, pulse = [], [model.d]
+    row = model.c
+    for _ in range(horizon):
+        free.append(row)
+        pulse.append(float(row @ model.b))
+        row = row @ model.a
+    lag = np.subtract.outer(np.arange(horizon), np.arange(horizon))
+    forced = np.where(lag >= 0, np.array(pulse)[np.maximum(lag, 0)], 0.0)
+    bends = np.zeros((horizon, horizon + 2))
+    for i in range(horizon):
+        bends[i, i : i + 3] = 1.0, -2.0, 1.0
+    own = bends[:, 2:]
+    normal = forced.T @ forced + smoothness * own.T @ own
+    solved = np.linalg.solve(normal, np.hstack([forced.T, smoothness * own.T @ bends[:, :2]]))
+    on_reference, on_last = solved[0, :horizon], -solved[0, horizon:]
+    return on_reference, -on_reference @ np.array(free).reshape(horizon, model.order), on_last
