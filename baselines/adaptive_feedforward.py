@@ -207,6 +207,7 @@ class AdaptiveFeedforward(Tunable):
         measured_um: Array,
         reference_um: Array,
         state: Array,
+        learns: NDArray[np.bool_] | None = None,
     ) -> Array:
         """Return w (µm), what the belief's inverse is to answer next, and move the memory on.
 
@@ -218,6 +219,8 @@ class AdaptiveFeedforward(Tunable):
             y(k) and r(k) (µm), ``(B,)``.
         state
             Memory, changed in place.
+        learns
+            ``(B,)``: where false nothing is learned, and nothing forgotten. None: everywhere.
         """
         of = self.rows.of
         trust, ringing = self.monitor.watch(
@@ -228,7 +231,8 @@ class AdaptiveFeedforward(Tunable):
         static = self._static(smooth, state)
         shift_in(of(state, "measured"), measured_um)
         fit = of(state, "fit")
-        self._learn(state, ~ringing & self._is_free(observation, state))
+        counts = ~ringing & self._is_free(observation, state)
+        self._learn(state, counts if learns is None else counts & learns)
         self.fit.unlearn(fit, np.where(ringing, trust, 1.0))
         phi = np.vstack([*derivatives, static])
         believed = self.fit.prior @ phi
