@@ -93,7 +93,8 @@ def with_one_more(
     """Refit a model with an effect more, on few samples, from the best of the effect's starts.
 
     Where the core has several starts, the refit begins at each of them again: what it was without the
-    effect is another optimum. None where every start of the effect leads away from the records.
+    effect is another optimum. None where a few steps from every start of the effect lead away from the
+    records.
 
     Parameters
     ----------
@@ -108,7 +109,9 @@ def with_one_more(
     """
     core, present = fit.variant.hysteresis, fit.variant.effects
     begun = [
-        first_steps(records, core, in_chain_order([*present, start]), 0, samples=FIRST_SAMPLES)
+        first_steps(
+            records, core, in_chain_order([*present, start]), _FIRST_STEPS, samples=FIRST_SAMPLES
+        )
         for start in kind.starts(scale)
     ]
     least = min(begun, key=lambda each: each.train_rmse_um)

@@ -20,7 +20,6 @@ from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
 from rdpi_gym.identification.scale import data_scale, plant_ranges
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import CORES, PlantModel
-from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
@@ -123,36 +122,37 @@ def choose_kind(
     every, train, validation = train, from_rest(train), from_rest(validation)
     refused: dict[str, str] = {}
 
-    def begun(kinds: Sequence[type[Core]], records: Sequence[Record]) -> list[Way]:
+    def begun(present: Mapping[str, Sequence[Effect]], records: Sequence[Record]) -> list[Way]:
         ways = []
-        for done, kind in enumerate(kinds):
-            report("kinds of hysteresis", done, len(kinds))
+        for done, (kind, effects) in enumerate(present.items()):
+            report("kinds of hysteresis", done, len(present))
             try:
-                fit = first_fit(records, kind, beside(scale), scale)
+                fit = first_fit(records, CORES[kind], effects, scale)
             except InputError as error:
-                refused[kind.name] = str(error)
+                refused[kind] = str(error)
                 continue
             if fit is not None and math.isfinite(fit.train_rmse_um):
                 ways.append(judged_way(fit, validation))
-        report("kinds of hysteresis", len(kinds), len(kinds))
+        report("kinds of hysteresis", len(present), len(present))
         return ways
 
-    ways = begun(list(CORES.values()), train)
+    ways = begun(dict.fromkeys(CORES, beside(scale)), train)
     if not ways:
         raise InputError(next(iter(refused.values())))
-    told = explained(train, [way.fit for way in ways])
-    if len(told) < len(train):
-        ways = begun([type(way.core) for way in _near(ways, _HOPEFUL)], told)
     best = min(ways, key=_left)
     if _left(best) > _MUCH * float(best.white_um2.mean()):
         wider = _near(ways, _HOPEFUL)
         for done, way in enumerate(wider):
             report("kinds with an effect more", done, len(wider))
-            tried = (with_one_more(told, way.fit, CATALOGUE[name], scale) for name in _BESIDES)
+            tried = (with_one_more(train, way.fit, CATALOGUE[name], scale) for name in _BESIDES)
             fits = [judged_way(fit, validation) for fit in tried if fit is not None]
             more = min(fits, key=_left, default=way)
             if _left(more) < (1.0 - _TAKES) * _left(way):
                 ways[ways.index(way)] = more
+    told = explained(train, [way.fit for way in ways])
+    if len(told) < len(train):
+        hopeful = {w.core.name: w.fit.variant.effects for w in _near(ways, _HOPEFUL)}
+        ways = begun(hopeful, told)
     near = _near(ways, _NEAR)
     for done, way in enumerate(near):
         report("kinds that come near", done, len(near))

@@ -151,7 +151,7 @@ def instead(ways: Sequence[Fitted], of: Outcome, seed: int) -> bool:
 
 
 def simpler(ways: Sequence[Fitted], of: Fitted, noise_um: float, seed: int) -> list[Fitted]:
-    """Return the kinds that explain with fewer numbers half of what a model leaves beyond the noise.
+    """Return the kinds that explain with no more numbers half of what a model leaves beyond the noise.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def simpler(ways: Sequence[Fitted], of: Fitted, noise_um: float, seed: int) -> l
     return [
         way
         for way in ways
-        if way.numbers < of.numbers
+        if way.numbers <= of.numbers
         and way.outcome.mean_square <= least
         and beats(of.outcome.pieces, way.outcome.pieces, rng) >= _SURE
     ]
