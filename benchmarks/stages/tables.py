@@ -72,11 +72,11 @@ class TaskScores:
         return [row for row in self.rows if row["task"] == task]
 
     def ranking(self, task: str) -> pd.DataFrame:
-        """Return the ranking of one task; see :func:`benchmarks.stages.ranking.ranking`."""
+        """Return the ranking of one task, best first."""
         return ranking(self.rows_of(task))
 
     def correlation(self, task: str) -> float:
-        """Return how well the order is kept; see :func:`benchmarks.stages.ranking.rank_correlation`."""
+        """Return the correlation of the ranks on the plants of even and of odd numbers; NaN where there are too few."""
         return rank_correlation(self.rows_of(task)) if self.plants > 1 else float("nan")
 
     @property
