@@ -26,6 +26,7 @@ name                                    controller
 ``integral-resonant``                   a mode is damped by an integrator in positive feedback
 ``positive-position``                   a mode is damped by a resonant filter of the position
 ``dual-loop``                           a mode is damped by a non-minimum-phase all-pass
+``adaptive-dual-loop``                  the same on the adaptive feedforward
 ``smith-predictor``                     PI on a model of the path without its delay
 ``lqg-preview``                         state feedback with a disturbance observer
 ``h-infinity``                          mixed-sensitivity design, by python-control

@@ -116,6 +116,14 @@ class Feedforward(Baseline):
         """Whether the loop through its own memory decays at this Ts with this belief."""
         return spectral_radius(self.loop_polynomial()) < 1.0
 
+    def certificate(self) -> str | None:
+        """Return what is certain of the loop through its own memory; None where it does not decay."""
+        polynomial = self.loop_polynomial()
+        if len(polynomial) == 1:
+            return "no loop: nothing is fed back"
+        radius = spectral_radius(polynomial)
+        return f"Jury: poles of its own loop within {radius:.4g}" if radius < 1.0 else None
+
     def warning(self) -> str | None:
         """Return one line where the loop does not decay at this Ts with this belief, else None."""
         if self.is_stable:

@@ -91,6 +91,11 @@ class InversionFreeReferenceRate(InversionFree):
         """Return z + g."""
         return np.array([1.0, self.model.g])
 
+    def certificate(self) -> str | None:
+        """Return the small gain of Eq. 6: the plays answer a change by S at most, 1 / a_0 brings it back."""
+        g = self.model.g
+        return f"small gain: g = S / a_0 = {g:.3g}, below 1" if g < 1.0 else None
+
     def stable_where(self) -> str:
         """Say the limit on g."""
         return "for g = S / a_0 below 1"

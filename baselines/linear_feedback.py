@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,25 @@ from rdpi_gym.support.arrays import Array
 
 FALL_S, RECOVERY_S = 5e-3, 1.0
 """Time constants (s) with which the feedback is withdrawn while it rings, and given back."""
+
+
+class CorrectedInverse(Protocol):
+    """A feedforward that takes a correction of what the plays are to give; row 0: the last command."""
+
+    @property
+    def needed_preview(self) -> int:
+        """As :attr:`baselines.base.Baseline.needed_preview`."""
+
+    def start(self, reference_um: Array) -> Array:
+        """As :meth:`baselines.base.Baseline.start`."""
+
+    def corrected_command(
+        self, observation: NDArray[np.floating[Any]], correction_um: Array, state: Array
+    ) -> Array:
+        """As :meth:`baselines.extended.ExtendedInverse.corrected_command`."""
+
+    def warning(self) -> str | None:
+        """As :meth:`baselines.base.Baseline.warning`."""
 
 
 class LinearFeedback(Tunable):
@@ -61,12 +81,7 @@ class LinearFeedback(Tunable):
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
         super().__init__(belief, layout, settings)
-        self.inverse = ExtendedInverse(self.inverted_belief(), layout)
-        self.path = belief_path(belief, layout.ts_s)
-        for stage in self.inverse.inverses.command:
-            if isinstance(stage, PreviewFilter):  # the correction passes it too
-                passed = weighted(stage.weights[::-1].tolist()) * self.path.dynamics
-                self.path = BeliefPath(passed, self.path.sliding, self.path.mode, self.path.delay_s)
+        self.inverse, self.path = self.inverse_and_path()
         self.angles, self.z = grid(self.path, layout.ts_s)
         self.feedback = self.design()
         self.monitor = RingingMonitor(BAND_HZ, layout.scale_um, layout.ts_s)
@@ -78,6 +93,16 @@ class LinearFeedback(Tunable):
             allowed=1,
             inverse=len(self.inverse.start(np.zeros(1))),
         )
+
+    def inverse_and_path(self) -> tuple[CorrectedInverse, BeliefPath]:
+        """Return what makes commands of the reference and a correction, and the path of the latter."""
+        inverse = ExtendedInverse(self.inverted_belief(), self.layout)
+        path = belief_path(self.belief, self.layout.ts_s)
+        for stage in inverse.inverses.command:
+            if isinstance(stage, PreviewFilter):  # the correction passes it too
+                passed = weighted(stage.weights[::-1].tolist()) * path.dynamics
+                path = replace(path, dynamics=passed)
+        return inverse, path
 
     def inverted_belief(self) -> PlantModel:
         """Return the plant that the feedforward inverts; the belief, unless a subclass knows better."""

@@ -66,7 +66,7 @@ class Certificate:
         """Return what is certain in one line; None where nothing is."""
         if not self.stable:
             return None
-        (low, high), poles = self.sector, f"poles within {self.radius:.4g}"
+        (low, high), poles = self.sector, f"poles within {self.radius:.6g}"
         if self.passive:
             return f"passive: stable for any hysteresis of at most {high:.3g} times the believed gain; {poles}"
         if self.share >= 1.0:

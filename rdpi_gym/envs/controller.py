@@ -112,7 +112,7 @@ def certificate_of(controller: Controller) -> str | None:
     >>> plant = named_plant("P5")
     >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-3)
     >>> certificate_of(make_named_controller("pi", plant, layout))
-    'passive: stable for any hysteresis of at most 1 times the believed gain; poles within 0.7696'
+    'passive: stable for any hysteresis of at most 1 times the believed gain; poles within 0.769634'
     """
     say = getattr(controller, "certificate", None)
     said: str | None = None if say is None else say()

@@ -12,6 +12,7 @@ from baselines.loops.path import belief_path
 from baselines.loops.systems import LinearSystem, gain, integrator, unit_delay
 from baselines.registry import CONTROLLERS
 from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import load_effect
 
@@ -212,3 +213,18 @@ def test_an_error_that_is_known_is_measured():
     np.testing.assert_allclose(np.abs(measured.error), 0.01, rtol=1e-2)
     assert measured.accuracy_hz(0.02) == measured.frequencies_hz[-1]
     assert measured.accuracy_hz(0.005) == 0.0
+
+
+def test_feedback_takes_off_what_an_adaptive_feedforward_leaves():
+    (lanes,) = TASKS["Bare"].lanes("training", 1)
+    left = {}
+    for name in ("adaptive-feedforward", "adaptive-dual-loop"):
+        controller = CONTROLLERS[name](lanes.belief, lanes.layout(), settings={})
+        task, state, errors = lanes.track(lanes.layout()), None, []
+        observation = task.reset(lanes.references_um, lanes.draws[0].noises)
+        for _ in range(1200):
+            action, state = controller.predict(observation, state)
+            observation = task.step(controller.layout.place_to_V(np.float64(action[:, 0])))
+            errors.append(task.error_um.copy())
+        left[name] = float(np.sqrt(np.mean(np.square(errors[600:]))))
+    assert left["adaptive-dual-loop"] < 0.8 * left["adaptive-feedforward"]

@@ -120,6 +120,19 @@ def test_literal_with_a_loop_gain_above_one_has_a_longest_sampling_time_too():
         assert decays or "below 0.006 s" in warning
 
 
+def test_a_certificate_stands_where_no_warning_does():
+    found = {}
+    for ts_s in (5e-5, 1e-3):
+        layout = ObservationLayout.for_plant(P10, ts_s)
+        for name in FEEDFORWARDS:
+            controller = make_controller(name, P10, layout)
+            assert (controller.certificate() is None) == (controller.warning() is not None)
+            found[name] = controller.certificate()
+    assert found["classical-static"] == "no loop: nothing is fed back"
+    assert found["classical-literal"] == "Jury: poles of its own loop within 0.4405"
+    assert found["static-inverse-multiplicative"] == "small gain: g = S / a_0 = 0.967, below 1"
+
+
 def test_warnings_of_the_paper_s_plants():
     for model in (P5, P10):
         for ts_s in (5e-5, 1e-3):
