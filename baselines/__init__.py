@@ -20,6 +20,7 @@ name                                    controller
 ``adaptive-inverse``                    classical inverse of weights that are estimated online
 ``model-predictive``                    the belief over the preview, with a disturbance estimate
 ``hybrid``                              feedback at rest, adaptive feedforward in motion
+``repetitive``                          adds what was missing one period ago
 ``iterative-learning``                  learns a reference pass by pass (a track of its own)
 ``preview-inversion``                   inversion of the belief over the whole reference, in advance
 ``pi-preview``                          PI with notch and low-pass on an inverse that is read ahead
