@@ -12,6 +12,7 @@ from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.candidates import refit
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover
 from rdpi_gym.diagnosis.search.laboratory import Laboratory
+from rdpi_gym.diagnosis.search.openings import leaving_out
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
@@ -119,6 +120,15 @@ def test_what_came_close_is_tried_in_the_place_of_what_was_chosen(lagging):
     assert (settled.effect, settled.indistinguishable) == ("sensor_lag", ())
     assert settled.instead["asymmetry"] > 2.0 * settled.errors.validation_rmse_um
     assert Candidate.from_fields(Fields(settled.to_dict(), "step")).instead == settled.instead
+    # and where the beginning of a record to judge by is left out, the error with it is said too
+    assert bench.on_every_sample(state) == ()
+    held = bench.setting.validation[0]
+    bench._spared = {held.name: np.arange(held.t_s.size) < held.t_s.size // 3}
+    bench.setting = leaving_out(bench.setting, bench._spared)
+    assert bench.on_every_sample(state) == (
+        "with the beginnings that were left out the validation error is "
+        f"{state.outcome.errors.validation_rmse_um:.4g} µm",
+    )
 
 
 def test_two_hidden_effects_are_both_found():
