@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from optuna.trial import Trial
 
 VALIDATION_PLANTS = 20
+FINALISTS = 3
+"""Best trials that validation plants choose from, the defaults beside them."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,8 @@ class Tuned:
     trials
         Settings that were tried.
     before, after
-        On validation draws: with the class's defaults, and with what was found.
+        On validation draws, which chose among the best trials and the defaults: with the class's
+        defaults, and with what was chosen.
     certificate, warning
         What the controller says of itself with these settings.
     path
@@ -157,29 +160,40 @@ def tune(
     known = read_tunings(path, name, knobs) if path.exists() else {}
     study = _study(name, asked, out, seed, plants, knobs)
     spent = _search(study, name, asked, trials, seed, plants, progress or silent)
-    settings = checked_settings(name, knobs, study.best_params)
+    settings, scored, before, after = _chosen(study, name, asked, knobs)
     belief = asked.belief()
     tuning = Tuning(
         settings,
         tuple(sorted(effect.name for effect in belief.effects)),
         f"rdpi tune {name} --task {asked.name} --trials {trials} --plants {plants} --seed {seed}",
         seed,
-        spent,
-        float(study.best_value),
+        spent + (1 + FINALISTS) * before.plant_samples,
+        scored,
     )
     write_tunings(path, name, known | {asked.name: tuning})
     made = CONTROLLERS[name](belief, asked.layout(), settings=settings)  # type: ignore[call-arg]
-    return Tuned(
-        name,
-        asked.name,
-        tuning,
-        _done(study),
-        figures(name, checked_settings(name, knobs, {}), asked, "validation", VALIDATION_PLANTS),
-        figures(name, settings, asked, "validation", VALIDATION_PLANTS),
-        certificate_of(made),
-        warning_of(made),
-        path,
-    )
+    said = certificate_of(made), warning_of(made)
+    return Tuned(name, asked.name, tuning, _done(study), before, after, *said, path)
+
+
+def _chosen(
+    study: Study, name: str, task: StageTask, knobs: Sequence[Knob]
+) -> tuple[Settings, float, Figures, Figures]:
+    """Choose among the defaults and the best trials on validation plants, failures first.
+
+    What did best on a few training plants may have been made for them.
+    """
+    tried = [trial for trial in study.get_trials(deepcopy=False) if trial.value is not None]
+    best = sorted(tried, key=lambda trial: (trial.value or 0.0, trial.number))[:FINALISTS]
+    defaults = checked_settings(name, knobs, {})
+    first = next((trial for trial in tried if trial.params == defaults), best[0])
+    before = figures(name, defaults, task, "validation", VALIDATION_PLANTS)
+    found = [(defaults, float(first.value or 0.0), before, before)]
+    for trial in best:
+        settings = checked_settings(name, knobs, trial.params)
+        after = figures(name, settings, task, "validation", VALIDATION_PLANTS)
+        found.append((settings, float(trial.value or 0.0), before, after))
+    return min(found, key=lambda each: (each[-1].failures, each[-1].objective))
 
 
 def promise(name: str, task: str) -> str:

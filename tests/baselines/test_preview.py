@@ -101,8 +101,10 @@ def test_full_preview_is_a_bound_whatever_the_true_plant(model, ts_s, spread):
     scores = {
         name: tracked(make_controller(name, plant, layout), truths, layout, r)
         for name in CONTROLLERS
-        # where the plant rises with its newest command, a search in each sample is exact as well
+        # where the plant rises with its newest command, a search in each sample is exact as well;
+        # one of those that step in NumPy stands for all
         if not inverts_any_core(name)
+        and (name == "dual-loop" or not hasattr(CONTROLLERS[name], "knobs"))
     }
     bound = tracked(FullPreviewInversion(truths, layout), truths, layout, r)
     own = scores.pop("preview-inversion")

@@ -35,7 +35,7 @@ def test_it_says_what_is_certain_and_what_was_found_and_goes_on_where_it_was(tmp
     whole = json.loads((tmp_path / "t" / "lqg-preview.json").read_text())
     kind = CONTROLLERS["lqg-preview"]
     found = read_tunings(tmp_path / "t" / "lqg-preview.json", kind.name, kind.knobs)["Bare"]
-    assert found.plant_samples == 6 * 2 * 150
+    assert found.plant_samples == (6 * 2 + 4 * 2) * 150  # trials, then the validation of four
     assert found.effects == ()
     assert found.command == "rdpi tune lqg-preview --task Bare --trials 6 --plants 2 --seed 0"
     (tmp_path / "t" / "lqg-preview.journal").unlink()
