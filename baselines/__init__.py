@@ -40,6 +40,7 @@ states its ``name``. One of another project is named by an entry point of the gr
 
 from baselines.base import Baseline
 from baselines.feedforward import Feedforward
+from baselines.horizon import HORIZON_BOUND, TrueHorizon
 from baselines.lookup import LEARNED, find_factory, make_controller
 from baselines.preview import FULL_PREVIEW, FullPreviewInversion
 from baselines.registry import (
@@ -56,12 +57,14 @@ __all__ = [
     "CONTROLLERS",
     "FEEDFORWARDS",
     "FULL_PREVIEW",
+    "HORIZON_BOUND",
     "LEARNED",
     "Baseline",
     "Controller",
     "ControllerFactory",
     "Feedforward",
     "FullPreviewInversion",
+    "TrueHorizon",
     "find_factory",
     "inverts_any_core",
     "inverts_effects",

@@ -38,7 +38,8 @@ class TrueHorizon(Baseline):
     layout
         As :class:`baselines.base.Baseline`.
     smoothing
-        As :data:`SMOOTHING`.
+        Price of the second difference of the command, in units of the squared error that the largest
+        gain makes of it.
 
     Examples
     --------

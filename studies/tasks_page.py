@@ -7,7 +7,7 @@ from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 
-from baselines.horizon import HORIZON_BOUND
+from baselines import HORIZON_BOUND
 from benchmarks.stages.draws import FEWEST_DIGITS
 from benchmarks.stages.tables import METHOD
 from rdpi_gym.envs.tasks import PUBLIC_SEED, TASKS, StageTask

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import spearmanr
 
-from baselines.horizon import HORIZON_BOUND
+from baselines import HORIZON_BOUND
 from benchmarks.stages.unit import PREVIEW, WORST_PERCENT
 from benchmarks.tracking.leaderboard import CONFIDENCE
 from rdpi_gym.support.arrays import Array

@@ -9,8 +9,13 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from baselines import CONTROLLERS, ControllerFactory, find_factory, inverts_any_core
-from baselines.horizon import HORIZON_BOUND
+from baselines import (
+    CONTROLLERS,
+    HORIZON_BOUND,
+    ControllerFactory,
+    find_factory,
+    inverts_any_core,
+)
 from baselines.tuning import TUNED
 from benchmarks.stages.draws import TestSeed
 from benchmarks.stages.rows import SUITE_VERSION, key, open_rows

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from baselines.horizon import HORIZON_BOUND
+from baselines import HORIZON_BOUND
 from benchmarks.stages.ranking import BOUND, rank_correlation, ranking, rivals_of
 from benchmarks.stages.rows import SUITE_VERSION
 from benchmarks.stages.unit import PASSES, SATURATED_PERCENT, SLOWEST_US, WORST_PERCENT

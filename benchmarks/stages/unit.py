@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines import ControllerFactory, make_controller
-from baselines.horizon import HORIZON_BOUND, TrueHorizon
+from baselines import HORIZON_BOUND, ControllerFactory, TrueHorizon, make_controller
 from benchmarks.stages.rows import SUITE_VERSION, Key, key
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, play
 from benchmarks.tracking.scoring import one_line, score
