@@ -75,7 +75,7 @@ class ModelPredictive(Tunable):
         )
         path = belief_path(belief, layout.ts_s)
         self.model = path.dynamics
-        self.wanted_preview = 1 + math.ceil(2.0 * path.delay_s / layout.ts_s) + 2
+        self.wanted_preview = math.ceil(path.delay_s / layout.ts_s) + 3
         self._gains = horizon_gains(self.model, layout.preview, self.settings["smoothness"])
         self.band_hz = self._safe_band_hz()
         self._pass = 1.0 - math.exp(-2.0 * math.pi * self.band_hz * layout.ts_s)
@@ -90,7 +90,7 @@ class ModelPredictive(Tunable):
 
     @property
     def needed_preview(self) -> int:
-        """Twice what slow signals are late by, and three samples."""
+        """What slow signals are late by, and three samples."""
         return self.wanted_preview
 
     def warning(self) -> str | None:
