@@ -229,7 +229,7 @@ def report(rows: Sequence[Row], per: int, seed: int) -> str:
     >>> row = {"status": "done", "kind": "stop", "effect": "", "right": True, "exact": True,
     ...        "alike": [], "sure": True, "chosen": "stop", "seconds": 2.0}
     >>> report([row], 1, 1).splitlines()[2]
-    'The kind is named, or stands among those said to be alike, in 1 of 1 (100 %); a wrong kind is named alone in 0. 1.0 names a plant.'
+    'The first 1 of 20 plants. The kind is named, or stands among those said to be alike, in 1 of 1 (100 %); a wrong kind is named alone in 0. 1.0 names a plant.'
     """
     frame = pd.DataFrame([row for row in rows if row["status"] == "done"])
     failed = sum(row["status"] != "done" for row in rows)
@@ -248,9 +248,11 @@ def report(rows: Sequence[Row], per: int, seed: int) -> str:
     table["taken for"] = [taken.get(kind, "") for kind in table["kind"]]
     right, wrong = int(frame["right"].sum()), int((~frame["right"] & frame["sure"]).sum())
     failures = f" {failed} failed." if failed else ""
+    every = len(cases(per, seed))
+    so_far = f"The first {len(rows)} of {every} plants. " if len(rows) < every else ""
     return (
         "# Which kind of hysteresis?\n\n"
-        f"The kind is named, or stands among those said to be alike, in {right} of {len(frame)} "
+        f"{so_far}The kind is named, or stands among those said to be alike, in {right} of {len(frame)} "
         f"({100 * right / len(frame):.0f} %); a wrong kind is named alone in {wrong}.{failures} "
         f"{frame['names'].mean():.1f} names a plant.\n\n"
         f"{frame_table(table.round(1))}\n\nMade by `python -m studies.kind_choice --per {per} --seed {seed}`.\n"

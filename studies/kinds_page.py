@@ -85,7 +85,7 @@ def page_text() -> str:
         "# Kinds of hysteresis\n\n"
         f"The middle of a plant's chain is one of {len(CORES)} hysteresis cores; whatever stands before and behind "
         "it, from the amplifier's lag to the sensor's noise, goes with any of them. `rdpi fit DATA --core NAME` fits "
-        "one to a measurement, and `--core auto` fits all of them, each beside a creep and a lag, and chooses by the held-out error; in Python these are `rg.fit_core` and `rg.choose_kind`. The controller `core-inverse` undoes any. "
+        "one to a measurement, and `--core auto` fits all of them, each beside a creep and a lag, where much is left beside a backlash or a resonance too, and chooses by the held-out error; in Python these are `rg.fit_core` and `rg.choose_kind`. The controller `core-inverse` undoes any. "
         "The RDPI model has more: standard errors of every weight, the paper's compensators, the search for missing "
         "effects.\n\n"
         f"{overview}\n\n"

@@ -61,3 +61,15 @@ def test_what_was_not_found_is_counted_rightly():
     lagging = missed["subject"].str.contains("actuator_lag")
     assert f"{lagging.sum()} of the {len(missed)} pairs not found" in PAGE
     assert set(missed.loc[lagging, "verdict"].dropna()) <= {"unexplained", "failed"}
+
+
+def test_the_figures_on_kinds_are_those_of_their_tables():
+    tables = {
+        "kind_choice/kind_choice": r"alike, in (\d+ of \d+) \(",
+        "kind_choice/silence/silence": r"preferred on (\d+ of \d+) plants",
+        "effects_on_cores/effects_on_cores": r"alike, in (\d+ of \d+)\.",
+    }
+    for name, figure in tables.items():
+        table = ROOT / "studies" / "results" / f"{name}.md"
+        said = re.search(figure, table.read_text(encoding="utf-8"))[1]
+        assert f"on {said} plants" in PAGE, name

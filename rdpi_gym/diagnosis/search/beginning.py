@@ -68,7 +68,7 @@ class Beginning(Bench):
 
         Asked only where no core was asked for or given, and something is left that is not the clock of
         one record: a record in a wrong time looks like another kind of hysteresis. Where little is
-        left, plays and effects may imitate a kind: one of fewer numbers has to leave half of that.
+        left, plays and effects may imitate a kind: one of no more numbers has to leave half of that.
         """
         if self._asked_core is not None or self.core.kind != RDPI.name:
             return None
@@ -78,7 +78,8 @@ class Beginning(Bench):
             return None
         much = left > _NOWHERE**2 * variance and not self.at_floor(state)
         least_um = (_HOPEFUL if much else _NO_WORSE) * state.outcome.errors.train_rmse_um
-        kinds = turning(self.core.clockwise)
+        # a kind of very many numbers is none of no more, and slow beside some effects
+        kinds = [k for k in turning(self.core.clockwise) if much or not k.loose]
 
         def better(ways: Sequence[Fitted]) -> list[Fitted]:
             if much and instead(ways, state.outcome, self._seed):
