@@ -19,7 +19,8 @@ def add(
         str,
         typer.Argument(
             metavar="EFFECT",
-            help="Name of an effect, see `rdpi effects`; module:Class is one of your own.",
+            help="Name of an effect, see `rdpi effects`; unknown is a free block that the records "
+            "teach, and module:Class an effect of your own.",
             show_default=False,
         ),
     ],
