@@ -219,7 +219,7 @@ class KindChoice(Shown, kinds.KindChoice):
         if others_alike:
             lines.append(
                 f"- Indistinguishable on these records: {joined([core.name, *others_alike])}. "
-                f"Of these, {core.name} has the fewest numbers. To tell them apart: {core.experiment}"
+                f"{core.name} is the simplest of those that leave least. To tell them apart: {core.experiment}"
             )
         if self.same:
             lines.append(
@@ -227,6 +227,11 @@ class KindChoice(Shown, kinds.KindChoice):
                 f"What would show other numbers: {core.experiment}"
             )
         lines += [f"- {name} was not fitted: {why}" for name, why in self.refused.items()]
+        if self.left_out:
+            lines.append(
+                "- Left out of the fits, since they begin away from rest while others begin there, or "
+                f"no kind explains them as it does the others: {joined(list(self.left_out))}."
+            )
         return lines
 
     def to_dataframe(self) -> pd.DataFrame:

@@ -51,7 +51,7 @@ class KindChoice:
     fits : tuple of CoreFit
         Best held-out error first.
     chosen
-        That of the fewest numbers among those that the records do not tell from the best.
+        That of the fewest numbers among those that leave least.
     alike
         Names of the others among those, and of kinds that are one model with it.
     clockwise
