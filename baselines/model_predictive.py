@@ -166,14 +166,28 @@ class ModelPredictive(Tunable):
         low = (1.0 - kept) / (1.0 - kept * later)
         believed, largest = self.model.response(z), 0.0
         for factor in MODE_FACTORS:
-            moved = [
-                replace(e, f0_hz=factor * e.values["f0_hz"]) if e.name == "resonance" else e  # type: ignore[call-arg]
-                for e in self.belief.effects
-            ]
-            path = belief_path(replace(self.belief, effects=tuple(moved)), self.layout.ts_s)
+            path = belief_path(with_mode_at(self.belief, factor), self.layout.ts_s)
             differs = np.abs(low * answer * (path.dynamics.response(z) - believed))
             largest = max(largest, float(differs.max()))
         return largest
+
+
+def with_mode_at(belief: PlantModel, factor: float) -> PlantModel:
+    """Return a belief with its mode at so many times its frequency; one without a mode as it is.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P10
+    >>> with_mode_at(P10, 0.6) == P10
+    True
+    """
+    effects = [
+        type(e).within_bounds(**{**e.values, "f0_hz": factor * e.values["f0_hz"]})
+        if e.name == "resonance"
+        else e
+        for e in belief.effects
+    ]
+    return replace(belief, effects=tuple(effects))
 
 
 def horizon_gains(

@@ -11,6 +11,7 @@ from baselines.repetitive import Repetitive
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import P10
+from rdpi_gym.plant.effects import load_effect
 from rdpi_gym.signals import Sine
 from rdpi_gym.support.errors import InputError
 
@@ -39,6 +40,13 @@ def test_from_period_to_period_the_error_falls_and_without_one_nothing_is_learne
     )
     assert last[0] < 0.2 * first[0]
     assert not controller.rows.of(state, "correction")[:, 1].any()
+
+
+def test_the_certificate_is_computed_and_a_filter_that_lets_a_mode_through_has_none():
+    ringing = load_effect("resonance")(f0_hz=739.0, damping=0.03)
+    stage = replace(BELIEF, effects=(ringing,))
+    assert "a period leaves at most" in Repetitive(stage, LAYOUT, {}).certificate()
+    assert Repetitive(stage, LAYOUT, {"band_hz": 800.0}).certificate() is None
 
 
 def test_without_a_plan_it_says_so():
