@@ -107,8 +107,8 @@ class Tuned:
             f"RMSE {self.after} on validation plants of {self.task}: {self.controller} after "
             f"{self.trials} trials; untuned {self.before}",
             f"settings: {settings}",
-            f"found on {self.tuning.plant_samples / 1e6:.3g} million samples of training plants; "
-            f"{self.tuning.score_percent:.3g} % there (mean of middle, 90th percentile and worst)",
+            f"found on {self.tuning.plant_samples / 1e6:.3g} million samples of training and validation plants; "
+            f"{self.tuning.score_percent:.3g} % in training (mean of middle, 90th percentile and worst)",
             f"certificate: {self.certificate or 'none'}",
             *([f"warning: {self.warning}"] if self.warning else []),
             f"written: {self.path}",
