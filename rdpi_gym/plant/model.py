@@ -56,7 +56,7 @@ class PlantModel(Generic[AnyCore]):
     ------
     InputError
         An empty or reversed range, a reference amplitude that is not above zero, a value that is
-        not finite, an effect that acts on what the core does not have.
+        not finite, an effect that runs plays which the core does not have.
 
     Examples
     --------
@@ -111,9 +111,10 @@ class PlantModel(Generic[AnyCore]):
         if len(set(names)) != len(names):
             raise InputError(f"effects {', '.join(names)}; a plant has each effect once at most")
         for effect in self.effects:
-            if not effect.fits_in(type(self.hysteresis)):
+            # it would read another core's numbers as weights and thresholds
+            if effect.weighs_plays and not effect.fits_in(type(self.hysteresis)):
                 raise InputError(
-                    f"{effect.full_name()} acts on what only the core {RDPI.name} has, and the core "
+                    f"{effect.full_name()} runs plays that only the core {RDPI.name} has, and the core "
                     f"is {self.hysteresis.name}; take it out, or give the plant the core {RDPI.name}"
                 )
         object.__setattr__(self, "effects", in_chain_order(self.effects))

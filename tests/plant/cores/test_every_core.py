@@ -169,7 +169,7 @@ def test_it_says_what_people_look_for(name: str) -> None:
     assert kind.hardware.endswith(".")
 
 
-def test_what_only_the_rdpi_model_has_is_refused_around_other_cores() -> None:
+def test_what_runs_the_plays_of_the_rdpi_model_is_refused_around_other_cores() -> None:
     effect = next(form for form in forms_of(CATALOGUE["asymmetry"]) if form.weighs_plays)()
     for name, kind in CORES.items():
         core = kind.starts(SCALE)[0]
