@@ -16,6 +16,7 @@ from baselines import (
     find_factory,
     inverts_any_core,
 )
+from baselines.preview import PreviewInversion
 from baselines.tuning import TUNED
 from benchmarks.stages.draws import TestSeed
 from benchmarks.stages.rows import SUITE_VERSION, key, open_rows
@@ -35,9 +36,9 @@ _OWN = ("unit.py",)
 def field() -> list[str]:
     """Return the controllers of this package that enter by default.
 
-    All but those that are given the whole reference and do not learn from it, which are no rivals, and
-    those that invert any core, which are the doubles of others: what is believed of every task is the
-    RDPI model.
+    All but the inversion of the belief over the whole reference, which plans for longer than all others
+    take together, and those that invert any core, which are the doubles of others: what is believed of
+    every task is the RDPI model.
 
     Examples
     --------
@@ -48,7 +49,7 @@ def field() -> list[str]:
         name
         for name, make in CONTROLLERS.items()
         if not inverts_any_core(name)
-        and (not hasattr(make, "plan") or getattr(make, "repeats", False))
+        and not (isinstance(make, type) and issubclass(make, PreviewInversion))
     ]
 
 
