@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.simulation import Simulation, simulate
     from rdpi_gym.face.tasks import TaskScores, score_submission, score_tasks, submit
     from rdpi_gym.face.training import Training, export, train
-    from rdpi_gym.face.tuning import tune
+    from rdpi_gym.face.tuning import certificate, tune
     from rdpi_gym.support.errors import InputError
 
     __version__: str
@@ -61,7 +61,7 @@ _HOME = {
     "simulation": ("Simulation", "simulate"),
     "tasks": ("TaskScores", "score_submission", "score_tasks", "submit"),
     "training": ("Training", "export", "train"),
-    "tuning": ("tune",),
+    "tuning": ("certificate", "tune"),
 }
 _MODULES = {name: f"{__name__}.face.{module}" for module, names in _HOME.items() for name in names}
 _MODULES["InputError"] = f"{__name__}.support.errors"
@@ -85,6 +85,7 @@ __all__ = [
     "__version__",
     "add",
     "benchmark",
+    "certificate",
     "choose_kind",
     "compare",
     "controllers",

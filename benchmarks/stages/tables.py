@@ -75,6 +75,10 @@ class TaskScores:
         """Return the ranking of one task, best first."""
         return ranking(self.rows_of(task))
 
+    def leaders(self, task: str, own: Sequence[str] = ()) -> pd.DataFrame:
+        """Return the first of one task's ranking as a reader sees it, and a user's own."""
+        return leaders(self.ranking(task), own).drop(columns="certificate")
+
     def correlation(self, task: str) -> float:
         """Return the correlation of the ranks on the plants of even and of odd numbers; NaN where there are too few."""
         return rank_correlation(self.rows_of(task)) if self.plants > 1 else float("nan")

@@ -196,20 +196,19 @@ def _chosen(
     return min(found, key=lambda each: (each[-1].failures, each[-1].objective))
 
 
-def promise(name: str, task: str) -> str:
+def certified(name: str, task: str) -> str:
     """Return what is known of a controller on a task's belief before it drives anything, one line.
 
     Raises
     ------
     InputError
-        As :func:`tune`.
+        No such controller or task.
 
     Examples
     --------
-    >>> promise("dual-loop", "Bare").split(":")[0]
+    >>> certified("dual-loop", "Bare").split(":")[0]
     'dual-loop on Bare, certificate'
     """
-    _knobs(name)
     asked = named_task(task)
     made = make_controller(name, asked.belief(), asked.layout())
     warned = warning_of(made)

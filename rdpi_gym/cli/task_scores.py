@@ -43,13 +43,10 @@ JobsOption: TypeAlias = Annotated[
 
 def print_scores(scores: rg.TaskScores, own: Sequence[str], out: Path) -> None:
     """Print the first of each task, write all tables, and say where they are."""
-    from benchmarks.stages.tables import leaders
-
     page = scores.write(out)
     print(scores.answer)
     for task in scores.tasks:
-        table = leaders(scores.ranking(task), own).drop(columns="certificate")
-        print_table(table, f"{task}: {scores.seen}")
+        print_table(scores.leaders(task, own), f"{task}: {scores.seen}")
     print(LEGEND)
     print(f"{len(scores.rows)} rows, {scores.computed} of them computed now")
     for note in scores.notes:

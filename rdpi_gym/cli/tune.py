@@ -28,11 +28,9 @@ def tune(
 
     What its loop is certain of is printed first. The same command continues an interrupted search.
     """
-    from benchmarks.stages.tuning import promise  # and no --help waits for it
-
     asked = words(task) or [task]
     for each in asked:
-        print(promise(controller, each), flush=True)
+        print(rg.certificate(controller, each), flush=True)
     for each in asked:
         with progress_bar() as show:
             found = rg.tune(

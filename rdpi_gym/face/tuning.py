@@ -1,4 +1,4 @@
-"""`tune`: settings of a controller, found on training draws of a task."""
+"""`tune` and `certificate`: settings of a controller, and what its loop is certain of, on a task."""
 
 from __future__ import annotations
 
@@ -56,3 +56,33 @@ def tune(
     return tuning.tune(
         controller, task, Path(out), trials=trials, seed=seed, plants=plants, progress=progress
     )
+
+
+@checked
+def certificate(controller: str, task: str = "Stage") -> str:
+    """Say what is certain of a controller's loop on what a task believes, before it drives anything.
+
+    Parameters
+    ----------
+    controller
+        Name of one that ships.
+    task
+        Short name or id of a registered task.
+
+    Returns
+    -------
+    str
+        One line: small gain, passivity or poles where one of them holds, and the controller's
+        warning where it has one.
+
+    Raises
+    ------
+    InputError
+        There is no such controller or task.
+
+    Examples
+    --------
+    >>> certificate("dual-loop", "Bare").split(":")[0]
+    'dual-loop on Bare, certificate'
+    """
+    return tuning.certified(controller, task)
