@@ -48,7 +48,7 @@ class SmithPredictor(LinearFeedback):
         missing = unit_delay() * (model + self.path.dynamics.times(-1.0))
         pi = integrator(ts_s) + gain(self.settings["proportional_s"])
         pi = pi.times(self.settings["gain_share"] * self._largest(pi, missing))
-        return (pi * missing).closed() * pi
+        return pi.around(missing)
 
     def _largest(self, pi: LinearSystem, missing: LinearSystem) -> float:
         """Largest gain up to which |1 / (1 + L)| stays within the bound on both extremes."""

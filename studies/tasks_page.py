@@ -54,7 +54,7 @@ hysteresis and up to 40 % in every parameter of an effect.
 
 ## Score a controller
 
-<!-- not run: takes minutes -->
+<!-- not run: takes minutes on two cores -->
 ```bash
 rdpi bench --task Stage,Load --draws 20 --out results/tasks
 rdpi bench --full --out results/full
@@ -68,7 +68,7 @@ The first ranks the controllers that ship on 20 test plants of two tasks, the se
 
 ## Enter a leaderboard
 
-<!-- not run: takes minutes -->
+<!-- not run: takes minutes on two cores -->
 ```bash
 rdpi submit my_controller:make --task Stage,Load --draws 20 --out results/entry
 rdpi score results/entry --seed-file secret.txt --out results/judged

@@ -84,6 +84,31 @@ class LinearSystem:
         a = self.a - left * np.outer(self.b, self.c)
         return LinearSystem(a, left * self.b, -left * self.c, left)
 
+    def around(self, other: LinearSystem) -> LinearSystem:
+        """Return P / (1 + P Q): this system with another in its negative feedback, no state twice.
+
+        Examples
+        --------
+        >>> held = integrator(1.0).around(unit_delay())
+        >>> held.order, held.radius < 1.0
+        (2, True)
+        """
+        left = 1.0 / (1.0 + self.d * other.d)
+        own, back = left * self.c, -left * self.d * other.c
+        through = left * self.d
+        fed = 1.0 - other.d * through
+        a = np.block(
+            [
+                [
+                    self.a - np.outer(self.b, other.d * own),
+                    -np.outer(self.b, other.c + other.d * back),
+                ],
+                [np.outer(other.b, own), other.a + np.outer(other.b, back)],
+            ]
+        )
+        b = np.concatenate([fed * self.b, through * other.b])
+        return LinearSystem(a, b, np.concatenate([own, back]), through)
+
     def response(self, z: Response) -> Response:
         """Return the frequency response at points z, ``complex128[F]``."""
         if not self.order:
