@@ -61,7 +61,8 @@ class DampedTracking(LinearFeedback):
             for each, left in zip(extremes, damped, strict=True)
         ]
         factor = self.settings["gain_share"] * largest_factor(outer) * unit
-        return inner + shape.times(factor)
+        # where damping takes all that is allowed, what would track is no state of the loop either
+        return inner + shape.times(factor) if factor else inner
 
     def _inner(self) -> LinearSystem:
         mode, ts_s = self.path.mode, self.layout.ts_s

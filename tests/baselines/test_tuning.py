@@ -5,14 +5,16 @@ from dataclasses import replace
 
 import pytest
 
-from baselines import CONTROLLERS, tuning
+from baselines import CONTROLLERS, make_controller, tuning
 from baselines.static_gain import StaticGain
 from baselines.tuning import Knob, Tunable, Tuning, read_tunings, write_tunings
 from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.plant import P5
 from rdpi_gym.plant.effects import load_effect
 from rdpi_gym.support.errors import InputError
 
+FOLDER = tuning.TUNED
 KNOBS = (Knob("share", 0.5, 1.5, 1.0), Knob("cutoff_hz", 1.0, 1e3, 10.0, "Hz", True))
 LAYOUT = ObservationLayout.for_plant(P5, ts_s=1e-3)
 RINGING = replace(P5, effects=(load_effect("resonance")(f0_hz=400.0),))
@@ -90,3 +92,11 @@ def test_every_committed_file_is_of_a_controller_that_takes_it():
         factory = CONTROLLERS[path.stem]
         kind = getattr(factory, "func", factory)
         assert read_tunings(path, kind.name, kind.knobs), path
+
+
+@pytest.mark.parametrize("file", sorted(FOLDER.glob("*.json")), ids=lambda file: file.stem)
+def test_no_settings_that_ship_leave_a_loop_outside_its_stability_limit(file):
+    for name in json.loads(file.read_text())["tasks"]:
+        task = TASKS[name]
+        controller = make_controller(file.stem, task.belief(), task.layout())
+        assert "stability limit" not in (controller.warning() or "")
