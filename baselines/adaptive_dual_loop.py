@@ -32,10 +32,8 @@ class CorrectedAdaptive(AdaptiveFeedforward):
         """Return u(k+1) (V), ``(B,)``; see :class:`baselines.linear_feedback.CorrectedInverse`."""
         measured = self.layout.measured_um(observation)
         now = self.layout.reference_um(observation[:, :1])[:, 0]
-        wanted = self.wanted_um(observation, measured, now, state) + correction_um
-        self.rows.of(state, "wanted")[-1] = wanted  # what went in, as the estimate is to see it
-        memory = self.rows.of(state, "inverse")
-        return self.inverse.next_command(observation, np.stack([wanted, wanted]), memory)
+        wanted = self.wanted_um(observation, measured, now, state)
+        return self.driven(observation, wanted + correction_um, state)
 
 
 class AdaptiveDualLoop(DualLoop):

@@ -8,17 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.classical import ClassicalReferenceRate
-from baselines.core_inverse import CoreInverse
-from baselines.feedforward import Feedforward
-from baselines.inverses.preview_filter import inverse_series
+from baselines.believed import ahead_by, answered, believed_inverse, hysteresis_inverse
 from baselines.least_squares import ForgettingLeastSquares
 from baselines.memory import Rows, shift_in
 from baselines.ringing import BAND_HZ, RingingMonitor
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.plant import RDPI, PlantModel
-from rdpi_gym.plant.effects.linear import linear_block
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 
 
@@ -122,14 +118,12 @@ class AdaptiveFeedforward(Tunable):
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
         super().__init__(belief, layout, settings)
-        rdpi = isinstance(belief.hysteresis, RDPI)
-        inverse: type[Feedforward] = ClassicalReferenceRate if rdpi else CoreInverse
-        self.inverse = inverse(belief, layout)
+        self.inverse = hysteresis_inverse(belief, layout)
         ts, scale = layout.ts_s, layout.scale_um
         delay, series = believed_inverse(belief, ts)
         self.wanted_lead = round(self.settings["lead_samples"] + delay)
         self.lead = max(1, min(self.wanted_lead, layout.preview - 1 - HALF))
-        prior = np.convolve(series, _shift(delay - self.lead))[1:4].tolist()
+        prior = np.convolve(series, ahead_by(delay - self.lead))[1:4].tolist()
         self._thresholds_um = scale * np.array(PLAYS)[:, None]
         self._slow = np.exp(-ts / np.array(SLOW_S))[:, None]
         dynamics = self.settings["dynamics_s"] / ts
@@ -198,8 +192,14 @@ class AdaptiveFeedforward(Tunable):
         """Learn from y(k), answer r(k+1+lead); see :meth:`baselines.base.Baseline.next_command`."""
         measured = self.layout.measured_um(observation)
         wanted = self.wanted_um(observation, measured, reference_um[0], state)
-        memory = self.rows.of(state, "inverse")
-        return self.inverse.next_command(observation, np.stack([wanted, wanted]), memory)
+        return self.driven(observation, wanted, state)
+
+    def driven(
+        self, observation: NDArray[np.floating[Any]], wanted_um: Array, state: Array
+    ) -> Array:
+        """Return u(k+1) (V), ``(B,)``, for a w (µm) that may differ from :meth:`wanted_um`; the estimate is told."""
+        self.rows.of(state, "wanted")[-1] = wanted_um
+        return answered(self.inverse, observation, wanted_um, self.rows.of(state, "inverse"))
 
     def wanted_um(
         self,
@@ -277,21 +277,3 @@ class AdaptiveFeedforward(Tunable):
         begun: NDArray[np.bool_] = count[0] > self.lead + 2 * HALF + 2
         phi = np.vstack([*derivatives, static])
         self.fit.learn(of(state, "fit"), phi, entered - smooth, counts & begun)
-
-
-def believed_inverse(belief: PlantModel, ts_s: float) -> tuple[float, Array]:
-    """The belief's delay in samples, and its linear effects' inverse: powers 0 to 3 of θ."""
-    delay, series = 0.0, np.array([1.0, 0.0, 0.0, 0.0])
-    for effect in belief.effects:
-        sampled = effect.sampled_at(ts_s)
-        if sampled.name == "delay":
-            delay += sampled.values["delay_s"] / ts_s
-        elif type(sampled).block is linear_block:
-            own = inverse_series(sampled.coefficients(ts_s, belief.hysteresis), 3)
-            series = np.convolve(series, own)[:4]
-    return delay, series
-
-
-def _shift(samples: float) -> Array:
-    """Look ahead by so many samples: powers 0 to 3 of θ."""
-    return np.array([samples**q / math.factorial(q) for q in range(4)])

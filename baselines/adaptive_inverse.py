@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.adaptive_feedforward import believed_inverse
+from baselines.believed import POWERS, ahead_by, believed_inverse
 from baselines.inverses.preview_filter import preview_weights
 from baselines.least_squares import ForgettingLeastSquares
 from baselines.memory import Rows, shift_in
@@ -78,8 +78,7 @@ class AdaptiveInverse(Tunable):
         self.wanted_ahead = ahead + WINDOW
         later = max(0, min(self.wanted_ahead, layout.preview - 1))
         offsets = np.arange(-WINDOW, later + 1)
-        shift = [(delay**q) / f for q, f in enumerate((1.0, 1.0, 2.0, 6.0))]
-        self._weights = preview_weights(np.convolve(series, shift)[:4], offsets)
+        self._weights = preview_weights(np.convolve(series, ahead_by(delay))[:POWERS], offsets)
         self._later = later
         self._rest_V = np.array(model.thresholds_V)[:, None]
         spread = self.settings["spread"] * model.A / (1.0 + model.n) ** 0.5

@@ -63,11 +63,8 @@ class TrueHorizon(Baseline):
         self._models = plant.models
         self._many = Plant(list(plant.models) * self._count, layout.ts_s)
         h = layout.preview
-        second = np.zeros((h, h + 2))
-        for i in range(h):
-            second[i, i : i + 3] = 1.0, -2.0, 1.0
         gain = np.array([model.hysteresis.A for model in plant.models])
-        self._second = second
+        self._second = second_differences(h)
         self._price = smoothing * gain**2
         self._plan = np.zeros((h + 2, plant.lanes))
 
@@ -118,3 +115,21 @@ class TrueHorizon(Baseline):
         normal = turned @ slope + price * (own.T @ own)
         wanted = turned @ error - price * (own.T @ bent)
         return np.asarray(np.linalg.solve(normal, wanted)[:, :, 0].T, dtype=np.float64)
+
+
+def second_differences(horizon: int) -> Array:
+    """Return what makes second differences of two past samples and those of a horizon.
+
+    Returns
+    -------
+    float64[horizon, horizon + 2]
+
+    Examples
+    --------
+    >>> second_differences(1).tolist()
+    [[1.0, -2.0, 1.0]]
+    """
+    bends = np.zeros((horizon, horizon + 2))
+    for i in range(horizon):
+        bends[i, i : i + 3] = 1.0, -2.0, 1.0
+    return bends

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -90,7 +91,7 @@ class Hybrid(Tunable):
             return f"the feedback at rest is unstable: pole magnitude {self.certified.radius:.3g}"
         return self.feedforward.warning()
 
-    @property
+    @cached_property
     def certified(self) -> Certificate:
         """What is certain of the feedback, by the belief, were it on all the time."""
         ts = self.layout.ts_s
@@ -131,8 +132,4 @@ class Hybrid(Tunable):
         most = 0.1 * self.layout.scale_um
         np.clip(integral, -most, most, out=integral)
         wanted = inner.wanted_um(observation, measured, reference_um[0], inside, ~rests)
-        wanted = wanted + integral
-        # What the fit is told went in is what goes in.
-        inner.rows.of(inside, "wanted")[-1] = wanted
-        memory = inner.rows.of(inside, "inverse")
-        return inner.inverse.next_command(observation, np.stack([wanted, wanted]), memory)
+        return inner.driven(observation, wanted + integral, inside)

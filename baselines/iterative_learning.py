@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from baselines.adaptive_feedforward import believed_inverse, spline_weights
-from baselines.classical import ClassicalReferenceRate
-from baselines.core_inverse import CoreInverse
-from baselines.feedforward import Feedforward, checked_reference
+from baselines.adaptive_feedforward import spline_weights
+from baselines.believed import ahead_by, believed_inverse, hysteresis_inverse
+from baselines.feedforward import checked_reference
 from baselines.preview import Planned
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -84,14 +81,10 @@ class IterativeLearning(Tunable, Planned):
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
         super().__init__(belief, layout, settings)
-        rdpi = isinstance(belief.hysteresis, RDPI)
-        self._inverse: Feedforward = (ClassicalReferenceRate if rdpi else CoreInverse)(
-            belief, layout
-        )
+        self._inverse = hysteresis_inverse(belief, layout)
         delay, series = believed_inverse(belief, layout.ts_s)
         self._lead = round(delay) + _AHEAD
-        shift = [(delay - self._lead) ** q / math.factorial(q) for q in range(_ORDER)]
-        self._prior = np.convolve(series, shift)[1:_ORDER]
+        self._prior = np.convolve(series, ahead_by(delay - self._lead, _ORDER))[1:_ORDER]
         band = min(self.settings["band_hz"] * layout.ts_s * 2.0, 0.95)
         self._low_pass = signal.butter(2, band, output="sos")
         fit_band = min(_FIT_HZ * layout.ts_s * 2.0, 0.5)

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.classical import ClassicalReferenceRate
-from baselines.core_inverse import CoreInverse
-from baselines.feedforward import Feedforward
+from baselines.believed import answered, hysteresis_inverse
+from baselines.horizon import second_differences
 from baselines.loops.path import belief_path
-from baselines.loops.systems import LinearSystem
+from baselines.loops.systems import LinearSystem, Response
 from baselines.memory import Rows
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 
 MODE_FACTORS = (0.6, 0.8, 1.2, 1.4)
@@ -69,10 +69,7 @@ class ModelPredictive(Tunable):
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
         super().__init__(belief, layout, settings)
-        rdpi = isinstance(belief.hysteresis, RDPI)
-        self._inverse: Feedforward = (ClassicalReferenceRate if rdpi else CoreInverse)(
-            belief, layout
-        )
+        self._inverse = hysteresis_inverse(belief, layout)
         path = belief_path(belief, layout.ts_s)
         self.model = path.dynamics
         self.wanted_preview = math.ceil(path.delay_s / layout.ts_s) + 3
@@ -132,9 +129,7 @@ class ModelPredictive(Tunable):
         on_reference, on_state, on_last = self._gains
         wanted = on_reference @ shown + on_state @ x + on_last @ last
         last[0], last[1] = last[1].copy(), wanted
-        return self._inverse.next_command(
-            observation, np.stack([wanted, wanted]), of(state, "inverse")
-        )
+        return answered(self._inverse, observation, wanted, of(state, "inverse"))
 
     @property
     def _has_mode(self) -> bool:
@@ -153,23 +148,23 @@ class ModelPredictive(Tunable):
         Q is what d makes of w; by the internal model only what the path is otherwise than believed
         is fed back.
         """
-        z = np.exp(1j * np.geomspace(1e-3, math.pi, 3000))
-        on_reference, on_state, on_last = self._gains
-        order, later = self.model.order, 1.0 / z
-        states = np.linalg.solve(
-            z[:, None, None] * np.eye(order) - self.model.a,
-            np.broadcast_to(self.model.b[:, None], (len(z), order, 1)),
-        )[..., 0]
-        own = 1.0 - states @ on_state - on_last[1] * later - on_last[0] * later**2
-        answer = on_reference.sum() * later / own
+        later, answer, unlike = self._responses
         kept = math.exp(-2.0 * math.pi * band_hz * self.layout.ts_s)
         low = (1.0 - kept) / (1.0 - kept * later)
-        believed, largest = self.model.response(z), 0.0
-        for factor in MODE_FACTORS:
-            path = belief_path(with_mode_at(self.belief, factor), self.layout.ts_s)
-            differs = np.abs(low * answer * (path.dynamics.response(z) - believed))
-            largest = max(largest, float(differs.max()))
-        return largest
+        return max(float(np.abs(low * answer * each).max()) for each in unlike)
+
+    @cached_property
+    def _responses(self) -> tuple[Response, Response, list[Response]]:
+        """1/z, Q, and by how much the path with each moved mode is another than the believed one."""
+        z = np.exp(1j * np.geomspace(1e-3, math.pi, 3000))
+        on_reference, on_state, on_last = self._gains
+        model, later = self.model, 1.0 / z
+        fed_back = LinearSystem(model.a, model.b, on_state, 0.0).response(z)
+        own = 1.0 - fed_back - on_last[1] * later - on_last[0] * later**2
+        answer = on_reference.sum() * later / own
+        believed = model.response(z)
+        moved = [belief_path(with_mode_at(self.belief, f), self.layout.ts_s) for f in MODE_FACTORS]
+        return later, answer, [path.dynamics.response(z) - believed for path in moved]
 
 
 def with_mode_at(belief: PlantModel, factor: float) -> PlantModel:
@@ -224,9 +219,7 @@ def horizon_gains(
         row = row @ model.a
     lag = np.subtract.outer(np.arange(horizon), np.arange(horizon))
     forced = np.where(lag >= 0, np.array(pulse)[np.maximum(lag, 0)], 0.0)
-    bends = np.zeros((horizon, horizon + 2))
-    for i in range(horizon):
-        bends[i, i : i + 3] = 1.0, -2.0, 1.0
+    bends = second_differences(horizon)
     own = bends[:, 2:]
     normal = forced.T @ forced + smoothness * own.T @ own
     solved = np.linalg.solve(normal, np.hstack([forced.T, smoothness * own.T @ bends[:, :2]]))

@@ -9,17 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import signal
 
-from baselines.adaptive_feedforward import believed_inverse
-from baselines.classical import ClassicalReferenceRate
-from baselines.core_inverse import CoreInverse
-from baselines.feedforward import Feedforward, checked_reference
+from baselines.believed import POWERS, ahead_by, answered, believed_inverse, hysteresis_inverse
+from baselines.feedforward import checked_reference
 from baselines.inverses.preview_filter import preview_weights
 from baselines.loops.path import belief_path
 from baselines.memory import Rows
 from baselines.model_predictive import MODE_FACTORS, with_mode_at
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -72,15 +70,11 @@ class Repetitive(Tunable):
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
         super().__init__(belief, layout, settings)
-        rdpi = isinstance(belief.hysteresis, RDPI)
-        self._inverse: Feedforward = (ClassicalReferenceRate if rdpi else CoreInverse)(
-            belief, layout
-        )
+        self._inverse = hysteresis_inverse(belief, layout)
         delay, series = believed_inverse(belief, layout.ts_s)
-        shift = [delay**q / math.factorial(q) for q in range(4)]
         self._ahead = round(delay) + WINDOW
         offsets = np.arange(-WINDOW, self._ahead + 1)
-        self._undo = preview_weights(np.convolve(series, shift)[:4], offsets)
+        self._undo = preview_weights(np.convolve(series, ahead_by(delay))[:POWERS], offsets)
         self._lead = round(delay + series[1])
         self._half = max(round(HALF_S / layout.ts_s), 1)
         band = min(2.0 * self.settings["band_hz"] * layout.ts_s, 0.95)
@@ -157,9 +151,7 @@ class Repetitive(Tunable):
         corrections[(k + 1) % self._held, lane] = correction
         count += 1.0
         wanted = self._first[np.minimum(k + 1, len(self._first) - 1), planned] + correction
-        return self._inverse.next_command(
-            observation, np.stack([wanted, wanted]), of(state, "inverse")
-        )
+        return answered(self._inverse, observation, wanted, of(state, "inverse"))
 
     def certificate(self) -> str | None:
         """Return what the small-gain theorem says of the loop, a mode elsewhere included, else None."""

@@ -79,8 +79,7 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     table = pd.DataFrame(list(rows))
     numbers = sorted(table["plant"].unique())
     names = list(dict.fromkeys(table["controller"]))
-    errors = np.array([_errors(table, name, numbers) for name in names])
-    fails = np.array([_fails(table, name, numbers) for name in names])
+    errors, fails = np.swapaxes([_errors_and_fails(table, name, numbers) for name in names], 0, 1)
     rng = np.random.default_rng(0)
     picked = rng.integers(len(numbers), size=(RESAMPLES, len(numbers)))
     drawn = {
@@ -122,22 +121,26 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     return ranked[list(COLUMNS)]
 
 
-def _errors(table: pd.DataFrame, name: str, numbers: Sequence[int]) -> Array:
+def _errors_and_fails(
+    table: pd.DataFrame, name: str, numbers: Sequence[int]
+) -> tuple[Array, Array]:
+    """What each plant counts with (%), and 1 where the controller failed on it."""
     own = table[table["controller"] == name].set_index("plant").loc[list(numbers)]
     rmse = own["rmse_percent"] if "rmse_percent" in own else pd.Series(np.nan, index=own.index)
     failed = own["failure"].to_numpy() != ""
     values = rmse.fillna(WORST_PERCENT).to_numpy(dtype=np.float64)
-    return np.where(failed, np.maximum(values, WORST_PERCENT), values)
-
-
-def _fails(table: pd.DataFrame, name: str, numbers: Sequence[int]) -> Array:
-    own = table[table["controller"] == name].set_index("plant").loc[list(numbers)]
-    return np.asarray(own["failure"].to_numpy() != "", dtype=np.float64)
+    counted = np.where(failed, np.maximum(values, WORST_PERCENT), values)
+    return counted, np.asarray(failed, dtype=np.float64)
 
 
 def _interval(name: str, drawn: Array) -> dict[str, float]:
+    low, high = _range(drawn)
+    return {f"{name}_low": low, f"{name}_high": high}
+
+
+def _range(drawn: Array) -> tuple[float, float]:
     low, high = np.quantile(drawn, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)])
-    return {f"{name}_low": float(low), f"{name}_high": float(high)}
+    return float(low), float(high)
 
 
 def _is_behind(fails: Array, drawn: dict[str, Array], a: int, b: int) -> bool:
@@ -146,11 +149,9 @@ def _is_behind(fails: Array, drawn: dict[str, Array], a: int, b: int) -> bool:
     if more:
         return more > 0.0
     for each in drawn.values():
-        low, high = np.quantile(
-            each[a] - each[b], [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)]
-        )
+        low, high = _range(each[a] - each[b])
         if low > 0.0 or high < 0.0:
-            return bool(low > 0.0)
+            return low > 0.0
     return False
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -71,9 +72,14 @@ class TaskScores:
         """Return the rows of one task."""
         return [row for row in self.rows if row["task"] == task]
 
+    @cached_property
+    def rankings(self) -> Mapping[str, pd.DataFrame]:
+        """The ranking of each task, best first."""
+        return {task: ranking(self.rows_of(task)) for task in self.tasks}
+
     def ranking(self, task: str) -> pd.DataFrame:
         """Return the ranking of one task, best first."""
-        return ranking(self.rows_of(task))
+        return self.rankings[task]
 
     def leaders(self, task: str, own: Sequence[str] = ()) -> pd.DataFrame:
         """Return the first of one task's ranking as a reader sees it, and a user's own."""
@@ -102,19 +108,18 @@ class TaskScores:
 
     def write(self, folder: Path) -> Path:
         """Write ``tasks.csv`` and ``tasks.md``, and return the latter."""
-        ranked = {task: self.ranking(task) for task in self.tasks}
         table = pd.concat(
-            [part.assign(task=task, draws=self.draws) for task, part in ranked.items()],
+            [part.assign(task=task, draws=self.draws) for task, part in self.rankings.items()],
             ignore_index=True,
         )
         columns = ["task", *(name for name in table.columns if name != "task")]
         csv = table[columns].to_csv(index=False, float_format="%.6g", lineterminator="\n")
         write_atomic(folder / "tasks.csv", csv)
-        return write_atomic(folder / "tasks.md", self._text(ranked))
+        return write_atomic(folder / "tasks.md", self._text())
 
-    def _text(self, ranked: Mapping[str, pd.DataFrame]) -> str:
+    def _text(self) -> str:
         overview = pd.DataFrame(
-            [_line(task, part, self.correlation(task)) for task, part in ranked.items()]
+            [_line(task, part, self.correlation(task)) for task, part in self.rankings.items()]
         )
         parts = [
             "# Controllers on the registered tasks",
@@ -124,7 +129,7 @@ class TaskScores:
             "## What the figures mean",
             METHOD,
         ]
-        for task, part in ranked.items():
+        for task, part in self.rankings.items():
             title = TASKS[task].title if task in TASKS else ""
             parts += [f"## {task}", f"{title}. {self.seen}", frame_table(view(part))]
             failed = part[part["failure"] != ""]

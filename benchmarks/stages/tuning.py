@@ -218,7 +218,7 @@ def certified(name: str, task: str) -> str:
 
 def figures(
     name: str,
-    settings: Settings | None,
+    settings: Settings,
     task: StageTask,
     split: Split,
     plants: int,
@@ -231,7 +231,7 @@ def figures(
     name
         Of the controller.
     settings
-        Its settings; None: as it is made.
+        Its settings.
     task, split, plants, seed
         What is drawn, see :meth:`rdpi_gym.envs.tasks.StageTask.draw`.
     """
@@ -239,10 +239,7 @@ def figures(
     samples = 0
     for lanes in task.lanes(split, plants, seed):
         layout = lanes.layout()
-        if settings is None:
-            controller = make_controller(name, lanes.belief, layout)
-        else:
-            controller = CONTROLLERS[name](lanes.belief, layout, settings=settings)  # type: ignore[call-arg]
+        controller = CONTROLLERS[name](lanes.belief, layout, settings=settings)  # type: ignore[call-arg]
         found += _plant_errors(controller, lanes)
         samples += task.samples * len(lanes.numbers)
     errors = np.array(found)

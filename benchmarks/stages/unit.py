@@ -12,7 +12,7 @@ from baselines import HORIZON_BOUND, ControllerFactory, TrueHorizon, make_contro
 from benchmarks.stages.rows import SUITE_VERSION, Key, key
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, play
 from benchmarks.tracking.scoring import one_line, score
-from rdpi_gym.envs.controller import Controller, warning_of
+from rdpi_gym.envs.controller import Controller, certificate_of, warning_of
 from rdpi_gym.envs.tasks import Lanes, StageTask, named_task
 from rdpi_gym.support.store import Row
 
@@ -122,11 +122,10 @@ def _controller(unit: Unit, lanes: Lanes) -> Controller:
 
 
 def _said(controller: Any) -> Row:
-    certify = getattr(controller, "certificate", None)
     sees = WHOLE if hasattr(controller, "plan") else PREVIEW
     return {
         "warning": warning_of(controller),
-        "certificate": None if certify is None else certify(),
+        "certificate": certificate_of(controller),
         "sees": AGAIN if getattr(controller, "repeats", False) else sees,
         "tuning_samples": int(getattr(controller, "plant_samples", 0)),
     }

@@ -92,7 +92,7 @@ def score_tasks(
     with TemporaryDirectory() as scratch:
         outcome = run_tasks(
             [each for each in asked if isinstance(each, str)],
-            list(TASKS) if list(tasks) == ["all"] else list(tasks),
+            _every(tasks),
             plants,
             Path(scratch if out is None else out),
             seed=seed,
@@ -135,8 +135,7 @@ def submit(
     InputError
         An unknown name, or a controller whose code is no single file.
     """
-    every = list(TASKS) if list(tasks) == ["all"] else list(tasks)
-    _, scores = submission.submit(controller, every, plants, Path(out), jobs, progress)
+    _, scores = submission.submit(controller, _every(tasks), plants, Path(out), jobs, progress)
     return scores
 
 
@@ -175,3 +174,7 @@ def score_submission(
             jobs=jobs,
             progress=progress,
         )
+
+
+def _every(tasks: Sequence[str]) -> list[str]:
+    return list(TASKS) if list(tasks) == ["all"] else list(tasks)

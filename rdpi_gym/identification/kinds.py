@@ -18,7 +18,7 @@ from rdpi_gym.identification.kind_rules import Way, judged_way, told_apart
 from rdpi_gym.identification.plausibility import check_motion
 from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
 from rdpi_gym.identification.scale import data_scale, plant_ranges
-from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
+from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
@@ -115,9 +115,7 @@ def choose_kind(
     train, validation = list(dataset.train), list(dataset.validation)
     check_motion(train)
     if dataset.holds_out_quarters or not validation:
-        whole = [r for r in dataset.records if r.role == "train" and not r.is_quiet]
-        parts = [hold_out_blocks(record) for record in whole]
-        train, validation = [fit for fit, _ in parts], [held for _, held in parts]
+        train, validation = map(list, dataset.in_blocks)
     report, scale = progress or silent, data_scale(train)
     every, train, validation = train, from_rest(train), from_rest(validation)
     refused: dict[str, str] = {}

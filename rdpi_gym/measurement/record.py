@@ -333,6 +333,12 @@ class Dataset:
         return self._moving("validation")
 
     @property
+    def in_blocks(self) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
+        """Records to fit and to check where blocks of each of the former are held out in turn."""
+        parts = [hold_out_blocks(r) for r in self._moving("train")]
+        return tuple(fit for fit, _ in parts), tuple(held for _, held in parts)
+
+    @property
     def test(self) -> tuple[Record, ...]:
         """Records with the role ``test``: in neither `train` nor `validation`."""
         return self._moving("test")

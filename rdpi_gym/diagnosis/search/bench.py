@@ -31,7 +31,7 @@ from rdpi_gym.identification.plausibility import check_motion, check_scale
 from rdpi_gym.identification.rates import rate_spread
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.identification.stack import stack_records
-from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
+from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
@@ -300,6 +300,4 @@ def _parts(dataset: Dataset) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
     """Records to fit and to judge; without any for the latter, blocks of the former in turn."""
     if not dataset.holds_out_quarters or min(r.error_mask.sum() for r in dataset.train) < _BLOCKS:
         return tuple(dataset.train), tuple(dataset.validation)
-    whole = [r for r in dataset.records if r.role == "train" and not r.is_quiet]
-    parts = [hold_out_blocks(record) for record in whole]
-    return tuple(train for train, _ in parts), tuple(held for _, held in parts)
+    return dataset.in_blocks
