@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from baselines import CONTROLLERS, make_controller
+from baselines.loops.certificates import Certificate
 from baselines.tuning import (
     Knob,
     Settings,
@@ -22,9 +23,11 @@ from baselines.tuning import (
 from benchmarks.stages.ranking import interquartile_mean, ninetieth
 from benchmarks.stages.unit import WORST_PERCENT, plant_scores
 from benchmarks.tracking.episode import play
-from rdpi_gym.envs.controller import certificate_of, warning_of
+from rdpi_gym.envs.controller import Controller, certificate_of, warning_of
+from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.tasks import Lanes, StageTask, named_task
 from rdpi_gym.envs.tasks.task import Split
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, silent
@@ -171,7 +174,7 @@ def tune(
         scored,
     )
     write_tunings(path, name, known | {asked.name: tuning})
-    made = CONTROLLERS[name](belief, asked.layout(), settings=settings)  # type: ignore[call-arg]
+    made = _made(name, settings, belief, asked.layout())
     said = certificate_of(made), warning_of(made)
     return Tuned(name, asked.name, tuning, _done(study), before, after, *said, path)
 
@@ -181,18 +184,29 @@ def _chosen(
 ) -> tuple[Settings, float, Figures, Figures]:
     """Choose among the defaults and the best trials on validation plants, failures first.
 
-    What did best on a few training plants may have been made for them.
+    What did best on a few training plants may have been made for them. Settings whose loop is outside
+    its stability limit on the belief are not chosen, however well they did.
     """
     tried = [trial for trial in study.get_trials(deepcopy=False) if trial.value is not None]
-    best = sorted(tried, key=lambda trial: (trial.value or 0.0, trial.number))[:FINALISTS]
+    ordered = sorted(tried, key=lambda trial: (trial.value or 0.0, trial.number))
     defaults = checked_settings(name, knobs, {})
-    first = next((trial for trial in tried if trial.params == defaults), best[0])
     before = figures(name, defaults, task, "validation", VALIDATION_PLANTS)
-    found = [(defaults, float(first.value or 0.0), before, before)]
-    for trial in best:
+    found = []
+    for trial in ordered:
         settings = checked_settings(name, knobs, trial.params)
-        after = figures(name, settings, task, "validation", VALIDATION_PLANTS)
+        if not _is_stable(name, settings, task):
+            continue
+        if len(found) < FINALISTS:
+            after = figures(name, settings, task, "validation", VALIDATION_PLANTS)
+        elif settings == defaults:
+            after = before
+        else:
+            continue
         found.append((settings, float(trial.value or 0.0), before, after))
+    if not found:
+        raise InputError(
+            f"{name} has no stable loop on {task.name} with any of {len(tried)} settings; give more --trials"
+        )
     return min(found, key=lambda each: (each[-1].failures, each[-1].objective))
 
 
@@ -238,8 +252,7 @@ def figures(
     found: list[float] = []
     samples = 0
     for lanes in task.lanes(split, plants, seed):
-        layout = lanes.layout()
-        controller = CONTROLLERS[name](lanes.belief, layout, settings=settings)  # type: ignore[call-arg]
+        controller = _made(name, settings, lanes.belief, lanes.layout())
         found += _plant_errors(controller, lanes)
         samples += task.samples * len(lanes.numbers)
     errors = np.array(found)
@@ -251,6 +264,20 @@ def figures(
         len(errors),
         samples,
     )
+
+
+def _made(
+    name: str, settings: Settings, belief: PlantModel, layout: ObservationLayout
+) -> Controller:
+    return CONTROLLERS[name](belief, layout, settings=settings)  # type: ignore[call-arg]
+
+
+def _is_stable(name: str, settings: Settings, task: StageTask) -> bool:
+    """Whether the loop is within its stability limit on every belief, where the controller knows of one."""
+    every = range(len(task.nominals))
+    made = (_made(name, settings, task.belief(each), task.layout(each)) for each in every)
+    certified: list[Certificate | None] = [getattr(each, "certified", None) for each in made]
+    return all(each is None or each.stable for each in certified)
 
 
 def _plant_errors(controller: Any, lanes: Lanes) -> list[float]:
@@ -328,8 +355,11 @@ def _search(
         trial = study.ask()
         settings = _suggested(trial, knobs)
         try:
-            found = figures(name, settings, task, "training", plants, seed)
+            usable = _is_stable(name, settings, task)
+            found = figures(name, settings, task, "training", plants, seed) if usable else None
         except InputError:  # no controller with these settings
+            found = None
+        if found is None:
             study.tell(trial, state=TrialState.FAIL)
             continue
         trial.set_user_attr("plant_samples", found.plant_samples)
@@ -337,7 +367,10 @@ def _search(
     progress("trying settings", trials, trials)
     finished = study.get_trials(deepcopy=False)
     if not any(trial.state is TrialState.COMPLETE for trial in finished):
-        raise InputError(f"{name} cannot be made with any of {trials} settings; check the belief")
+        raise InputError(
+            f"{name} cannot be made on {task.name} with any of {trials} settings, or has no stable loop; "
+            "give more --trials"
+        )
     return sum(int(trial.user_attrs.get("plant_samples", 0)) for trial in finished)
 
 

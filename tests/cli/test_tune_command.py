@@ -44,6 +44,22 @@ def test_it_says_what_is_certain_and_what_was_found_and_goes_on_where_it_was(tmp
     assert json.loads((tmp_path / "t" / "lqg-preview.json").read_text()) == whole
 
 
+def test_settings_outside_the_stability_limit_are_not_chosen(monkeypatch, tmp_path):
+    kind = CONTROLLERS["lqg-preview"]
+    best = tuning.tune("lqg-preview", "Bare", tmp_path / "free", trials=6, plants=2).tuning.settings
+
+    class BestIsUnstable(kind):
+        @property
+        def certified(self):
+            found = super().certified
+            return dataclasses.replace(found, radius=1.1) if self.settings == best else found
+
+    monkeypatch.setattr(tuning, "CONTROLLERS", {"lqg-preview": BestIsUnstable})
+    for folder in ("free", "held"):  # a search that is finished already, and one that is not
+        found = tuning.tune("lqg-preview", "Bare", tmp_path / folder, trials=6, plants=2)
+        assert found.tuning.settings != best
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
