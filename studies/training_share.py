@@ -86,11 +86,12 @@ def measure(case: str, lanes: int, updates: int, seed: int = 0) -> dict[str, Any
     from stable_baselines3 import PPO
 
     from baselines.learned.run import Run
-    from baselines.learned.train_ppo import Options
+    from baselines.learned.stable_baselines import StableBaselinesLearner
+    from baselines.learned.train_ppo import Options, actor
 
     run = Run.open(Options(lanes=lanes, seed=seed, **CASES[case]), "ppo", PPO)
-    env = run.environment()
-    model = run.model(PPO, env)
+    learner = StableBaselinesLearner(run, PPO, actor)
+    model, env = learner.model, learner.env
     model.learn(lanes * model.n_steps)  # one update: kernels are loaded
     watch = Stopwatch(env)
     began, before = time.perf_counter(), model.num_timesteps

@@ -11,22 +11,20 @@ from __future__ import annotations
 import csv
 import io
 import time
-from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.callbacks import BaseCallback
 from torch import nn
 
 from baselines import make_controller
 from baselines.learned.checkpoint import save_checkpoint
 from baselines.learned.controller import LearnedController
 from baselines.learned.evaluation import Evaluation, HeldOut
+from baselines.learned.learner import Learner
 from baselines.learned.policy import Policy
 from baselines.learned.run import CHECKPOINT, CURVE, POLICY, Run
-from rdpi_gym.envs.wrappers.history import layout_of
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
 
@@ -39,24 +37,29 @@ COLUMNS = (
 
 _COMPARED = ("rmse_um", "rmse_percent", "command_variation_V_s")
 
-ActorOf = Callable[[Any], list[nn.Module]]
 Row = dict[str, float | None]
 
 
-class Course(BaseCallback):  # type: ignore[misc]  # the library carries no types here
+class Course:
     """Between two stretches of a training: evaluates, keeps the best policy and a checkpoint.
 
     Parameters
     ----------
     run
         The training.
-    actor_of, progress
-        As :func:`baselines.learned.training.learn`.
+    learner
+        What learns.
+    progress
+        Called as steps are done.
+
+    Attributes
+    ----------
+    rows
+        Of ``training.csv``, so far.
     """
 
-    def __init__(self, run: Run, actor_of: ActorOf, progress: Progress | None) -> None:
-        super().__init__()
-        self.run, self.actor_of, self.progress = run, actor_of, progress
+    def __init__(self, run: Run, learner: Learner, progress: Progress | None) -> None:
+        self.run, self.learner, self.progress = run, learner, progress
         self.rows: list[Row] = []
         self._stretch, self._seeded = -1, False
         self._rewards: list[float] = []
@@ -70,37 +73,43 @@ class Course(BaseCallback):  # type: ignore[misc]  # the library carries no type
         self.rows, self._stretch = kept["rows"], kept["stretch"]
         self._before_s = kept["seconds"]
 
-    def _on_rollout_start(self) -> None:
+    def before_rollout(self) -> dict[str, float]:
+        """End the stretch where it is full; seed the next, or the first after an interruption.
+
+        Returns
+        -------
+        dict
+            The evaluation at the end of a stretch; empty within one.
+        """
         if self.progress is not None:
-            self.progress("training", self.num_timesteps, self.run.timesteps)
-        stretch = self.model.num_timesteps // self.run.every
+            self.progress("training", self.learner.timesteps, self.run.timesteps)
+        stretch = self.learner.timesteps // self.run.every
+        found: dict[str, float] = {}
         if stretch > self._stretch:
             self._stretch = stretch
-            self._keep()
+            found = self._keep()
             self._seed()
-        elif not self._seeded:  # the first stretch after an interruption
+        elif not self._seeded:
             self._seed()
         self._seeded = True
+        return found
 
-    def _on_step(self) -> bool:
-        self._rewards.append(float(np.mean(self.locals["rewards"])))
-        return True
+    def rewarded(self, reward: float) -> None:
+        """Take the mean reward of a step of all lanes."""
+        self._rewards.append(reward)
 
-    def _on_training_end(self) -> None:
-        self._keep(finished=True)
+    def end(self) -> dict[str, float]:
+        """Evaluate for the last time, and keep what is done as finished."""
+        found = self._keep(finished=True)
         if self.progress is not None:
             self.progress("training", self.run.timesteps, self.run.timesteps)
+        return found
 
     def _seed(self) -> None:
-        model = self.model
         entropy = [self.run.options.seed, self._stretch]
-        model.set_random_seed(int(np.random.SeedSequence(entropy).generate_state(1)[0]))
-        model._last_obs = model.env.reset()
-        model._last_episode_starts = np.ones(model.n_envs, dtype=bool)
-        if model.use_sde:  # its noise was drawn just before
-            getattr(model, "actor", model.policy).reset_noise(model.n_envs)
+        self.learner.begin(int(np.random.SeedSequence(entropy).generate_state(1)[0]))
 
-    def _keep(self, finished: bool = False) -> None:
+    def _keep(self, finished: bool = False) -> dict[str, float]:
         """Evaluate, and write what a reader and a later run find: policy, curve, checkpoint."""
         policy = self._policy()
         found = self._held_out.evaluate(partial(LearnedController, policy))
@@ -114,25 +123,23 @@ class Course(BaseCallback):  # type: ignore[misc]  # the library carries no type
             replace(policy, training=self._story(row)).save(out / POLICY)
         write_atomic(out / CURVE, _csv(self.rows))
         progress = {"rows": self.rows, "stretch": self._stretch, "seconds": seconds}
-        save_checkpoint(out / CHECKPOINT, self.model, progress, finished)
-        for name, value in asdict(found).items():
-            self.logger.record(f"held_out/{name}", value)
+        save_checkpoint(out / CHECKPOINT, self.learner, progress, finished)
+        return asdict(found)
 
     def _policy(self) -> Policy:
-        env, settings = self.model.env.unwrapped.vector_env, self.run.settings
-        layout, options = layout_of(env), self.run.options
+        settings, layout, options = self.run.settings, self.learner.layout, self.run.options
         return Policy(
             layout=layout,
             history=settings.history,
             frequency_hz=settings.frequency_hz,
             error=settings.error,
-            actor=nn.Sequential(*self.actor_of(self.model)),
+            actor=nn.Sequential(*self.learner.actor()),
             baseline=options.baseline if layout.action == "correction" else None,
         )
 
     def _row(self, found: Evaluation, seconds: float) -> Row:
         row: Row = {
-            "timesteps": self.model.num_timesteps,
+            "timesteps": self.learner.timesteps,
             "seconds": round(seconds, 3),
             "training_reward": float(np.mean(self._rewards)) if self._rewards else None,
             **asdict(found),

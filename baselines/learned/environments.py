@@ -9,12 +9,8 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from baselines.learned.options import TrainingOptions
-from baselines.learned.settings import ENVIRONMENT_ID, Settings
-from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
-from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
+from baselines.learned.settings import ENVIRONMENT_ID
 from rdpi_gym.envs.wrappers.side_by_side import SideBySideVectorEnv
-from rdpi_gym.envs.wrappers.stable_baselines import StableBaselinesVecEnv
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
 
@@ -56,14 +52,4 @@ def make_lanes(
             )
             for plant, share in zip(plants, shares, strict=True)
         ]
-    )
-
-
-def training_environment(options: TrainingOptions, settings: Settings) -> StableBaselinesVecEnv:
-    """Make what an agent is trained in: observations with their history, scaled."""
-    lanes = options.lanes or settings.lanes
-    env = make_lanes(options.models, lanes, options.episode, **options.environment())
-    stacked = VectorHistoryObservation(env, settings.history)
-    return StableBaselinesVecEnv(
-        VectorScaledObservation(stacked, settings.frequency_hz, settings.error)
     )

@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-import numpy as np
-import stable_baselines3
-import torch
-from stable_baselines3.common.base_class import BaseAlgorithm
-
-from baselines.learned.environments import training_environment
 from baselines.learned.options import TrainingOptions
 from baselines.learned.settings import SHIPPED, Settings, read_settings
-from rdpi_gym.envs.wrappers.stable_baselines import StableBaselinesVecEnv
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json
 
 FORMAT, VERSION = "rdpi-training", 1
 CONFIG, CURVE, POLICY, CHECKPOINT = "config.json", "training.csv", "policy", "checkpoint"
-
-Algorithm = TypeVar("Algorithm", bound=BaseAlgorithm)
 
 
 @dataclass(frozen=True)
@@ -39,6 +32,8 @@ class Run:
         Name, as on the command line.
     timesteps, every
         Steps in all, and of a stretch.
+    libraries
+        Distributions whose versions the result depends on.
     """
 
     options: TrainingOptions
@@ -46,10 +41,20 @@ class Run:
     algorithm: str
     timesteps: int
     every: int
+    libraries: tuple[str, ...]
 
     @classmethod
-    def open(cls, options: TrainingOptions, name: str, algorithm: type[BaseAlgorithm]) -> Run:
+    def open(cls, options: TrainingOptions, name: str, algorithm: Callable[..., Any]) -> Run:
         """Read the hyper-parameters, and see that the folder is new or was of the same options.
+
+        Parameters
+        ----------
+        options
+            What is asked for.
+        name
+            Of the algorithm, as on the command line.
+        algorithm
+            What takes the hyper-parameters by name.
 
         Raises
         ------
@@ -59,7 +64,10 @@ class Run:
         path = options.hyperparameters or SHIPPED / f"{name}.yml"
         settings = read_settings(path, algorithm)
         timesteps = options.timesteps or settings.timesteps
-        run = cls(options, settings, name, timesteps, options.every or -(-timesteps // 20))
+        package = algorithm.__module__.partition(".")[0]
+        libraries = ("torch", "numpy") if package == "baselines" else (package, "torch", "numpy")
+        every = options.every or -(-timesteps // 20)
+        run = cls(options, settings, name, timesteps, every, libraries)
         config = options.out / CONFIG
         if config.exists():
             _check_same(read_json(config, FORMAT, VERSION), run.document(), options.out)
@@ -70,32 +78,6 @@ class Run:
         elif options.out.exists() and not options.out.is_dir():
             raise InputError(f"{options.out} is a file; give a folder for --out")
         return run
-
-    def environment(self) -> StableBaselinesVecEnv:
-        """Make what the agent is trained in."""
-        return training_environment(self.options, self.settings)
-
-    def model(self, algorithm: type[Algorithm], env: StableBaselinesVecEnv) -> Algorithm:
-        """Make the agent, its networks drawn from the seed.
-
-        Raises
-        ------
-        InputError
-            The algorithm refuses the hyper-parameters.
-        """
-        torch.set_num_threads(self.options.threads)
-        logs = str(self.options.out / "tensorboard") if self.options.tensorboard else None
-        arguments = {"policy": "MlpPolicy", **self.settings.arguments()}
-        try:
-            made: Algorithm = algorithm(
-                env=env, seed=self.options.seed, device="cpu", tensorboard_log=logs, **arguments
-            )
-        except (AssertionError, TypeError, ValueError, MemoryError, RuntimeError) as error:
-            reason = " ".join(str(error).split())[:200]
-            raise InputError(
-                f"{algorithm.__name__} refuses its hyper-parameters: {reason}"
-            ) from error
-        return made
 
     def document(self) -> dict[str, Any]:
         """All that the result depends on: what ``config.json`` says."""
@@ -108,11 +90,7 @@ class Run:
             "lanes": self.options.lanes or self.settings.lanes,
             "options": self.options.document(),
             "hyperparameters": asdict(self.settings),
-            "versions": {
-                "stable_baselines3": stable_baselines3.__version__,
-                "torch": torch.__version__,
-                "numpy": np.__version__,
-            },
+            "versions": {name: version(name) for name in self.libraries},
         }
 
 

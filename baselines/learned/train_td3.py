@@ -13,6 +13,7 @@ from torch import nn
 
 from baselines.learned.options import TrainingOptions
 from baselines.learned.run import Run
+from baselines.learned.stable_baselines import StableBaselinesLearner
 from baselines.learned.training import learn
 from rdpi_gym.support.progress import Progress
 
@@ -46,12 +47,11 @@ def train(options: Options, progress: Progress | None = None) -> Path:
     """
     # What was asked for; a folder with a run of other options is refused.
     run = Run.open(options, "td3", TD3)
-    # Thousands of plants side by side: observations with their history, in fixed units.
-    env = run.environment()
-    # The agent, its networks drawn from the seed, as the hyper-parameters say.
-    model = run.model(TD3, env)
+    # The agent, its networks drawn from the seed, among thousands of plants side by side: it is
+    # shown observations with their history, in fixed units.
+    learner = StableBaselinesLearner(run, TD3, actor)
     # Between stretches it is evaluated, and a checkpoint kept; the best policy stays.
-    return learn(run, model, actor, progress)
+    return learn(run, learner, progress)
 
 
 def actor(model: TD3) -> list[nn.Module]:

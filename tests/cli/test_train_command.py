@@ -172,10 +172,10 @@ def test_an_unknown_algorithm_is_one_line(capsys):
 def test_an_interrupted_command_says_that_it_continues(capsys, monkeypatch):
     from baselines.learned.course import Course
 
-    def interrupt(self):
+    def interrupt(self, reward):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Course, "_on_rollout_end", interrupt)
+    monkeypatch.setattr(Course, "rewarded", interrupt)
     assert train() == 130
     assert capsys.readouterr().err == (
         "rdpi: interrupted; what was computed is kept, and the same command goes on from it\n"

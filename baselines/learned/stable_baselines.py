@@ -1,0 +1,191 @@
+"""Stable-Baselines3's algorithms as learners: made, run, kept and gone on from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from torch import nn
+
+from baselines.learned.environments import make_lanes
+from baselines.learned.learner import Between, Kept
+from baselines.learned.run import Run
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.wrappers.history import VectorHistoryObservation, layout_of
+from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
+from rdpi_gym.envs.wrappers.stable_baselines import StableBaselinesVecEnv
+from rdpi_gym.support.errors import InputError
+
+_REPLAYED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+_DIVERGED = 1e6
+
+
+class StableBaselinesLearner:
+    """An algorithm of Stable-Baselines3 in lanes of plants: observations with history, scaled.
+
+    Parameters
+    ----------
+    run
+        The training.
+    algorithm
+        Class of the algorithm.
+    actor_of
+        Takes the deterministic actor out of a model: linear layers, activations, and what keeps
+        actions within [-1, 1].
+
+    Attributes
+    ----------
+    model
+        The algorithm, its networks drawn from the run's seed.
+    env
+        What it learns in.
+
+    Raises
+    ------
+    InputError
+        The algorithm refuses the hyper-parameters.
+    """
+
+    def __init__(
+        self, run: Run, algorithm: type[BaseAlgorithm], actor_of: Callable[[Any], list[nn.Module]]
+    ) -> None:
+        options, settings = run.options, run.settings
+        self._actor_of, self._logged_each = actor_of, 1 if run.algorithm == "ppo" else 100
+        self._log_name = run.algorithm
+        lanes = make_lanes(
+            options.models, options.lanes or settings.lanes, options.episode,
+            **options.environment(),
+        )  # fmt: skip
+        stacked = VectorHistoryObservation(lanes, settings.history)
+        scaled = VectorScaledObservation(stacked, settings.frequency_hz, settings.error)
+        self.env = StableBaselinesVecEnv(scaled)
+        torch.set_num_threads(options.threads)
+        logs = str(options.out / "tensorboard") if options.tensorboard else None
+        arguments = {"policy": "MlpPolicy", **settings.arguments()}
+        try:
+            self.model: Any = algorithm(
+                env=self.env, seed=options.seed, device="cpu", tensorboard_log=logs, **arguments
+            )
+        except (AssertionError, TypeError, ValueError, MemoryError, RuntimeError) as error:
+            reason = " ".join(str(error).split())[:200]
+            raise InputError(
+                f"{algorithm.__name__} refuses its hyper-parameters: {reason}"
+            ) from error
+
+    @property
+    def kind(self) -> str:
+        """Name of the algorithm's class."""
+        return type(self.model).__name__
+
+    @property
+    def timesteps(self) -> int:
+        """Steps of all lanes together so far."""
+        return int(self.model.num_timesteps)
+
+    @property
+    def updates(self) -> int:
+        """Updates made so far."""
+        return int(self.model._n_updates)
+
+    @property
+    def layout(self) -> ObservationLayout:
+        """What the environment shows."""
+        return layout_of(self.env.vector_env)
+
+    def actor(self) -> list[nn.Module]:
+        """Return the deterministic actor."""
+        return self._actor_of(self.model)
+
+    def begin(self, seed: int) -> None:
+        """Seed every generator, and begin an episode in all lanes."""
+        model = self.model
+        model.set_random_seed(seed)
+        model._last_obs = model.env.reset()
+        model._last_episode_starts = np.ones(model.n_envs, dtype=bool)
+        if model.use_sde:  # its noise was drawn just before
+            getattr(model, "actor", model.policy).reset_noise(model.n_envs)
+
+    def learn(self, timesteps: int, between: Between) -> None:
+        """Take so many steps more.
+
+        Raises
+        ------
+        InputError
+            The training diverged.
+        """
+        try:
+            self.model.learn(
+                timesteps,
+                callback=_Callback(between),
+                reset_num_timesteps=False,
+                tb_log_name=self._log_name,
+                log_interval=self._logged_each,
+            )
+        except ValueError as error:
+            weights = nn.utils.parameters_to_vector(self.model.policy.parameters())
+            largest = float(weights.detach().abs().max())  # NaN where one is
+            if largest < _DIVERGED:
+                raise
+            raise InputError(
+                f"the training diverged after {self.timesteps} steps: a weight is {largest:.3g}; "
+                "take a lower learning_rate"
+            ) from error
+
+    def tensors(self) -> Mapping[str, Any]:
+        """Return the networks, the optimisers, and parameters that belong to no network."""
+        variables = {name: getattr(self.model, name).data for name in self._variables()}
+        return {"parameters": self.model.get_parameters(), "variables": variables}
+
+    def arrays(self) -> Mapping[str, Any]:
+        """Return the replay buffer; nothing where the algorithm has none."""
+        if not isinstance(self.model, OffPolicyAlgorithm):
+            return {}
+        buffer: Any = self.model.replay_buffer
+        filled = buffer.buffer_size if buffer.full else buffer.pos
+        arrays = {name: getattr(buffer, name)[:filled] for name in _REPLAYED}
+        return arrays | {"position": buffer.pos, "full": buffer.full}
+
+    def restore(self, kept: Kept) -> None:
+        """Go on from what a checkpoint holds."""
+        model = self.model
+        model.set_parameters(kept.tensors["parameters"], exact_match=True, device=model.device)
+        for name in self._variables():
+            getattr(model, name).data = kept.tensors["variables"][name]
+        if isinstance(model, OffPolicyAlgorithm) and kept.read is not None:
+            buffer: Any = model.replay_buffer
+            for name in _REPLAYED:
+                array = kept.read(name)
+                getattr(buffer, name)[: len(array)] = array
+            buffer.pos, buffer.full = int(kept.read("position")), bool(kept.read("full"))
+        model.num_timesteps, model._n_updates = kept.timesteps, kept.updates
+
+    def _variables(self) -> list[str]:
+        """Name the parameters that belong to no network: SAC's entropy coefficient."""
+        return [name for name in ("log_ent_coef",) if getattr(self.model, name, None) is not None]
+
+
+class _Callback(BaseCallback):  # type: ignore[misc]  # the library carries no types here
+    """Tells what stands between two stretches how far the model is."""
+
+    def __init__(self, between: Between) -> None:
+        super().__init__()
+        self._between = between
+
+    def _on_rollout_start(self) -> None:
+        self._log(self._between.before_rollout())
+
+    def _on_step(self) -> bool:
+        self._between.rewarded(float(np.mean(self.locals["rewards"])))
+        return True
+
+    def _on_training_end(self) -> None:
+        self._log(self._between.end())
+
+    def _log(self, found: Mapping[str, float]) -> None:
+        for name, value in found.items():
+            self.logger.record(f"held_out/{name}", value)
