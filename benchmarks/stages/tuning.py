@@ -191,7 +191,7 @@ def _chosen(
     ordered = sorted(tried, key=lambda trial: (trial.value or 0.0, trial.number))
     defaults = checked_settings(name, knobs, {})
     before = figures(name, defaults, task, "validation", VALIDATION_PLANTS)
-    found = []
+    found: list[tuple[Settings, float, Figures, Figures]] = []
     for trial in ordered:
         settings = checked_settings(name, knobs, trial.params)
         if not _is_stable(name, settings, task):
