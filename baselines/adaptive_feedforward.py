@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from baselines.believed import ahead_by, answered, believed_inverse, hysteresis_inverse
@@ -124,8 +125,8 @@ class AdaptiveFeedforward(Tunable):
         self.wanted_lead = round(self.settings["lead_samples"] + delay)
         self.lead = max(1, min(self.wanted_lead, layout.preview - 1 - HALF))
         prior = np.convolve(series, ahead_by(delay - self.lead))[1:4].tolist()
-        self._thresholds_um = scale * np.array(PLAYS)[:, None]
-        self._slow = np.exp(-ts / np.array(SLOW_S))[:, None]
+        self._thresholds_um = scale * np.array(PLAYS)
+        self._slow = np.exp(-ts / np.array(SLOW_S))
         dynamics = self.settings["dynamics_s"] / ts
         spreads = [dynamics, dynamics**2, dynamics**3, GAIN_SPREAD, OFFSET_SPREAD * scale]
         plays = len(PLAYS) + len(PRODUCTS) + len(POWERS) + len(SLOW_S)
@@ -255,13 +256,10 @@ class AdaptiveFeedforward(Tunable):
     def _static(self, smooth_um: Array, state: Array) -> Array:
         """What of φ has no derivatives, at the time of the correction; kept until y gets there."""
         plays, slow = self.rows.of(state, "plays"), self.rows.of(state, "slow")
-        np.clip(plays, smooth_um - self._thresholds_um, smooth_um + self._thresholds_um, out=plays)
-        slow += (1.0 - self._slow) * (smooth_um - slow)
-        centre, scale = self.layout.centre_um, self.layout.scale_um
-        place = (smooth_um - centre) / scale
-        products = place * (plays[list(PRODUCTS)] - centre)
-        powers = [scale * place**power for power in POWERS]
-        static = np.vstack([smooth_um, np.ones_like(smooth_um), plays, products, *powers, slow])
+        static: Array = _features(
+            smooth_um, plays, slow, self._thresholds_um, self._slow,
+            self.layout.centre_um, self.layout.scale_um,
+        )  # fmt: skip
         shift_in(self.rows.of(state, "seen").reshape(*self._rings, -1), static)
         return static
 
@@ -277,3 +275,36 @@ class AdaptiveFeedforward(Tunable):
         begun: NDArray[np.bool_] = count[0] > self.lead + 2 * HALF + 2
         phi = np.vstack([*derivatives, static])
         self.fit.learn(of(state, "fit"), phi, entered - smooth, counts & begun)
+
+
+@njit(cache=True)
+def _features(
+    smooth_um: Array,
+    plays: Array,
+    slow: Array,
+    thresholds_um: Array,
+    decay: Array,
+    centre_um: float,
+    scale_um: float,
+) -> Array:
+    """Move plays and low-passes on by one sample, and return r, 1, plays, products, powers, low-passes."""
+    count = 2 + len(plays) + len(PRODUCTS) + len(POWERS) + len(slow)
+    found = np.empty((count, len(smooth_um)))
+    for lane, r in enumerate(smooth_um):
+        place = (r - centre_um) / scale_um
+        found[0, lane], found[1, lane] = r, 1.0
+        row = 2
+        for i, threshold in enumerate(thresholds_um):
+            plays[i, lane] = min(max(plays[i, lane], r - threshold), r + threshold)
+            found[row + i, lane] = plays[i, lane]
+        row += len(plays)
+        for i, which in enumerate(PRODUCTS):
+            found[row + i, lane] = place * (plays[which, lane] - centre_um)
+        row += len(PRODUCTS)
+        for i, power in enumerate(POWERS):
+            found[row + i, lane] = scale_um * place**power
+        row += len(POWERS)
+        for i, kept in enumerate(decay):
+            slow[i, lane] += (1.0 - kept) * (r - slow[i, lane])
+            found[row + i, lane] = slow[i, lane]
+    return found

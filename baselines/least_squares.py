@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from rdpi_gym.support.arrays import Array
@@ -47,7 +48,7 @@ class ForgettingLeastSquares:
     Attributes
     ----------
     rows : int
-        Rows of its memory: the count of samples, R, b and θ.
+        Rows of its memory: the count of samples, R's lower triangle row by row, b and θ.
 
     Examples
     --------
@@ -76,10 +77,10 @@ class ForgettingLeastSquares:
             )
         self._least = None if least is None else np.asarray(least, dtype=np.float64)
         self._kept = math.exp(-ts_s / memory_s)
-        self._precision = np.diag((noise / deviation) ** 2)
-        self._pull = self._precision @ self.prior
+        self._precision = (noise / deviation) ** 2
+        self._pull = self._precision * self.prior
         self.size = len(self.prior)
-        self.rows = 1 + self.size * self.size + 2 * self.size
+        self.rows = 1 + self.size * (self.size + 1) // 2 + 2 * self.size
 
     def start(self, lanes: int) -> Array:
         """Return the memory of lanes that have seen nothing, float64[rows, lanes]."""
@@ -103,43 +104,109 @@ class ForgettingLeastSquares:
         counts
             ``(B,)``: where false the lane learns nothing, and forgets nothing.
         """
-        size, lanes = self.size, memory.shape[1]
-        products = memory[1 : 1 + size * size].reshape(size, size, lanes)
-        moments = memory[1 + size * size : 1 + size * size + size]
-        kept = np.where(counts, self._kept, 1.0)
-        products *= kept
-        moments *= kept
-        counted = phi * counts
-        products += counted[:, None] * phi
-        moments += counted * z
-        memory[0] += counts
-        due = counts & (memory[0] % SOLVE_EVERY == 0.0)
-        if due.any():
-            left = np.moveaxis(products[:, :, due], 2, 0) + self._precision
-            right = moments[:, due].T + self._pull
-            if self._least is None:
-                self.theta(memory)[:, due] = np.linalg.solve(left, right[:, :, None])[:, :, 0].T
-            else:
-                self.theta(memory)[:, due] = self._projected(
-                    left, right, self.theta(memory)[:, due]
-                )
-
-    def _projected(self, left: Array, right: Array, theta: Array) -> Array:
-        """Go on from θ towards the least sum of squares within the bounds, coordinate by coordinate.
-
-        Each step is exact in its coordinate, so the sum falls with every one, and a few sweeps at
-        every turn follow the minimum (Gauss and Seidel's iteration, projected).
-        """
-        assert self._least is not None
-        for _ in range(SWEEPS):
-            for i in range(self.size):
-                slope = right[:, i] - np.einsum("bf,fb->b", left[:, i], theta)
-                theta[i] = np.maximum(theta[i] + slope / left[:, i, i], self._least[i])
-        return theta
+        due = _take_in(memory, phi, z, counts, self._kept)
+        if not due.any():
+            return
+        if self._least is None:
+            _solve(memory, due, self._precision, self._pull)
+        else:
+            _project(memory, due, self._precision, self._pull, self._least)
 
     def unlearn(self, memory: Array, share: Array) -> None:
         """Keep a share ``(B,)`` of what was learned and move θ to the prior alike, in place."""
+        if (share == 1.0).all():
+            return
         memory[1 : -self.size] *= share
         theta = self.theta(memory)
         theta *= share
         theta += (1.0 - share) * self.prior[:, None]
+
+
+@njit(cache=True)
+def _take_in(
+    memory: Array, phi: Array, z: Array, counts: NDArray[np.bool_], kept: float
+) -> NDArray[np.bool_]:
+    """Move the sums of all lanes on by one sample; return where the turn to solve has come."""
+    size, lanes = phi.shape
+    forget, used = np.where(counts, kept, 1.0), np.where(counts, 1.0, 0.0)
+    due = np.zeros(lanes, dtype=np.bool_)
+    row = 1
+    for i in range(size):
+        for j in range(i + 1):
+            for lane in range(lanes):
+                memory[row, lane] = (
+                    forget[lane] * memory[row, lane] + used[lane] * phi[i, lane] * phi[j, lane]
+                )
+            row += 1
+    for i in range(size):
+        for lane in range(lanes):
+            memory[row, lane] = (
+                forget[lane] * memory[row, lane] + used[lane] * phi[i, lane] * z[lane]
+            )
+        row += 1
+    for lane in range(lanes):
+        memory[0, lane] += used[lane]
+        due[lane] = counts[lane] and memory[0, lane] % SOLVE_EVERY == 0.0
+    return due
+
+
+@njit(cache=True)
+def _equations(
+    memory: Array, lane: int, precision: Array, pull: Array, left: Array, right: Array
+) -> None:
+    """Write one lane's equations, its prior in them: both triangles of the left side, the right side."""
+    size = len(precision)
+    row = 1
+    for i in range(size):
+        for j in range(i + 1):
+            left[i, j] = left[j, i] = memory[row, lane]
+            row += 1
+        left[i, i] += precision[i]
+    for i in range(size):
+        right[i] = memory[row + i, lane] + pull[i]
+
+
+@njit(cache=True)
+def _solve(memory: Array, due: NDArray[np.bool_], precision: Array, pull: Array) -> None:
+    """Solve the equations of the lanes that are due: L D Lᵀ, L below the diagonal and D Lᵀ on and above."""
+    size = len(precision)
+    left, right = np.empty((size, size)), np.empty(size)
+    theta = memory[len(memory) - size :]
+    for lane in np.flatnonzero(due):
+        _equations(memory, lane, precision, pull, left, right)
+        for i in range(size):
+            for j in range(i + 1):
+                for k in range(j):
+                    left[j, i] -= left[j, k] * left[k, i]
+                if j < i:
+                    left[i, j] = left[j, i] / left[j, j]
+                    right[i] -= left[i, j] * right[j]
+            # R has no negative eigenvalue, so a pivot is the prior's at least
+            left[i, i] = max(left[i, i], precision[i])
+        for i in range(size - 1, -1, -1):
+            right[i] /= left[i, i]
+            for k in range(i + 1, size):
+                right[i] -= left[k, i] * right[k]
+            theta[i, lane] = right[i]
+
+
+@njit(cache=True)
+def _project(
+    memory: Array, due: NDArray[np.bool_], precision: Array, pull: Array, least: Array
+) -> None:
+    """Go on from θ towards the least sum of squares within the bounds, coordinate by coordinate.
+
+    Each step is exact in its coordinate, so the sum falls with every one, and a few sweeps at every
+    turn follow the minimum (Gauss and Seidel's iteration, projected).
+    """
+    size = len(precision)
+    left, right = np.empty((size, size)), np.empty(size)
+    theta = memory[len(memory) - size :]
+    for lane in np.flatnonzero(due):
+        _equations(memory, lane, precision, pull, left, right)
+        for _ in range(SWEEPS):
+            for i in range(size):
+                slope = right[i]
+                for k in range(size):
+                    slope -= left[i, k] * theta[k, lane]
+                theta[i, lane] = max(theta[i, lane] + slope / left[i, i], least[i])

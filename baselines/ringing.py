@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from rdpi_gym.support.arrays import Array
@@ -91,22 +92,43 @@ class RingingMonitor:
             A view of the memory.
         ringing : bool[B]
         """
-        error = self._above(memory[0:2], error_um)
-        asked = self._above(memory[2:4], reference_um)
-        energy, slow, driven = memory[4], memory[5], memory[6]
-        squared = np.square(error)
-        energy += self._fast * (squared - energy)
-        slow += self._slow * (squared - slow)
-        driven += self._fast * (np.square(asked) - driven)
-        grows = (energy > GROWTH * slow) | (energy > self._large)
-        ringing = (energy > self._small) & (energy > driven) & grows
-        trust = memory[7]
-        trust[:] = np.where(ringing, self._withdraw * trust, trust + self._return * (1.0 - trust))
-        return trust, ringing
+        ringing: NDArray[np.bool_] = _watch(
+            memory, error_um, reference_um,
+            self._pass, self._fast, self._slow, self._withdraw, self._return,
+            self._small, self._large,
+        )  # fmt: skip
+        return memory[7], ringing
 
-    def _above(self, low: Array, signal: Array) -> Array:
-        """Part of a signal above the band; the two low-passes are moved on."""
-        for state in low:
-            state += self._pass * (signal - state)
-            signal = signal - state
-        return signal
+
+@njit(cache=True)
+def _watch(
+    memory: Array,
+    error_um: Array,
+    reference_um: Array,
+    passes: float,
+    fast: float,
+    slow: float,
+    withdraw: float,
+    returns: float,
+    small: float,
+    large: float,
+) -> NDArray[np.bool_]:
+    """Move all lanes on by one sample, and return where it rings."""
+    lanes = memory.shape[1]
+    ringing = np.empty(lanes, dtype=np.bool_)
+    for lane in range(lanes):
+        of = memory[:, lane]
+        error, asked = error_um[lane], reference_um[lane]
+        for stage in range(2):
+            of[stage] += passes * (error - of[stage])
+            error -= of[stage]
+            of[2 + stage] += passes * (asked - of[2 + stage])
+            asked -= of[2 + stage]
+        squared = error * error
+        of[4] += fast * (squared - of[4])
+        of[5] += slow * (squared - of[5])
+        of[6] += fast * (asked * asked - of[6])
+        grows = of[4] > GROWTH * of[5] or of[4] > large
+        ringing[lane] = of[4] > small and of[4] > of[6] and grows
+        of[7] = withdraw * of[7] if ringing[lane] else of[7] + returns * (1.0 - of[7])
+    return ringing

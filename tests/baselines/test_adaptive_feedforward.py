@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -94,6 +95,22 @@ def test_a_preview_that_is_too_short_is_said():
     said = AdaptiveFeedforward(BARE, short, {"lead_samples": 4.0}).warning()
     assert said == "lead cut to 1 samples: preview 3, 7 needed"
     assert AdaptiveFeedforward(BARE, LAYOUT, {}).warning() is None
+
+
+def test_least_squares_solve_their_normal_equations_lane_by_lane():
+    rng = np.random.default_rng(0)
+    prior, spread, kept = rng.normal(size=5), rng.uniform(0.1, 2.0, 5), math.exp(-1e-3 / 0.05)
+    fit = ForgettingLeastSquares(prior, spread, noise=0.3, memory_s=0.05, ts_s=1e-3)
+    memory, left, right = fit.start(3), np.diag((0.3 / spread) ** 2), (0.3 / spread) ** 2 * prior
+    sums, moments = np.zeros((5, 5)), np.zeros(5)
+    for _ in range(40):
+        phi, z = rng.normal(size=(5, 3)), rng.normal(size=3)
+        fit.learn(memory, phi, z, np.array([True, True, False]))
+        sums = kept * sums + np.outer(phi[:, 1], phi[:, 1])
+        moments = kept * moments + phi[:, 1] * z[1]
+    expected = np.linalg.solve(left + sums, right + moments)
+    np.testing.assert_allclose(fit.theta(memory)[:, 1], expected, rtol=1e-12)
+    np.testing.assert_array_equal(fit.theta(memory)[:, 2], prior)
 
 
 def test_least_squares_forget_the_data_and_never_the_prior():
