@@ -8,8 +8,6 @@ run that goes on from it is, bit by bit, the one that was not interrupted.
 
 from __future__ import annotations
 
-import csv
-import io
 import time
 from dataclasses import asdict, replace
 from functools import partial
@@ -22,22 +20,14 @@ from baselines import make_controller
 from baselines.learned.checkpoint import save_checkpoint
 from baselines.learned.controller import LearnedController
 from baselines.learned.evaluation import Evaluation, HeldOut
+from baselines.learned.folder import CHECKPOINT, CURVE, POLICY, Row, curve_text
 from baselines.learned.learner import Learner
 from baselines.learned.policy import Policy
-from baselines.learned.run import CHECKPOINT, CURVE, POLICY, Run
+from baselines.learned.run import Run
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
 
-COLUMNS = (
-    "timesteps", "seconds", "training_reward", "reward", "rmse_um", "rmse_percent",
-    "command_variation_V_s", "compensator_rmse_um", "compensator_rmse_percent",
-    "compensator_command_variation_V_s",
-)  # fmt: skip
-"""Of ``training.csv``: all but the second and third are of the held-out plants."""
-
 _COMPARED = ("rmse_um", "rmse_percent", "command_variation_V_s")
-
-Row = dict[str, float | None]
 
 
 class Course:
@@ -121,7 +111,7 @@ class Course:
         out = self.run.options.out
         if found.reward > best:
             replace(policy, training=self._story(row)).save(out / POLICY)
-        write_atomic(out / CURVE, _csv(self.rows))
+        write_atomic(out / CURVE, curve_text(self.rows))
         progress = {"rows": self.rows, "stretch": self._stretch, "seconds": seconds}
         save_checkpoint(out / CHECKPOINT, self.learner, progress, finished)
         return asdict(found)
@@ -155,11 +145,3 @@ class Course:
             "plants": [model.name for model in self.run.options.models],
             **{name: row[name] for name in ("timesteps", "rmse_um", "command_variation_V_s")},
         }
-
-
-def _csv(rows: list[Row]) -> str:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()

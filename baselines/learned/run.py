@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
+from baselines.learned.folder import FORMAT, VERSION, check_folder
 from baselines.learned.options import TrainingOptions
 from baselines.learned.settings import SHIPPED, Settings, read_settings
-from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json
-
-FORMAT, VERSION = "rdpi-training", 1
-CONFIG, CURVE, POLICY, CHECKPOINT = "config.json", "training.csv", "policy", "checkpoint"
 
 
 @dataclass(frozen=True)
@@ -68,15 +62,7 @@ class Run:
         libraries = ("torch", "numpy") if package == "baselines" else (package, "torch", "numpy")
         every = options.every or -(-timesteps // 20)
         run = cls(options, settings, name, timesteps, every, libraries)
-        config = options.out / CONFIG
-        if config.exists():
-            _check_same(read_json(config, FORMAT, VERSION), run.document(), options.out)
-        elif any((options.out / name).exists() for name in (CURVE, POLICY, CHECKPOINT)):
-            raise InputError(
-                f"{options.out} holds results without {CONFIG}; give another folder for --out"
-            )
-        elif options.out.exists() and not options.out.is_dir():
-            raise InputError(f"{options.out} is a file; give a folder for --out")
+        check_folder(options.out, run.document())
         return run
 
     def document(self) -> dict[str, Any]:
@@ -92,24 +78,3 @@ class Run:
             "hyperparameters": asdict(self.settings),
             "versions": {name: version(name) for name in self.libraries},
         }
-
-
-def _check_same(found: dict[str, Any], asked: dict[str, Any], out: Path) -> None:
-    """Refuse to go on in a folder of other options, and name the first that differs."""
-    before, now = _flat(found), _flat(json.loads(json.dumps(asked)))
-    for name in [*now, *before]:
-        if before.get(name) != now.get(name):
-            raise InputError(
-                f"{out} holds a training with {name} {before.get(name)!r}, asked for is "
-                f"{now.get(name)!r}; give another folder for --out, or the options of that one"
-            )
-
-
-def _flat(document: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for name, value in document.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, f"{prefix}{name}.")
-        else:
-            flat[prefix + name] = value
-    return flat

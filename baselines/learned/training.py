@@ -6,9 +6,9 @@ from pathlib import Path
 
 from baselines.learned.checkpoint import load_checkpoint
 from baselines.learned.course import Course
+from baselines.learned.folder import CHECKPOINT, POLICY, begin_folder
 from baselines.learned.learner import Learner
-from baselines.learned.run import CHECKPOINT, CONFIG, POLICY, Run
-from rdpi_gym.support.files import write_json
+from baselines.learned.run import Run
 from rdpi_gym.support.progress import Progress
 
 
@@ -35,8 +35,7 @@ def learn(run: Run, learner: Learner, progress: Progress | None = None) -> Path:
         The checkpoint cannot be read, or the training diverged.
     """
     course = Course(run, learner, progress)
-    if not (run.options.out / CONFIG).exists():
-        write_json(run.options.out / CONFIG, run.document())
+    begin_folder(run.options.out, run.document())
     kept = load_checkpoint(run.options.out / CHECKPOINT, learner)
     if kept is not None:
         course.resume(kept)

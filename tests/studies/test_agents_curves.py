@@ -126,10 +126,10 @@ def test_the_same_curves_are_the_same_picture(tmp_path):
 
 def test_the_text_says_how_many_plants_are_evaluated():
     pytest.importorskip("stable_baselines3")
-    from baselines.learned import course, evaluation
+    from baselines.learned import evaluation, folder
 
     assert f"{evaluation.LANES} held-out plants" in curves.METHOD
-    assert set(curves.COLUMNS) - {"agent", "seed"} == set(course.COLUMNS) - {"training_reward"}
+    assert set(curves.COLUMNS) - {"agent", "seed"} == set(folder.COLUMNS) - {"training_reward"}
 
 
 @pytest.mark.parametrize(

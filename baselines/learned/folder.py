@@ -1,0 +1,94 @@
+"""The folder of a training: what lies in it, and that a run goes on only with the same options."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_json, write_json
+
+FORMAT, VERSION = "rdpi-training", 1
+CONFIG, CURVE, POLICY, CHECKPOINT = "config.json", "training.csv", "policy", "checkpoint"
+COLUMNS = (
+    "timesteps", "seconds", "training_reward", "reward", "rmse_um", "rmse_percent",
+    "command_variation_V_s", "compensator_rmse_um", "compensator_rmse_percent",
+    "compensator_command_variation_V_s",
+)  # fmt: skip
+"""Of ``training.csv``: all but the second and third are of the held-out plants."""
+
+Row = dict[str, float | None]
+
+
+def check_folder(out: Path, document: Mapping[str, Any]) -> None:
+    """See that a folder is new, or holds a training with the same options; nothing is written.
+
+    Parameters
+    ----------
+    out
+        The folder.
+    document
+        All that the result depends on, as ``config.json`` says it.
+
+    Raises
+    ------
+    InputError
+        It holds something else.
+
+    Examples
+    --------
+    >>> check_folder(Path("a folder that is not there"), {"seed": 0})
+    """
+    config = out / CONFIG
+    if config.exists():
+        _check_same(read_json(config, FORMAT, VERSION), document, out)
+    elif any((out / name).exists() for name in (CURVE, POLICY, CHECKPOINT)):
+        raise InputError(f"{out} holds results without {CONFIG}; give another folder for --out")
+    elif out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; give a folder for --out")
+
+
+def begin_folder(out: Path, document: dict[str, Any]) -> None:
+    """Write ``config.json`` where there is none."""
+    if not (out / CONFIG).exists():
+        write_json(out / CONFIG, document)
+
+
+def curve_text(rows: Sequence[Row]) -> str:
+    """Return ``training.csv``.
+
+    Examples
+    --------
+    >>> curve_text([]).count(",")
+    9
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _check_same(found: Mapping[str, Any], asked: Mapping[str, Any], out: Path) -> None:
+    """Refuse to go on in a folder of other options, and name the first that differs."""
+    before, now = _flat(found), _flat(json.loads(json.dumps(asked)))
+    for name in [*now, *before]:
+        if before.get(name) != now.get(name):
+            raise InputError(
+                f"{out} holds a training with {name} {before.get(name)!r}, asked for is "
+                f"{now.get(name)!r}; give another folder for --out, or the options of that one"
+            )
+
+
+def _flat(document: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in document.items():
+        if isinstance(value, dict):
+            flat |= _flat(value, f"{prefix}{name}.")
+        else:
+            flat[prefix + name] = value
+    return flat
