@@ -94,7 +94,7 @@ def page_text() -> str:
         "where its fits begin.*\n\n"
         + "\n".join(_section(kind) for kind in kinds)
         + f"\n{_plants()}\nMade from "
-        f"[`rdpi_gym/plant/cores`](../rdpi_gym/plant/cores) and the plants' files by `{_MAKER}`.\n"
+        f"`rdpi_gym/plant/cores` and the plants' files by `{_MAKER}`.\n"
     )
 
 

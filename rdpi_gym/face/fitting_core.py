@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 class CoreFit(Shown, cores.CoreFit):
     """A kind of hysteresis fitted to records; `plant` is ready to use.
 
-    Everything that :class:`rdpi_gym.identification.cores.CoreFit` is, and it shows itself.
+    Everything that ``rdpi_gym.identification.cores.CoreFit`` is, and it shows itself.
 
     Examples
     --------
@@ -171,7 +171,7 @@ def fit_core(
 class KindChoice(Shown, kinds.KindChoice):
     """Kinds of hysteresis fitted to the same records; `plant` is that of the kind chosen.
 
-    Everything that :class:`rdpi_gym.identification.kinds.KindChoice` is, and it shows itself.
+    Everything that ``rdpi_gym.identification.kinds.KindChoice`` is, and it shows itself.
 
     Examples
     --------

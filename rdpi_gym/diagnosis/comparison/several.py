@@ -167,7 +167,7 @@ def compare_several(dataset: Dataset, models: Mapping[str, PlantModel]) -> Model
     Raises
     ------
     InputError
-        As :func:`~rdpi_gym.diagnosis.comparison.compare.compare`; more than :data:`MOST_MODELS`, or
+        As :func:`~rdpi_gym.diagnosis.compare`; more than ``MOST_MODELS``, or
         a model of other quantities than the data's.
 
     Examples

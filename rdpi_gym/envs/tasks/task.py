@@ -226,7 +226,7 @@ class StageTask:
         number
             Which, from 0.
         seed
-            Of the split; 0 by default, :data:`PUBLIC_SEED` of the test.
+            Of the split; 0 by default, ``PUBLIC_SEED`` of the test.
 
         Raises
         ------

@@ -139,7 +139,7 @@ class Core(ABC):
         Returns
         -------
         float64[T, K]
-            With the gains it makes what :attr:`block` makes without offset.
+            With the gains it makes what ``block`` makes without offset.
         """
 
     def roughness(self) -> Array:
@@ -216,7 +216,7 @@ class Core(ABC):
         return 0.0
 
     def with_shape(self, values: Mapping[str, float]) -> Self:
-        """Return the same core with other values of numbers of :attr:`shape`, within their bounds."""
+        """Return the same core with other values of numbers of ``shape``, within their bounds."""
         limits = {p.name: (p.low, p.high) for p in self.shape}
         inside = {k: min(max(float(v), limits[k][0]), limits[k][1]) for k, v in values.items()}
         changed: Any = dataclasses.replace(self, **inside)  # type: ignore[type-var]

@@ -200,7 +200,7 @@ class RDPI(ThresholdCore):
         return columns.T
 
     def roughness(self) -> Array:
-        """Return that of the weights over their thresholds, :func:`comb_roughness`."""
+        """Return that of the weights over their thresholds, ``comb_roughness``."""
         return comb_roughness(self.thresholds_V)
 
     @classmethod
