@@ -38,7 +38,13 @@ class Run:
     libraries: tuple[str, ...]
 
     @classmethod
-    def open(cls, options: TrainingOptions, name: str, algorithm: Callable[..., Any]) -> Run:
+    def open(
+        cls,
+        options: TrainingOptions,
+        name: str,
+        algorithm: Callable[..., Any],
+        samples: int = 0,
+    ) -> Run:
         """Read the hyper-parameters, and see that the folder is new or was of the same options.
 
         Parameters
@@ -49,6 +55,8 @@ class Run:
             Of the algorithm, as on the command line.
         algorithm
             What takes the hyper-parameters by name.
+        samples
+            Of each lane that a stretch has at least, where its length is not asked for.
 
         Raises
         ------
@@ -60,7 +68,8 @@ class Run:
         timesteps = options.timesteps or settings.timesteps
         package = algorithm.__module__.partition(".")[0]
         libraries = ("torch", "numpy") if package == "baselines" else (package, "torch", "numpy")
-        every = options.every or -(-timesteps // 20)
+        least = samples * (options.lanes or settings.lanes)
+        every = options.every or max(-(-timesteps // 20), least)
         run = cls(options, settings, name, timesteps, every, libraries)
         check_folder(options.out, run.document())
         return run

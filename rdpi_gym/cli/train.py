@@ -1,4 +1,4 @@
-"""`rdpi train`: trains an agent with Stable-Baselines3."""
+"""`rdpi train`: trains an agent with Stable-Baselines3, or with the PPO of this package."""
 
 from __future__ import annotations
 
@@ -20,10 +20,13 @@ class Algorithm(StrEnum):
     ppo = "ppo"
     sac = "sac"
     td3 = "td3"
+    native_ppo = "native-ppo"
 
 
 def train(
-    algorithm: Annotated[Algorithm, typer.Argument(metavar="ppo|sac|td3", show_default=False)],
+    algorithm: Annotated[
+        Algorithm, typer.Argument(metavar="ppo|sac|td3|native-ppo", show_default=False)
+    ],
     out: OutOption = Path("results/train"),
     seed: SeedOption = 0,
     timesteps: Annotated[

@@ -65,6 +65,17 @@ def test_the_same_command_again_finds_it_finished(tmp_path):
     assert (tmp_path / "run" / "training.csv").read_bytes() == before
 
 
+def test_the_native_ppo_leaves_a_policy_that_is_a_controller(tmp_path, capsys):
+    assert main(["train", "native-ppo", "--hyperparameters", "small.yml", "--out", "run"]) == 0
+    assert "RMSE" in capsys.readouterr().out
+    assert main(["export", "run/policy", "--out", "policy.onnx"]) == 0
+    (tmp_path / "small.yml").write_text(f"{YAML}  gamma: 0.9\n")
+    capsys.readouterr()
+    assert main(["train", "native-ppo", "--hyperparameters", "small.yml", "--out", "other"]) == 2
+    assert "gamma is no hyper-parameter of NativePPO" in capsys.readouterr().err
+    assert not (tmp_path / "other").exists()
+
+
 def test_it_trains_on_a_plants_file_from_the_command_alone(tmp_path):
     from rdpi_gym.plant import named_plant
 
@@ -166,7 +177,7 @@ def test_other_options_are_refused_and_nothing_is_overwritten(tmp_path, capsys):
 
 def test_an_unknown_algorithm_is_one_line(capsys):
     assert main(["train", "ddpg"]) == 2
-    assert "'ddpg' is not one of 'ppo', 'sac', 'td3'" in capsys.readouterr().err
+    assert "'ddpg' is not one of 'ppo', 'sac', 'td3', 'native-ppo'" in capsys.readouterr().err
 
 
 def test_an_interrupted_command_says_that_it_continues(capsys, monkeypatch):

@@ -1,0 +1,185 @@
+"""The plants of a training side by side, what they show written in place, scaled, with its history."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from baselines.learned.options import TrainingOptions
+from baselines.learned.settings import Settings
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
+from rdpi_gym.envs.vector.lanes import Floats32, Integers
+from rdpi_gym.envs.vector.task import VectorTask
+from rdpi_gym.envs.wrappers.history import History
+from rdpi_gym.envs.wrappers.scaling import Scaling
+from rdpi_gym.envs.wrappers.side_by_side import SideBySideVectorEnv
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+_PHASES = 10
+"""Groups of lanes whose episodes begin at other times, so that a rollout sees all of an episode."""
+
+
+class Lanes:
+    """Lanes of plants whose episodes begin anew by themselves, not all at once.
+
+    Parameters
+    ----------
+    options, settings
+        Of the training.
+    lanes
+        Number of lanes B.
+    parts
+        Into how many parts the plants are divided, each run by a thread; as many as plants at most.
+
+    Attributes
+    ----------
+    parts : tuple of Part
+        They share the lanes, one after the other.
+    scaling
+        From observations with their history to rows.
+
+    Raises
+    ------
+    InputError
+        Fewer lanes than plants, plants of other sizes, or keywords that make no environment.
+    """
+
+    def __init__(
+        self, options: TrainingOptions, settings: Settings, lanes: int, parts: int
+    ) -> None:
+        plants = options.models
+        if lanes < len(plants):
+            raise InputError(f"{lanes} lanes for {len(plants)} plants; give at least one for each")
+        shares = [len(share) for share in np.array_split(np.arange(lanes), len(plants))]
+        groups = [
+            PiezoTrackingVectorEnv(
+                share, max_episode_steps=None, threads=1, plant=plant, **options.environment()
+            )
+            for plant, share in zip(plants, shares, strict=True)
+        ]
+        self._env = SideBySideVectorEnv(groups)
+        history = History(self._env.layout, settings.history)
+        self.scaling = Scaling(history, settings.frequency_hz, settings.error)
+        self.parts: tuple[Part, ...] = ()
+        for some in np.array_split(np.arange(len(groups)), min(parts, len(groups))):
+            first = self.parts[-1].end if self.parts else 0
+            tasks = [groups[i].task for i in some]
+            widths = [shares[i] for i in some]
+            part = Part(self.scaling, tasks, widths, first, options.episode)
+            self.parts = (*self.parts, part)
+
+    @property
+    def layout(self) -> ObservationLayout:
+        """What the environment shows."""
+        return self._env.layout
+
+    def begin(self, seed: int, rows: Floats32) -> None:
+        """Begin an episode in every lane: seeded with `seed` and its number; `rows` are filled."""
+        observation, _ = self._env.reset(seed=seed)
+        rows[:] = _first_rows(self.scaling, observation)
+        for part in self.parts:
+            part.steps = 0
+
+
+class Part:
+    """Some groups of lanes, one after the other, that one thread steps.
+
+    Parameters
+    ----------
+    scaling
+        As of :class:`Lanes`.
+    tasks, widths
+        The groups, and their numbers of lanes.
+    first
+        Number of the first lane.
+    episode
+        Samples of an episode.
+
+    Attributes
+    ----------
+    first, end
+        Its lanes are ``first`` to ``end - 1``.
+    steps
+        Since all lanes began.
+    """
+
+    def __init__(
+        self,
+        scaling: Scaling,
+        tasks: list[VectorTask],
+        widths: list[int],
+        first: int,
+        episode: int,
+    ) -> None:
+        self.first, self.end, self.steps = first, first + sum(widths), 0
+        self._scaling, self._episode = scaling, episode
+        ends = np.cumsum(widths)
+        self._groups = [
+            (task, slice(int(end - width), int(end)))
+            for task, width, end in zip(tasks, widths, ends, strict=True)
+        ]
+        layout = scaling.history.layout
+        self._observed: Floats32 = np.empty((self.end - self.first, layout.size), np.float32)
+        self._phases = min(_PHASES, episode)
+        # An increment of one in a sample, and an error of one, in units of the layout's amplitude.
+        self._moved = np.float32(2.0 * np.pi * scaling.frequency_hz * layout.ts_s)
+        self._error = np.float32(scaling.error)
+
+    def step(self, actions: Array, before: Floats32, after: Floats32, rewards: Floats32) -> None:
+        """Take a step of every lane.
+
+        Parameters
+        ----------
+        actions : float64[b]
+            Finite.
+        before, after : float32[b, D]
+            Rows of this sample, and of the next one: filled.
+        rewards : float32[b]
+            Filled.
+        """
+        self.steps += 1
+        for task, own in self._groups:
+            shown = task.advance(actions[own])
+            self._observed[own] = shown.observation.reshape(-1, self._observed.shape[1])
+            rewards[own] = shown.reward
+        self._write(before, after)
+
+    def ended(self) -> Integers:
+        """Return the lanes, counted within the part, whose episode is over after this step."""
+        phase, rest = divmod(self.steps % self._episode, max(1, self._episode // self._phases))
+        if rest or phase >= self._phases:
+            return np.empty(0, dtype=np.int64)
+        return np.arange(phase, len(self._observed), self._phases)
+
+    def restart(self, lanes: Integers, after: Floats32) -> None:
+        """Begin new episodes in some lanes, and fill their rows."""
+        for task, own in self._groups:
+            inside = lanes[(lanes >= own.start) & (lanes < own.stop)]
+            if len(inside):
+                observation, _ = task.begin(inside - own.start, {})
+                after[inside] = _first_rows(self._scaling, observation)
+
+    def _write(self, before: Floats32, after: Floats32) -> None:
+        """Write what :class:`Scaling` makes of the new observations: of the past all is there."""
+        observed, preview = self._observed, self._scaling.history.layout.preview
+        steps = self._scaling.history.steps
+        error, command = preview + steps + 1, preview + 2 * steps + 2
+        if steps:
+            after[:, preview + 1 :] = before[:, preview:-1]
+            after[:, preview + 1] = before[:, 1]
+            change = observed[:, preview + 2] - before[:, command]
+            np.divide(change, self._moved, out=after[:, command + 1])
+        after[:, 0] = observed[:, 0]
+        ahead = observed[:, 1 : preview + 1] - observed[:, :preview]
+        np.divide(ahead, self._moved, out=after[:, 1 : preview + 1])
+        np.divide(observed[:, 0] - observed[:, preview + 1], self._error, out=after[:, error])
+        after[:, command] = observed[:, preview + 2]
+
+
+def _first_rows(scaling: Scaling, observation: Any) -> Floats32:
+    history = scaling.history
+    rows: Floats32 = scaling(history.stack(observation, history.begin(observation)))
+    return rows

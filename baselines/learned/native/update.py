@@ -1,0 +1,239 @@
+"""One update of PPO: gradients of its loss over minibatches, and what bounds their step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from baselines.learned.native.networks import ActorCritic, Workspace
+from rdpi_gym.support.arrays import Array
+
+_ROWS = 1024
+"""Of a pass: enough that what Python adds is small, few enough for the caches."""
+LOG_SQRT_2_PI = 0.5 * math.log(2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class Law:
+    """Numbers of PPO's loss and of its steps; names as Stable-Baselines3 has them.
+
+    Parameters
+    ----------
+    batch_size, n_epochs
+        Rows of a gradient step; times that each rollout is gone through.
+    clip_range
+        How far the ratio of probabilities may leave 1.
+    target_kl
+        An update ends where the approximate divergence from the policy that acted is 1.5 times this;
+        None: it never does.
+    ent_coef, vf_coef
+        Weights of the entropy and of the critic's squared error in the loss.
+    max_grad_norm
+        Norm that gradients are clipped to.
+    """
+
+    batch_size: int
+    n_epochs: int
+    clip_range: float = 0.2
+    target_kl: float | None = None
+    ent_coef: float = 0.0
+    vf_coef: float = 0.5
+    max_grad_norm: float = 0.5
+
+
+class Batch(NamedTuple):
+    """What a rollout leaves for an update, N rows."""
+
+    rows: Tensor  # float32[N, D]: scaled observations
+    actions: Tensor  # float32[N]
+    densities: Tensor  # float32[N]: logarithms, of the policy that acted
+    advantages: Tensor  # float32[N]
+    returns: Tensor  # float32[N]: in units of the critic
+
+
+class Losses(NamedTuple):
+    """Means over the minibatches of an update."""
+
+    policy: float
+    value: float
+    divergence: float
+    clipped: float  # share of the rows
+    steps: int
+
+
+class _Part:
+    """What one thread adds up: gradient, losses."""
+
+    def __init__(self, both: ActorCritic) -> None:
+        self.gradient = torch.zeros_like(both.parameters)
+        self.weights, self.biases, self.log_std = both.views(self.gradient)
+        self.work = Workspace(both.widths)
+        self.sums = np.zeros(4)
+
+
+def estimate_advantages(
+    rewards: Tensor, values: Tensor, nexts: Tensor, goes_on: Tensor, gamma: float, fading: float
+) -> Tensor:
+    """Return advantages ``(T, B)``, estimated in the generalised way (Schulman et al., 2016).
+
+    Parameters
+    ----------
+    rewards, values, nexts : float32[T, B]
+        Rewards of the steps; values before them, and behind them: of the last observation where an
+        episode was truncated.
+    goes_on : float32[T, B]
+        1; 0 where another episode begins behind the step.
+    gamma, fading
+        Discount of a step, and lambda.
+    """
+    surprise = rewards + gamma * nexts - values
+    passed_on = gamma * fading * goes_on
+    advantages, ahead = torch.empty_like(rewards), torch.zeros_like(rewards[0])
+    for k in reversed(range(len(rewards))):
+        ahead = torch.addcmul(surprise[k], passed_on[k], ahead, out=advantages[k])
+    return advantages
+
+
+class Updater:
+    """Makes updates of two networks by Adam.
+
+    Parameters
+    ----------
+    both
+        The networks.
+    threads
+        That share a minibatch; their number may show in the last digits.
+
+    Attributes
+    ----------
+    adam
+        The optimiser, of one tensor.
+    """
+
+    def __init__(self, both: ActorCritic, threads: int = 1) -> None:
+        self.both = both
+        self.adam = torch.optim.Adam([both.parameters], eps=1e-5, fused=True)
+        self._parts = [_Part(both) for _ in range(threads)]
+        both.parameters.grad = self._parts[0].gradient
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+
+    def update(self, batch: Batch, law: Law, rate: float, orders: Sequence[Tensor]) -> Losses:
+        """Go through a batch, minibatch by minibatch.
+
+        Parameters
+        ----------
+        batch
+            Of a rollout.
+        law
+            The numbers of PPO.
+        rate
+            Learning rate of these steps.
+        orders : sequence of int64[N]
+            The order of the rows in each epoch.
+
+        Returns
+        -------
+        Losses
+            Of the steps that were made; the last minibatch, whose divergence was too large, counts.
+        """
+        self.adam.param_groups[0]["lr"] = rate
+        found: list[Array] = []
+        steps = 0
+        for order in orders:
+            for chosen in torch.split(order, law.batch_size):
+                found.append(self._gradient(batch, law, chosen))
+                if law.target_kl is not None and found[-1][2] > 1.5 * law.target_kl:
+                    return _means(found, steps)
+                self._step(law.max_grad_norm)
+                steps += 1
+        return _means(found, steps)
+
+    def each(self, call: Callable[[int], None], count: int) -> None:
+        """Call with 0 ... count - 1, in threads where there are several."""
+        if self._pool is None or count == 1:
+            for i in range(count):
+                call(i)
+        else:
+            list(self._pool.map(call, range(count)))
+
+    def _gradient(self, batch: Batch, law: Law, chosen: Tensor) -> Array:
+        advantages = batch.advantages[chosen]
+        if len(chosen) > 1:
+            advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+        shares = list(
+            zip(
+                chosen.tensor_split(len(self._parts)),
+                advantages.tensor_split(len(self._parts)),
+                strict=True,
+            )
+        )
+
+        def run(i: int) -> None:
+            part = self._parts[i]
+            part.gradient.zero_()
+            part.sums[:] = 0.0
+            for rows, own in zip(
+                torch.split(shares[i][0], _ROWS), torch.split(shares[i][1], _ROWS), strict=True
+            ):
+                self._add(part, batch, law, rows, own, len(chosen))
+
+        self.each(run, len(self._parts))
+        first, *others = self._parts
+        for other in others:
+            first.gradient.add_(other.gradient)
+            first.sums += other.sums
+        first.log_std.sub_(law.ent_coef)
+        return first.sums / len(chosen)
+
+    def _add(
+        self, part: _Part, batch: Batch, law: Law, chosen: Tensor, advantages: Tensor, count: int
+    ) -> None:
+        """Add what some rows of a minibatch of `count` give."""
+        both, work = self.both, part.work
+        rows = work.gather(batch.rows, chosen)
+        mean, value = (out[:, 0].numpy() for out in both.forward(rows, work))
+        actions, densities, returns = (
+            each.index_select(0, chosen).numpy()
+            for each in (batch.actions, batch.densities, batch.returns)
+        )
+        log_std, wanted = float(both.log_std), advantages.numpy()
+        away = (actions - mean) * np.float32(math.exp(-log_std))
+        squares = away * away
+        change = np.float32(-log_std - LOG_SQRT_2_PI) - 0.5 * squares - densities
+        ratio = np.exp(change)
+        moved = ratio - 1.0
+        gain = ratio * wanted
+        bounded = np.clip(ratio, 1.0 - law.clip_range, 1.0 + law.clip_range) * wanted
+        missed = value - returns
+        # The loss falls with the smaller of both: where that is the bounded one, it has no slope.
+        pull = np.where(gain <= bounded, gain, np.float32(0.0)) * np.float32(-1.0 / count)
+        slopes = work.layers(len(rows), 2)[1][-1].numpy()
+        np.multiply(pull, away * np.float32(math.exp(-log_std)), out=slopes[0, :, 0])
+        np.multiply(missed, np.float32(2.0 * law.vf_coef / count), out=slopes[1, :, 0])
+        part.log_std.add_(float(pull @ (squares - 1.0)))
+        both.backward(rows, work, (part.weights, part.biases))
+        part.sums += (
+            -float(np.minimum(gain, bounded).sum()),
+            float(missed @ missed),
+            float((moved - change).sum()),
+            float(np.count_nonzero(np.abs(moved) > law.clip_range)),
+        )
+
+    def _step(self, largest: float) -> None:
+        gradient = self._parts[0].gradient
+        norm = float(gradient.norm())
+        if norm > largest:
+            gradient.mul_(largest / (norm + 1e-6))
+        self.adam.step()
+
+
+def _means(found: Sequence[Array], steps: int) -> Losses:
+    policy, value, divergence, clipped = np.mean(found, axis=0).tolist()
+    return Losses(policy, value, divergence, clipped, steps)

@@ -1,0 +1,269 @@
+"""PPO of our own: what Stable-Baselines3 computes on the same rollout, and exact continuation."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+import torch
+
+from baselines.learned import evaluation, train_native_ppo
+from baselines.learned.native.lanes import Lanes
+from baselines.learned.native.learner import NativeLearner, NativePPO
+from baselines.learned.native.networks import ActorCritic, Workspace
+from baselines.learned.native.update import Batch, Law, Updater, estimate_advantages
+from baselines.learned.options import PLANTS, TrainingOptions
+from baselines.learned.policy import Policy
+from baselines.learned.run import Run
+from baselines.learned.settings import Settings
+from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
+from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
+from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
+from rdpi_gym.support.errors import InputError
+
+STEPS, LANES, INPUTS, HIDDEN = 24, 5, 7, (16, 12)
+YAML = """
+default:
+  n_envs: 5
+  n_timesteps: 400
+  n_steps: 16
+  batch_size: 33
+  n_epochs: 2
+  learning_rate: lin_1e-3
+  net_arch: [8]
+  env_wrapper:
+    - rdpi_gym.envs.wrappers.history.HistoryObservation: {history: 2}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _few_samples(monkeypatch):
+    for name, value in {"LANES": 4, "SAMPLES": 30, "FIRST": 5}.items():
+        monkeypatch.setattr(evaluation, name, value)
+
+
+def options(tmp_path, folder="run", more="", **fields):
+    path = tmp_path / "native.yml"
+    path.write_text(YAML + more)
+    given = {"out": tmp_path / folder, "hyperparameters": path, "every": 160, "episode": 25}
+    return train_native_ppo.Options(**(given | {"action": "increment"} | fields))
+
+
+def learner(tmp_path, **fields):
+    return NativeLearner(Run.open(options(tmp_path, **fields), "native-ppo", NativePPO))
+
+
+def reference_model(**arguments):
+    """Stable-Baselines3's PPO without an environment that is ever stepped."""
+    sb3 = pytest.importorskip("stable_baselines3")
+    import gymnasium as gym
+    from stable_baselines3.common.logger import Logger
+
+    class Idle(gym.Env):
+        observation_space = gym.spaces.Box(-9.0, 9.0, (INPUTS,), np.float32)
+        action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
+
+        def reset(self, *, seed=None, options=None):
+            return np.zeros(INPUTS, np.float32), {}
+
+    model = sb3.PPO(
+        "MlpPolicy", sb3.common.vec_env.DummyVecEnv([Idle] * LANES), n_steps=STEPS, device="cpu",
+        policy_kwargs={"net_arch": list(HIDDEN), "log_std_init": -1.0}, **arguments,
+    )  # fmt: skip
+    model.set_logger(Logger(None, []))
+    return model
+
+
+def linear_layers(model):
+    """The pairs of linear layers of actor and critic, from the input on."""
+    hidden = [
+        [m for m in net if isinstance(m, torch.nn.Linear)]
+        for net in (model.policy.mlp_extractor.policy_net, model.policy.mlp_extractor.value_net)
+    ]
+    heads = (model.policy.action_net, model.policy.value_net)
+    return list(
+        zip(*([*nets, head] for nets, head in zip(hidden, heads, strict=True)), strict=True)
+    )
+
+
+@pytest.mark.parametrize(
+    ("law", "ends_early"),
+    [
+        (Law(60, 3, clip_range=0.1, ent_coef=0.01, vf_coef=0.7, max_grad_norm=0.4), False),
+        (Law(40, 4, target_kl=0.02, max_grad_norm=9.0), True),
+    ],
+)
+def test_an_update_is_that_of_stable_baselines(law, ends_early):
+    model = reference_model(learning_rate=3e-3, **vars(law))
+    both = ActorCritic((INPUTS, *HIDDEN, 1), -1.0, seed=0)
+    for layers, weight, bias in zip(linear_layers(model), both.weights, both.biases, strict=True):
+        for net, layer in enumerate(layers):
+            weight[net], bias[net, 0] = layer.weight.data.T, layer.bias.data
+    rng, buffer = np.random.default_rng(3), model.rollout_buffer
+    for name in ("observations", "actions", "advantages", "returns", "values"):
+        array = getattr(buffer, name)
+        array[:] = rng.normal(size=array.shape).astype(np.float32)
+    with torch.no_grad():
+        flat = (torch.as_tensor(x).flatten(0, 1) for x in (buffer.observations, buffer.actions))
+        densities = model.policy.evaluate_actions(*flat)[1]
+    buffer.log_probs[:] = densities.reshape(STEPS, LANES).numpy() + 0.05 * rng.normal(
+        size=(STEPS, LANES)
+    )
+    buffer.full = True
+
+    # As its buffer does: lane by lane, each minibatch a slice of a permutation.
+    batch = Batch(
+        *(
+            torch.as_tensor(np.ascontiguousarray(x.swapaxes(0, 1))).reshape(STEPS * LANES, -1)
+            for x in (buffer.observations, buffer.actions, buffer.log_probs, buffer.advantages, buffer.returns)
+        )
+    )  # fmt: skip
+    batch = Batch(batch.rows, *(x.flatten() for x in batch[1:]))
+    state = np.random.RandomState(7)  # its permutations are drawn by the old generator
+    orders = [torch.as_tensor(state.permutation(STEPS * LANES)) for _ in range(law.n_epochs)]
+    np.random.seed(7)  # noqa: NPY002
+    model.train()
+    losses = Updater(both, threads=2).update(batch, law, 3e-3, orders)
+
+    assert (losses.steps < law.n_epochs * 3) == ends_early
+    for layers, weight, bias in zip(linear_layers(model), both.weights, both.biases, strict=True):
+        for net, layer in enumerate(layers):
+            torch.testing.assert_close(weight[net].T, layer.weight.data, rtol=1e-4, atol=2e-6)
+            torch.testing.assert_close(bias[net, 0], layer.bias.data, rtol=1e-4, atol=2e-6)
+    torch.testing.assert_close(both.log_std, model.policy.log_std.data[0], rtol=1e-5, atol=1e-6)
+
+
+def test_advantages_are_those_of_stable_baselines():
+    buffer = reference_model(gamma=0.9, gae_lambda=0.8, batch_size=STEPS).rollout_buffer
+    rng = np.random.default_rng(0)
+    rewards, values = (rng.normal(size=(STEPS, LANES)).astype(np.float32) for _ in range(2))
+    nexts = rng.normal(size=(STEPS, LANES)).astype(np.float32)
+    ends = rng.random((STEPS, LANES)) < 0.2
+    ends[-1] = False
+    nexts[:-1] = np.where(ends[:-1], nexts[:-1], values[1:])
+    # Its algorithms add what a truncated episode would have earned to the last reward.
+    buffer.rewards[:], buffer.values[:] = rewards + 0.9 * nexts * ends, values
+    buffer.episode_starts[1:] = ends[:-1]
+    buffer.compute_returns_and_advantage(torch.as_tensor(nexts[-1]), np.zeros(LANES))
+    arrays = (rewards, values, nexts, 1.0 - ends.astype(np.float32))
+    found = estimate_advantages(*map(torch.as_tensor, arrays), 0.9, 0.8)
+    np.testing.assert_allclose(found.numpy(), buffer.advantages, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("history", [0, 3])
+def test_rows_are_what_the_wrappers_show(history):
+    asked = TrainingOptions(Path("unused"), action="increment", plants=PLANTS[2:], preview=2)
+    settings = Settings(5, 10, history, frequency_hz=40.0, error=0.1)
+    lanes = Lanes(asked, settings, 5, parts=2)
+    rows = np.zeros((2, 5, lanes.scaling.history.size), np.float32)
+    lanes.begin(11, rows[0])
+    groups = [
+        VectorScaledObservation(
+            VectorHistoryObservation(
+                PiezoTrackingVectorEnv(count, plant=plant, **asked.environment()), history
+            ),
+            40.0, 0.1,
+        )
+        for count, plant in zip((3, 2), asked.plants, strict=True)
+    ]  # fmt: skip
+    wrapped = [g.reset(seed=seed)[0] for g, seed in zip(groups, (11, 14), strict=True)]
+    np.testing.assert_array_equal(rows[0], np.concatenate(wrapped))
+    rng, rewards = np.random.default_rng(0), np.empty(5, np.float32)
+    for _ in range(6):
+        actions = rng.uniform(-1.0, 1.0, 5).astype(np.float32)
+        for part in lanes.parts:
+            own = slice(part.first, part.end)
+            part.step(actions[own].astype(float), rows[0, own], rows[1, own], rewards[own])
+        found = [
+            g.step(some[:, None]) for g, some in zip(groups, np.split(actions, [3]), strict=True)
+        ]
+        np.testing.assert_allclose(rows[1], np.concatenate([f[0] for f in found]), atol=3e-5)
+        expected = np.concatenate([f[1] for f in found]).astype(np.float32)
+        np.testing.assert_array_equal(rewards, expected)
+        rows = rows[::-1]
+
+
+def test_every_lane_begins_anew_after_as_many_samples_as_an_episode_has_and_not_all_at_once():
+    asked = TrainingOptions(Path("unused"), plants=PLANTS[3:], episode=25, action="increment")
+    (part,) = Lanes(asked, Settings(23, 10), 23, parts=1).parts
+    ends = np.zeros((100, 23), dtype=bool)
+    for k in range(100):
+        part.steps = k + 1
+        ends[k, part.ended()] = True
+    assert all(set(np.diff(np.flatnonzero(lane))) == {25} for lane in ends.T)
+    assert ends.sum(axis=1).max() == 3
+
+
+def test_the_critic_goes_on_saying_what_it_said_as_its_units_move(tmp_path):
+    one = learner(tmp_path)
+    rows = torch.randn(9, one.both.widths[0])
+
+    def said():
+        mean, scale = one._scale()
+        return mean + scale * one._values(rows)
+
+    one._follow(torch.linspace(-3.0, -1.0, 50))
+    before = said()
+    one._follow(torch.linspace(-30.0, 4.0, 50))
+    torch.testing.assert_close(said(), before, rtol=1e-4, atol=1e-4)
+
+
+def test_the_policy_acts_as_the_networks_mean_does(tmp_path):
+    one = learner(tmp_path)
+    rows = 9.0 * torch.randn(20, one.both.widths[0])
+    mean = one.both.forward(rows, Workspace(one.both.widths))[0]
+    action = torch.nn.Sequential(*one.actor())(rows)
+    torch.testing.assert_close(action, mean.clamp(-1.0, 1.0), rtol=1e-5, atol=1e-6)
+
+
+def curve(folder):
+    with (folder / "training.csv").open(newline="") as file:
+        return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(file)]
+
+
+def interrupted_at(steps):
+    def show(stage, done, total):
+        if done >= steps:
+            raise KeyboardInterrupt
+
+    return show
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_interruption_changes_no_bit_of_the_result(tmp_path, threads):
+    whole, cut = (options(tmp_path, name, threads=threads) for name in ("whole", "cut"))
+    train_native_ppo.train(whole)
+    for steps in (80, 200, 390):  # before the first checkpoint, and between others
+        with pytest.raises(KeyboardInterrupt):
+            train_native_ppo.train(cut, interrupted_at(steps))
+    train_native_ppo.train(cut)
+    assert curve(cut.out) == curve(whole.out)
+    assert [int(row["timesteps"]) for row in curve(cut.out)] == [0, 160, 320, 400]
+    for name in ("policy/weights.pt", "checkpoint/000000000400/model.pt"):
+        assert (cut.out / name).read_bytes() == (whole.out / name).read_bytes()
+    assert Policy.load(cut.out / "policy").training["algorithm"] == "native-ppo"
+
+
+@pytest.mark.parametrize(
+    ("more", "fields", "message"),
+    [
+        ("  horizon_s: 0\n", {}, "horizon_s is 0; give a finite number above 0"),
+        ("  gamma: 0.9\n", {}, "gamma is no hyper-parameter of NativePPO"),
+        ("  target_kl: [1]\n", {}, r"target_kl is \[1\]"),
+        ("", {"tensorboard": True}, "writes no TensorBoard logs"),
+        ("", {"lanes": 3}, "3 lanes for 4 plants"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, more, fields, message):
+    with pytest.raises(InputError, match=message) as caught:
+        train_native_ppo.train(options(tmp_path, more=more, **fields))
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_training_that_diverges_says_so(tmp_path):
+    with pytest.raises(InputError, match=r"diverged .* lower learning_rate"):
+        train_native_ppo.train(options(tmp_path, more="  learning_rate: 1.0e+38\n"))
