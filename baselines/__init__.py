@@ -41,7 +41,7 @@ states its ``name``. One of another project is named by an entry point of the gr
 from baselines.base import Baseline
 from baselines.feedforward import Feedforward
 from baselines.horizon import HORIZON_BOUND, TrueHorizon
-from baselines.lookup import LEARNED, find_factory, make_controller
+from baselines.lookup import GUARDED, LEARNED, find_factory, make_controller, policy_of
 from baselines.preview import FULL_PREVIEW, FullPreviewInversion
 from baselines.registry import (
     CONTROLLERS,
@@ -57,6 +57,7 @@ __all__ = [
     "CONTROLLERS",
     "FEEDFORWARDS",
     "FULL_PREVIEW",
+    "GUARDED",
     "HORIZON_BOUND",
     "LEARNED",
     "Baseline",
@@ -71,4 +72,5 @@ __all__ = [
     "known_controller",
     "make_controller",
     "needed_core",
+    "policy_of",
 ]

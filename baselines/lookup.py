@@ -13,6 +13,8 @@ from rdpi_gym.support.words import guess
 
 LEARNED = "learned:"
 """What the name of a trained policy begins with; its folder, or its name if it is shipped, follows."""
+GUARDED = "guarded:"
+"""The same with a monitor beside it, which hands over to a controller with a certificate."""
 
 
 def make_controller(
@@ -27,7 +29,8 @@ def make_controller(
     name
         A name of :data:`~baselines.CONTROLLERS`; one that an installed package states in the
         entry-point group ``rdpi_gym.controllers``; ``learned:`` and the folder of a trained policy
-        or the name of a shipped one; or ``module:attribute``. The last two kinds of code are
+        or the name of a shipped one, ``guarded:`` for one with a monitor; or ``module:attribute``. The
+        last two kinds of code are
         callables that take a belief and a layout and return a controller, and such a callable may be
         given itself.
     belief
@@ -57,8 +60,8 @@ def make_controller(
         return _checked(name(belief, layout), getattr(name, "__name__", type(name).__name__))
     if name in CONTROLLERS:
         return CONTROLLERS[name](belief, layout)
-    if name.startswith(LEARNED):
-        return _learned(name.removeprefix(LEARNED), belief, layout)
+    if name.startswith((LEARNED, GUARDED)):
+        return _learned(name, belief, layout)
     factory = find_factory(name)
     return _checked(factory(belief, layout) if callable(factory) else factory, name)
 
@@ -96,17 +99,31 @@ def find_factory(name: str) -> object:
         meant = guess(name, known)
         hint = f"{meant} " if meant else ""
         raise InputError(
-            f"no controller is named {name!r}; {hint}Known are {', '.join(known)}, learned:FOLDER, and module:attribute"
+            f"no controller is named {name!r}; {hint}Known are {', '.join(known)}, learned:FOLDER, guarded:FOLDER and module:attribute"
         )
     return found
+
+
+def policy_of(name: str) -> str | None:
+    """Return the folder or the shipped name of a learned controller's policy; None: it is no such one.
+
+    Examples
+    --------
+    >>> policy_of("learned:results/train/policy"), policy_of("guarded:ppo-increment"), policy_of("pi")
+    ('results/train/policy', 'ppo-increment', None)
+    """
+    prefix = next((each for each in (LEARNED, GUARDED) if name.startswith(each)), None)
+    return None if prefix is None else name.removeprefix(prefix)
 
 
 def _learned(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
     try:
         from baselines.learned.controller import LearnedController  # torch, only where needed
+        from baselines.learned.guard import guarded
         from baselines.learned.policy import find_policy
     except ImportError as error:
         raise InputError(
             f"a learned controller needs torch ({error}); install rdpi-gym[rl]"
         ) from error
-    return LearnedController(find_policy(name), belief, layout)
+    make = guarded if name.startswith(GUARDED) else LearnedController
+    return make(find_policy(policy_of(name) or ""), belief, layout)

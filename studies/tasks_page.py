@@ -75,7 +75,7 @@ rdpi score results/entry --seed-file secret.txt --out results/judged
 ```
 
 1. Write your controller as one module: a callable `(belief, layout)` that returns something with `predict` ([how](commands.md#score-a-controller)). It may import this
-   package and what is installed; other files of yours are not taken along. A trained policy is `learned:FOLDER`.
+   package and what is installed; other files of yours are not taken along. A trained policy is `learned:FOLDER`, or `guarded:FOLDER` with [its monitor](train-an-agent.md#a-monitor-beside-it).
 2. `rdpi submit` scores it on public plants (seed {PUBLIC_SEED}) and leaves a folder: `submission.json` with the command, the tasks and a hash; the code; the rows. A
    controller that fails on a plant has a row that says why. Send the folder.
 3. Whoever runs the leaderboard keeps a file with one random number of {FEWEST_DIGITS} digits or more outside the repository. `rdpi score` sees that the folder is whole, that the code is what was

@@ -55,7 +55,7 @@ class LearnedController(Baseline):
         super().__init__(belief, layout)
         self.policy = policy
         own = policy.layout
-        if abs(layout.ts_s - own.ts_s) > 1e-9 * own.ts_s:
+        if not policy.runs_at(layout.ts_s):
             raise InputError(
                 f"a policy trained at Ts = {own.ts_s:g} s belongs to another observation layout than "
                 f"one of Ts = {layout.ts_s:g} s; run it at its own"

@@ -100,6 +100,10 @@ class Policy:
         """Description of the actor."""
         return Network.of(list(self.actor))
 
+    def runs_at(self, ts_s: float) -> bool:
+        """Whether a sampling time (s) is that of its training: it means nothing at another."""
+        return abs(ts_s - self.layout.ts_s) <= 1e-9 * self.layout.ts_s
+
     def save(self, folder: Path) -> Path:
         """Write ``policy.json`` and ``weights.pt``; what was in the folder is replaced as a whole.
 

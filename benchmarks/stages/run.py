@@ -22,7 +22,7 @@ from benchmarks.stages.draws import TestSeed
 from benchmarks.stages.rows import SUITE_VERSION, key, open_rows
 from benchmarks.stages.unit import make_units, run_unit
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from benchmarks.tracking.learned import is_learned
+from benchmarks.tracking.learned import is_learned, read_policy
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fingerprint import code_parts, fingerprint
@@ -113,14 +113,16 @@ def run_tasks(
     Raises
     ------
     InputError
-        No such controller or task, or the folder or the cluster cannot be used.
+        No such controller, policy or task, or the folder or the cluster cannot be used.
     """
     drawn = TestSeed() if seed is None else seed
     names = [named_task(task).name for task in tasks]
     made = dict(factories or {})
     asked = list(dict.fromkeys((*controllers, *made, *([HORIZON_BOUND] if bound else []))))
     for name in asked:
-        if name not in (*CONTROLLERS, *made, HORIZON_BOUND) and not is_learned(name):
+        if is_learned(name):
+            read_policy(name)
+        elif name not in (*CONTROLLERS, *made, HORIZON_BOUND):
             find_factory(name)
     if plants < 1 or not names or not set(asked) - {HORIZON_BOUND}:
         raise InputError("nothing to score; give at least one controller, one task and one plant")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines import LEARNED
+from baselines import policy_of
 from benchmarks.stages.draws import TestSeed
 from benchmarks.stages.rows import SUITE_VERSION, open_rows
 from benchmarks.stages.run import run_tasks
@@ -69,7 +69,7 @@ class Submission:
         if not self.code:
             return self.controller
         if is_learned(self.controller):
-            return f"{LEARNED}{self.folder / self.code}"
+            return f"{self.controller.partition(':')[0]}:{self.folder / self.code}"
         return f"{Path(self.code).stem}:{self.controller.partition(':')[2]}"
 
 
@@ -86,7 +86,7 @@ def submit(
     Parameters
     ----------
     controller
-        A name of this package, ``module:attribute`` of one file, or ``learned:`` and a folder.
+        A name of this package, ``module:attribute`` of one file, or ``learned:`` or ``guarded:`` and a folder.
     tasks
         Tasks, by short name or id.
     plants
@@ -250,7 +250,7 @@ def _is_same(row: Row, stated: Row) -> bool:
 def _copied(controller: str, folder: Path) -> str:
     """Copy a controller's own code into a folder and return its name there; empty: this package's."""
     if is_learned(controller):
-        path = Path(controller.removeprefix(LEARNED))
+        path = Path(policy_of(controller) or "")
         if not path.is_dir():
             return ""  # a shipped one
         shutil.copytree(path, folder / "policy", dirs_exist_ok=True)

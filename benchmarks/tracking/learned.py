@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import baselines
-from baselines import LEARNED
+from baselines import LEARNED, policy_of
 from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def is_learned(controller: str) -> bool:
     >>> is_learned("learned:results/train/policy"), is_learned("pi")
     (True, False)
     """
-    return controller.startswith(LEARNED)
+    return policy_of(controller) is not None
 
 
 def shipped_policies() -> tuple[list[str], tuple[str, ...]]:
@@ -58,7 +58,7 @@ def read_policy(controller: str) -> Policy:
         from baselines.learned.policy import find_policy  # torch, only where needed
     except ImportError as error:
         raise InputError(f"{controller!r} needs torch ({error}); install rdpi-gym[rl]") from error
-    return find_policy(controller.removeprefix(LEARNED))
+    return find_policy(policy_of(controller) or "")
 
 
 def trained_at_s(controller: str) -> float:
@@ -85,7 +85,7 @@ def corrected_by(controller: str) -> str | None:
 
 def policy_bytes(controller: str) -> bytes:
     """Return a policy's description, which holds a hash of its weights; nothing where it is none."""
-    name = controller.removeprefix(LEARNED)
+    name = policy_of(controller) or ""
     shipped = POLICIES / name / _DESCRIPTION
     path = shipped if shipped.is_file() else Path(name) / _DESCRIPTION
     return path.read_bytes() if path.is_file() else b""

@@ -80,7 +80,7 @@ def bench(
             "--controller",
             metavar="MODULE:ATTRIBUTE|NAME|learned:FOLDER",
             help="A controller of your own, made by a callable (belief, layout), one that an installed "
-            "package names, or a trained policy; may be repeated.",
+            "package names, or a trained policy, guarded:FOLDER with a monitor; may be repeated.",
         ),
     ] = None,
     plant: Annotated[
