@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face import environments
     from rdpi_gym.face.benchmarking import Evaluation, benchmark, make_controller
     from rdpi_gym.face.catalogues import controllers, effects, plants
+    from rdpi_gym.face.collecting import collect
     from rdpi_gym.face.comparison import Comparison, ModelComparison, compare
     from rdpi_gym.face.data import Dataset, load
     from rdpi_gym.face.fitting import FitResult, fit
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 _HOME = {
     "benchmarking": ("Evaluation", "benchmark", "make_controller"),
     "catalogues": ("controllers", "effects", "plants"),
+    "collecting": ("collect",),
     "comparison": ("Comparison", "ModelComparison", "compare"),
     "data": ("Dataset", "load"),
     "fitting": ("FitResult", "fit"),
@@ -87,6 +89,7 @@ __all__ = [
     "benchmark",
     "certificate",
     "choose_kind",
+    "collect",
     "compare",
     "controllers",
     "diagnose",

@@ -45,7 +45,7 @@ def check_folder(out: Path, document: Mapping[str, Any]) -> None:
     """
     config = out / CONFIG
     if config.exists():
-        _check_same(read_json(config, FORMAT, VERSION), document, out)
+        check_same(read_json(config, FORMAT, VERSION), document, out)
     elif any((out / name).exists() for name in (CURVE, POLICY, CHECKPOINT)):
         raise InputError(f"{out} holds results without {CONFIG}; give another folder for --out")
     elif out.exists() and not out.is_dir():
@@ -73,13 +73,37 @@ def curve_text(rows: Sequence[Row]) -> str:
     return text.getvalue()
 
 
-def _check_same(found: Mapping[str, Any], asked: Mapping[str, Any], out: Path) -> None:
-    """Refuse to go on in a folder of other options, and name the first that differs."""
+def check_same(
+    found: Mapping[str, Any], asked: Mapping[str, Any], out: Path, what: str = "training"
+) -> None:
+    """Refuse to go on in a folder of other options, and name the first that differs.
+
+    Parameters
+    ----------
+    found, asked
+        Options as JSON holds them: those of the folder, and those that are asked for.
+    out
+        The folder.
+    what
+        It holds.
+
+    Raises
+    ------
+    InputError
+        They differ.
+
+    Examples
+    --------
+    >>> check_same({"options": {"seed": 0}}, {"options": {"seed": 1}}, Path("run"))
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: run holds a training with options.seed 0, asked for is 1; ...
+    """
     before, now = _flat(found), _flat(json.loads(json.dumps(asked)))
     for name in [*now, *before]:
         if before.get(name) != now.get(name):
             raise InputError(
-                f"{out} holds a training with {name} {before.get(name)!r}, asked for is "
+                f"{out} holds a {what} with {name} {before.get(name)!r}, asked for is "
                 f"{now.get(name)!r}; give another folder for --out, or the options of that one"
             )
 

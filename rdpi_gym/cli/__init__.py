@@ -22,6 +22,7 @@ COMMANDS = (
     "discover",
     "simulate",
     "effects",
+    "collect",
     "train",
     "tune",
     "export",

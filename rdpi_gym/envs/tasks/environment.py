@@ -116,11 +116,16 @@ class TaskEnv(PiezoTrackingEnv):
         shown = self.history.stack(self._last, self._past)[0]
         return shown, reward, terminated, truncated, info
 
+    @property
+    def later(self) -> Mapping[int, PlantModel]:
+        """What the plant of this episode becomes, by the sample at which it does."""
+        changes: Mapping[int, PlantModel] = getattr(self.truths, "later", {})
+        return changes
+
     def _track(self, truth: PlantModel) -> TrackingTask:
-        later = getattr(self.truths, "later", {})
-        if not (later or self.task.command_step_V):
+        if not (self.later or self.task.command_step_V):
             return super()._track(truth)
-        plant = ChangingPlant([truth], self.layout.ts_s, [later], self.task.command_step_V)
+        plant = ChangingPlant([truth], self.layout.ts_s, [self.later], self.task.command_step_V)
         return TrackingTask(plant, self.layout, self.bound_um)
 
     def _noise(self, rng: np.random.Generator) -> NoiseSource:
