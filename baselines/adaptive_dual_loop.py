@@ -56,9 +56,13 @@ class AdaptiveDualLoop(DualLoop):
     def __init__(
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
-        self._adaptive = CorrectedAdaptive(belief, layout)
+        self._adaptive = self.adaptive(belief, layout)
         super().__init__(belief, layout, settings)
         self.plant_samples += self._adaptive.plant_samples
+
+    def adaptive(self, belief: PlantModel, layout: ObservationLayout) -> CorrectedAdaptive:
+        """Return the feedforward; its settings are its own."""
+        return CorrectedAdaptive(belief, layout)
 
     def certificate(self) -> str | None:
         """Return what is certain of the feedback on its belief, which the adaptation is no part of."""

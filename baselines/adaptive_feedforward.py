@@ -125,7 +125,7 @@ class AdaptiveFeedforward(Tunable):
         self.wanted_lead = round(self.settings["lead_samples"] + delay)
         self.lead = max(1, min(self.wanted_lead, layout.preview - 1 - HALF))
         prior = np.convolve(series, ahead_by(delay - self.lead))[1:4].tolist()
-        self._thresholds_um = scale * np.array(PLAYS)
+        self.thresholds_um = scale * np.array(PLAYS)
         self._slow = np.exp(-ts / np.array(SLOW_S))
         dynamics = self.settings["dynamics_s"] / ts
         spreads = [dynamics, dynamics**2, dynamics**3, GAIN_SPREAD, OFFSET_SPREAD * scale]
@@ -141,7 +141,7 @@ class AdaptiveFeedforward(Tunable):
         self.monitor = RingingMonitor(BAND_HZ, scale, ts)
         # Reference times of the correction that acts at k + 1, and those of the fit's five samples.
         ahead = self.lead - 1 + np.arange(2 * HALF + 1)
-        self._window = np.minimum(ahead, layout.preview)
+        self.window = np.minimum(ahead, layout.preview)
         self._rings = self.lead + HALF + 2, 2 + plays
         self.rows = Rows(
             inverse=len(self.inverse.start(np.zeros(1))),
@@ -228,7 +228,7 @@ class AdaptiveFeedforward(Tunable):
             of(state, "monitor"), reference_um - measured_um, reference_um
         )
         window = self.layout.reference_um(observation[:, : self.layout.preview + 1])
-        smooth, *derivatives = SPLINE @ window[:, self._window].T
+        smooth, *derivatives = SPLINE @ window[:, self.window].T
         static = self._static(smooth, state)
         shift_in(of(state, "measured"), measured_um)
         fit = of(state, "fit")
@@ -257,24 +257,33 @@ class AdaptiveFeedforward(Tunable):
         """What of φ has no derivatives, at the time of the correction; kept until y gets there."""
         plays, slow = self.rows.of(state, "plays"), self.rows.of(state, "slow")
         static: Array = _features(
-            smooth_um, plays, slow, self._thresholds_um, self._slow,
+            smooth_um, plays, slow, self.thresholds_um, self._slow,
             self.layout.centre_um, self.layout.scale_um,
         )  # fmt: skip
         shift_in(self.rows.of(state, "seen").reshape(*self._rings, -1), static)
         return static
 
     def _learn(self, state: Array, counts: NDArray[np.bool_]) -> None:
-        """Compare what went in with what came out, both at k - HALF."""
+        """Take in what went in and what came out, as soon as the memory holds both."""
+        count = self.rows.of(state, "count")
+        count += 1.0
+        begun: NDArray[np.bool_] = count[0] > self.lead + 2 * HALF + 2
+        self.fit.learn(self.rows.of(state, "fit"), *self.compared(state), counts & begun)
+
+    def compared(self, state: Array) -> tuple[Array, Array]:
+        """Return what went in and what came out at k - HALF: φ of the measured y, and w - y (µm).
+
+        Returns
+        -------
+        phi : float64[F, B]
+        z : float64[B]
+        """
         of = self.rows.of
         # The newest w has the reference time k + lead, the newest static row one more.
         smooth, *derivatives = SPLINE @ of(state, "measured")
         entered = SPLINE[0] @ of(state, "wanted")[: 2 * HALF + 1]
         static = of(state, "seen").reshape(*self._rings, -1)[0]
-        count = of(state, "count")
-        count += 1.0
-        begun: NDArray[np.bool_] = count[0] > self.lead + 2 * HALF + 2
-        phi = np.vstack([*derivatives, static])
-        self.fit.learn(of(state, "fit"), phi, entered - smooth, counts & begun)
+        return np.vstack([*derivatives, static]), entered - smooth
 
 
 @njit(cache=True)

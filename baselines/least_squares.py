@@ -47,6 +47,8 @@ class ForgettingLeastSquares:
 
     Attributes
     ----------
+    prior, spread : float64[F]
+        As given.
     rows : int
         Rows of its memory: the count of samples, R's lower triangle row by row, b and θ.
 
@@ -75,6 +77,7 @@ class ForgettingLeastSquares:
             raise InputError(
                 f"spreads {deviation.tolist()}, noise {noise} and memory {memory_s} s; give each above 0"
             )
+        self.spread = deviation
         self._least = None if least is None else np.asarray(least, dtype=np.float64)
         self._kept = math.exp(-ts_s / memory_s)
         self._precision = (noise / deviation) ** 2

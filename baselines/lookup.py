@@ -118,12 +118,11 @@ def policy_of(name: str) -> str | None:
 
 def _learned(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
     try:
-        from baselines.learned.controller import LearnedController  # torch, only where needed
+        from baselines.learned.found import controller_of, find_learned  # torch, only where needed
         from baselines.learned.guard import guarded
-        from baselines.learned.policy import find_policy
     except ImportError as error:
         raise InputError(
             f"a learned controller needs torch ({error}); install rdpi-gym[rl]"
         ) from error
-    make = guarded if name.startswith(GUARDED) else LearnedController
-    return make(find_policy(policy_of(name) or ""), belief, layout)
+    make = guarded if name.startswith(GUARDED) else controller_of
+    return make(find_learned(policy_of(name) or ""), belief, layout)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from baselines.learned.learner import Kept, Learner
+from baselines.learned.learner import Keepable, Kept
 from baselines.learned.weights import read_tensors
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import open_regular, read_json, write_atomic, write_json
@@ -28,7 +28,7 @@ _DESCRIPTION, _MODEL, _REPLAY = "checkpoint.json", "model.pt", "replay.npz"
 
 
 def save_checkpoint(
-    folder: Path, learner: Learner, progress: dict[str, Any], finished: bool = False
+    folder: Path, learner: Keepable, progress: dict[str, Any], finished: bool = False
 ) -> None:
     """Keep a learner as it is now, instead of what was kept before.
 
@@ -74,7 +74,7 @@ def save_checkpoint(
     clear_abandoned(folder)
 
 
-def load_checkpoint(folder: Path, learner: Learner) -> dict[str, Any] | None:
+def load_checkpoint(folder: Path, learner: Keepable) -> dict[str, Any] | None:
     """Bring a learner to where the newest checkpoint left it.
 
     Returns

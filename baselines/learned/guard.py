@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.base import Baseline
-from baselines.learned.controller import LearnedController
+from baselines.learned.found import controller_of
+from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.policy import Policy
 from baselines.memory import Rows
 from baselines.registry import known_controller
@@ -139,7 +140,9 @@ class Guarded(Baseline):
         return alarm
 
 
-def guarded(policy: Policy, belief: PlantModel, layout: ObservationLayout) -> Guarded:
+def guarded(
+    policy: Policy | StudentPolicy, belief: PlantModel, layout: ObservationLayout
+) -> Guarded:
     """Return a trained policy with its monitor and :data:`FALLBACK`, which is alone at another Ts.
 
     Parameters
@@ -158,6 +161,6 @@ def guarded(policy: Policy, belief: PlantModel, layout: ObservationLayout) -> Gu
     >>> guarded(policy, P10, slow).warning()
     'the policy does not run at Ts = 0.001 s: pi-preview alone'
     """
-    own = LearnedController(policy, belief, layout) if policy.runs_at(layout.ts_s) else None
+    own = controller_of(policy, belief, layout) if policy.runs_at(layout.ts_s) else None
     fallback = known_controller(FALLBACK)(belief, layout)
     return Guarded(own, fallback)

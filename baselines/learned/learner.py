@@ -22,9 +22,9 @@ class Kept:
     timesteps, updates
         Steps of all lanes together, and updates, that had been made.
     tensors
-        As :meth:`Learner.tensors` gave them.
+        As :meth:`Keepable.tensors` gave them.
     read
-        Returns one of :meth:`Learner.arrays` by its name; None: they were left out.
+        Returns one of :meth:`Keepable.arrays` by its name; None: they were left out.
     """
 
     timesteps: int
@@ -46,8 +46,8 @@ class Between(Protocol):
         """Be called when all steps are done; return the last evaluation."""
 
 
-class Learner(Protocol):
-    """Networks that learn in an environment of their own."""
+class Keepable(Protocol):
+    """What a checkpoint can be made of, and brought back to."""
 
     @property
     def kind(self) -> str:
@@ -60,6 +60,19 @@ class Learner(Protocol):
     @property
     def updates(self) -> int:
         """Updates made so far."""
+
+    def tensors(self) -> Mapping[str, Any]:
+        """Return tensors, and mappings of these, from which it goes on."""
+
+    def arrays(self) -> Mapping[str, Any]:
+        """Return what is large and not needed once a training is finished: a replay buffer."""
+
+    def restore(self, kept: Kept) -> None:
+        """Go on from what a checkpoint holds."""
+
+
+class Learner(Keepable, Protocol):
+    """Networks that learn in an environment of their own."""
 
     @property
     def layout(self) -> ObservationLayout:
@@ -79,12 +92,3 @@ class Learner(Protocol):
         InputError
             The training diverged.
         """
-
-    def tensors(self) -> Mapping[str, Any]:
-        """Return tensors, and mappings of these, from which it goes on."""
-
-    def arrays(self) -> Mapping[str, Any]:
-        """Return what is large and not needed once a training is finished: a replay buffer."""
-
-    def restore(self, kept: Kept) -> None:
-        """Go on from what a checkpoint holds."""

@@ -161,17 +161,33 @@ def find_policy(name: str) -> Policy:
     InputError
         There is none, or it cannot be read.
     """
+    return Policy.load(policy_folder(name))
+
+
+def policy_folder(name: str) -> Path:
+    """Return the folder of a policy, of a shipped one by its name.
+
+    Raises
+    ------
+    InputError
+        There is none.
+
+    Examples
+    --------
+    >>> policy_folder("ppo-increment").name
+    'ppo-increment'
+    """
     if not name:
         raise InputError("the name of the policy is empty; give its folder")
     shipped = sorted(path.parent.name for path in SHIPPED.glob(f"*/{DESCRIPTION}"))
     if name in shipped:
-        return Policy.load(SHIPPED / name)
+        return SHIPPED / name
     if not (settled_folder(Path(name)) / DESCRIPTION).is_file():
         raise InputError(
             f"no policy is at {quoted(name)}: give a folder with {DESCRIPTION}"
             + (f", or a shipped policy: {', '.join(shipped)}" if shipped else "")
         )
-    return Policy.load(Path(name))
+    return Path(name)
 
 
 def _described(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from baselines import LEARNED, policy_of
 from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
+    from baselines.learned.imitation.policy import StudentPolicy
     from baselines.learned.policy import Policy
 
 POLICIES = Path(baselines.__file__).parent / "learned" / "policies"
@@ -46,7 +47,7 @@ def shipped_policies() -> tuple[list[str], tuple[str, ...]]:
     return [LEARNED + name for name in names], ()
 
 
-def read_policy(controller: str) -> Policy:
+def read_policy(controller: str) -> Policy | StudentPolicy:
     """Read the policy of a learned controller.
 
     Raises
@@ -55,10 +56,10 @@ def read_policy(controller: str) -> Policy:
         There is none, it cannot be read, or torch is missing.
     """
     try:
-        from baselines.learned.policy import find_policy  # torch, only where needed
+        from baselines.learned.found import find_learned  # torch, only where needed
     except ImportError as error:
         raise InputError(f"{controller!r} needs torch ({error}); install rdpi-gym[rl]") from error
-    return find_policy(policy_of(controller) or "")
+    return find_learned(policy_of(controller) or "")
 
 
 def trained_at_s(controller: str) -> float:

@@ -1,4 +1,4 @@
-"""`rdpi train`: trains an agent with Stable-Baselines3, or with the PPO of this package."""
+"""`rdpi train`: trains an agent with Stable-Baselines3, with the PPO of this package, or on true plants."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 
 import rdpi_gym as rg
 from rdpi_gym.cli.options import OutOption, SeedOption, words
+from rdpi_gym.face.training import training_options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import progress_bar
 
@@ -21,11 +22,12 @@ class Algorithm(StrEnum):
     sac = "sac"
     td3 = "td3"
     native_ppo = "native-ppo"
+    imitation = "imitation"
 
 
 def train(
     algorithm: Annotated[
-        Algorithm, typer.Argument(metavar="ppo|sac|td3|native-ppo", show_default=False)
+        Algorithm, typer.Argument(metavar="ppo|sac|td3|native-ppo|imitation", show_default=False)
     ],
     out: OutOption = Path("results/train"),
     seed: SeedOption = 0,
@@ -51,6 +53,10 @@ def train(
     baseline: Annotated[
         str | None,
         typer.Option("--baseline", metavar="NAME", help="Compensator to correct or compare with."),
+    ] = None,
+    task: Annotated[
+        str | None,
+        typer.Option("--task", metavar="NAME", help="Of imitation: whose plants; else Stage."),
     ] = None,
     plants: Annotated[
         str | None,
@@ -90,20 +96,29 @@ def train(
         "every": every,
         "action": action,
         "baseline": baseline,
+        "task": task,
         "plants": None if plants is None else tuple(words(plants) or ()),
         "belief": belief,
         "reference": None if references is None else tuple(words(references) or ()),
         "frequency_hz": None if frequency is None else _frequencies(frequency),
         "ts_s": ts,
         "command_cost": command_cost,
+        "tensorboard": tensorboard or None,
     }
     options = {name: value for name, value in given.items() if value is not None}
+    taken = training_options(algorithm.value)
+    for name in options:
+        if name not in taken:
+            flag = _FLAGS.get(name, name.replace("_", "-"))
+            raise InputError(f"--{flag} is no option of {algorithm.value}; leave it out")
     with progress_bar() as show:
-        training = rg.train(
-            algorithm.value, out, seed=seed, tensorboard=tensorboard, progress=show, **options
-        )
+        training = rg.train(algorithm.value, out, seed=seed, progress=show, **options)
     print(training)
     print(f"policy: {training.policy}")
+
+
+_FLAGS = {"reference": "references", "frequency_hz": "frequency", "ts_s": "ts"}
+"""Flags that are called otherwise than their option."""
 
 
 def _frequencies(text: str) -> tuple[float, float]:

@@ -86,7 +86,7 @@ class Training:
 
 @checked
 def train(
-    algorithm: Literal["ppo", "sac", "td3", "native-ppo"],
+    algorithm: Literal["ppo", "sac", "td3", "native-ppo", "imitation"],
     out: PathLike[str] | str = "results/train",
     *,
     seed: int = 0,
@@ -99,7 +99,9 @@ def train(
     ----------
     algorithm
         ``ppo``, ``sac`` or ``td3`` of Stable-Baselines3, or ``native-ppo``: the same algorithm as
-        ``ppo`` without wrappers between environment and network, several times as fast.
+        ``ppo`` without wrappers between environment and network, several times as fast; or
+        ``imitation``: a recurrent student of the true plants of a task, which corrects the best
+        adaptive controller.
     out
         Folder of the training.
     seed
@@ -108,7 +110,8 @@ def train(
         Called as ``progress(stage, done, total)``.
     **options
         Those of :class:`baselines.learned.options.TrainingOptions`, such as ``timesteps``,
-        ``plants``, ``reference``, ``action``.
+        ``plants``, ``reference``, ``action``; of ``imitation`` those of
+        :class:`baselines.learned.imitation.options.Options`, such as ``task``.
 
     Returns
     -------
@@ -121,14 +124,24 @@ def train(
         The packages of ``rdpi-gym[rl]`` are missing, an option is unknown or out of range, or the
         folder holds something else.
     """
-    script = _script(algorithm)
-    known = script.Options.__dataclass_fields__
+    script, known = _script(algorithm), training_options(algorithm)
     for name in options:
         if name not in known:
             raise TypeError(f"train() got an unexpected keyword argument {name!r}")
     asked = script.Options(out=Path(out), seed=seed, **options)
     policy = script.train(asked, progress)
     return Training(Path(out), policy, asked.baseline)
+
+
+def training_options(algorithm: str) -> frozenset[str]:
+    """Return the names of the options that :func:`train` takes of an algorithm.
+
+    Raises
+    ------
+    InputError
+        The packages of ``rdpi-gym[rl]`` are missing.
+    """
+    return frozenset(_script(algorithm).Options.__dataclass_fields__)
 
 
 @checked
@@ -155,12 +168,18 @@ def export(
         The packages of ``rdpi-gym[rl]`` are missing, or the policy cannot be read.
     """
     try:
+        from baselines.learned.found import find_learned
         from baselines.learned.onnx_export import export_onnx
-        from baselines.learned.policy import find_policy
+        from baselines.learned.policy import Policy
     except ImportError as error:
         raise InputError(f"an export needs {error.name}; {_INSTALL}") from error
     folder = policy.policy if isinstance(policy, Training) else policy
-    return export_onnx(find_policy(str(folder)), Path(path))
+    found = find_learned(str(folder))
+    if not isinstance(found, Policy):
+        raise InputError(
+            f"{folder} corrects {found.baseline}, whose estimate is no network; only networks are exported"
+        )
+    return export_onnx(found, Path(path))
 
 
 def _script(algorithm: str) -> ModuleType:

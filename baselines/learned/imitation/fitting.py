@@ -1,0 +1,177 @@
+"""One round of fitting: back-propagation through the student and the true plants, cut into stretches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from baselines.learned.imitation.student import (
+    CORRECTIONS,
+    ERRORS,
+    MOST_UM,
+    UNIT_UM,
+    Float32,
+    Student,
+)
+from baselines.learned.imitation.teacher import Visited
+from rdpi_gym.support.arrays import Array
+
+STRETCH = 125
+"""Samples over which gradients go back: twice the time in which a mode dies away."""
+WARM_UP = 500
+"""Samples at an episode's begin that do not count: little is known of the plant yet."""
+BEFORE = 0.3
+"""Weight of samples before those that are scored."""
+STEEPEST = 1.0
+"""Norm that gradients are clipped to."""
+FLOOR = 0.1
+"""Error (units of :data:`~baselines.learned.imitation.student.UNIT_UM`) below which none is sought."""
+FIXED = ("middle", "spread")
+"""Arrays that are measured once and not learned."""
+
+
+@dataclass
+class Learner:
+    """A network that is being fitted, with its optimiser.
+
+    Parameters
+    ----------
+    arrays
+        As :class:`~baselines.learned.imitation.student.Student` has them; a copy is learned.
+    weighted
+        As there.
+    """
+
+    arrays: Mapping[str, Float32]
+    weighted: int
+
+    def __post_init__(self) -> None:
+        tensors = {name: torch.tensor(each) for name, each in self.arrays.items()}
+        self.tensors = tensors
+        self.learned = [tensors[name].requires_grad_() for name in self.arrays if name not in FIXED]
+        self.optimiser = torch.optim.Adam(self.learned)
+
+    @property
+    def student(self) -> Student:
+        """The network as it is now."""
+        arrays = {name: each.detach().numpy().copy() for name, each in self.tensors.items()}
+        return Student(arrays, self.weighted)
+
+    def fit(self, visited: Visited, weights: Array, rate: float) -> float:
+        """Go once through what was visited, a step of the optimiser a stretch.
+
+        At decision k the student would have seen what was seen, but for its errors and corrections,
+        which are what they would have become with its corrections as they are now. What is made
+        small is the RMS error of each stretch that is left then.
+
+        Parameters
+        ----------
+        visited
+            What the student met when it drove.
+        weights
+            Of the lanes, ``(B,)``.
+        rate
+            Of the optimiser.
+
+        Returns
+        -------
+        float
+            Weighted mean over the lanes of the RMS error that is left where it is scored.
+        """
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        loop = _Loop(self.tensors, self.weighted, visited)
+        weighting = torch.tensor(weights, dtype=torch.float32)
+        samples = len(visited.seen)
+        squares, count = torch.zeros(len(weights)), 0
+        for begin in range(0, samples, STRETCH):
+            with torch.set_grad_enabled(begin >= WARM_UP):
+                left = loop.run(begin, min(begin + STRETCH, samples))
+            mean = left.square().mean(dim=0)
+            if begin >= visited.first:
+                squares += left.detach().square().sum(dim=0)
+                count += len(left)
+            if begin >= WARM_UP:
+                share = 1.0 if begin >= visited.first else BEFORE
+                loss = share * ((mean + FLOOR**2).sqrt() * weighting).mean()
+                self.optimiser.zero_grad()
+                torch.autograd.backward(loss)
+                nn.utils.clip_grad_norm_(self.learned, STEEPEST)
+                self.optimiser.step()
+            loop.forget()
+        return float(((squares / max(count, 1)).sqrt() * weighting).mean())
+
+    def moments(self) -> dict[str, Any]:
+        """Return what the optimiser remembers, as tensors by name."""
+        found: dict[str, Any] = {}
+        for i, state in self.optimiser.state_dict()["state"].items():
+            found |= {f"{i}.{name}": torch.as_tensor(value) for name, value in state.items()}
+        return found
+
+    def remember(self, moments: Mapping[str, Any]) -> None:
+        """Take up what :meth:`moments` returned."""
+        document = self.optimiser.state_dict()
+        for name, value in moments.items():
+            i, _, key = name.partition(".")
+            document["state"].setdefault(int(i), {})[key] = value.clone()
+        self.optimiser.load_state_dict(document)
+
+
+class _Loop:
+    """The student and the responses of the true plants, stepped together on tensors."""
+
+    def __init__(self, tensors: Mapping[str, Tensor], weighted: int, visited: Visited) -> None:
+        self._p, self._weighted = tensors, weighted
+        self._seen = torch.from_numpy(visited.seen).transpose(1, 2)
+        self._error, self._before, self._left = map(
+            torch.from_numpy, (visited.error, visited.correction, visited.left)
+        )
+        response = visited.response
+        a, b, c, d = (
+            torch.tensor(part, dtype=torch.float32)
+            for part in (response.a, response.b, response.c, response.d)
+        )
+        self._a, self._b, self._c, self._d = a, b, c, d
+        lanes = len(d)
+        self._h = torch.zeros(lanes, tensors["hidden"].shape[1])
+        self._x = torch.zeros(lanes, a.shape[1])
+        self._errors = torch.zeros(lanes, ERRORS)
+        self._corrections = torch.zeros(lanes, CORRECTIONS)
+        self._moved = torch.zeros(lanes)
+        self._ones = torch.ones(lanes, 1)
+
+    def run(self, begin: int, end: int) -> Tensor:
+        """Return the errors that are left after the decisions of a stretch, ``[K, B]``."""
+        p, width = self._p, self._h.shape[1]
+        scaled = (self._seen[begin:end] - p["middle"]) / p["spread"]
+        given = torch.arcsinh(scaled) @ p["into"].T + p["bias"]
+        most, rows = MOST_UM / UNIT_UM, []
+        for i, k in enumerate(range(begin, end)):
+            error = self._error[k] - self._moved
+            self._errors = torch.cat([error[:, None], self._errors[:, :-1]], dim=1)
+            past = torch.cat([self._errors, self._corrections], dim=1)
+            from_seen = given[i] + torch.arcsinh(past) @ p["past"].T
+            back = torch.addmm(p["hidden_bias"], self._h, p["hidden"].T)
+            gates = torch.sigmoid(from_seen[:, : 2 * width] + back[:, : 2 * width])
+            reset, keep = gates.chunk(2, dim=1)
+            fresh = torch.tanh(from_seen[:, 2 * width :] + reset * back[:, 2 * width :])
+            self._h = fresh + keep * (self._h - fresh)
+            weights = torch.addmm(p["head_bias"], self._h, p["head"].T)
+            phi = torch.cat([scaled[i, :, : self._weighted], self._ones, self._errors], dim=1)
+            correction = most * torch.tanh((weights * phi).sum(dim=1) / most)
+            self._corrections = torch.cat([correction[:, None], self._corrections[:, :-1]], dim=1)
+            more = correction - self._before[k]
+            self._moved = (self._c * self._x).sum(dim=1) + self._d * more
+            moved = torch.bmm(self._a, self._x[:, :, None])[:, :, 0]
+            self._x = moved + self._b * more[:, None]
+            rows.append(self._left[k] - self._moved)
+        return torch.stack(rows)
+
+    def forget(self) -> None:
+        """Cut the gradients: what comes next does not go back beyond here."""
+        self._h, self._x, self._moved = self._h.detach(), self._x.detach(), self._moved.detach()
+        self._errors, self._corrections = self._errors.detach(), self._corrections.detach()

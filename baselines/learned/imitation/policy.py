@@ -1,0 +1,161 @@
+"""A student as it is kept: a readable description, and arrays that execute no code."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import zipfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baselines.adaptive_dual_loop import AdaptiveDualLoop, CorrectedAdaptive
+from baselines.learned.imitation.student import ARRAYS, Student
+from baselines.learned.imitation.taught import WEIGHTED, seen_by
+from baselines.tuning import Settings, checked_settings
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_bytes, read_json, write_atomic, write_json
+from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support.npz import open_npz
+from rdpi_gym.support.words import quoted
+
+FORMAT, VERSION = "rdpi-student", 1
+DESCRIPTION, WEIGHTS = "policy.json", "weights.npz"
+_LARGEST = 2**24  # bytes
+
+
+@dataclass(frozen=True)
+class StudentPolicy:
+    """A student, and what it was taught on.
+
+    Parameters
+    ----------
+    student
+        The network.
+    layout
+        What the observations of its training showed.
+    effects
+        Names of the effects of the belief, in their order of letters.
+    loop, feedforward
+        Settings of the controller that it corrects.
+    training
+        How it came about, for a reader.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from rdpi_gym.plant import P10
+    >>> layout = ObservationLayout.for_plant(P10, 1e-4, preview=8)
+    >>> policy = StudentPolicy.untaught(P10, layout, hidden=4)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     found = StudentPolicy.load(policy.save(Path(folder) / "mine"))
+    >>> found.student.width, found.baseline
+    (4, 'adaptive-dual-loop')
+    """
+
+    student: Student
+    layout: ObservationLayout
+    effects: tuple[str, ...]
+    loop: Settings
+    feedforward: Settings
+    training: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def untaught(cls, belief: PlantModel, layout: ObservationLayout, hidden: int) -> StudentPolicy:
+        """Return a policy that adds nothing to the controller with its committed settings."""
+        feedforward = CorrectedAdaptive(belief, layout)
+        return cls(
+            Student.blank(seen_by(feedforward), hidden, WEIGHTED),
+            layout,
+            tuple(sorted(effect.name for effect in belief.effects)),
+            AdaptiveDualLoop(belief, layout).settings,
+            feedforward.settings,
+        )
+
+    @property
+    def baseline(self) -> str:
+        """Name of the controller that it corrects."""
+        return AdaptiveDualLoop.name
+
+    def runs_at(self, ts_s: float) -> bool:
+        """Whether a sampling time (s) is that of its training: it means nothing at another."""
+        return abs(ts_s - self.layout.ts_s) <= 1e-9 * self.layout.ts_s
+
+    def save(self, folder: Path) -> Path:
+        """Write ``policy.json`` and ``weights.npz``; what was in the folder is replaced as a whole.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written, or holds something else.
+        """
+        if folder.exists() and not (folder / DESCRIPTION).is_file():
+            raise InputError(f"{folder} exists and holds no policy; give another folder")
+        weights = io.BytesIO()
+        np.savez(weights, **dict(self.student.arrays))  # type: ignore[arg-type]  # arrays by name
+        document = {
+            "format": FORMAT,
+            "version": VERSION,
+            "corrects": self.baseline,
+            "layout": asdict(self.layout),
+            "effects": list(self.effects),
+            "loop": dict(self.loop),
+            "feedforward": dict(self.feedforward),
+            "weighted": self.student.weighted,
+            "weights_sha256": hashlib.sha256(weights.getvalue()).hexdigest(),
+            "training": dict(self.training),
+        }
+        with replaced_folder(folder) as fresh:
+            write_atomic(fresh / WEIGHTS, weights.getvalue())
+            write_json(fresh / DESCRIPTION, document)
+        return folder
+
+    @classmethod
+    def load(cls, folder: Path) -> StudentPolicy:
+        """Read a policy; no code in its files is executed.
+
+        Raises
+        ------
+        InputError
+            A file is missing, was cut off, is of another version, or does not fit the other.
+        """
+        folder = settled_folder(folder)
+        source = folder / DESCRIPTION
+        document = read_json(source, FORMAT, VERSION)
+        try:
+            layout = dict(document["layout"])
+            low, high = layout.pop("command_range_V")
+            weighted = document["weighted"]
+            if weighted != WEIGHTED:
+                raise InputError(f"weighted is {quoted(weighted)}; this release reads {WEIGHTED}")
+            return cls(
+                Student(_arrays(folder / WEIGHTS, document["weights_sha256"]), WEIGHTED),
+                ObservationLayout(command_range_V=(float(low), float(high)), **layout),
+                tuple(map(str, document["effects"])),
+                checked_settings(AdaptiveDualLoop.name, AdaptiveDualLoop.knobs, document["loop"]),
+                checked_settings(
+                    CorrectedAdaptive.name, CorrectedAdaptive.knobs, document["feedforward"]
+                ),
+                dict(document["training"]),
+            )
+        except InputError as error:
+            raise InputError(f"{source}: {error}") from error
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(f"{source} does not describe a student ({quoted(error)})") from error
+
+
+def _arrays(path: Path, sha256: str) -> dict[str, Any]:
+    if hashlib.sha256(read_bytes(path, _LARGEST)).hexdigest() != sha256:
+        raise InputError(
+            f"{path.name} is not the file that was saved with it; perhaps one of them was cut off"
+        )
+    try:
+        with open_npz(path) as archive:
+            return {name: archive.read(name) for name in ARRAYS}
+    except (ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path.name} holds no arrays of a student ({quoted(error)})") from error

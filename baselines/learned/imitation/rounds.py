@@ -1,0 +1,243 @@
+"""Teaching in rounds: the student drives, the true plants say what it should have done, it is fitted.
+
+Every round has plants of its own, drawn from the run's seed and the round's number, and the memory
+of nothing but the network and its optimiser goes on. So a checkpoint between two rounds is all that
+an interrupted run needs to go on exactly.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from baselines.learned.checkpoint import load_checkpoint, save_checkpoint
+from baselines.learned.folder import CHECKPOINT, CURVE, POLICY, Row, curve_text
+from baselines.learned.imitation.fitting import Learner
+from baselines.learned.imitation.options import Options
+from baselines.learned.imitation.policy import StudentPolicy
+from baselines.learned.imitation.student import UNIT_UM, fresh_arrays
+from baselines.learned.imitation.taught import WEIGHTED
+from baselines.learned.imitation.teacher import Score, Visited, taught_lanes, visit
+from baselines.learned.learner import Kept
+from rdpi_gym.envs.tasks import Lanes
+from rdpi_gym.envs.tasks.task import Split
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.progress import Progress
+
+LAST_SHARE = 0.03
+"""What is left of the learning rate at the end."""
+WORSE = 1.4
+"""Times the least error of a round from which on what was fitted last is taken back."""
+SETTLED = 100
+"""Samples from which on what is seen sets the network's scales: before, nothing is estimated."""
+
+
+@dataclass(frozen=True)
+class Base:
+    """What is measured once of the controller that is corrected.
+
+    Parameters
+    ----------
+    policy
+        A student that adds nothing.
+    arrays
+        The network to begin with, its scales those of what is seen.
+    weights
+        Of each reference: one over the RMS error that the base leaves (1 / units).
+    held_out
+        Its score on the validation draws.
+    """
+
+    policy: StudentPolicy
+    arrays: Mapping[str, Any]
+    weights: Array
+    held_out: Score
+
+
+class Rounds:
+    """A training, from the newest checkpoint on.
+
+    Parameters
+    ----------
+    options
+        What is asked for.
+    progress
+        Called as steps are done.
+    """
+
+    def __init__(self, options: Options, progress: Progress | None = None) -> None:
+        self.options, self.task, self.progress = options, options.stage, progress
+        self._plants = options.lanes // len(self.task.references)
+        self._steps = options.lanes * (self.task.samples - 1)
+        self.count = max(1, round(options.timesteps / self._steps))
+        self._every = max(1, round((options.every or options.timesteps / 20) / self._steps))
+        self._base = self._measured_base()
+        self._learner = Learner(self._base.arrays, WEIGHTED)
+        self.rows: list[Row] = []
+        self._good, self._least, self.taken_back = self._held(), math.inf, 0
+        self.done: int = 0
+        self._before_s, self._began = 0.0, time.perf_counter()
+
+    def run(self) -> Path:
+        """Teach what is left to teach; return the folder of the best policy."""
+        out = self.options.out
+        kept = load_checkpoint(out / CHECKPOINT, self)
+        if kept is None:
+            self._keep(None)
+        else:
+            self.rows, self._before_s = kept["rows"], kept["seconds"]
+        while self.done < self.count:
+            reward = self._round()
+            self.done += 1
+            if self.done % self._every == 0 or self.done == self.count:
+                self._keep(reward)
+            if self.progress is not None:
+                self.progress("teaching", self.done, self.count)
+        return out / POLICY
+
+    @property
+    def kind(self) -> str:
+        """Name in a checkpoint."""
+        return "Imitation"
+
+    @property
+    def timesteps(self) -> int:
+        """Steps of all lanes together so far."""
+        return int(self.done * self._steps)
+
+    @property
+    def updates(self) -> int:
+        """Rounds so far."""
+        return self.done
+
+    def tensors(self) -> Mapping[str, Any]:
+        """See :meth:`baselines.learned.learner.Keepable.tensors`."""
+        tallied = torch.tensor([self._least, self.taken_back], dtype=torch.float64)
+        return {"now": self._held(), "good": self._good, "tallied": {"tallied": tallied}}
+
+    def arrays(self) -> Mapping[str, Any]:
+        """Nothing: what was visited is not kept."""
+        return {}
+
+    def restore(self, kept: Kept) -> None:
+        """See :meth:`baselines.learned.learner.Keepable.restore`."""
+        self._take_up(kept.tensors["now"])
+        self._good = kept.tensors["good"]
+        least, taken_back = kept.tensors["tallied"]["tallied"].tolist()
+        self._least, self.taken_back, self.done = least, int(taken_back), kept.updates
+
+    def _held(self) -> dict[str, Any]:
+        """Return copies of the network and of what its optimiser remembers."""
+        learner = self._learner
+        arrays = {name: each.detach().clone() for name, each in learner.tensors.items()}
+        moments = {name: each.clone() for name, each in learner.moments().items()}
+        return {"arrays": arrays, "moments": moments}
+
+    def _take_up(self, held: Mapping[str, Any]) -> None:
+        arrays = {name: each.numpy() for name, each in held["arrays"].items()}
+        self._learner = Learner(arrays, WEIGHTED)
+        self._learner.remember(held["moments"])
+
+    def _round(self) -> float:
+        """Let the student drive on fresh plants, and fit it; return its reward as it drove.
+
+        Where it drove much worse than ever before, the loop that the last fit left is about to
+        become unstable: the network of before is taken up again.
+        """
+        visited = visit(self._lanes("training", self.done), self._policy())
+        weights = np.tile(self._base.weights, self._plants)
+        error = float(np.mean(visited.score.rmse_um * weights)) / UNIT_UM
+        if error > WORSE * self._least:
+            self._take_up(self._good)
+            self.taken_back += 1
+            return self._reward(visited.score)
+        self._good, self._least = self._held(), min(error, self._least)
+        along = 0.5 * (1.0 + math.cos(math.pi * self.done / self.count))
+        rate = self.options.learning_rate * (LAST_SHARE + (1.0 - LAST_SHARE) * along)
+        self._learner.fit(visited, weights, rate)
+        return self._reward(visited.score)
+
+    def _lanes(self, split: Split, number: int) -> Lanes:
+        count = self._plants if split == "training" else self.options.held_out
+        numbers = range(number * count, (number + 1) * count)
+        return taught_lanes(self.task, split, numbers, self.options.seed)
+
+    def _policy(self) -> StudentPolicy:
+        return replace(self._base.policy, student=self._learner.student)
+
+    def _reward(self, score: Score) -> float:
+        """Mean error of a sample in amplitudes, negative, as the environment has it without a price of commands."""
+        return -float(score.absolute_um.mean()) / self._base.policy.layout.scale_um
+
+    def _measured_base(self) -> Base:
+        lanes = self._lanes("training", 0)
+        policy = StudentPolicy.untaught(lanes.belief, lanes.layout(), self.options.hidden)
+        met = visit(lanes, policy)
+        held_out = visit(self._lanes("validation", 0), policy).score
+        middle, spread = _scales(met)
+        arrays = fresh_arrays(self.options.seed, middle, spread, self.options.hidden, WEIGHTED)
+        rms = np.sqrt(np.mean(met.score.rmse_um.reshape(self._plants, -1) ** 2, axis=0))
+        return Base(policy, arrays, UNIT_UM / rms, held_out)
+
+    def _keep(self, reward: float | None) -> None:
+        """Evaluate, and write what a reader and a later run find: policy, curve, checkpoint."""
+        out, policy = self.options.out, self._policy()
+        score = visit(self._lanes("validation", 0), policy).score
+        best = min((row["rmse_percent"] or math.inf for row in self.rows), default=math.inf)
+        seconds = self._before_s + time.perf_counter() - self._began
+        row: Row = {
+            "timesteps": self.timesteps,
+            "seconds": round(seconds, 3),
+            "training_reward": reward,
+            "reward": self._reward(score),
+            **_figures(score, ""),
+            **_figures(self._base.held_out, "compensator_"),
+        }
+        self.rows.append(row)
+        if float(score.percent.mean()) < best:
+            replace(policy, training=self._story(row)).save(out / POLICY)
+        write_atomic(out / CURVE, curve_text(self.rows))
+        progress = {"rows": self.rows, "seconds": seconds}
+        save_checkpoint(out / CHECKPOINT, self, progress, finished=self.done == self.count)
+
+    def _story(self, row: Row) -> dict[str, Any]:
+        """What a policy says of how it came about."""
+        names = ("seed", "timesteps", "lanes", "hidden", "learning_rate")
+        return {
+            "algorithm": "imitation",
+            "command": (
+                f"rdpi train imitation --task {self.task.name} --seed {self.options.seed} "
+                f"--timesteps {self.options.timesteps} --lanes {self.options.lanes}"
+            ),
+            "task": self.task.name,
+            "draws": "training; chosen on validation draws",
+            **{name: getattr(self.options, name) for name in names},
+            "at_timesteps": self.timesteps,
+            "validation_percent": row["rmse_percent"],
+            "validation_compensator_percent": row["compensator_rmse_percent"],
+        }
+
+
+def _figures(score: Score, prefix: str) -> Row:
+    return {
+        f"{prefix}rmse_um": float(score.rmse_um.mean()),
+        f"{prefix}rmse_percent": float(score.percent.mean()),
+        f"{prefix}command_variation_V_s": float(score.command_variation_V_s.mean()),
+    }
+
+
+def _scales(met: Visited) -> tuple[Any, Any]:
+    """Return middle and spread of what is seen; what is weighted keeps its zero."""
+    seen = met.seen[SETTLED:].astype(np.float64)
+    middle = seen.mean(axis=(0, 2))
+    middle[:WEIGHTED] = 0.0
+    spread = seen.std(axis=(0, 2)) + 1e-6
+    return middle.astype(np.float32), spread.astype(np.float32)

@@ -1,0 +1,185 @@
+"""The student: a gated recurrent network that weights what it sees; run in NumPy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rdpi_gym.support.errors import InputError
+
+Float32 = NDArray[np.float32]
+
+UNIT_UM = 0.05
+"""Unit (µm) of errors and corrections inside the network: what the adaptive controllers leave."""
+ERRORS, CORRECTIONS = 6, 4
+"""Newest errors, which are weighted, and own corrections, which are only seen."""
+MOST_UM = 1.0
+"""Bound of the correction (µm); it is approached smoothly."""
+ARRAYS = ("middle", "spread", "into", "bias", "past", "hidden", "hidden_bias", "head", "head_bias")
+"""Names of the network's arrays, in the order of a file."""
+
+
+def shapes(inputs: int, hidden: int, weighted: int) -> dict[str, tuple[int, ...]]:
+    """Return the shape of each array of a network.
+
+    Parameters
+    ----------
+    inputs
+        Numbers seen beside errors and corrections.
+    hidden
+        Width of the recurrent layer.
+    weighted
+        The first of the inputs, which are weighted too.
+
+    Examples
+    --------
+    >>> shapes(20, 4, 16)["head"]
+    (23, 4)
+    """
+    gates, past = 3 * hidden, ERRORS + CORRECTIONS
+    return {
+        "middle": (inputs,),
+        "spread": (inputs,),
+        "into": (gates, inputs),
+        "bias": (gates,),
+        "past": (gates, past),
+        "hidden": (gates, hidden),
+        "hidden_bias": (gates,),
+        "head": (weighted + 1 + ERRORS, hidden),
+        "head_bias": (weighted + 1 + ERRORS,),
+    }
+
+
+@dataclass(frozen=True)
+class Student:
+    """c(k) = a(h)·φ(k): a gated recurrent unit sets the weights a of what is seen, φ.
+
+    What is seen is scaled, and compressed by asinh before the unit, so that nanometres and jumps
+    both show. φ are the first of the inputs, 1 and the newest errors, not compressed: with h at rest
+    the student is a linear filter without poles, and what h makes of it is an adaptive one. Its own
+    newest corrections are seen by the unit alone, or a fit could make an oscillator of them.
+
+    Parameters
+    ----------
+    arrays
+        By the names of :data:`ARRAYS`, float32.
+    weighted
+        The first of the inputs, which are weighted too.
+
+    Raises
+    ------
+    InputError
+        Arrays that do not fit each other, or that are not finite.
+
+    Examples
+    --------
+    >>> student = Student.blank(inputs=3, hidden=2, weighted=2)
+    >>> memory = np.zeros((student.rows, 5), dtype=np.float32)
+    >>> student.answer_um(np.ones((3, 5)), np.zeros(5), memory).tolist()
+    [0.0, 0.0, 0.0, 0.0, 0.0]
+    """
+
+    arrays: Mapping[str, Float32]
+    weighted: int
+
+    def __post_init__(self) -> None:
+        found = self.arrays
+        if set(found) != set(ARRAYS) or found["hidden"].ndim != 2:
+            raise InputError(
+                f"a student has the arrays {', '.join(ARRAYS)}, not {', '.join(found)}"
+            )
+        wanted = shapes(len(found["middle"]), found["hidden"].shape[1], self.weighted)
+        for name, shape in wanted.items():
+            each = found[name]
+            if each.shape != shape or each.dtype != np.float32 or not np.isfinite(each).all():
+                raise InputError(
+                    f"array {name!r} of the student is no finite float32 of shape {shape}"
+                )
+
+    @classmethod
+    def blank(cls, inputs: int, hidden: int, weighted: int) -> Student:
+        """Return a student that corrects nothing."""
+        arrays = {
+            name: np.zeros(shape, dtype=np.float32)
+            for name, shape in shapes(inputs, hidden, weighted).items()
+        }
+        arrays["spread"] += 1.0
+        return cls(arrays, weighted)
+
+    @property
+    def inputs(self) -> int:
+        """Numbers seen beside errors and corrections."""
+        return len(self.arrays["middle"])
+
+    @property
+    def width(self) -> int:
+        """Of the recurrent layer."""
+        return int(self.arrays["hidden"].shape[1])
+
+    @property
+    def rows(self) -> int:
+        """Rows of its memory: h, errors and corrections, the newest of each first."""
+        return self.width + ERRORS + CORRECTIONS
+
+    def answer_um(
+        self, seen: NDArray[np.float64], error_um: NDArray[np.float64], memory: NDArray[np.floating]
+    ) -> NDArray[np.float64]:
+        """Return the correction (µm), ``(B,)``, and move the memory on.
+
+        Parameters
+        ----------
+        seen
+            ``(inputs, B)``.
+        error_um
+            r - measured of this sample (µm), ``(B,)``.
+        memory
+            ``[rows, B]``, zero where an episode begins; changed in place.
+        """
+        p, width = self.arrays, self.width
+        scaled = ((seen.astype(np.float32).T - p["middle"]) / p["spread"]).astype(np.float32)
+        h, errors, corrections = np.split(memory, [width, width + ERRORS])
+        errors[1:] = errors[:-1].copy()
+        errors[0] = error_um / UNIT_UM
+        past = memory[width:].T.astype(np.float32)
+        before = h.T.astype(np.float32)
+        given = np.arcsinh(scaled) @ p["into"].T + p["bias"] + np.arcsinh(past) @ p["past"].T
+        back = before @ p["hidden"].T + p["hidden_bias"]
+        gates = 1.0 / (1.0 + np.exp(-(given[:, : 2 * width] + back[:, : 2 * width])))
+        reset, keep = gates[:, :width], gates[:, width:]
+        fresh = np.tanh(given[:, 2 * width :] + reset * back[:, 2 * width :])
+        after = fresh + keep * (before - fresh)
+        weights = after @ p["head"].T + p["head_bias"]
+        ones = np.ones((len(scaled), 1), dtype=np.float32)
+        phi = np.concatenate([scaled[:, : self.weighted], ones, past[:, :ERRORS]], axis=1)
+        most = MOST_UM / UNIT_UM
+        correction = most * np.tanh((weights * phi).sum(axis=1) / most)
+        h[:] = after.T
+        corrections[1:] = corrections[:-1].copy()
+        corrections[0] = correction
+        return np.asarray(UNIT_UM * correction, dtype=np.float64)
+
+
+def fresh_arrays(
+    seed: int, middle: Float32, spread: Float32, hidden: int, weighted: int
+) -> dict[str, Float32]:
+    """Draw a network to begin with: its recurrent layer at random, its head zero.
+
+    Examples
+    --------
+    >>> two = np.ones(2, dtype=np.float32)
+    >>> drawn = fresh_arrays(0, two, two, hidden=4, weighted=2)
+    >>> Student(drawn, 2).width, float(np.abs(drawn["head"]).max())
+    (4, 0.0)
+    """
+    rng = np.random.default_rng(seed)
+    arrays = dict(Student.blank(len(middle), hidden, weighted).arrays)
+    arrays |= {"middle": middle, "spread": spread}
+    for name in ("into", "bias", "past", "hidden", "hidden_bias"):
+        fan_in = arrays[name].shape[1] if arrays[name].ndim == 2 else hidden
+        bound = 1.0 / math.sqrt(fan_in)
+        arrays[name] = rng.uniform(-bound, bound, arrays[name].shape).astype(np.float32)
+    return arrays

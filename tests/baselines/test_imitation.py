@@ -1,0 +1,183 @@
+"""Teaching on true plants: what the teacher says holds, a student learns it, interruptions leave no trace."""
+
+import json
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pandas as pd
+import pytest
+
+pytest.importorskip("torch")
+
+from baselines import make_controller
+from baselines.learned.imitation import fitting, rounds
+from baselines.learned.imitation.fitting import Learner
+from baselines.learned.imitation.options import Options
+from baselines.learned.imitation.policy import StudentPolicy
+from baselines.learned.imitation.student import ERRORS, UNIT_UM, fresh_arrays
+from baselines.learned.imitation.taught import WEIGHTED
+from baselines.learned.imitation.teacher import taught_lanes, visit
+from baselines.learned.train_imitation import train
+from benchmarks.stages.unit import Unit, run_unit
+from rdpi_gym.cli import main
+from rdpi_gym.envs.tasks import STAGE
+from rdpi_gym.support.errors import InputError
+
+TASK = replace(STAGE, samples=101, first=51, references=("sine",))
+"""One sine and 10 ms."""
+
+
+@pytest.fixture(autouse=True)
+def _small_task(monkeypatch):
+    monkeypatch.setattr("rdpi_gym.envs.tasks.TASKS", MappingProxyType({"Stage": TASK}))
+    monkeypatch.setattr(fitting, "WARM_UP", 0)
+    monkeypatch.setattr(fitting, "STRETCH", 25)
+    monkeypatch.setattr(rounds, "SETTLED", 20)
+
+
+@pytest.fixture(scope="module")
+def met():
+    lanes = taught_lanes(TASK, "training", range(2), 0)
+    policy = StudentPolicy.untaught(lanes.belief, lanes.layout(), hidden=4)
+    return policy, visit(lanes, policy)
+
+
+def again(policy, numbers=range(2)):
+    return visit(taught_lanes(TASK, "training", numbers, 0), policy)
+
+
+def network(policy, met):
+    middle = np.zeros(policy.student.inputs, dtype=np.float32)
+    spread = (met.seen.std(axis=(0, 2)) + 1e-6).astype(np.float32)
+    return fresh_arrays(0, middle, spread, hidden=4, weighted=WEIGHTED)
+
+
+def test_the_teacher_says_what_the_true_plant_does_of_a_correction(met):
+    policy, before = met
+    arrays = {name: each.copy() for name, each in policy.student.arrays.items()}
+    arrays["head_bias"][1] = 0.05  # of the reference's rate: smooth, and another at every sample
+    arrays["head_bias"][WEIGHTED] = 1.0
+    arrays["spread"][1] = 0.01
+    after = again(replace(policy, student=replace(policy.student, arrays=arrays)))
+    said = -before.response.displacement(after.correction.astype(float))
+    found = after.left - before.left
+    assert np.abs(found).max() > 0.5
+    assert np.sqrt(np.mean((said - found) ** 2)) < 0.2 * np.sqrt(np.mean(found**2))
+
+
+def test_the_fit_runs_the_student_that_drove_and_lessens_its_error(met):
+    policy, untaught = met
+    arrays = network(policy, untaught)
+    arrays["head_bias"][WEIGHTED + 1 : WEIGHTED + 1 + ERRORS] = 0.05
+    learner = Learner(arrays, WEIGHTED)
+    drove = again(replace(policy, student=learner.student))
+    as_it_drove = fitting._Loop(learner.tensors, WEIGHTED, drove).run(0, 100).detach().numpy()
+    np.testing.assert_allclose(as_it_drove, drove.left, atol=2e-4)
+    weights = UNIT_UM / drove.score.rmse_um
+    for _ in range(8):
+        left = learner.fit(drove, weights, rate=3e-3)
+    assert left < 0.9
+    really = again(replace(policy, student=learner.student)).score.rmse_um
+    assert np.mean(really * weights / UNIT_UM) < 0.95
+
+
+def options(folder, **fields):
+    given = {"lanes": 1, "timesteps": 400, "every": 200, "hidden": 4, "held_out": 1}
+    return Options(out=folder, **(given | fields))
+
+
+def test_a_training_that_was_interrupted_ends_as_one_that_was_not(tmp_path, monkeypatch):
+    policy = train(options(tmp_path / "whole"))
+    calls = []
+
+    def interrupted(lanes, student):
+        calls.append(None)
+        if len(calls) == 7:  # in the third round: the base, its score, a row, two rounds and a row
+            raise KeyboardInterrupt
+        return visit(lanes, student)
+
+    monkeypatch.setattr(rounds, "visit", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        train(options(tmp_path / "cut"))
+    assert pd.read_csv(tmp_path / "cut" / "training.csv")["timesteps"].tolist() == [0, 200]
+    other = train(options(tmp_path / "cut"))
+    assert (policy / "weights.npz").read_bytes() == (other / "weights.npz").read_bytes()
+    curves = [pd.read_csv(tmp_path / name / "training.csv") for name in ("whole", "cut")]
+    pd.testing.assert_frame_equal(*(curve.drop(columns="seconds") for curve in curves))
+    assert curves[0]["timesteps"].tolist() == [0, 200, 400]
+    with pytest.raises(InputError, match=r"options\.hidden 4, asked for is 5"):
+        train(options(tmp_path / "cut", hidden=5))
+
+
+def test_every_round_has_plants_of_its_own(tmp_path, monkeypatch):
+    drawn = []
+
+    def noted(task, split, numbers, seed):
+        drawn.append((split, *numbers))
+        return taught_lanes(task, split, numbers, seed)
+
+    monkeypatch.setattr(rounds, "taught_lanes", noted)
+    train(options(tmp_path / "run", timesteps=200))
+    assert drawn == [
+        ("training", 0), ("validation", 0), ("validation", 0),
+        ("training", 0), ("training", 1), ("validation", 0),
+    ]  # fmt: skip
+
+
+def test_train_and_bench_through_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    command = ["train", "imitation", "--lanes", "1", "--timesteps", "100", "--out", "run"]
+    assert main(command) == 0
+    assert "adaptive-dual-loop" in capsys.readouterr().out
+    name = "learned:run/policy"
+    (row,) = run_unit(Unit(name, "Stage", 2026, "public", (0,), "stamp"))
+    assert (row["failure"], row["sees"]) == ("", "preview")
+    for words, said in (
+        (["--sweep", "1"], "no such option"),
+        (["--action", "increment"], "--action is no option of imitation"),
+        (["--task", "Stag"], "did you mean 'Stage'"),
+        (["--seed", "1"], "seed 0, asked for is 1"),
+    ):
+        assert main([*command, *words]) == 2
+        error = capsys.readouterr().err
+        assert said.lower() in error.lower()
+    assert main(["export", "run/policy", "--out", "p.onnx"]) == 2
+    assert "only networks are exported" in capsys.readouterr().err
+
+
+def test_a_policy_is_whole_or_refused_in_one_line(met, tmp_path):
+    policy, _ = met
+    layout, belief = TASK.layout(), TASK.belief()
+    folder = policy.save(tmp_path / "policy")
+    controller = make_controller(f"learned:{folder}", belief, layout)
+    shown = np.zeros((3, layout.size), dtype=np.float32)
+    action, state = controller.predict(shown + 0.1)
+    moved, _ = controller.predict(shown, state, [True, False, False])
+    fresh, _ = controller.predict(shown)
+    assert action.shape == (3, 1)
+    assert moved[0] == fresh[0]
+    assert moved[1] == moved[2] != moved[0]
+    with pytest.raises(InputError, match="belongs to another observation layout"):
+        make_controller(f"learned:{folder}", belief, replace(layout, ts_s=2e-4))
+    guarded = make_controller(f"guarded:{folder}", belief, layout)
+    assert guarded.predict(shown)[0].shape == (3, 1)
+    short = make_controller(f"learned:{folder}", belief, replace(layout, preview=6))
+    with pytest.raises(InputError, match="shown 8 samples"):
+        short.predict(shown[:, :9])
+    document = json.loads((folder / "policy.json").read_text())
+    (folder / "policy.json").write_text(json.dumps(document | {"weighted": 3}))
+    with pytest.raises(InputError, match="weighted is 3"):
+        StudentPolicy.load(folder)
+    (folder / "policy.json").write_text(json.dumps(document))
+    (folder / "weights.npz").write_bytes(b"cut")
+    with pytest.raises(InputError, match="perhaps one of them was cut off"):
+        StudentPolicy.load(folder)
+
+
+def test_tasks_that_cannot_be_taught_are_refused():
+    changing = replace(TASK, schedule=lambda model, rng: {})
+    with pytest.raises(InputError, match="take Stage and score it there"):
+        taught_lanes(changing, "training", range(1), 0)
+    with pytest.raises(InputError, match="lanes is 0"):
+        Options(lanes=0)
