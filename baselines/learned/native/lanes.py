@@ -56,7 +56,11 @@ class Lanes:
         shares = [len(share) for share in np.array_split(np.arange(lanes), len(plants))]
         groups = [
             PiezoTrackingVectorEnv(
-                share, max_episode_steps=None, threads=1, plant=plant, **options.environment()
+                share,
+                max_episode_steps=options.episode,
+                threads=1,
+                plant=plant,
+                **options.environment(),
             )
             for plant, share in zip(plants, shares, strict=True)
         ]

@@ -66,17 +66,17 @@ class NativePPO:
 
     learning_rate: float | Callable[[float], float] = 3e-4
     n_steps: int = 64
-    batch_size: int = 4096
-    n_epochs: int = 4
+    batch_size: int = 2048
+    n_epochs: int = 2
     horizon_s: float = 0.005
-    gae_horizon_s: float = 0.002
+    gae_horizon_s: float = 0.001
     clip_range: float | Callable[[float], float] = 0.2
     target_kl: float | None = None
     ent_coef: float = 0.0
     vf_coef: float = 0.5
     max_grad_norm: float = 0.5
     normalise_returns: bool = True
-    return_memory: float = 0.1
+    return_memory: float = 0.5
     log_std_init: float = -1.5
     net_arch: Sequence[int] = (64, 64)
 

@@ -30,8 +30,10 @@ from rdpi_gym.support.arrays import Array
 
 # Phase of a sample (rad) up to which sines are had by formula: far more than samples can show.
 _FASTEST_RAD = 1e3
-# Samples of a table: what the single environment makes at a time.
-_CHUNK = 2048
+# Samples of a table: what the single environment makes at a time, or fewer where episodes are
+# shorter. NumPy may compute whole vectors otherwise than what is left over behind them, in the last
+# digit: so a table that is cut is a whole number of vectors.
+_CHUNK, _VECTOR = 2048, 16
 
 
 class Offer(NamedTuple):
@@ -53,6 +55,8 @@ class References:
         Number of lanes B.
     tables_only
         Whether sines come from tables too, for a baseline that plans over samples.
+    max_steps
+        Steps of an episode.
 
     Attributes
     ----------
@@ -64,12 +68,18 @@ class References:
         First step at which a table has no sample left to show ahead.
     """
 
-    def __init__(self, single: PiezoTrackingEnv, lanes: int, tables_only: bool) -> None:
+    def __init__(
+        self, single: PiezoTrackingEnv, lanes: int, tables_only: bool, max_steps: int
+    ) -> None:
         self._single, self._lanes, self._tables_only = single, lanes, tables_only
         self._preview, self._ts_s = single.layout.preview, single.layout.ts_s
         self._durations_s = [0.0]
         self.rises: Array = np.ones((1, 1))
-        self.tables_um: Array = np.zeros((0, _CHUNK + self._preview))
+        samples = _CHUNK + self._preview
+        if not tables_only:  # a plan over fewer samples may be another one
+            whole = -(-(max_steps + 1 + self._preview) // _VECTOR) * _VECTOR
+            samples = min(samples, whole)
+        self.tables_um: Array = np.zeros((0, samples))
         self._signals: dict[int, Signal] = {}
         self._due: Integers = np.full(lanes, NEVER)
         self.due = NEVER

@@ -120,7 +120,7 @@ class VectorTask:
         if single.baseline is not None:
             self._correction = VectorCorrection(single.baseline, single.belief, layout, lanes)
         plans = self._correction is not None and self._correction.plans
-        self._references = References(single, lanes, tables_only=plans)
+        self._references = References(single, lanes, plans, self._max_steps)
         self._noise = NoiseTables(lanes)
         self._sources = self._current_sources()
         self._begins = np.ones(lanes, dtype=bool)

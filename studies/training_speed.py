@@ -1,0 +1,158 @@
+"""Trained steps per second: the native PPO on one and two threads, and Stable-Baselines3's.
+
+    python -m studies.training_speed
+
+A trained step is one sample of one lane that was used in PPO's updates, as often as the algorithm's
+hyper-parameters say (``n_epochs``). Each round runs every case in turn; seconds of the process count
+beside those of the clock, as a machine that does other work stretches the latter. Evaluations and
+checkpoints are left out; kernels are loaded, and one rollout is made, before the clock runs.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from argparse import Namespace
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.progress import Progress, progress_bar, silent
+
+RESULTS = Path(__file__).parent / "results"
+CASES = (("ppo", 1), ("native-ppo", 1), ("native-ppo", 2))
+"""Algorithm, as on the command line, and threads."""
+
+
+class Uninterrupted:
+    """Stands between two stretches of a training and does nothing."""
+
+    def before_rollout(self) -> dict[str, float]:
+        """Return no evaluation."""
+        return {}
+
+    def rewarded(self, reward: float) -> None:
+        """Forget it."""
+
+    def end(self) -> dict[str, float]:
+        """Return no evaluation."""
+        return {}
+
+
+def measure(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
+    """Train for some rollouts after a first one.
+
+    Parameters
+    ----------
+    algorithm, threads
+        Of :data:`CASES`.
+    rollouts
+        That are timed, each with its update.
+
+    Returns
+    -------
+    dict
+        ``learner, threads, lanes, epochs, steps, seconds, process_s``.
+
+    Raises
+    ------
+    InputError
+        The training refuses what is asked for.
+    """
+    learner, run, epochs = _native(threads) if algorithm == "native-ppo" else _reference(threads)
+    lanes, samples = run.settings.lanes, run.settings.algorithm["n_steps"]
+    learner.begin(0)
+    learner.learn(lanes * samples, Uninterrupted())
+    before, clock, process = learner.timesteps, time.perf_counter(), time.process_time()
+    learner.learn(rollouts * lanes * samples, Uninterrupted())
+    return {
+        "learner": algorithm,
+        "threads": threads,
+        "lanes": lanes,
+        "epochs": epochs,
+        "steps": learner.timesteps - before,
+        "seconds": time.perf_counter() - clock,
+        "process_s": time.process_time() - process,
+    }
+
+
+def _native(threads: int) -> tuple[Any, Any, int]:
+    from baselines.learned.native.learner import NativeLearner, NativePPO
+    from baselines.learned.run import Run
+    from baselines.learned.train_native_ppo import Options
+
+    run = Run.open(Options(action="increment", threads=threads), "native-ppo", NativePPO)
+    return NativeLearner(run), run, run.settings.algorithm["n_epochs"]
+
+
+def _reference(threads: int) -> tuple[Any, Any, int]:
+    from stable_baselines3 import PPO
+
+    from baselines.learned.run import Run
+    from baselines.learned.stable_baselines import StableBaselinesLearner
+    from baselines.learned.train_ppo import Options, actor
+
+    run = Run.open(Options(action="increment", threads=threads), "ppo", PPO)
+    return StableBaselinesLearner(run, PPO, actor), run, run.settings.algorithm["n_epochs"]
+
+
+def measure_all(rounds: int, rollouts: int, progress: Progress = silent) -> pd.DataFrame:
+    """Measure every case in turn, some rounds.
+
+    Returns
+    -------
+    DataFrame
+        One row a case: medians over the rounds of steps per second of the clock and of the process,
+        and the best of each.
+    """
+    found = []
+    for done in range(rounds * len(CASES)):
+        progress("training", done, rounds * len(CASES))
+        found.append(measure(*CASES[done % len(CASES)], rollouts))
+    table = pd.DataFrame(found)
+    table["steps_per_s"] = table["steps"] / table["seconds"]
+    table["steps_per_process_s"] = table["steps"] / table["process_s"]
+    rates = ["steps_per_s", "steps_per_process_s"]
+    groups = table.groupby(["learner", "threads", "lanes", "epochs", "steps"], sort=False)[rates]
+    return groups.median().join(groups.max().add_prefix("best_")).reset_index()
+
+
+def as_markdown(table: pd.DataFrame, rounds: int) -> str:
+    """Return the table with what was measured and how."""
+    return (
+        "# Trained steps per second\n\n"
+        f"Written by `python -m studies.training_speed`: {rounds} rounds, each case in turn, each with "
+        "the hyper-parameters that ship, on the four plants of a training side by side with increments "
+        "of the command; medians and bests over the rounds. A trained step is a sample of one lane that "
+        "was used in the updates, `epochs` times. `steps_per_process_s` is over the seconds of the "
+        f"process, all threads together. {os.cpu_count()} cores; while it ran, "
+        f"{os.getloadavg()[1]:.1f} processes wanted them.\n\n"
+        f"{frame_table(table)}\n"
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print the table, and write it as CSV and Markdown."""
+    options = Options("training_speed", __doc__, out=RESULTS)
+    options.add_number("--rounds", 5, "of timing")
+    options.add_number("--rollouts", 8, "of each measurement")
+    return options.run(arguments, _measure_all)
+
+
+def _measure_all(chosen: Namespace) -> None:
+    with progress_bar() as show:
+        table = measure_all(chosen.rounds, chosen.rollouts, progress=show)
+    csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
+    write_atomic(chosen.out / "training_speed.csv", csv)
+    text = as_markdown(table, chosen.rounds)
+    print(text, f"written to {write_atomic(chosen.out / 'training_speed.md', text)}", sep="\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
