@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_json
+from rdpi_gym.support.files import read_json, read_utf8, write_json
 
 FORMAT, VERSION = "rdpi-training", 1
 CONFIG, CURVE, POLICY, CHECKPOINT = "config.json", "training.csv", "policy", "checkpoint"
@@ -20,6 +20,7 @@ COLUMNS = (
     "compensator_command_variation_V_s",
 )  # fmt: skip
 """Of ``training.csv``: all but the second and third are of the held-out plants."""
+_LARGEST_CURVE = 2**26  # bytes
 
 Row = dict[str, float | None]
 
@@ -71,6 +72,25 @@ def curve_text(rows: Sequence[Row]) -> str:
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()
+
+
+def read_curve(out: Path) -> list[dict[str, float]]:
+    """Read ``training.csv`` of a folder, one row an evaluation; NaN where there is no number.
+
+    Raises
+    ------
+    InputError
+        It is missing, or was not written by a training.
+    """
+    text = read_utf8(out / CURVE, _LARGEST_CURVE)
+    rows = list(csv.DictReader(io.StringIO(text)))
+    try:
+        found = [{name: float(row[name] or "nan") for name in COLUMNS} for row in rows]
+    except (KeyError, ValueError, TypeError):
+        found = []
+    if not found:
+        raise InputError(f"{out / CURVE} is no curve of a training; train again in another folder")
+    return found
 
 
 def check_same(

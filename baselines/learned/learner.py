@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 from torch import nn
 
 from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.support.errors import InputError
+
+
+class DivergedError(InputError):
+    """A training whose weights have become useless; another learning rate may do."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +94,6 @@ class Learner(Keepable, Protocol):
 
         Raises
         ------
-        InputError
-            The training diverged.
+        DivergedError
+            Weights have become useless.
         """

@@ -93,12 +93,7 @@ def read_settings(path: Path, algorithm: Callable[..., Any]) -> Settings:
         The file is missing or no YAML, names no such environment, or has a key that neither the
         algorithm nor this package knows.
     """
-    document = _yaml(path)
-    entries = document if isinstance(document, dict) else {}
-    values = entries.get(ENVIRONMENT_ID, entries.get("default"))
-    if not isinstance(values, dict):
-        raise InputError(f"{path} has no hyper-parameters under {ENVIRONMENT_ID} or default")
-    left = dict(values)
+    left = read_values(path)
     try:
         lanes, timesteps = _count(left, "n_envs"), _count(left, "n_timesteps")
         wrappers = _wrappers(left.pop("env_wrapper", []))
@@ -110,8 +105,35 @@ def read_settings(path: Path, algorithm: Callable[..., Any]) -> Settings:
     return settings
 
 
-def _yaml(path: Path) -> Any:
-    """Read YAML of plain values, a few hundred of them at most: an alias can stand for millions."""
+def read_values(path: Path) -> dict[str, Any]:
+    """Read hyper-parameters as the file has them, see :func:`read_settings`.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no YAML, or names no such environment.
+
+    Examples
+    --------
+    >>> read_values(SHIPPED / "ppo.yml")["gamma"]
+    0.95
+    """
+    document = read_yaml(path)
+    entries = document if isinstance(document, dict) else {}
+    values = entries.get(ENVIRONMENT_ID, entries.get("default"))
+    if not isinstance(values, dict):
+        raise InputError(f"{path} has no hyper-parameters under {ENVIRONMENT_ID} or default")
+    return dict(values)
+
+
+def read_yaml(path: Path) -> Any:
+    """Read YAML of plain values, a few hundred of them at most: an alias can stand for millions.
+
+    Raises
+    ------
+    InputError
+        The file is missing, no YAML, or has other or more values.
+    """
     text = read_utf8(path, _LARGEST)
     try:
         document = yaml.safe_load(text)

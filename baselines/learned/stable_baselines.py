@@ -13,7 +13,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from torch import nn
 
 from baselines.learned.environments import make_lanes
-from baselines.learned.learner import Between, Kept
+from baselines.learned.learner import Between, DivergedError, Kept
 from baselines.learned.run import Run
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation, layout_of
@@ -115,8 +115,8 @@ class StableBaselinesLearner:
 
         Raises
         ------
-        InputError
-            The training diverged.
+        DivergedError
+            Weights have become useless.
         """
         try:
             self.model.learn(
@@ -131,7 +131,7 @@ class StableBaselinesLearner:
             largest = float(weights.detach().abs().max())  # NaN where one is
             if largest < _DIVERGED:
                 raise
-            raise InputError(
+            raise DivergedError(
                 f"the training diverged after {self.timesteps} steps: a weight is {largest:.3g}; "
                 "take a lower learning_rate"
             ) from error

@@ -31,6 +31,7 @@ from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, silent
+from rdpi_gym.support.study import open_study
 from rdpi_gym.support.words import guess, quoted, some
 
 if TYPE_CHECKING:
@@ -304,27 +305,12 @@ def _knobs(name: str) -> Sequence[Knob]:
 def _study(
     name: str, task: StageTask, out: Path, seed: int, plants: int, knobs: Sequence[Knob]
 ) -> Study:
-    try:
-        import optuna
-        from optuna.storages import JournalStorage
-        from optuna.storages.journal import JournalFileBackend
-    except ImportError as error:
-        raise InputError(f"tuning needs Optuna ({error}); install rdpi-gym[tune]") from error
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
     # what a trial depends on is in the study's name: another search never goes on with it
     drawn = (task.nominals, task.beliefs, task.references, task.samples, tuple(knobs))
     stamp = zlib.crc32(repr(drawn).encode())
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        storage = JournalStorage(JournalFileBackend(str(out / f"{name}.journal")))
-        return optuna.create_study(
-            storage=storage,
-            study_name=f"{name} {task.name} seed {seed} plants {plants} {stamp:08x}",
-            load_if_exists=True,
-        )
-    except (OSError, ValueError, KeyError) as error:
-        reason = " ".join(str(error).split())[:100] or type(error).__name__
-        raise InputError(f"the search in {out} cannot be read or written ({reason})") from error
+    return open_study(
+        out / f"{name}.journal", f"{name} {task.name} seed {seed} plants {plants} {stamp:08x}"
+    )
 
 
 def _done(study: Study) -> int:

@@ -83,6 +83,14 @@ def train(
     tensorboard: Annotated[
         bool, typer.Option("--tensorboard", help="Write TensorBoard's logs too.")
     ] = False,
+    sweep: Annotated[
+        int | None,
+        typer.Option("--sweep", metavar="N", help="Find hyper-parameters by N trainings."),
+    ] = None,
+    search_space: Annotated[
+        Path | None,
+        typer.Option("--search-space", metavar="YAML", help="Of a sweep; else the algorithm's."),
+    ] = None,
 ) -> None:
     """Train a policy that tracks on plants with effects its belief lacks.
 
@@ -111,6 +119,16 @@ def train(
         if name not in taken:
             flag = _FLAGS.get(name, name.replace("_", "-"))
             raise InputError(f"--{flag} is no option of {algorithm.value}; leave it out")
+    if search_space is not None and sweep is None:
+        raise InputError("--search-space belongs to a sweep; give --sweep and the number of trials")
+    if sweep is not None:
+        with progress_bar() as show:
+            found = rg.sweep(
+                algorithm.value, out, trials=sweep, space=search_space, seed=seed,
+                progress=show, **options,
+            )  # fmt: skip
+        print(found)
+        return
     with progress_bar() as show:
         training = rg.train(algorithm.value, out, seed=seed, progress=show, **options)
     print(training)

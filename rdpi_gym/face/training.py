@@ -1,4 +1,4 @@
-"""`train`, `export`: an agent trained in a folder, and its policy as a file that others read."""
+"""`train`, `sweep`, `export`: an agent trained in a folder, and its policy as a file that others read."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from baselines.learned.swept import Sweep
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
@@ -124,11 +125,8 @@ def train(
         The packages of ``rdpi-gym[rl]`` are missing, an option is unknown or out of range, or the
         folder holds something else.
     """
-    script, known = _script(algorithm), training_options(algorithm)
-    for name in options:
-        if name not in known:
-            raise TypeError(f"train() got an unexpected keyword argument {name!r}")
-    asked = script.Options(out=Path(out), seed=seed, **options)
+    script = _script(algorithm)
+    asked = _options(script, "train", out=Path(out), seed=seed, **options)
     policy = script.train(asked, progress)
     return Training(Path(out), policy, asked.baseline)
 
@@ -142,6 +140,54 @@ def training_options(algorithm: str) -> frozenset[str]:
         The packages of ``rdpi-gym[rl]`` are missing.
     """
     return frozenset(_script(algorithm).Options.__dataclass_fields__)
+
+
+@checked
+def sweep(
+    algorithm: Literal["ppo", "sac", "td3", "native-ppo", "imitation"],
+    out: PathLike[str] | str = "results/sweep",
+    *,
+    trials: int = 20,
+    space: PathLike[str] | str | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Sweep:
+    """Find hyper-parameters by trainings that Optuna chooses; the same call goes on with a sweep.
+
+    Parameters
+    ----------
+    algorithm, seed, progress
+        As :func:`train`, all but ``imitation``; every training has the same seed.
+    out
+        Folder of the sweep: a folder for each training, ``best.yml``, ``trials.csv``.
+    trials
+        Trainings in all, the first with the hyper-parameters of the file.
+    space
+        YAML of what is tried, in the form of ``baselines/learned/search_spaces``; by default the
+        file there.
+    **options
+        As :func:`train`; `hyperparameters` is the file whose values are changed.
+
+    Returns
+    -------
+    baselines.learned.sweep.Sweep
+        It prints the best error; `hyperparameters` is a file that :func:`train` takes.
+
+    Raises
+    ------
+    InputError
+        The packages of ``rdpi-gym[rl,tune]`` are missing, the space is none, an option is unknown or
+        out of range, the folder holds something else, or every training diverged.
+    """
+    if algorithm == "imitation":
+        raise InputError("a sweep of imitation is not known; sweep ppo, sac, td3 or native-ppo")
+    script = _script(algorithm)
+    from baselines.learned import sweep as sweeps
+
+    asked = _options(script, "sweep", out=Path(out), seed=seed, **options)
+    chosen = None if space is None else Path(space)
+    return sweeps.sweep(asked, algorithm, script.train, trials, chosen, progress)
 
 
 @checked
@@ -180,6 +226,15 @@ def export(
             f"{folder} corrects {found.baseline}, whose estimate is no network; only networks are exported"
         )
     return export_onnx(found, Path(path))
+
+
+def _options(script: ModuleType, function: str, **given: Any) -> Any:
+    """Return the options of a training, or refuse a keyword that it does not take."""
+    known = script.Options.__dataclass_fields__
+    for name in given:
+        if name not in known:
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
+    return script.Options(**given)
 
 
 def _script(algorithm: str) -> ModuleType:

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from baselines.learned.learner import Between, Kept
+from baselines.learned.learner import Between, DivergedError, Kept
 from baselines.learned.native.lanes import Lanes
 from baselines.learned.native.networks import ACTOR, CRITIC, ActorCritic, Workspace
 from baselines.learned.native.update import (
@@ -175,8 +175,8 @@ class NativeLearner:
 
         Raises
         ------
-        InputError
-            The training diverged.
+        DivergedError
+            Weights have become useless.
         """
         end = self.timesteps + timesteps
         while self.timesteps < end:
@@ -193,7 +193,7 @@ class NativeLearner:
             self.timesteps += len(batch.rows)
             self.updates += losses.steps
             if not bool(torch.isfinite(self.both.parameters).all()):
-                raise InputError(
+                raise DivergedError(
                     f"the training diverged after {self.timesteps} steps: a weight is not finite; "
                     "take a lower learning_rate"
                 )
