@@ -70,7 +70,7 @@ def reference_model(**arguments):
             return np.zeros(INPUTS, np.float32), {}
 
     model = sb3.PPO(
-        "MlpPolicy", sb3.common.vec_env.DummyVecEnv([Idle] * LANES), n_steps=STEPS, device="cpu",
+        "MlpPolicy", sb3.common.vec_env.DummyVecEnv([Idle] * LANES), n_steps=STEPS, device="cpu", seed=0,
         policy_kwargs={"net_arch": list(HIDDEN), "log_std_init": -1.0}, **arguments,
     )  # fmt: skip
     model.set_logger(Logger(None, []))
@@ -93,7 +93,7 @@ def linear_layers(model):
     ("law", "ends_early"),
     [
         (Law(60, 3, clip_range=0.1, ent_coef=0.01, vf_coef=0.7, max_grad_norm=0.4), False),
-        (Law(40, 4, target_kl=0.02, max_grad_norm=9.0), True),
+        (Law(40, 4, target_kl=0.005, max_grad_norm=9.0), True),
     ],
 )
 def test_an_update_is_that_of_stable_baselines(law, ends_early):
@@ -209,6 +209,21 @@ def test_the_critic_goes_on_saying_what_it_said_as_its_units_move(tmp_path):
     before = said()
     one._follow(torch.linspace(-30.0, 4.0, 50))
     torch.testing.assert_close(said(), before, rtol=1e-4, atol=1e-4)
+
+
+def test_the_learning_rate_follows_how_far_updates_lead(tmp_path):
+    one = learner(tmp_path, more="  target_kl: 0.01\n")
+    for divergence, share in (
+        (0.02, 1 / 1.5),
+        (0.012, 1 / 1.5),
+        (0.02, 1 / 2.25),
+        (0.001, 1 / 1.5),
+    ):
+        one._adapt(divergence)
+        assert one._share == pytest.approx(share)
+    for _ in range(3):
+        one._adapt(0.0)
+    assert one._share == 1.0
 
 
 def test_the_policy_acts_as_the_networks_mean_does(tmp_path):

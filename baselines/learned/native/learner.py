@@ -29,6 +29,7 @@ from rdpi_gym.support.words import quoted
 
 _ROWS = 1024  # of a pass of the critic over a rollout
 _LEAST_SCALE = 1e-6
+_TOLERANCE, _LEAST_SHARE = 1.5, 1e-3
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,10 @@ class NativePPO:
         Logarithm of the exploration's standard deviation at the start.
     net_arch
         Hidden units of actor and of critic, tanh between them.
+    adaptive_rate
+        Whether the learning rate goes below `learning_rate` where updates diverge by more than
+        `target_kl`, and back up where by less. The narrower the exploration has become, the farther
+        the same step of the weights leads from the policy that acted.
 
     Raises
     ------
@@ -79,6 +84,7 @@ class NativePPO:
     return_memory: float = 0.5
     log_std_init: float = -1.5
     net_arch: Sequence[int] = (64, 64)
+    adaptive_rate: bool = True
 
     def __post_init__(self) -> None:
         for name in ("n_steps", "batch_size", "n_epochs"):
@@ -152,6 +158,7 @@ class NativeLearner:
         self._generator = torch.Generator()
         # Mean and mean square of returns, and how much of them is there yet.
         self._moments = torch.zeros(3, dtype=torch.float64)
+        self._share = 1.0  # of the learning rate
         self._rows = torch.zeros(steps + 1, count, inputs)
         self._actions, self._rewards = (torch.zeros(steps, count) for _ in range(2))
         self.timesteps, self.updates = 0, 0
@@ -187,8 +194,9 @@ class NativeLearner:
                 torch.randperm(len(batch.rows), generator=self._generator)
                 for _ in range(self._ppo.n_epochs)
             ]
-            law = self._ppo.law(left)
-            losses = self._updater.update(batch, law, _at(self._ppo.learning_rate, left), orders)
+            rate = self._share * _at(self._ppo.learning_rate, left)
+            losses = self._updater.update(batch, self._ppo.law(left), rate, orders)
+            self._adapt(losses.divergence)
             between.rewarded(float(self._rewards.mean()))
             self.timesteps += len(batch.rows)
             self.updates += losses.steps
@@ -236,6 +244,7 @@ class NativeLearner:
             "parameters": self.both.parameters,
             "optimiser": self._updater.adam.state_dict(),
             "moments": self._moments,
+            "share": torch.tensor(self._share, dtype=torch.float64),
         }
 
     def arrays(self) -> Mapping[str, Any]:
@@ -247,6 +256,7 @@ class NativeLearner:
         self.both.parameters.copy_(kept.tensors["parameters"])
         self._updater.adam.load_state_dict(kept.tensors["optimiser"])
         self._moments.copy_(kept.tensors["moments"])
+        self._share = float(kept.tensors["share"])
         self.timesteps, self.updates = kept.timesteps, kept.updates
 
     def _run(
@@ -282,6 +292,16 @@ class NativeLearner:
 
         self._updater.each(run, count)
         return values
+
+    def _adapt(self, divergence: float) -> None:
+        """Lower or raise the learning rate of the next update by how far this one led."""
+        target = self._ppo.target_kl
+        if target is None or not self._ppo.adaptive_rate:
+            return
+        if divergence > _TOLERANCE * target:
+            self._share = max(self._share / _TOLERANCE, _LEAST_SHARE)
+        elif divergence < target / _TOLERANCE:
+            self._share = min(self._share * _TOLERANCE, 1.0)
 
     def _scale(self) -> tuple[float, float]:
         """Return the mean and the deviation that stand for 0 and 1 of the critic."""

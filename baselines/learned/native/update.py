@@ -59,11 +59,11 @@ class Batch(NamedTuple):
 
 
 class Losses(NamedTuple):
-    """Means over the minibatches of an update."""
+    """Of an update: means over its minibatches, but for the divergence, which is the last one's."""
 
     policy: float
     value: float
-    divergence: float
+    divergence: float  # approximate, from the policy that acted
     clipped: float  # share of the rows
     steps: int
 
@@ -235,5 +235,5 @@ class Updater:
 
 
 def _means(found: Sequence[Array], steps: int) -> Losses:
-    policy, value, divergence, clipped = np.mean(found, axis=0).tolist()
-    return Losses(policy, value, divergence, clipped, steps)
+    policy, value, _, clipped = np.mean(found, axis=0).tolist()
+    return Losses(policy, value, float(found[-1][2]), clipped, steps)
