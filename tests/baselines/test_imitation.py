@@ -10,6 +10,8 @@ import pytest
 
 pytest.importorskip("torch")
 
+import torch
+
 from baselines import make_controller
 from baselines.learned.imitation import fitting, rounds
 from baselines.learned.imitation.fitting import Learner
@@ -123,6 +125,27 @@ def test_every_round_has_plants_of_its_own(tmp_path, monkeypatch):
         ("training", 0), ("validation", 0), ("validation", 0),
         ("training", 0), ("training", 1), ("validation", 0),
     ]  # fmt: skip
+
+
+def test_a_round_that_made_it_much_worse_is_taken_back_and_the_next_is_fitted(
+    tmp_path, monkeypatch
+):
+    rates = []
+
+    def fit(self, visited, weights, rate):
+        rates.append(rate)
+        with torch.no_grad():
+            self.tensors["head_bias"][WEIGHTED] += 20.0 if len(rates) == 2 else 0.01
+        return 1.0
+
+    monkeypatch.setattr(Learner, "fit", fit)
+    monkeypatch.setattr(rounds, "WORSE", 5.0)  # of one plant to another the error differs as well
+    monkeypatch.setattr(rounds, "NEAR", 5.0)
+    course = rounds.Rounds(options(tmp_path / "run", timesteps=500))
+    course.run()
+    assert (course.done, course.taken_back, len(rates)) == (5, 1, 4)
+    assert course._learner.student.arrays["head_bias"][WEIGHTED] == pytest.approx(0.03)
+    assert rates[2] < 0.7 * rates[1]
 
 
 def test_train_and_bench_through_the_command_line(tmp_path, monkeypatch, capsys):

@@ -34,8 +34,11 @@ from rdpi_gym.support.progress import Progress
 
 LAST_SHARE = 0.03
 """What is left of the learning rate at the end."""
-WORSE = 1.4
-"""Times the least error of a round from which on what was fitted last is taken back."""
+WORSE, NEAR = 1.4, 1.15
+"""Times the least error of a round: from the first on what was fitted since is taken back, up to the
+second a network is kept to be taken up again."""
+SLOWER = 0.7
+"""What is left of the learning rate whenever something was taken back."""
 SETTLED = 100
 """Samples from which on what is seen sets the network's scales: before, nothing is estimated."""
 
@@ -82,7 +85,8 @@ class Rounds:
         self._base = self._measured_base()
         self._learner = Learner(self._base.arrays, WEIGHTED)
         self.rows: list[Row] = []
-        self._good, self._least, self.taken_back = self._held(), math.inf, 0
+        self._good, self._least = self._held(), math.inf
+        self.taken_back, self._is_back = 0, False
         self.done: int = 0
         self._before_s, self._began = 0.0, time.perf_counter()
 
@@ -120,8 +124,8 @@ class Rounds:
 
     def tensors(self) -> Mapping[str, Any]:
         """See :meth:`baselines.learned.learner.Keepable.tensors`."""
-        tallied = torch.tensor([self._least, self.taken_back], dtype=torch.float64)
-        return {"now": self._held(), "good": self._good, "tallied": {"tallied": tallied}}
+        tally = torch.tensor([self._least, self.taken_back, self._is_back], dtype=torch.float64)
+        return {"now": self._held(), "good": self._good, "tally": {"tally": tally}}
 
     def arrays(self) -> Mapping[str, Any]:
         """Nothing: what was visited is not kept."""
@@ -131,8 +135,9 @@ class Rounds:
         """See :meth:`baselines.learned.learner.Keepable.restore`."""
         self._take_up(kept.tensors["now"])
         self._good = kept.tensors["good"]
-        least, taken_back = kept.tensors["tallied"]["tallied"].tolist()
-        self._least, self.taken_back, self.done = least, int(taken_back), kept.updates
+        least, taken_back, is_back = kept.tensors["tally"]["tally"].tolist()
+        self._least, self.taken_back, self._is_back = least, int(taken_back), bool(is_back)
+        self.done = kept.updates
 
     def _held(self) -> dict[str, Any]:
         """Return copies of the network and of what its optimiser remembers."""
@@ -149,20 +154,24 @@ class Rounds:
     def _round(self) -> float:
         """Let the student drive on fresh plants, and fit it; return its reward as it drove.
 
-        Where it drove much worse than ever before, the loop that the last fit left is about to
-        become unstable: the network of before is taken up again.
+        Where it drove much worse than ever before, the loop that the last fits left is about to
+        become unstable: a network of before is taken up again, and fitted more slowly from then on.
         """
         visited = visit(self._lanes("training", self.done), self._policy())
         weights = np.tile(self._base.weights, self._plants)
         error = float(np.mean(visited.score.rmse_um * weights)) / UNIT_UM
-        if error > WORSE * self._least:
+        if error > WORSE * self._least and not self._is_back:
             self._take_up(self._good)
-            self.taken_back += 1
+            self._is_back, self.taken_back = True, self.taken_back + 1
             return self._reward(visited.score)
-        self._good, self._least = self._held(), min(error, self._least)
+        # One that was taken up again counts as it drove, or a lucky draw would stop the training.
+        self._least = error if self._is_back else min(error, self._least)
+        self._is_back = False
+        if error <= NEAR * self._least:
+            self._good = self._held()
         along = 0.5 * (1.0 + math.cos(math.pi * self.done / self.count))
         rate = self.options.learning_rate * (LAST_SHARE + (1.0 - LAST_SHARE) * along)
-        self._learner.fit(visited, weights, rate)
+        self._learner.fit(visited, weights, rate * SLOWER**self.taken_back)
         return self._reward(visited.score)
 
     def _lanes(self, split: Split, number: int) -> Lanes:
@@ -221,6 +230,7 @@ class Rounds:
             "draws": "training; chosen on validation draws",
             **{name: getattr(self.options, name) for name in names},
             "at_timesteps": self.timesteps,
+            "taken_back": self.taken_back,
             "validation_percent": row["rmse_percent"],
             "validation_compensator_percent": row["compensator_rmse_percent"],
         }
