@@ -80,6 +80,10 @@ def train(
     command_cost: Annotated[
         float | None, typer.Option("--command-cost", help="Price of command changes.")
     ] = None,
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", help="Of the learner; native-ppo gains from one a core."),
+    ] = None,
     tensorboard: Annotated[
         bool, typer.Option("--tensorboard", help="Write TensorBoard's logs too.")
     ] = False,
@@ -111,6 +115,7 @@ def train(
         "frequency_hz": None if frequency is None else _frequencies(frequency),
         "ts_s": ts,
         "command_cost": command_cost,
+        "threads": threads,
         "tensorboard": tensorboard or None,
     }
     options = {name: value for name, value in given.items() if value is not None}

@@ -268,6 +268,8 @@ def test_an_interruption_changes_no_bit_of_the_result(tmp_path, threads):
         ("  horizon_s: 0\n", {}, "horizon_s is 0; give a finite number above 0"),
         ("  gamma: 0.9\n", {}, "gamma is no hyper-parameter of NativePPO"),
         ("  target_kl: [1]\n", {}, r"target_kl is \[1\]"),
+        ("  net_arch: [0]\n", {}, r"network widths are \[17, 0, 1\]"),
+        ("  n_steps: 1000000000000\n", {}, "takes more memory than there is"),
         ("", {"tensorboard": True}, "writes no TensorBoard logs"),
         ("", {"lanes": 3}, "3 lanes for 4 plants"),
     ],

@@ -66,12 +66,13 @@ def test_the_same_command_again_finds_it_finished(tmp_path):
 
 
 def test_the_native_ppo_leaves_a_policy_that_is_a_controller(tmp_path, capsys):
-    assert main(["train", "native-ppo", "--hyperparameters", "small.yml", "--out", "run"]) == 0
+    words = ["train", "native-ppo", "--hyperparameters", "small.yml"]
+    assert main([*words, "--out", "run", "--threads", "2"]) == 0
     assert "RMSE" in capsys.readouterr().out
     assert main(["export", "run/policy", "--out", "policy.onnx"]) == 0
     (tmp_path / "small.yml").write_text(f"{YAML}  gamma: 0.9\n")
     capsys.readouterr()
-    assert main(["train", "native-ppo", "--hyperparameters", "small.yml", "--out", "other"]) == 2
+    assert main([*words, "--out", "other"]) == 2
     assert "gamma is no hyper-parameter of NativePPO" in capsys.readouterr().err
     assert not (tmp_path / "other").exists()
 

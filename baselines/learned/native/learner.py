@@ -126,8 +126,8 @@ class NativeLearner:
     ----------
     both
         The networks.
-    batch
-        Of the last rollout.
+    timesteps, updates
+        Steps of all lanes together, and steps of the optimiser, so far.
 
     Raises
     ------
@@ -159,8 +159,14 @@ class NativeLearner:
         # Mean and mean square of returns, and how much of them is there yet.
         self._moments = torch.zeros(3, dtype=torch.float64)
         self._share = 1.0  # of the learning rate
-        self._rows = torch.zeros(steps + 1, count, inputs)
-        self._actions, self._rewards = (torch.zeros(steps, count) for _ in range(2))
+        try:
+            self._rows = torch.zeros(steps + 1, count, inputs)
+            self._actions, self._rewards = (torch.zeros(steps, count) for _ in range(2))
+        except (RuntimeError, MemoryError) as error:
+            raise InputError(
+                f"a rollout of {steps} steps of {count} lanes takes more memory than there is; "
+                "take a smaller n_steps, or fewer lanes"
+            ) from error
         self.timesteps, self.updates = 0, 0
 
     @property

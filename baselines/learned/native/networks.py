@@ -69,6 +69,11 @@ class ActorCritic:
     weights, biases, log_std
         Views of it.
 
+    Raises
+    ------
+    InputError
+        Widths of which no network can be made.
+
     Examples
     --------
     >>> both = ActorCritic((3, 8, 1), log_std=-1.0, seed=0)
@@ -77,7 +82,8 @@ class ActorCritic:
     """
 
     def __init__(self, widths: Sequence[int], log_std: float, seed: int) -> None:
-        self.widths = tuple(widths)
+        self._kind = Network(tuple(widths), "Tanh", "Hardtanh")
+        self.widths = self._kind.widths
         sizes = zip(self.widths[:-1], self.widths[1:], strict=True)
         self.parameters = torch.zeros(sum(2 * b * (a + 1) for a, b in sizes) + 1)
         self.weights, self.biases, self.log_std = self.views(self.parameters)
@@ -160,7 +166,7 @@ class ActorCritic:
 
     def actor(self) -> list[nn.Module]:
         """Return the deterministic actor: the mean, clipped as actions are."""
-        modules = list(Network(self.widths, "Tanh", "Hardtanh").build())
+        modules = list(self._kind.build())
         linear = [module for module in modules if isinstance(module, nn.Linear)]
         for module, (weight, bias) in zip(linear, self._layers(), strict=True):
             module.weight.data.copy_(weight[0].T)
