@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from importlib import import_module
 from os import PathLike
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from baselines.learned.swept import Sweep
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
@@ -28,7 +30,8 @@ class Training:
     Parameters
     ----------
     folder
-        Holds ``policy/``, ``training.csv``, ``config.json`` and ``checkpoint/``.
+        Holds ``policy/``, ``training.csv``, ``curve.png``, ``training.html``, ``config.json`` and
+        ``checkpoint/``.
     policy
         Folder of the policy that did best on held-out plants and references.
     compensator
@@ -59,6 +62,28 @@ class Training:
         import pandas as pd
 
         return pd.read_csv(self.folder / "training.csv")
+
+    @property
+    def kept_at(self) -> float | None:
+        """Steps after which the policy was kept that is the result; None: it does not say."""
+        told = json.loads((self.policy / "policy.json").read_text(encoding="utf-8"))["training"]
+        return next((told[name] for name in ("at_timesteps", "timesteps") if name in told), None)
+
+    def picture(self) -> bytes:
+        """Return error, cost, command variation and time over the steps as a PNG file."""
+        from rdpi_gym.report.training_curve import training_picture
+
+        return training_picture(self.to_dataframe(), self.compensator, self.kept_at)
+
+    def page(self, path: PathLike[str] | str) -> Path:
+        """Write the same as a self-contained page, with every evaluation."""
+        from rdpi_gym.report.training_curve import write_training_page
+
+        said = repr(self).replace(" um", " µm")
+        return write_training_page(
+            Path(path), self.to_dataframe(), self.compensator, self.kept_at,
+            f"Training {self.folder.name}", f"A{said[1:]}.",
+        )  # fmt: skip
 
     def plot(self) -> Any:
         """Draw the error on held-out plants over the steps, beside the compensator's.
@@ -127,8 +152,9 @@ def train(
     """
     script = _script(algorithm)
     asked = _options(script, "train", out=Path(out), seed=seed, **options)
-    policy = script.train(asked, progress)
-    return Training(Path(out), policy, asked.baseline)
+    training = Training(Path(out), script.train(asked, progress), asked.baseline)
+    _draw(training)
+    return training
 
 
 def training_options(algorithm: str) -> frozenset[str]:
@@ -226,6 +252,12 @@ def export(
             f"{folder} corrects {found.baseline}, whose estimate is no network; only networks are exported"
         )
     return export_onnx(found, Path(path))
+
+
+def _draw(training: Training) -> None:
+    """Write what a finished training leaves to look at beside ``training.csv``."""
+    write_atomic(training.folder / "curve.png", training.picture())
+    training.page(training.folder / "training.html")
 
 
 def _options(script: ModuleType, function: str, **given: Any) -> Any:

@@ -2,14 +2,17 @@
 
 import json
 
+import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 
 pytest.importorskip("stable_baselines3")
 
+import rdpi_gym as rg
 from baselines.learned import evaluation
 from baselines.learned.policy import Policy
 from rdpi_gym.cli import main
+from rdpi_gym.face import training
 
 YAML = """
 default:
@@ -23,8 +26,12 @@ default:
 SCALING = "rdpi_gym.envs.wrappers.scaling.ScaledObservation"
 
 
+DRAW = training._draw
+
+
 @pytest.fixture(autouse=True)
 def _few_samples(monkeypatch, tmp_path):
+    monkeypatch.setattr(training, "_draw", lambda _: None)  # half a second each time
     for name, value in {"LANES": 4, "SAMPLES": 30, "FIRST": 5}.items():
         monkeypatch.setattr(evaluation, name, value)
     (tmp_path / "small.yml").write_text(YAML)
@@ -35,15 +42,24 @@ def train(*words):
     return main(["train", "ppo", "--hyperparameters", "small.yml", "--out", "run", *words])
 
 
-def test_it_writes_policy_curve_configuration_and_checkpoint(tmp_path, capsys):
+def test_it_writes_policy_curve_configuration_and_checkpoint(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(training, "_draw", DRAW)
     assert train("--every", "64", "--frequency", "30,60", "--references", "sine, triangle") == 0
     out = capsys.readouterr().out
     assert "RMSE" in out
     assert "classical-reference-rate" in out
     run = tmp_path / "run"
     assert sorted(p.name for p in run.iterdir()) == [
-        "checkpoint", "config.json", "policy", "training.csv",
+        "checkpoint", "config.json", "curve.png", "policy", "training.csv", "training.html",
     ]  # fmt: skip
+    page = (run / "training.html").read_text(encoding="utf-8")
+    assert out.splitlines()[0].removeprefix("a").replace(" um", " µm") in page
+    assert page.count('class="figure"') == 4
+    assert plt.imread(run / "curve.png").shape[0] > 400
+    trained = rg.Training(run, run / "policy", "pi")
+    assert trained.kept_at in (0, 64, 128)
+    best = trained.to_dataframe().set_index("timesteps")["reward"].idxmax()
+    assert trained.kept_at == best
     curve = pd.read_csv(run / "training.csv")
     assert curve["timesteps"].tolist() == [0, 64, 128]
     assert (curve[["rmse_um", "compensator_rmse_um", "command_variation_V_s"]] > 0).all(axis=None)
