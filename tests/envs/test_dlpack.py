@@ -1,0 +1,61 @@
+"""Arrays go to PyTorch and come back without a copy: what docs/interoperability.md shows."""
+
+import re
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+import torch
+
+from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
+from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
+
+PAGE = (Path(__file__).parents[2] / "docs" / "interoperability.md").read_text(encoding="utf-8")
+
+
+def lanes():
+    return gym.make_vec(
+        "rdpi_gym/PiezoTracking-v0",
+        num_envs=4,
+        vectorization_mode="vector_entry_point",
+        action="increment",
+    )
+
+
+def test_the_page_prints_what_it_shows(capsys):
+    code, printed = re.search(
+        r"^```python\n([^`]*from_dlpack[^`]*)```\n\n```text\n(.*?)```$", PAGE, re.M | re.S
+    ).groups()
+    exec(code, {})
+    assert capsys.readouterr().out == printed
+
+
+@pytest.mark.parametrize(
+    "wrapped",
+    [
+        lambda env: env,
+        lambda env: VectorHistoryObservation(env, 2),
+        lambda env: VectorScaledObservation(VectorHistoryObservation(env, 2)),
+    ],
+    ids=["bare", "history", "scaled"],
+)
+def test_what_is_written_into_an_observation_is_seen_by_the_tensor_and_by_no_later_step(wrapped):
+    env, twin = wrapped(lanes()), wrapped(lanes())
+    first, _ = env.reset(seed=0)
+    expected, _ = twin.reset(seed=0)
+    tensor = torch.from_dlpack(first)
+    np.testing.assert_array_equal(tensor.numpy(), expected)
+    first[1] = 7.0
+    assert (tensor[1] == 7.0).all()
+    tensor[2] = -7.0
+    assert (first[2] == -7.0).all()
+    action = torch.full((4, 1), 0.5)
+    kept = first.copy()
+    following, reward, *_ = env.step(action.numpy())
+    np.testing.assert_array_equal(first, kept)  # the step wrote elsewhere
+    np.testing.assert_array_equal(following, twin.step(np.full((4, 1), 0.5, np.float32))[0])
+    assert torch.from_dlpack(reward).data_ptr() == reward.ctypes.data
