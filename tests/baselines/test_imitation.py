@@ -13,17 +13,19 @@ pytest.importorskip("torch")
 import torch
 
 from baselines import make_controller
+from baselines.learned.found import find_learned
 from baselines.learned.imitation import fitting, rounds
 from baselines.learned.imitation.fitting import Learner
 from baselines.learned.imitation.options import Options
 from baselines.learned.imitation.policy import StudentPolicy
-from baselines.learned.imitation.student import ERRORS, UNIT_UM, fresh_arrays
+from baselines.learned.imitation.student import ERRORS, UNIT_UM, Student, fresh_arrays
 from baselines.learned.imitation.taught import WEIGHTED
 from baselines.learned.imitation.teacher import taught_lanes, visit
 from baselines.learned.train_imitation import train
 from benchmarks.stages.unit import Unit, run_unit
 from rdpi_gym.cli import main
 from rdpi_gym.envs.tasks import STAGE
+from rdpi_gym.envs.tasks.one_effect import RESONANCE_TASK
 from rdpi_gym.support.errors import InputError
 
 TASK = replace(STAGE, samples=101, first=51, references=("sine",))
@@ -204,3 +206,14 @@ def test_tasks_that_cannot_be_taught_are_refused():
         taught_lanes(changing, "training", range(1), 0)
     with pytest.raises(InputError, match="lanes is 0"):
         Options(lanes=0)
+
+
+@pytest.mark.parametrize("name", ["Stage", "Resonance"])
+def test_the_shipped_students_leave_less_than_what_they_correct(name):
+    policy = find_learned(f"imitation-{name.lower()}")
+    assert policy.training["task"] == name
+    task = replace({"Stage": STAGE, "Resonance": RESONANCE_TASK}[name], samples=1500)
+    found = []
+    for each in (policy, replace(policy, student=Student.blank(42, 64, WEIGHTED))):
+        found.append(visit(taught_lanes(task, "validation", [100], 0), each).score.percent.mean())
+    assert found[0] < 0.85 * found[1]

@@ -18,6 +18,7 @@ import torch
 from baselines import make_controller
 from baselines.learned import policy as policy_module
 from baselines.learned import weights as weights_module
+from baselines.learned.found import find_learned
 from baselines.learned.policy import Network, Policy, find_policy
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
@@ -233,7 +234,7 @@ def test_a_network_that_cannot_be_kept_is_refused():
 def test_every_shipped_policy_is_whole_and_all_are_small():
     folders = sorted(policy_module.SHIPPED.glob("*/policy.json"))
     for path in folders:
-        policy = find_policy(path.parent.name)
+        policy = find_learned(path.parent.name)
         controller = make_controller(
             f"learned:{path.parent.name}", P10, replace(policy.layout, action="command")
         )

@@ -1,6 +1,7 @@
 """Learning curves of the study of agents, and which policies it ships."""
 
 import io
+import json
 from dataclasses import replace
 
 import pandas as pd
@@ -210,12 +211,17 @@ def test_what_cannot_be_shipped_is_refused_and_nothing_is_copied(tmp_path, monke
 
 def test_committed_policies_are_those_of_the_table():
     table = OUT / "shipped.csv"
-    folders = {path.parent.name: path for path in POLICIES.glob("*/policy.json")}
+    # students are none of the study's agents
+    folders = {
+        path.parent.name: path
+        for path in POLICIES.glob("*/policy.json")
+        if json.loads(path.read_text())["format"] == policies.FORMAT
+    }
     rows = pd.read_csv(table).set_index("agent")
     assert set(folders) == set(rows.index), "run python -m studies.agents --stage ship"
     for name in folders:
         assert find_policy(name).training["seed"] == rows.loc[name, "seed"]
-    total = sum(path.stat().st_size for path in POLICIES.glob("*/*"))
+    total = sum(file.stat().st_size for path in folders.values() for file in path.parent.iterdir())
     assert total == rows["policy_bytes"].sum() < shipping.LIMIT_BYTES
     chosen = shipping.median_trainings(pd.read_csv(OUT / "scores.csv"))
     assert dict(zip(chosen["agent"], chosen["seed"], strict=True)) == rows["seed"].to_dict()
