@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.search import SearchResult, add, diagnose, discover, portrait
     from rdpi_gym.face.simulation import Simulation, simulate
     from rdpi_gym.face.tasks import TaskScores, score_submission, score_tasks, submit
-    from rdpi_gym.face.training import Training, export, sweep, train
+    from rdpi_gym.face.training import Training, export, sweep, train, training_options
     from rdpi_gym.face.tuning import certificate, tune
     from rdpi_gym.support.errors import InputError
 
@@ -62,7 +62,7 @@ _HOME = {
     "search": ("SearchResult", "add", "diagnose", "discover", "portrait"),
     "simulation": ("Simulation", "simulate"),
     "tasks": ("TaskScores", "score_submission", "score_tasks", "submit"),
-    "training": ("Training", "export", "sweep", "train"),
+    "training": ("Training", "export", "sweep", "train", "training_options"),
     "tuning": ("certificate", "tune"),
 }
 _MODULES = {name: f"{__name__}.face.{module}" for module, names in _HOME.items() for name in names}
@@ -112,6 +112,7 @@ __all__ = [
     "submit",
     "sweep",
     "train",
+    "training_options",
     "tune",
 ]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-KINDS = {".py", ".typed", ".json", ".pt", ".yml"}
+KINDS = {".py", ".typed", ".json", ".pt", ".npz", ".yml"}
 
 
 @pytest.fixture(scope="module")

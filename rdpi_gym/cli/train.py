@@ -10,7 +10,6 @@ import typer
 
 import rdpi_gym as rg
 from rdpi_gym.cli.options import OutOption, SeedOption, words
-from rdpi_gym.face.training import training_options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import progress_bar
 
@@ -119,7 +118,7 @@ def train(
         "tensorboard": tensorboard or None,
     }
     options = {name: value for name, value in given.items() if value is not None}
-    taken = training_options(algorithm.value)
+    taken = rg.training_options(algorithm.value)
     for name in options:
         if name not in taken:
             flag = _FLAGS.get(name, name.replace("_", "-"))

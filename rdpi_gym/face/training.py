@@ -157,8 +157,18 @@ def train(
     return training
 
 
+@checked
 def training_options(algorithm: str) -> frozenset[str]:
     """Return the names of the options that :func:`train` takes of an algorithm.
+
+    Parameters
+    ----------
+    algorithm
+        As :func:`train` takes it.
+
+    Returns
+    -------
+    frozenset of str
 
     Raises
     ------
