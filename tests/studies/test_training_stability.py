@@ -11,6 +11,14 @@ from studies import training_stability
 LAST = {0: 0.5, 1: 0.9}
 
 
+def test_the_committed_trainings_end_as_they_were_at_their_best():
+    table = pd.read_csv(training_stability.RESULTS / "seeds.csv")
+    assert len(table) == 5
+    assert (table["timesteps"] >= 20_000_000).all()
+    assert (table["last_over_best"] <= training_stability.GOAL).all()
+    assert (table["last_rmse_um"] < table["compensator_rmse_um"]).all()
+
+
 def test_the_command_trains_each_seed_and_says_which_ends_worse(tmp_path, monkeypatch, capsys):
     asked = []
 
