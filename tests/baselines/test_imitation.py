@@ -159,7 +159,7 @@ def test_train_and_bench_through_the_command_line(tmp_path, monkeypatch, capsys)
     (row,) = run_unit(Unit(name, "Stage", 2026, "public", (0,), "stamp"))
     assert (row["failure"], row["sees"]) == ("", "preview")
     for words, said in (
-        (["--sweep", "1"], "no such option"),
+        (["--sweep", "1"], "a sweep of imitation is not known"),
         (["--action", "increment"], "--action is no option of imitation"),
         (["--task", "Stag"], "did you mean 'Stage'"),
         (["--seed", "1"], "seed 0, asked for is 1"),
