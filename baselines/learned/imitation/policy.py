@@ -156,6 +156,7 @@ def _arrays(path: Path, sha256: str) -> dict[str, Any]:
         )
     try:
         with open_npz(path) as archive:
-            return {name: archive.read(name) for name in ARRAYS}
+            # what ships is kept in half precision, but for the scales
+            return {name: archive.read(name).astype(np.float32) for name in ARRAYS}
     except (ValueError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path.name} holds no arrays of a student ({quoted(error)})") from error
