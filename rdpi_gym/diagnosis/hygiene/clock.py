@@ -76,15 +76,21 @@ def leads_by(lags: Sequence[Lag]) -> Mapping[str, float]:
     """Return by how many samples the displacement leads, by the name of the record.
 
     Where records of unlike sampling times agree in samples, or in seconds, all are meant: a fast
-    record hides a lead behind what the plant itself lags.
+    record hides a lead behind what the plant itself lags. A record that leads while more of those that
+    are sampled as slowly lag for sure is not believed: dynamics that plays do not have, such as a mode at
+    a harmonic of a sine, turn a record early or late.
 
     Examples
     --------
     >>> slow, fast = (Lag(name, -1.0, ts, 9.0, 0.01, True) for name, ts in (("a", 1e-2), ("b", 1e-4)))
     >>> leads_by([slow, fast, Lag("c", 0.6, 1e-5, 2.0, 0.01, True)])
     {'a': 1.0, 'b': 1.0, 'c': 1.0}
+    >>> late = (Lag(name, 2.5, 1e-4, 9.0, 0.01, True) for name in ("c", "d"))
+    >>> leads_by([fast, *late])
+    {}
     """
-    found = [each for each in lags if each.leads]
+    leading = [each for each in lags if each.leads]
+    found = [each for each in leading if _deny(each, lags) <= len(leading)]
     if not found:
         return {}
     steps = [each.ts_s for each in found]
@@ -99,6 +105,12 @@ def leads_by(lags: Sequence[Lag]) -> Mapping[str, float]:
         if seconds is not None:
             return {each.record: whole(seconds / each.ts_s) for each in lags}
     return {each.record: whole(-each.samples) for each in found}
+
+
+def _deny(leads: Lag, lags: Sequence[Lag]) -> int:
+    """How many that are sampled as slowly as a leading record lag for sure."""
+    slow = (each for each in lags if each.ts_s * _UNLIKE >= leads.ts_s)
+    return sum(each.certain and each.samples >= _LEAST_LAG for each in slow)
 
 
 def _agreed(
