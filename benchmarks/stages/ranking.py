@@ -182,22 +182,31 @@ def rivals_of(ranked: pd.DataFrame) -> pd.DataFrame:
 
 
 def rank_correlation(rows: Sequence[Row]) -> float:
-    """Return Spearman's correlation of the ranks on the even and on the odd plants of one task.
-
-    The two halves are disjoint draws. The bound, and what sees more than the preview, do not count;
-    NaN below three controllers.
+    """Return :func:`agreement` of the even and of the odd plants of one task, two disjoint draws.
 
     Parameters
     ----------
     rows
         Of one task.
     """
-    halves = []
-    for parity in (0, 1):
-        ranked = ranking([row for row in rows if row["plant"] % 2 == parity])
-        rivals = rivals_of(ranked).set_index("controller")
-        halves.append(rivals["rank"].str.rstrip("=").astype(int))
-    first, second = halves
-    if len(first) < 3:
+    even, odd = ([row for row in rows if row["plant"] % 2 == parity] for parity in (0, 1))
+    return agreement(even, odd)
+
+
+def agreement(first: Sequence[Row], second: Sequence[Row]) -> float:
+    """Return Spearman's correlation of the ranks on two sets of plants of one task.
+
+    The bound, and what sees more than the preview, do not count; NaN below three controllers.
+
+    Parameters
+    ----------
+    first, second
+        Rows of the same controllers.
+    """
+    one, other = (
+        rivals_of(ranking(rows)).set_index("controller")["rank"].str.rstrip("=").astype(int)
+        for rows in (first, second)
+    )
+    if len(one) < 3:
         return float("nan")
-    return float(spearmanr(first, second.loc[first.index]).statistic)
+    return float(spearmanr(one, other.loc[one.index]).statistic)

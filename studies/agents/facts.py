@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
+from baselines import GUARDED
 from rdpi_gym.plant import P10
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json
@@ -15,12 +16,12 @@ from rdpi_gym.support.markdown import frame_table
 from studies.agents import findings
 from studies.agents.curves import cost_view, training_costs
 from studies.agents.summary import ALL_GROUPS
+from studies.agents.tasks import leaders, read_rankings, standing, standing_view
 from studies.agents.walk import FILE, FORMAT, VERSION
 
 HYPERPARAMETERS = Path(__file__).parents[2] / "baselines" / "learned" / "hyperparameters"
 HISTORY = "rdpi_gym.envs.wrappers.history.HistoryObservation"
 _MADE_BY = {"summary": "score", "gap": "gap", "curves": "curves", "shipped": "ship"}
-_BARE = "bare"  # the group whose belief lacks no effect
 _SHOWN_ROWS = (0, 1, 2, 3, 5, 8, 12, 16)
 
 
@@ -49,7 +50,10 @@ def page_facts(results: Path) -> dict[str, Any]:
     walk = read_json(results / FILE, FORMAT, VERSION)
     costs = training_costs(curves)
     groups = summary[summary["world"] != ALL_GROUPS]
-    with_effects = groups[groups["world"] != _BARE]
+    rankings = read_rankings()
+    on_tasks = leaders(rankings)
+    guarded = rankings[rankings["controller"].str.startswith(GUARDED)]
+    reacting = leaders(rankings[~rankings["controller"].str.contains(":imitation")])
     return {
         "format": "agents",
         "version": 1,
@@ -63,6 +67,9 @@ def page_facts(results: Path) -> dict[str, Any]:
         "plants": int(groups["plants"].max()),
         "shipped_kib": float(shipped["policy_bytes"].sum()) / 1024.0,
         "walk": _walk(walk),
+        "tasks": standing(on_tasks),
+        "guarded_failures": float(guarded["failed"].max()),
+        "reacting_ahead": standing(reacting)["tasks_ahead"],
         "verdicts": {world: findings.verdict(leader) for world, leader in findings.leaders(groups)},
         "best_kinds": {
             str(world): findings.best_kind(part) for world, part in groups.groupby("world")
@@ -73,14 +80,13 @@ def page_facts(results: Path) -> dict[str, Any]:
         "tables": {
             "curve": frame_table(_curve_view(pd.DataFrame(walk["curve"]))),
             "groups": frame_table(findings.groups_view(groups)),
-            "goal": frame_table(findings.goal_view(with_effects)),
+            "tasks": frame_table(standing_view(on_tasks)),
             "gap": frame_table(findings.gap_view(gap)),
             "costs": frame_table(cost_view(costs)),
             "shipped": frame_table(findings.shipped_view(shipped)),
         },
         "findings": {
             "standing": findings.standing(groups),
-            "goal": findings.goal(with_effects, costs),
             "dither": findings.dither(gap),
         },
     }

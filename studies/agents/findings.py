@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
 
 from rdpi_gym.support.words import number
 
-RMSE_GOAL, VARIATION_GOAL, MINUTES_GOAL = 0.5, 1.5, 20.0
-"""What was aimed at: error and command variation over those of the best causal compensator, and the
-time of a training."""
+ROUGH = 1.5
+"""Command variation over that of the best causal compensator from which on a command is rough."""
 UNSTABLE_PERCENT = 100.0
 """A tracking error (% of peak to peak) above which a loop is called unstable."""
 _VERDICTS = {
@@ -81,27 +80,6 @@ def leaders(groups: pd.DataFrame) -> Iterator[tuple[str, pd.Series]]:
         yield str(world), _kind(part, "agent").iloc[0]
 
 
-def goal_view(groups: pd.DataFrame) -> pd.DataFrame:
-    """Return the best agent of each group beside what was aimed at."""
-    return pd.DataFrame(
-        [
-            {
-                "plants": world,
-                "best agent": leader["contestant"],
-                "best compensator": leader["best"],
-                "RMSE over its": _ranged(leader, "rmse_ratio"),
-                "command variation over its": _ranged(leader, "variation_ratio"),
-                "goal": "reached" if _reached(leader) else "not reached",
-            }
-            for world, leader in leaders(groups)
-        ]
-    )
-
-
-def _reached(row: pd.Series) -> bool:
-    return bool(row["rmse_ratio"] <= RMSE_GOAL and row["variation_ratio"] <= VARIATION_GOAL)
-
-
 def _ranged(row: pd.Series, name: str) -> str:
     value, low, high = (row[f"{name}{end}"] for end in ("", "_low", "_high"))
     if not np.isfinite(value):
@@ -134,35 +112,6 @@ def standing(groups: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
-def goal(groups: pd.DataFrame, costs: pd.DataFrame) -> str:
-    """Say where the goal is reached, and whether trainings took longer than they should.
-
-    Parameters
-    ----------
-    groups
-        Those whose belief lacks effects.
-    costs
-        As :func:`studies.agents.curves.training_costs` returns them.
-    """
-    said = []
-    for is_reached, words in ((True, "Reached on"), (False, "Not reached on")):
-        worlds = [world for world, leader in leaders(groups) if _reached(leader) is is_reached]
-        if worlds:
-            said.append(f"{words} {_named(worlds)}.")
-    slow = costs.loc[costs["seconds"] > 60.0 * MINUTES_GOAL, "agent"]
-    said.append(
-        f"Each training kept within {MINUTES_GOAL:g} minutes (medians)."
-        if slow.empty
-        else f"Trainings of {_named(slow)} took longer than {MINUTES_GOAL:g} minutes (medians)."
-    )
-    return " ".join(said)
-
-
-def _named(names: Sequence[str] | pd.Series) -> str:
-    *most, last = [f"`{name}`" for name in names]
-    return f"{', '.join(most)} and {last}" if most else last
-
-
 def gap_view(gap: pd.DataFrame) -> pd.DataFrame:
     """Return the agents of each domain below its best compensator."""
     parts = []
@@ -187,11 +136,11 @@ def dither(gap: pd.DataFrame) -> str:
     lines = []
     for domain, part in gap.groupby("domain", sort=False):
         agents = part[part["kind"] == "agent"]
-        rough = agents.loc[agents["variation_ratio"] > VARIATION_GOAL, "contestant"]
+        rough = agents.loc[agents["variation_ratio"] > ROUGH, "contestant"]
         verdict = "smooth, all of them"
         if len(rough):
             names = ", ".join(f"`{name}`" for name in rough)
-            verdict = f"above {VARIATION_GOAL:g} are {names}: they dither, or pass noise on"
+            verdict = f"above {ROUGH:g} are {names}: they dither, or pass noise on"
         lines.append(
             f"- **{domain}**: command variation {_span(agents['variation_ratio'])} times that of the best "
             f"compensator, {verdict}. Error on the literal plants {_span(agents['literal_ratio'])} times that "
