@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from baselines.base import Baseline
+from baselines.learned.kept import check_preview
 from baselines.learned.policy import Policy
 from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
@@ -55,11 +56,7 @@ class LearnedController(Baseline):
         super().__init__(belief, layout)
         self.policy = policy
         own = policy.layout
-        if not policy.runs_at(layout.ts_s):
-            raise InputError(
-                f"a policy trained at Ts = {own.ts_s:g} s belongs to another observation layout than "
-                f"one of Ts = {layout.ts_s:g} s; run it at its own"
-            )
+        policy.check_runs(layout)
         self._scaling = policy.scaling
         self._history = self._scaling.history
         self._rows = 3 * policy.history
@@ -104,11 +101,7 @@ class LearnedController(Baseline):
         InputError
             The observation shows less of the reference ahead than the policy was trained with.
         """
-        if self.layout.preview < self.needed_preview:
-            raise InputError(
-                f"the policy was shown {self.needed_preview} samples of the reference ahead and belongs "
-                f"to another observation layout than one of preview {self.layout.preview}"
-            )
+        check_preview(self.layout, self.needed_preview)
         shown = np.ascontiguousarray(observation[:, self._columns], dtype=np.float32)
         past = state[: self._rows].T.astype(np.float32)
         begins = np.isnan(past).any(axis=1)

@@ -8,6 +8,7 @@ from baselines.learned.controller import LearnedController
 from baselines.learned.imitation import policy as students
 from baselines.learned.imitation.controller import StudentController
 from baselines.learned.imitation.policy import StudentPolicy
+from baselines.learned.kept import DESCRIPTION
 from baselines.learned.policy import Policy, policy_folder
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -26,7 +27,7 @@ def find_learned(name: str) -> Policy | StudentPolicy:
     folder = policy_folder(name)
     formats = (networks.FORMAT, students.FORMAT)
     newest = max(networks.VERSION, students.VERSION)
-    document = read_json(settled_folder(folder) / networks.DESCRIPTION, formats, newest)
+    document = read_json(settled_folder(folder) / DESCRIPTION, formats, newest)
     kind = StudentPolicy if document["format"] == students.FORMAT else Policy
     return kind.load(folder)
 

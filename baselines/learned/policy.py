@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -12,6 +11,7 @@ from typing import Any
 import torch
 from torch import nn
 
+from baselines.learned.kept import DESCRIPTION, Trained, write_policy
 from baselines.learned.network import Network
 from baselines.learned.weights import read_weights
 from baselines.registry import known_controller
@@ -20,12 +20,12 @@ from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.envs.wrappers.scaling import Scaling
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support.files import read_json
+from rdpi_gym.support.folders import settled_folder
 from rdpi_gym.support.words import quoted, some
 
 FORMAT, VERSION = "rdpi-policy", 1
-DESCRIPTION, WEIGHTS = "policy.json", "weights.pt"
+WEIGHTS = "weights.pt"
 SHIPPED = Path(__file__).parent / "policies"
 """Where the policies of this release lie, each in a folder of its name."""
 _LAYOUT_NUMBERS = ("centre_um", "scale_um", "ts_s", "action_scale_V")
@@ -33,7 +33,7 @@ _LONGEST = 4096  # samples ahead, and earlier ones
 
 
 @dataclass(frozen=True)
-class Policy:
+class Policy(Trained):
     """A deterministic actor, and what it must be shown to act as it was trained to.
 
     Parameters
@@ -100,10 +100,6 @@ class Policy:
         """Description of the actor."""
         return Network.of(list(self.actor))
 
-    def runs_at(self, ts_s: float) -> bool:
-        """Whether a sampling time (s) is that of its training: it means nothing at another."""
-        return abs(ts_s - self.layout.ts_s) <= 1e-9 * self.layout.ts_s
-
     def save(self, folder: Path) -> Path:
         """Write ``policy.json`` and ``weights.pt``; what was in the folder is replaced as a whole.
 
@@ -112,8 +108,6 @@ class Policy:
         InputError
             The folder cannot be written, or holds something else.
         """
-        if folder.exists() and not (folder / DESCRIPTION).is_file():
-            raise InputError(f"{folder} exists and holds no policy; give another folder")
         weights = io.BytesIO()
         torch.save(self.actor.state_dict(), weights)
         document = {
@@ -124,13 +118,9 @@ class Policy:
             "scaling": {"frequency_hz": self.frequency_hz, "error": self.error},
             "network": asdict(self.network),
             "baseline": self.baseline,
-            "weights_sha256": hashlib.sha256(weights.getvalue()).hexdigest(),
             "training": dict(self.training),
         }
-        with replaced_folder(folder) as fresh:
-            write_atomic(fresh / WEIGHTS, weights.getvalue())
-            write_json(fresh / DESCRIPTION, document)
-        return folder
+        return write_policy(folder, WEIGHTS, weights.getvalue(), document)
 
     @classmethod
     def load(cls, folder: Path) -> Policy:

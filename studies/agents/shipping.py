@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from baselines.learned.policy import DESCRIPTION, WEIGHTS, Policy
+from baselines.learned.kept import DESCRIPTION
+from baselines.learned.policy import WEIGHTS, Policy
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.folders import replaced_folder
@@ -141,4 +142,4 @@ def ship(scores: pd.DataFrame, trainings: Sequence[Training], target: Path) -> p
 
 
 def _bytes(folder: Path) -> int:
-    return sum((folder / file).stat().st_size for file in (DESCRIPTION, WEIGHTS))
+    return sum(file.stat().st_size for file in folder.iterdir())

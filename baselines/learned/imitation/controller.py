@@ -11,10 +11,10 @@ from baselines.adaptive_dual_loop import AdaptiveDualLoop, CorrectedAdaptive
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.imitation.student import MOST_UM
 from baselines.learned.imitation.taught import PREVIEW, TaughtAdaptive, Witness
+from baselines.learned.kept import check_preview
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
 
 
 class StudentController(AdaptiveDualLoop):
@@ -54,12 +54,7 @@ class StudentController(AdaptiveDualLoop):
         layout: ObservationLayout,
         witness: Witness | None = None,
     ) -> None:
-        own = policy.layout
-        if not policy.runs_at(layout.ts_s):
-            raise InputError(
-                f"a policy trained at Ts = {own.ts_s:g} s belongs to another observation layout than "
-                f"one of Ts = {layout.ts_s:g} s; run it at its own"
-            )
+        policy.check_runs(layout)
         self.policy, self._witness = policy, witness
         super().__init__(belief, layout, policy.loop)
         self.plant_samples += int(policy.training.get("at_timesteps", 0))
@@ -84,11 +79,7 @@ class StudentController(AdaptiveDualLoop):
         InputError
             The observation shows less of the reference ahead than the student saw.
         """
-        if self.layout.preview < PREVIEW:
-            raise InputError(
-                f"the policy was shown {PREVIEW} samples of the reference ahead and belongs "
-                f"to another observation layout than one of preview {self.layout.preview}"
-            )
+        check_preview(self.layout, PREVIEW)
         return super().next_command(observation, reference_um, state)
 
     def certificate(self) -> str | None:

@@ -15,22 +15,23 @@ import numpy as np
 from baselines.adaptive_dual_loop import AdaptiveDualLoop, CorrectedAdaptive
 from baselines.learned.imitation.student import ARRAYS, Student
 from baselines.learned.imitation.taught import WEIGHTED, seen_by
+from baselines.learned.kept import DESCRIPTION, Trained, write_policy
 from baselines.tuning import Settings, checked_settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_bytes, read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support.files import read_bytes, read_json
+from rdpi_gym.support.folders import settled_folder
 from rdpi_gym.support.npz import open_npz
 from rdpi_gym.support.words import quoted
 
 FORMAT, VERSION = "rdpi-student", 1
-DESCRIPTION, WEIGHTS = "policy.json", "weights.npz"
+WEIGHTS = "weights.npz"
 _LARGEST = 2**24  # bytes
 
 
 @dataclass(frozen=True)
-class StudentPolicy:
+class StudentPolicy(Trained):
     """A student, and what it was taught on.
 
     Parameters
@@ -82,10 +83,6 @@ class StudentPolicy:
         """Name of the controller that it corrects."""
         return AdaptiveDualLoop.name
 
-    def runs_at(self, ts_s: float) -> bool:
-        """Whether a sampling time (s) is that of its training: it means nothing at another."""
-        return abs(ts_s - self.layout.ts_s) <= 1e-9 * self.layout.ts_s
-
     def save(self, folder: Path) -> Path:
         """Write ``policy.json`` and ``weights.npz``; what was in the folder is replaced as a whole.
 
@@ -94,8 +91,6 @@ class StudentPolicy:
         InputError
             The folder cannot be written, or holds something else.
         """
-        if folder.exists() and not (folder / DESCRIPTION).is_file():
-            raise InputError(f"{folder} exists and holds no policy; give another folder")
         weights = io.BytesIO()
         np.savez(weights, **dict(self.student.arrays))  # type: ignore[arg-type]  # arrays by name
         document = {
@@ -107,13 +102,9 @@ class StudentPolicy:
             "loop": dict(self.loop),
             "feedforward": dict(self.feedforward),
             "weighted": self.student.weighted,
-            "weights_sha256": hashlib.sha256(weights.getvalue()).hexdigest(),
             "training": dict(self.training),
         }
-        with replaced_folder(folder) as fresh:
-            write_atomic(fresh / WEIGHTS, weights.getvalue())
-            write_json(fresh / DESCRIPTION, document)
-        return folder
+        return write_policy(folder, WEIGHTS, weights.getvalue(), document)
 
     @classmethod
     def load(cls, folder: Path) -> StudentPolicy:
