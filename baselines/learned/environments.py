@@ -36,9 +36,6 @@ def make_lanes(
     InputError
         Fewer lanes than plants, plants of other sizes, or keywords that make no environment.
     """
-    if lanes < len(plants):
-        raise InputError(f"{lanes} lanes for {len(plants)} plants; give at least one for each")
-    shares = [len(part) for part in np.array_split(np.arange(lanes), len(plants))]
     return SideBySideVectorEnv(
         [
             gym.make_vec(
@@ -50,6 +47,25 @@ def make_lanes(
                 plant=plant,
                 **keywords,
             )
-            for plant, share in zip(plants, shares, strict=True)
+            for plant, share in zip(plants, lanes_of_each(plants, lanes), strict=True)
         ]
     )
+
+
+def lanes_of_each(plants: Sequence[PlantModel], lanes: int) -> list[int]:
+    """Divide lanes among plants, as many for each as can be.
+
+    Raises
+    ------
+    InputError
+        Fewer lanes than plants.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P10
+    >>> lanes_of_each([P10, P10, P10], 7)
+    [3, 2, 2]
+    """
+    if lanes < len(plants):
+        raise InputError(f"{lanes} lanes for {len(plants)} plants; give at least one for each")
+    return [len(part) for part in np.array_split(np.arange(lanes), len(plants))]

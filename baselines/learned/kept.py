@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json
 from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.words import quoted
 
 DESCRIPTION = "policy.json"
 """Name of the file that says what a policy is."""
@@ -95,3 +97,37 @@ def write_policy(folder: Path, file: str, weights: bytes, document: Mapping[str,
         digest = hashlib.sha256(weights).hexdigest()
         write_json(fresh / DESCRIPTION, {**document, "weights_sha256": digest})
     return folder
+
+
+@contextmanager
+def read_as(what: str, source: Path) -> Iterator[None]:
+    """Say of whatever a description trips over where it stands, and that it describes no such thing.
+
+    Examples
+    --------
+    >>> with read_as("policy", Path("policy.json")):
+    ...     {}["layout"]
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: policy.json does not describe a policy (KeyError('layout'))
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{source} does not describe a {what} ({quoted(error)})") from error
+
+
+def check_whole(content: bytes, sha256: str, name: str) -> None:
+    """Refuse the content of a file that was not written with its description.
+
+    Raises
+    ------
+    InputError
+        Its hash is another.
+    """
+    if hashlib.sha256(content).hexdigest() != sha256:
+        raise InputError(
+            f"{name} is not the file that was saved with it; perhaps one of them was cut off"
+        )

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import nn
 
-from baselines.learned.kept import DESCRIPTION, Trained, write_policy
+from baselines.learned.kept import DESCRIPTION, Trained, read_as, write_policy
 from baselines.learned.network import Network
 from baselines.learned.weights import read_weights
 from baselines.registry import known_controller
@@ -135,12 +135,8 @@ class Policy(Trained):
         folder = settled_folder(folder)
         source = folder / DESCRIPTION
         document = read_json(source, FORMAT, VERSION)
-        try:
+        with read_as("policy", source):
             return cls(**_described(document), actor=_actor(document, folder / WEIGHTS))
-        except InputError as error:
-            raise InputError(f"{source}: {error}") from error
-        except (LookupError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"{source} does not describe a policy ({quoted(error)})") from error
 
 
 def find_policy(name: str) -> Policy:

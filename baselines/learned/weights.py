@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import zipfile
 from collections.abc import Mapping
@@ -12,6 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from baselines.learned.kept import check_whole
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_bytes
 from rdpi_gym.support.words import quoted
@@ -40,10 +40,8 @@ def read_tensors(
         No regular file, too large, another content than was hashed, or something else than tensors.
     """
     content = read_bytes(path, _LARGEST)
-    if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
-        raise InputError(
-            f"{path.name} is not the file that was saved with it; perhaps one of them was cut off"
-        )
+    if sha256 is not None:
+        check_whole(content, sha256, path.name)
     try:
         _check_archive(content)
         found = torch.load(io.BytesIO(content), map_location=device, weights_only=True)

@@ -192,23 +192,21 @@ def _chosen(
     ordered = sorted(tried, key=lambda trial: (trial.value or 0.0, trial.number))
     defaults = checked_settings(name, knobs, {})
     before = figures(name, defaults, task, "validation", VALIDATION_PLANTS)
-    found: list[tuple[Settings, float, Figures, Figures]] = []
+    found: list[tuple[Settings, float, Figures]] = []
     for trial in ordered:
         settings = checked_settings(name, knobs, trial.params)
-        if not _is_stable(name, settings, task):
-            continue
-        if len(found) < FINALISTS:
-            after = figures(name, settings, task, "validation", VALIDATION_PLANTS)
-        elif settings == defaults:
+        is_default = settings == defaults
+        if (len(found) < FINALISTS or is_default) and _is_stable(name, settings, task):
             after = before
-        else:
-            continue
-        found.append((settings, float(trial.value or 0.0), before, after))
+            if not is_default:
+                after = figures(name, settings, task, "validation", VALIDATION_PLANTS)
+            found.append((settings, float(trial.value or 0.0), after))
     if not found:
         raise InputError(
             f"{name} has no stable loop on {task.name} with any of {len(tried)} settings; give more --trials"
         )
-    return min(found, key=lambda each: (each[-1].failures, each[-1].objective))
+    settings, value, after = min(found, key=lambda each: (each[2].failures, each[2].objective))
+    return settings, value, before, after
 
 
 def certified(name: str, task: str) -> str:

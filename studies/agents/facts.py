@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from baselines import GUARDED
+from baselines import GUARDED, LEARNED
 from rdpi_gym.plant import P10
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json
@@ -53,6 +53,8 @@ def page_facts(results: Path) -> dict[str, Any]:
     rankings = read_rankings()
     on_tasks = leaders(rankings)
     guarded = rankings[rankings["controller"].str.startswith(GUARDED)]
+    student = rankings[rankings["controller"] == f"{LEARNED}imitation-stage"]
+    on_bare = student[student["task"] == "Bare"]
     reacting = leaders(rankings[~rankings["controller"].str.contains(":imitation")])
     return {
         "format": "agents",
@@ -69,6 +71,8 @@ def page_facts(results: Path) -> dict[str, Any]:
         "walk": _walk(walk),
         "tasks": standing(on_tasks),
         "guarded_failures": float(guarded["failed"].max()),
+        "unguarded_on_bare": float(on_bare["failed"].max()),
+        "student_us": float(student["microseconds_per_sample"].min()),
         "reacting_ahead": standing(reacting)["tasks_ahead"],
         "verdicts": {world: findings.verdict(leader) for world, leader in findings.leaders(groups)},
         "best_kinds": {

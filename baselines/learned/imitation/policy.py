@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import zipfile
 from collections.abc import Mapping
@@ -15,7 +14,7 @@ import numpy as np
 from baselines.adaptive_dual_loop import AdaptiveDualLoop, CorrectedAdaptive
 from baselines.learned.imitation.student import ARRAYS, Student
 from baselines.learned.imitation.taught import WEIGHTED, seen_by
-from baselines.learned.kept import DESCRIPTION, Trained, write_policy
+from baselines.learned.kept import DESCRIPTION, Trained, check_whole, read_as, write_policy
 from baselines.tuning import Settings, checked_settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -118,7 +117,7 @@ class StudentPolicy(Trained):
         folder = settled_folder(folder)
         source = folder / DESCRIPTION
         document = read_json(source, FORMAT, VERSION)
-        try:
+        with read_as("student", source):
             layout = dict(document["layout"])
             low, high = layout.pop("command_range_V")
             weighted = document["weighted"]
@@ -134,17 +133,10 @@ class StudentPolicy(Trained):
                 ),
                 dict(document["training"]),
             )
-        except InputError as error:
-            raise InputError(f"{source}: {error}") from error
-        except (LookupError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"{source} does not describe a student ({quoted(error)})") from error
 
 
 def _arrays(path: Path, sha256: str) -> dict[str, Any]:
-    if hashlib.sha256(read_bytes(path, _LARGEST)).hexdigest() != sha256:
-        raise InputError(
-            f"{path.name} is not the file that was saved with it; perhaps one of them was cut off"
-        )
+    check_whole(read_bytes(path, _LARGEST), sha256, path.name)
     try:
         with open_npz(path) as archive:
             # what ships is kept in half precision, but for the scales

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from baselines.learned.environments import lanes_of_each
 from baselines.learned.options import TrainingOptions
 from baselines.learned.settings import Settings
 from rdpi_gym.envs.layout import ObservationLayout
@@ -16,7 +17,6 @@ from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.envs.wrappers.scaling import Scaling
 from rdpi_gym.envs.wrappers.side_by_side import SideBySideVectorEnv
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
 
 _PHASES = 10
 """Groups of lanes whose episodes begin at other times, so that a rollout sees all of an episode."""
@@ -51,9 +51,7 @@ class Lanes:
         self, options: TrainingOptions, settings: Settings, lanes: int, parts: int
     ) -> None:
         plants = options.models
-        if lanes < len(plants):
-            raise InputError(f"{lanes} lanes for {len(plants)} plants; give at least one for each")
-        shares = [len(share) for share in np.array_split(np.arange(lanes), len(plants))]
+        shares = lanes_of_each(plants, lanes)
         groups = [
             PiezoTrackingVectorEnv(
                 share,
