@@ -1,6 +1,7 @@
 """The laboratory names a hidden effect, stays silent without one, and says what it cannot know."""
 
 import json
+import math
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.candidates import refit
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover
 from rdpi_gym.diagnosis.search.laboratory import Laboratory
+from rdpi_gym.diagnosis.search.numerics import NumericalFloor
 from rdpi_gym.diagnosis.search.openings import leaving_out
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant, PlantModel
@@ -94,6 +96,16 @@ def test_a_hidden_effect_is_named_with_its_parameter(found):
     assert found.probabilities.classes["sensor_lag"] > 0.9
     assert chances.pop("sensor_lag") > 100 * max(chances.values())
     assert found.probabilities.probable == ("sensor_lag",)
+
+
+def test_a_numerical_floor_that_the_error_does_not_bear_out_ends_no_search(lagging):
+    bench = Laboratory(lagging, FEW, 1, 0, None, None)
+    base = bench.base(None)
+    left_um = math.sqrt(base.outcome.mean_square)
+    for shown_um, ends in ((0.0, False), (left_um, True)):
+        floor = NumericalFloor(left_um, 0.0, 5000.0, shown_um=shown_um)
+        bench.numerical = lambda state, floor=floor: floor
+        assert bench.at_floor(base) is ends
 
 
 def test_what_is_improbable_goes_unless_the_error_hangs_on_it(lagging, monkeypatch):

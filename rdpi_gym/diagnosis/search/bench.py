@@ -226,11 +226,15 @@ class Bench:
         return self.again(state)
 
     def at_floor(self, state: State) -> bool:
-        """Whether so little exceeds noise and numerical floor that no effect can be earned."""
+        """Whether so little exceeds noise and numerical floor that no effect can be earned.
+
+        Of the numerical floor counts what the error bears out: what it does not show may be an
+        effect, such as hum beside a mode that the records sample too slowly.
+        """
         variance = self.noise_um**2
         if state.outcome.mean_square - variance < AT_FLOOR * variance:
             return True
-        variance += self.numerical(state).total_um ** 2
+        variance += self.numerical(state).borne_um ** 2
         return state.outcome.mean_square - variance < AT_FLOOR * variance
 
     def _is_explained(self, state: State) -> bool:
