@@ -20,6 +20,7 @@ FLOORS = (
     ("benchmarks",),
     ("rdpi_gym.face",),
     ("rdpi_gym",),
+    ("rdpi_gym.laboratory",),
     ("rdpi_gym.cli",),
     ("rdpi_gym.__main__",),
     ("studies",),

@@ -1,0 +1,307 @@
+"""What was done in the laboratory: a journal, and the steps and rankings that it folds into."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import rdpi_gym as rg
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.errors import InputError
+
+JOURNAL = "journal.jsonl"
+DATA_FOLDER, REFUSED_FOLDER = "data", "refused"
+Event = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A model that was reached, and how.
+
+    Parameters
+    ----------
+    id
+        Names it in the session: ``s1``, ``s2``, ...
+    parent
+        The step that it was made from; None: from the data alone.
+    label
+        What was done, for a person.
+    made
+        The same for a program: ``kind`` is ``fit``, ``candidate`` (with ``effect`` and ``form``),
+        ``removal`` (``effect``), ``refit`` (``held``), ``set`` (``effect``, ``parameter``, ``value``).
+    plant
+        The model.
+    train_um, validation_um
+        Its error (µm rms) on records to fit and to validate on, one offset free in each.
+    by_record_um
+        The same by record.
+    held
+        Parameters that refits leave alone, as ``effect.parameter``.
+    """
+
+    id: str
+    parent: str | None
+    label: str
+    made: Mapping[str, Any]
+    plant: PlantModel
+    train_um: float
+    validation_um: float
+    by_record_um: Mapping[str, float]
+    held: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the object of the journal."""
+        return {**vars(self), "plant": self.plant.to_dict(), "held": list(self.held)}
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> Step:
+        """Build from the object of the journal."""
+        plant = PlantModel.from_dict(document["plant"], f"step {document['id']}")
+        return cls(**{**document, "plant": plant, "held": tuple(document["held"])})
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """The candidates that were tried on a step.
+
+    Parameters
+    ----------
+    step
+        The step.
+    status
+        ``running``, ``done``, ``cancelled`` or ``failed``.
+    refits
+        Objects of :class:`rdpi_gym.Refit` by ``(effect, form)``, as they came; the base model, which
+        the candidates are compared with, has an empty effect.
+    result
+        The object of ``diagnosis.json``, once all is known.
+    problem
+        Why it failed: one line.
+    """
+
+    step: str
+    status: str = "running"
+    refits: Mapping[tuple[str, str], Mapping[str, Any]] = field(default_factory=dict)
+    result: Mapping[str, Any] | None = None
+    problem: str | None = None
+
+    def plant_with(self, effect: str, form: str | None = None) -> PlantModel | None:
+        """Return the model with a candidate, everything refitted; None where it is not there yet.
+
+        Parameters
+        ----------
+        effect
+            Its name.
+        form
+            Of the candidate; None: the one that the ranking chose, or of those so far the best.
+        """
+        found = self.refit_of(effect, form)
+        if found is None:
+            return None
+        return PlantModel.from_dict(found["plant"], f"the refit with {effect}")
+
+    def refit_of(self, effect: str, form: str | None = None) -> Mapping[str, Any] | None:
+        """Return the refit of a candidate as it stands in the journal; see :meth:`plant_with`."""
+        own = {f: refit for (name, f), refit in self.refits.items() if name == effect}
+        usable = {f: r for f, r in own.items() if r["plant"] is not None}
+        if form is None:
+            form = next((c["form"] for c in self.candidates if c["effect"] == effect), None)
+        if form is not None:
+            return usable.get(form)
+        return min(usable.values(), key=lambda r: r["validation_um"], default=None)
+
+    @property
+    def candidates(self) -> list[Mapping[str, Any]]:
+        """The ranking, best first; empty before it is done."""
+        return [] if self.result is None else list(self.result["candidates"])
+
+
+class Session:
+    """A session of the laboratory in its folder; every change goes through :meth:`write`.
+
+    Parameters
+    ----------
+    folder
+        Where it is kept: the data in ``data``, what was done in ``journal.jsonl``.
+
+    Attributes
+    ----------
+    steps : dict of str, Step
+        All steps by id.
+    path, redo : list of str
+        Steps from the base model to the present one, and those that were undone, the next one first.
+    rankings : dict of str, Ranking
+        By step.
+    payoffs : dict of str, dict
+        What the last payoff of a step returned.
+    files : dict of str, dict
+        Data files by name: ``problem``, ``row``, ``column``, each None where it was read.
+
+    Raises
+    ------
+    InputError
+        The journal is damaged before its last line, or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     Session(Path(folder)).current is None
+    True
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.steps: dict[str, Step] = {}
+        self.path: list[str] = []
+        self.redo: list[str] = []
+        self.rankings: dict[str, Ranking] = {}
+        self.payoffs: dict[str, dict[str, Any]] = {}
+        self.files: dict[str, dict[str, Any]] = {}
+        self._data: rg.Dataset | None = None
+        self._is_read = False
+        self._count = 0
+        self.data_folder.mkdir(parents=True, exist_ok=True)
+        for event in self._events():
+            self._fold(event)
+        # what was running when the server died runs no more
+        for step, ranking in self.rankings.items():
+            if ranking.status == "running":
+                self.rankings[step] = replace(ranking, status="cancelled")
+
+    @property
+    def data_folder(self) -> Path:
+        """Where the data files of the session are, with their ``dataset.toml``."""
+        return self.folder / DATA_FOLDER
+
+    @property
+    def data(self) -> rg.Dataset | None:
+        """The records; None before there are any."""
+        if self._data is None and self._is_read:
+            self._data = rg.load(self.data_folder)
+        return self._data
+
+    @property
+    def current(self) -> str | None:
+        """The present step."""
+        return self.path[-1] if self.path else None
+
+    def plant_of(self, step: str) -> PlantModel:
+        """Return the model of a step.
+
+        Raises
+        ------
+        InputError
+            There is no such step.
+        """
+        return self.step(step).plant
+
+    def step(self, step: str) -> Step:
+        """Return a step.
+
+        Raises
+        ------
+        InputError
+            There is no such step.
+        """
+        if step not in self.steps:
+            raise InputError(f"step {step} is not there; the steps are {', '.join(self.steps)}")
+        return self.steps[step]
+
+    def ranking_of(self, step: str) -> Ranking | None:
+        """Return the candidates that were tried on a step; None where none were."""
+        return self.rankings.get(step)
+
+    def chain(self, step: str) -> list[str]:
+        """Return the steps that lead to one, itself the last."""
+        found = [step]
+        while (parent := self.step(found[0]).parent) is not None:
+            found.insert(0, parent)
+        return found
+
+    def next_id(self) -> str:
+        """Return the name of a step that is new."""
+        return f"s{self._count + 1}"
+
+    def begin(self, data: rg.Dataset) -> None:
+        """Take records that were read from :attr:`data_folder`: a new history begins."""
+        self.write({"do": "read"})
+        self._data = data
+
+    def write(self, event: Event) -> None:
+        """Write down what was done, and let it take effect.
+
+        Parameters
+        ----------
+        event
+            ``do`` says what: ``read``, ``file``, ``step``, ``update``, ``go``, ``refit``,
+            ``ranking``, ``payoff``.
+
+        Raises
+        ------
+        InputError
+            The journal cannot be written.
+        """
+        line = json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n"
+        try:
+            with (self.folder / JOURNAL).open("ab") as stream:
+                stream.write(line.encode())
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise InputError(
+                f"{self.folder / JOURNAL} cannot be written ({error.strerror})"
+            ) from error
+        self._fold(event)
+
+    def _events(self) -> Iterator[Event]:
+        path = self.folder / JOURNAL
+        if not path.exists():
+            return
+        whole, end, torn = path.read_bytes().rpartition(b"\n")
+        if torn:  # the server died in the middle of a line
+            with path.open("r+b") as stream:
+                stream.truncate(len(whole) + len(end))
+        for number, line in enumerate(whole.splitlines(), 1):
+            try:
+                yield json.loads(line)
+            except ValueError as error:
+                raise InputError(
+                    f"{path}, line {number} is damaged; delete it, or begin a new session"
+                ) from error
+
+    def _fold(self, event: Event) -> None:
+        if event["do"] == "read":
+            self._is_read, self._data = True, None
+            self.steps, self.rankings, self.payoffs = {}, {}, {}
+            self.path, self.redo = [], []
+        elif event["do"] == "file":
+            if event["entry"] is None:
+                self.files.pop(event["name"], None)
+            else:
+                self.files[event["name"]] = dict(event["entry"])
+        elif event["do"] in ("step", "update"):
+            step = Step.from_dict(event["step"])
+            self.steps[step.id] = step
+            if event["do"] == "step":
+                self._count += 1
+                self.path, self.redo = self.chain(step.id), []
+        elif event["do"] == "go":
+            self.path, self.redo = list(event["path"]), list(event["redo"])
+        elif event["do"] == "refit":
+            ranking = self.rankings.get(event["step"], Ranking(event["step"]))
+            refit = event["refit"]
+            tried = {**ranking.refits, (refit["effect"], refit["form"]): refit}
+            self.rankings[event["step"]] = replace(ranking, refits=tried)
+        elif event["do"] == "ranking":
+            before = self.rankings.get(event["step"], Ranking(event["step"]))
+            refits = {} if event["status"] == "running" else before.refits
+            self.rankings[event["step"]] = Ranking(
+                event["step"], event["status"], refits, event.get("result"), event.get("problem")
+            )
+        elif event["do"] == "payoff":
+            self.payoffs[event["step"]] = dict(event["payoff"])
