@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.data import Dataset, load
     from rdpi_gym.face.fitting import FitResult, fit
     from rdpi_gym.face.fitting_core import CoreFit, KindChoice, choose_kind, fit_core
+    from rdpi_gym.face.inspection import Inspection, Refit, Response, inspect, respond
     from rdpi_gym.face.paper import PaperResults, reproduce
     from rdpi_gym.face.result import Result
     from rdpi_gym.face.results import load_result
@@ -56,6 +57,7 @@ _HOME = {
     "data": ("Dataset", "load"),
     "fitting": ("FitResult", "fit"),
     "fitting_core": ("CoreFit", "KindChoice", "choose_kind", "fit_core"),
+    "inspection": ("Inspection", "Refit", "Response", "inspect", "respond"),
     "paper": ("PaperResults", "reproduce"),
     "result": ("Result",),
     "results": ("load_result",),
@@ -76,9 +78,12 @@ __all__ = [
     "Evaluation",
     "FitResult",
     "InputError",
+    "Inspection",
     "KindChoice",
     "ModelComparison",
     "PaperResults",
+    "Refit",
+    "Response",
     "Result",
     "SearchResult",
     "Simulation",
@@ -99,12 +104,14 @@ __all__ = [
     "export",
     "fit",
     "fit_core",
+    "inspect",
     "load",
     "load_result",
     "make_controller",
     "plants",
     "portrait",
     "reproduce",
+    "respond",
     "score_submission",
     "score_tasks",
     "signals",

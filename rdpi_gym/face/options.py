@@ -14,6 +14,7 @@ from rdpi_gym.support.options import Option
 from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
+    from rdpi_gym.diagnosis.search.refits import OnCandidate
     from rdpi_gym.face.catalogues import HasPlant
     from rdpi_gym.plant import PlantModel
     from rdpi_gym.plant.effects import Effect
@@ -42,6 +43,8 @@ class SearchOptions:
         File that keeps finished candidates, so that an interrupted search goes on.
     progress
         Called as ``progress(stage, done, total)``.
+    on_candidate
+        Called with a :class:`rdpi_gym.Refit` as soon as a model is refitted.
 
     Raises
     ------
@@ -63,6 +66,7 @@ class SearchOptions:
     jobs: int = field(default=-1, metadata=Option("--jobs", type=int).metadata)
     resume: PathLike[str] | str | None = None
     progress: Progress | None = None
+    on_candidate: OnCandidate | None = None
 
     def __post_init__(self) -> None:
         check_type(self.core, str | None, "core")
@@ -70,6 +74,7 @@ class SearchOptions:
         check_type(self.jobs, int, "jobs")
         check_type(self.resume, PathLike | str | None, "resume")
         check_type(self.progress, Callable[..., None] | None, "progress")
+        check_type(self.on_candidate, Callable[..., None] | None, "on_candidate")
         if self.seed < 0:
             raise InputError(f"seed is {self.seed}; give 0 or above")
         if self.jobs == 0 or self.jobs < -1:

@@ -318,6 +318,7 @@ def _search(
             progress=options.progress,
             checkpoint=None if options.resume is None else Path(options.resume),
             core=_core(options),
+            on_candidate=options.on_candidate,
         )
     return SearchResult.of(found, dataset, own)
 
@@ -349,6 +350,9 @@ def diagnose(
         File that keeps finished candidates, so that an interrupted search goes on.
     progress
         Called as ``progress(stage, done, total)``.
+    on_candidate
+        Called with a :class:`Refit` as soon as a model is refitted: first the one that candidates are
+        added to, then each candidate, in each of its forms that are tried.
 
     Returns
     -------
@@ -467,7 +471,7 @@ def add(
     model
         The model that it is added to: a plant, a result that has one, the path of a plant file, or a
         plant's name.
-    core, seed, jobs, resume, progress
+    core, seed, jobs, resume, progress, on_candidate
         As in :func:`diagnose`.
 
     Returns
@@ -515,6 +519,7 @@ def _add(
             progress=options.progress,
             checkpoint=None if options.resume is None else Path(options.resume),
             core=_core(options),
+            on_candidate=options.on_candidate,
         )
     if kind.name not in CATALOGUE and kind not in own:
         own = (*own, kind)

@@ -41,7 +41,7 @@ class Beginning(Bench):
 
     def base(self, given: PlantModel[Any] | None) -> State:
         """Refit the base model, with the core and the effects that a given model has."""
-        self.core = self._core(given)
+        self.core, self._given = self._core(given), given
         return self._on_core(CORES[self.core.kind], () if given is None else given.effects)
 
     def _core(self, given: PlantModel[Any] | None) -> CoreChoice:
@@ -139,4 +139,5 @@ class Beginning(Bench):
             found = separability(self.setting.train, state.hysteresis, (), bare)
             self._like_rate = found.alike(RATE, _LIKE_RATE)
         self._progress("base model", 1, 1)
+        self._seen(state.outcome)
         return state

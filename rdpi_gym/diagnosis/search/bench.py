@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from rdpi_gym.diagnosis.search.numerics import NumericalFloor, numerical_floor
 from rdpi_gym.diagnosis.search.openings import leaving_out, misleading, outliers_left, unknown_past
 from rdpi_gym.diagnosis.search.ranking import AT_FLOOR
 from rdpi_gym.diagnosis.search.record_clocks import record_clocks
+from rdpi_gym.diagnosis.search.refits import OnCandidate, refit_of
 from rdpi_gym.diagnosis.search.scale import one_size
 from rdpi_gym.diagnosis.search.suitability import TURNED, falls, turned, unrelated
 from rdpi_gym.diagnosis.search.thinning import close_up, thinned
@@ -32,6 +34,7 @@ from rdpi_gym.identification.rates import rate_spread
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.identification.stack import stack_records
 from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
@@ -85,6 +88,7 @@ class Bench:
         progress: Progress | None,
         checkpoint: Path | None,
         core: str | None = None,
+        on_candidate: OnCandidate | None = None,
     ) -> None:
         train, validation = tuple(dataset.train), tuple(dataset.validation)
         if not train or not validation:
@@ -123,6 +127,8 @@ class Bench:
         self._least, self._colour = math.inf, 1.0
         self._whitest: tuple[float, tuple[Record, ...], list[Array]] | None = None
         self._jobs, self._seed = jobs, seed
+        self._on_candidate = on_candidate
+        self._given: PlantModel[Any] | None = None
         self._progress = progress or (lambda task, done, total: None)
         self._checkpoint = Checkpoint(checkpoint, (*train, *validation))
         remark = self._checkpoint.remark
@@ -269,8 +275,13 @@ class Bench:
         return refit_all(
             self.setting, self._plays(state), [t for t in trials if t.kind.fits_in(core)],
             self._checkpoint, self._jobs,
-            lambda done, total: self._progress(task, done, total), least_um,
+            lambda done, total: self._progress(task, done, total), least_um, self._seen,
         )  # fmt: skip
+
+    def _seen(self, outcome: Outcome) -> None:
+        """Tell whoever watches that a refit is there."""
+        if self._on_candidate is not None:
+            self._on_candidate(refit_of(self.setting, outcome, self._given))
 
     def _update_noise(self, state: State) -> None:
         # a record of which a part is held out is one record

@@ -370,6 +370,7 @@ def refit_all(
     jobs: int,
     report: Callable[[int, int], None],
     least_um: float = math.inf,
+    seen: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
     """Refit every candidate, in parallel; best validation error first.
 
@@ -387,6 +388,8 @@ def refit_all(
         Called with candidates done and in all.
     least_um
         As :func:`refit`.
+    seen
+        Called with each refit as soon as it is there.
     """
     outcomes: list[Outcome] = []
     unfinished: list[Trial] = []
@@ -398,6 +401,7 @@ def refit_all(
             unfinished.append(trial)
         else:
             outcomes.append(assess(setting, trial.kind.name, fit))
+            seen(outcomes[-1])
     report(len(outcomes), len(trials))
     by_name = {(trial.kind.name, trial.kind.form): trial for trial in unfinished}
     one = partial(_refit_trial, setting, hysteresis, least_um)
@@ -406,6 +410,7 @@ def refit_all(
             trial = by_name[outcome.effect, outcome.form]
             checkpoint.put(hysteresis, trial.present, trial.kind, trial.starts, outcome.fit)
         outcomes.append(outcome)
+        seen(outcome)
         report(len(outcomes), len(trials))
     return sorted(outcomes, key=lambda o: o.mean_square)
 

@@ -15,6 +15,7 @@ from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.conclusion import Search, conclude, nearest_of
 from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.ranking import Ranked
+from rdpi_gym.diagnosis.search.refits import OnCandidate
 from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import RDPI, PlantModel
@@ -41,6 +42,7 @@ def diagnose(
     progress: Progress | None = None,
     checkpoint: Path | None = None,
     core: str | None = None,
+    on_candidate: OnCandidate | None = None,
 ) -> SearchResult:
     """Refit every candidate effect with the base model and rank them on validation records.
 
@@ -65,6 +67,8 @@ def diagnose(
         out. None: that of `given`; without it RDPI, unless loops turn clockwise and another core
         explains them clearly better. A discovery asks for another one too where RDPI with all that
         was added leaves something above the noise.
+    on_candidate
+        Called with each refit as soon as it is there, in this process.
 
     Returns
     -------
@@ -76,7 +80,9 @@ def diagnose(
         No record to fit, or none to validate on; the core does not have what acts on an effect.
     """
     began = time.perf_counter()
-    laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint, core)
+    laboratory = Laboratory(
+        dataset, catalogue, jobs, seed, progress, checkpoint, core, on_candidate
+    )
     base = laboratory.base(given)
     ranked = laboratory.ranked(base)
     base, chosen = _chosen(laboratory, base, base, ranked)
@@ -101,6 +107,7 @@ def discover(
     progress: Progress | None = None,
     checkpoint: Path | None = None,
     core: str | None = None,
+    on_candidate: OnCandidate | None = None,
 ) -> SearchResult:
     """Add effects until nothing more is earned, then try to take each out again.
 
@@ -116,7 +123,9 @@ def discover(
         As :func:`diagnose`.
     """
     began = time.perf_counter()
-    laboratory = Laboratory(dataset, catalogue, jobs, seed, progress, checkpoint, core)
+    laboratory = Laboratory(
+        dataset, catalogue, jobs, seed, progress, checkpoint, core, on_candidate
+    )
     without_base = copy(laboratory)
     base = laboratory.base(given)
     untouched = copy(laboratory)
@@ -315,12 +324,13 @@ def add_effect(
     progress: Progress | None = None,
     checkpoint: Path | None = None,
     core: str | None = None,
+    on_candidate: OnCandidate | None = None,
 ) -> SearchResult:
     """Add one effect because the user says so, earned or not, and refit everything.
 
     Parameters
     ----------
-    dataset, jobs, seed, progress, checkpoint, core
+    dataset, jobs, seed, progress, checkpoint, core, on_candidate
         As :func:`diagnose`.
     given
         The model; its effects are kept.
@@ -340,7 +350,9 @@ def add_effect(
     began = time.perf_counter()
     if any(effect.name == kind.name for effect in given.effects):
         raise InputError(f"the model has {kind.name} already; choose another effect")
-    laboratory = Laboratory(dataset, {kind.name: kind}, jobs, seed, progress, checkpoint, core)
+    laboratory = Laboratory(
+        dataset, {kind.name: kind}, jobs, seed, progress, checkpoint, core, on_candidate
+    )
     base = laboratory.base(given)
     if not laboratory.catalogue:
         raise InputError(

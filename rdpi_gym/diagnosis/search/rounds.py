@@ -78,6 +78,9 @@ class Rounds(Beginning):
         least_um = self._least_um(begun)
         simple = self._refit(state, [*new, *better_forms(state.effects, scale)], task, least_um)
         leaders = [past_cusps(self.setting, o, state.effects) for o in simple[:_LEADERS]]
+        for before, moved in zip(simple, leaders, strict=False):
+            if moved is not before:
+                self._seen(moved)
         outcomes = sorted([*leaders, *simple[_LEADERS:]], key=lambda o: o.mean_square)
         self._floor_from(outcomes)
         if not outcomes:
