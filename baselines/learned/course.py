@@ -102,7 +102,8 @@ class Course:
     def _keep(self, finished: bool = False) -> dict[str, float]:
         """Evaluate, and write what a reader and a later run find: policy, curve, checkpoint."""
         policy = self._policy()
-        found = self._held_out.evaluate(partial(LearnedController, policy))
+        witness = self._held_out.witness()
+        found = self._held_out.evaluate(partial(LearnedController, policy), witness)
         best = max((row["reward"] or 0.0 for row in self.rows), default=-np.inf)
         seconds = self._before_s + time.perf_counter() - self._began
         row = self._row(found, seconds)
@@ -110,7 +111,8 @@ class Course:
         self._rewards = []
         out = self.run.options.out
         if found.reward > best:
-            replace(policy, training=self._story(row)).save(out / POLICY)
+            seen = witness.largest
+            replace(policy, training=self._story(row), seen=seen).save(out / POLICY)
         write_atomic(out / CURVE, curve_text(self.rows))
         progress = {"rows": self.rows, "stretch": self._stretch, "seconds": seconds}
         save_checkpoint(out / CHECKPOINT, self.learner, progress, finished)

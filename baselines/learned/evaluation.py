@@ -8,6 +8,7 @@ import numpy as np
 
 from baselines.learned.environments import make_lanes
 from baselines.learned.options import TrainingOptions
+from baselines.learned.seen import Witnessed
 from rdpi_gym.envs.controller import ControllerFactory
 
 LANES, SAMPLES, FIRST = 24, 1000, 200
@@ -55,13 +56,19 @@ class HeldOut:
             options.models, LANES, SAMPLES + 1, action="command", **options.world()
         )
 
-    def evaluate(self, make: ControllerFactory) -> Evaluation:
+    def witness(self) -> Witnessed:
+        """Return who can be told of the observations of a run."""
+        return Witnessed(self._env.layout)
+
+    def evaluate(self, make: ControllerFactory, witness: Witnessed | None = None) -> Evaluation:
         """Run the controller that `make` makes of the plants' belief and layout."""
         controller = make(self._env.belief, self._env.layout)
         observation, _ = self._env.reset(seed=SEED)
         state, starts = None, np.ones(LANES, dtype=bool)
         errors, references, commands, rewards = (np.empty((SAMPLES, LANES)) for _ in range(4))
         for k in range(SAMPLES):
+            if witness is not None:
+                witness.take(observation)
             action, state = controller.predict(observation, state, starts, deterministic=True)
             observation, rewards[k], _, _, infos = self._env.step(action)
             errors[k], references[k] = infos["error_um"], infos["reference_um"]

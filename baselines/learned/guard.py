@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from baselines.base import Baseline
 from baselines.learned.found import controller_of
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.policy import Policy
+from baselines.learned.seen import FURTHER, WATCHED, Watch
 from baselines.memory import Rows
 from baselines.registry import known_controller
 from baselines.ringing import BAND_HZ, RingingMonitor
@@ -34,7 +36,8 @@ class Guarded(Baseline):
 
     It is taken off where the error rings (:class:`baselines.ringing.RingingMonitor`), where half of
     its commands of the last 5 ms lie at the end of their range or change by the most that one sample
-    allows, or where its answer is no finite number. Until then the fallback runs along, shown the
+    allows, where the loop goes further than those of its training did
+    (:class:`baselines.learned.seen.Watch`), or where its answer is no finite number. Until then the fallback runs along, shown the
     reference in place of the measurement, so that nothing winds up in it; it takes over within a
     millisecond.
 
@@ -44,6 +47,8 @@ class Guarded(Baseline):
         What is watched; None: it cannot run here, and the fallback has all of the episode.
     fallback
         What takes over, of the same belief and layout.
+    seen
+        How far the loops of its training went; empty: not known, and not watched.
 
     Examples
     --------
@@ -51,10 +56,15 @@ class Guarded(Baseline):
     >>> layout = ObservationLayout.for_plant(P10, ts_s=1e-4, preview=8)
     >>> pi, none = (known_controller(name)(P10, layout) for name in ("pi-preview", "none"))
     >>> Guarded(none, pi).certificate().split(";")[0]
-    'handed over to pi-preview where it rings or stays at its limits'
+    'handed over to pi-preview where it rings, stays at its limits or goes beyond its training'
     """
 
-    def __init__(self, policy: Baseline | None, fallback: Baseline) -> None:
+    def __init__(
+        self,
+        policy: Baseline | None,
+        fallback: Baseline,
+        seen: Mapping[str, float] | None = None,
+    ) -> None:
         super().__init__(fallback.belief, fallback.layout)
         self.policy, self.fallback = policy, fallback
         ts, one = self.layout.ts_s, np.zeros(1)
@@ -62,10 +72,14 @@ class Guarded(Baseline):
         self._forgets = 1.0 - math.exp(-ts / LIMIT_S)
         self._slide = min(ts / BLEND_S, 1.0)
         self._measured = self.layout.preview + 1
+        self.watch = Watch(self.layout)
+        most = [(seen or {}).get(name, math.inf) for name in WATCHED]
+        self._furthest = FURTHER * np.array(most)[:, None]
         self.rows = Rows(
             policy=0 if policy is None else len(policy.start(one)),
             fallback=len(fallback.start(one)),
             monitor=self.monitor.rows,
+            watch=self.watch.rows,
             at_limit=1,
             share=1,
         )
@@ -85,7 +99,7 @@ class Guarded(Baseline):
     def certificate(self) -> str:
         """Return one line on the handing over, and what is certain of the fallback."""
         said = self.fallback.certificate() or "no certificate"
-        return f"handed over to {self.fallback.name} where it rings or stays at its limits; of that one: {said}"
+        return f"handed over to {self.fallback.name} where it rings, stays at its limits or goes beyond its training; of that one: {said}"
 
     def start(self, reference_um: Array) -> Array:
         """Return the memory at rest; see :meth:`baselines.base.Baseline.start`."""
@@ -96,6 +110,7 @@ class Guarded(Baseline):
             of(state, "policy")[:] = self.policy.start(reference_um)
         of(state, "fallback")[:] = self.fallback.start(reference_um)
         of(state, "monitor")[:] = self.monitor.start(reference_um)
+        of(state, "watch")[:] = self.watch.start(len(reference_um))
         return state
 
     def handed_over(self, state: Array) -> NDArray[np.bool_]:
@@ -136,7 +151,11 @@ class Guarded(Baseline):
         at_limit += self._forgets * (there - at_limit)
         error = reference_um[0] - self.layout.measured_um(observation)
         _, ringing = self.monitor.watch(self.rows.of(state, "monitor"), error, reference_um[0])
-        alarm: NDArray[np.bool_] = ringing | (at_limit > LIMIT_SHARE) | ~np.isfinite(command_V)
+        met = self.watch.take(self.rows.of(state, "watch"), observation)
+        further = (met > self._furthest).any(axis=0)
+        alarm: NDArray[np.bool_] = (
+            ringing | (at_limit > LIMIT_SHARE) | further | ~np.isfinite(command_V)
+        )
         return alarm
 
 
@@ -163,4 +182,4 @@ def guarded(
     """
     own = controller_of(policy, belief, layout) if policy.runs_at(layout.ts_s) else None
     fallback = known_controller(FALLBACK)(belief, layout)
-    return Guarded(own, fallback)
+    return Guarded(own, fallback, policy.seen)

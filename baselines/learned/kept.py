@@ -25,9 +25,12 @@ class Trained:
     ----------
     layout : ObservationLayout
         What the observations of its training showed.
+    seen : Mapping
+        How far the loops of its training went.
     """
 
     layout: ObservationLayout
+    seen: Mapping[str, float]
 
     def runs_at(self, ts_s: float) -> bool:
         """Whether a sampling time (s) is that of its training: it means nothing at another."""

@@ -13,6 +13,7 @@ from torch import nn
 
 from baselines.learned.kept import DESCRIPTION, Trained, read_as, write_policy
 from baselines.learned.network import Network
+from baselines.learned.seen import checked_seen
 from baselines.learned.weights import read_weights
 from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
@@ -50,6 +51,8 @@ class Policy(Trained):
         Name of the controller that actions correct; None: they do not.
     training
         How it came about, for a reader.
+    seen
+        How far the loops of its training went, see :mod:`baselines.learned.seen`; empty: not known.
 
     Raises
     ------
@@ -76,6 +79,7 @@ class Policy(Trained):
     actor: nn.Sequential
     baseline: str | None = None
     training: Mapping[str, Any] = field(default_factory=dict)
+    seen: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         widths = self.network.widths
@@ -119,6 +123,7 @@ class Policy(Trained):
             "network": asdict(self.network),
             "baseline": self.baseline,
             "training": dict(self.training),
+            **({"seen": dict(self.seen)} if self.seen else {}),
         }
         return write_policy(folder, WEIGHTS, weights.getvalue(), document)
 
@@ -203,6 +208,7 @@ def _described(document: Mapping[str, Any]) -> dict[str, Any]:
         "error": _number(scaling["error"]),
         "baseline": document["baseline"],
         "training": training,
+        "seen": checked_seen(document.get("seen")),
     }
 
 

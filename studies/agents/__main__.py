@@ -30,7 +30,7 @@ OUT, DOCS = _ROOT / "studies" / "results" / "agents", _ROOT / "docs"
 POLICIES = _ROOT / "baselines" / "learned" / "policies"
 RUNS, QUICK_RUNS = Path("results/agents"), Path("results/agents-quick")
 STAGES = ("train", "score", "gap", "curves")
-BY_NAME = ("ship", "walk", "page")
+BY_NAME = ("ship", "see", "walk", "page")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -118,6 +118,19 @@ def _ship(study: Study, options: Namespace) -> None:
         )
 
 
+def _see(study: Study, options: Namespace) -> None:
+    from studies.agents.seen import see  # torch, only where needed
+    from studies.agents.shipping import folder_bytes
+
+    policies = options.runs / "policies" if study is QUICK else POLICIES
+    for folder in sorted(path for path in policies.iterdir() if path.is_dir()):
+        told = ", ".join(f"{name} {value:g}" for name, value in see(folder, study).items())
+        print(f"{folder.name}: {told}")
+    shipped = pd.read_csv(options.out / "shipped.csv")
+    shipped["policy_bytes"] = [folder_bytes(policies / name) for name in shipped["agent"]]
+    _write(options.out / "shipped.csv", shipped)
+
+
 def _walk(study: Study, options: Namespace) -> None:
     walk = take_walk(walk_template(study))
     print(f"{walk['seconds']:.0f} s: {write_json(options.out / FILE, walk)}")
@@ -135,6 +148,7 @@ _STAGES: dict[str, Callable[[Study, Namespace], None]] = {
     "gap": _gap,
     "curves": _curves,
     "ship": _ship,
+    "see": _see,
     "walk": _walk,
     "page": _page,
 }

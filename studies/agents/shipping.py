@@ -120,12 +120,12 @@ def ship(scores: pd.DataFrame, trainings: Sequence[Training], target: Path) -> p
     sources = [by_name[name, seed].policy for name, seed in chosen[["agent", "seed"]].to_numpy()]
     for source in sources:
         Policy.load(source)
-    chosen["policy_bytes"] = [_bytes(source) for source in sources]
+    chosen["policy_bytes"] = [folder_bytes(source) for source in sources]
     names = list(chosen["agent"])
     kept = [
         path.parent for path in target.glob(f"*/{DESCRIPTION}") if path.parent.name not in names
     ]
-    total = int(chosen["policy_bytes"].sum()) + sum(map(_bytes, kept))
+    total = int(chosen["policy_bytes"].sum()) + sum(map(folder_bytes, kept))
     if total > LIMIT_BYTES:
         raise InputError(
             f"the policies would take {total} bytes in {target}, more than {LIMIT_BYTES}; "
@@ -141,5 +141,6 @@ def ship(scores: pd.DataFrame, trainings: Sequence[Training], target: Path) -> p
     return chosen
 
 
-def _bytes(folder: Path) -> int:
+def folder_bytes(folder: Path) -> int:
+    """Return what the files of a policy take (bytes)."""
     return sum(file.stat().st_size for file in folder.iterdir())

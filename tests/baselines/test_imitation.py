@@ -125,6 +125,7 @@ def test_every_round_has_plants_of_its_own(tmp_path, monkeypatch):
     assert drawn == [
         ("training", 0), ("validation", 0), ("validation", 0),
         ("training", 0), ("training", 1), ("validation", 0),
+        ("training", 0, 1, 2, 3),  # how far its loops go
     ]  # fmt: skip
 
 

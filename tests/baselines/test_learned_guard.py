@@ -9,13 +9,16 @@ pytest.importorskip("torch")
 
 from baselines import make_controller
 from baselines.base import Baseline
+from baselines.learned.found import find_learned
 from baselines.learned.guard import FALLBACK, Guarded
+from baselines.learned.seen import WATCHED
 from baselines.registry import known_controller
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10
 from rdpi_gym.signals import Sine
+from rdpi_gym.support.errors import InputError
 
 TS, LAST = 1e-4, 300
 BELIEF = limit_band(P10, 800.0)
@@ -72,8 +75,35 @@ def test_a_policy_that_fails_is_taken_off_and_the_fallback_tracks(spoilt):
     assert errors[-LAST:].max() < 0.02 * 60.0  # two percent of the stroke, as if nothing had been
 
 
+SEEN = {"reference_step": 0.02, "error": 0.02, "measured_step": 0.02, "command_step": 0.02}
+
+
+def test_a_loop_that_goes_further_than_its_training_is_handed_over():
+    def holds(command, k):  # neither rings nor ends at a limit
+        return np.full_like(command, 5.0)
+
+    errors, handed = driven(Guarded(Policy(holds), alone()))
+    assert not handed.any()
+    assert errors[-LAST:].max() > 0.1 * 60.0
+    errors, handed = driven(Guarded(Policy(holds), alone(), SEEN))
+    assert not handed[:500].any()
+    assert handed[700:].all()
+    assert errors[-LAST:].max() < 0.02 * 60.0
+
+
+def test_what_a_training_saw_is_kept_with_its_policy(tmp_path):
+    for name in ("imitation-stage", "ppo-increment"):
+        policy = find_learned(name)
+        assert sorted(policy.seen) == sorted(WATCHED)
+        assert find_learned(str(policy.save(tmp_path / name))).seen == policy.seen
+    path = tmp_path / name / "policy.json"
+    path.write_text(path.read_text().replace('"error": 0.1', '"error": -0.1'))
+    with pytest.raises(InputError, match=r"policy\.json: seen is .*; give numbers above 0 for"):
+        find_learned(str(tmp_path / name))
+
+
 def test_a_policy_that_tracks_is_left_alone():
-    errors, handed = driven(Guarded(Policy(lambda command, k: command), alone()))
+    errors, handed = driven(Guarded(Policy(lambda command, k: command), alone(), SEEN))
     assert not handed.any()
     assert errors[-LAST:].max() < 0.02 * 60.0
 

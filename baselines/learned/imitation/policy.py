@@ -15,6 +15,7 @@ from baselines.adaptive_dual_loop import AdaptiveDualLoop, CorrectedAdaptive
 from baselines.learned.imitation.student import ARRAYS, Student
 from baselines.learned.imitation.taught import WEIGHTED, seen_by
 from baselines.learned.kept import DESCRIPTION, Trained, check_whole, read_as, write_policy
+from baselines.learned.seen import checked_seen
 from baselines.tuning import Settings, checked_settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -45,6 +46,8 @@ class StudentPolicy(Trained):
         Settings of the controller that it corrects.
     training
         How it came about, for a reader.
+    seen
+        How far the loops of its training went, see :mod:`baselines.learned.seen`; empty: not known.
 
     Examples
     --------
@@ -64,6 +67,7 @@ class StudentPolicy(Trained):
     loop: Settings
     feedforward: Settings
     training: Mapping[str, Any] = field(default_factory=dict)
+    seen: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def untaught(cls, belief: PlantModel, layout: ObservationLayout, hidden: int) -> StudentPolicy:
@@ -102,6 +106,7 @@ class StudentPolicy(Trained):
             "feedforward": dict(self.feedforward),
             "weighted": self.student.weighted,
             "training": dict(self.training),
+            **({"seen": dict(self.seen)} if self.seen else {}),
         }
         return write_policy(folder, WEIGHTS, weights.getvalue(), document)
 
@@ -132,6 +137,7 @@ class StudentPolicy(Trained):
                     CorrectedAdaptive.name, CorrectedAdaptive.knobs, document["feedforward"]
                 ),
                 dict(document["training"]),
+                checked_seen(document.get("seen")),
             )
 
 

@@ -105,6 +105,9 @@ class Rounds:
                 self._keep(reward)
             if self.progress is not None:
                 self.progress("teaching", self.done, self.count)
+        policy = StudentPolicy.load(out / POLICY)
+        if not policy.seen:
+            replace(policy, seen=witnessed(policy, self.options)).save(out / POLICY)
         return out / POLICY
 
     @property
@@ -234,6 +237,20 @@ class Rounds:
             "validation_percent": row["rmse_percent"],
             "validation_compensator_percent": row["compensator_rmse_percent"],
         }
+
+
+def witnessed(policy: StudentPolicy, options: Options) -> Mapping[str, float]:
+    """Return how far the loops of a student go on training draws, four times as many as are held out.
+
+    Parameters
+    ----------
+    policy
+        The student.
+    options
+        Of its training.
+    """
+    numbers = range(4 * options.held_out)
+    return visit(taught_lanes(options.stage, "training", numbers, options.seed), policy).largest
 
 
 def _figures(score: Score, prefix: str) -> Row:

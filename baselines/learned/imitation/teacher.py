@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from baselines.adaptive_dual_loop import AdaptiveDualLoop
 from baselines.learned.imitation.controller import StudentController
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.imitation.student import UNIT_UM, Float32
+from baselines.learned.seen import Witnessed
 from baselines.loops.path import belief_path
 from baselines.loops.systems import LinearSystem, unit_delay
 from rdpi_gym.envs.tasks import Lanes, StageTask
@@ -104,6 +105,8 @@ class Visited:
         Decision from which on errors are scored.
     score
         Of the run.
+    largest
+        How far its loops went, see :mod:`baselines.learned.seen`.
     """
 
     seen: Float32
@@ -113,6 +116,7 @@ class Visited:
     response: Responses
     first: int
     score: Score
+    largest: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -163,8 +167,9 @@ def visit(lanes: Lanes, policy: StudentPolicy) -> Visited:
     samples, count = reference.shape
     error, command = np.empty((samples, count)), np.empty((samples, count))
     error[0], command[0] = track.error_um, track.command_V
-    state = None
+    state, met = None, Witnessed(layout)
     for k in range(1, samples):
+        met.take(observation)
         action, state = controller.predict(observation, state)
         observation = track.step(layout.place_to_V(action[:, 0].astype(np.float64)))
         error[k], command[k] = track.error_um, track.command_V
@@ -179,7 +184,7 @@ def visit(lanes: Lanes, policy: StudentPolicy) -> Visited:
     seen, errors, corrections = (np.stack(part) for part in zip(*told, strict=True))
     left = _single(error[1:] / UNIT_UM)
     response = responses(lanes, controller)
-    return Visited(seen, errors, corrections, left, response, first - 1, score)
+    return Visited(seen, errors, corrections, left, response, first - 1, score, met.largest)
 
 
 def _single(values: Array) -> Float32:

@@ -1,0 +1,60 @@
+"""How far the loops of a shipped policy's own evaluation go, kept beside the policy for its monitor.
+
+What a training keeps of a policy that it finds; those that were trained before it did are driven
+once more on draws of their own training.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from baselines.learned.controller import LearnedController
+from baselines.learned.evaluation import HeldOut
+from baselines.learned.found import find_learned
+from baselines.learned.imitation.options import Options
+from baselines.learned.imitation.policy import StudentPolicy
+from baselines.learned.imitation.rounds import witnessed
+from baselines.learned.kept import DESCRIPTION
+from baselines.learned.options import TrainingOptions
+from rdpi_gym.support.files import parse_json, read_utf8, write_json
+from studies.agents.study import Study
+
+_LARGEST = 2**20  # bytes of a description
+
+
+def see(folder: Path, study: Study) -> dict[str, float]:
+    """Drive a policy on draws of its own training, and keep how far its loops went.
+
+    Parameters
+    ----------
+    folder
+        Of a policy of this study, named as its agent, or of a student.
+    study
+        The options of its training.
+
+    Returns
+    -------
+    dict
+        By :data:`baselines.learned.seen.WATCHED`, as ``policy.json`` says now.
+
+    Raises
+    ------
+    InputError
+        There is no policy, or no environment can be made of its options.
+    """
+    policy = find_learned(str(folder))
+    if isinstance(policy, StudentPolicy):
+        told = {name: policy.training[name] for name in ("task", "seed", "lanes")}
+        seen = dict(witnessed(policy, Options(**told)))
+    else:
+        agent = next(each for each in study.agents if each.name == folder.name)
+        options = study.options(agent, policy.training["seed"], folder)
+        held_out = HeldOut(TrainingOptions(**options))
+        witness = held_out.witness()
+        held_out.evaluate(partial(LearnedController, policy), witness)
+        seen = witness.largest
+    path = folder / DESCRIPTION
+    document = parse_json(read_utf8(path, _LARGEST), str(path))
+    write_json(path, document | {"seen": seen})
+    return seen
