@@ -112,7 +112,7 @@ def _ship(study: Study, options: Namespace) -> None:
     target = options.runs / "policies" if study is QUICK else POLICIES
     shipped = ship(pd.read_csv(scores), _finished(study, options.runs), target)
     _write(options.out / "shipped.csv", shipped)
-    for one in shipped.itertuples():
+    for one in shipped[shipped["ships"]].itertuples():
         print(
             f"{target / str(one.agent)}: seed {one.seed}, the median of {one.trainings} trainings"
         )
@@ -127,7 +127,9 @@ def _see(study: Study, options: Namespace) -> None:
         told = ", ".join(f"{name} {value:g}" for name, value in see(folder, study).items())
         print(f"{folder.name}: {told}")
     shipped = pd.read_csv(options.out / "shipped.csv")
-    shipped["policy_bytes"] = [folder_bytes(policies / name) for name in shipped["agent"]]
+    for place in shipped.index[shipped["ships"]]:
+        name = str(shipped.loc[place, "agent"])
+        shipped.loc[place, "policy_bytes"] = folder_bytes(policies / name)
     _write(options.out / "shipped.csv", shipped)
 
 

@@ -68,6 +68,7 @@ def page_facts(results: Path) -> dict[str, Any]:
         "trainings": len(curves[["agent", "seed"]].drop_duplicates()),
         "plants": int(groups["plants"].max()),
         "shipped_kib": float(shipped["policy_bytes"].sum()) / 1024.0,
+        "sac_over_ppo": findings.times_between(shipped, "sac", "ppo"),
         "walk": _walk(walk),
         "tasks": standing(on_tasks),
         "guarded_failures": float(guarded["failed"].max()),

@@ -160,8 +160,23 @@ def _span(values: pd.Series) -> str:
     return f"{number(values.min())} to {number(values.max())}"
 
 
+def times_between(shipped: pd.DataFrame, algorithm: str, other: str) -> str:
+    """Return by how much the median policies of an algorithm leave more than those of another.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"agent": ["ppo-a", "ppo-b", "sac-a", "sac-b"]})
+    >>> times_between(table.assign(rmse_percent=[1.0, 2.0, 3.0, 8.0]), "sac", "ppo")
+    '3 and 4'
+    """
+    own = shipped.set_index("agent")["rmse_percent"]
+    ways = [name.partition("-")[2] for name in own.index if name.startswith(f"{algorithm}-")]
+    ratios = sorted(own[f"{algorithm}-{way}"] / own[f"{other}-{way}"] for way in ways)
+    return " and ".join(f"{ratio:.2g}" for ratio in ratios)
+
+
 def shipped_view(shipped: pd.DataFrame) -> pd.DataFrame:
-    """Return the shipped policies with the headings that a reader sees."""
+    """Return the median policies, and which of them ship, with the headings that a reader sees."""
     both = zip(shipped["best_percent"], shipped["worst_percent"], strict=True)
     return pd.DataFrame(
         {
@@ -172,6 +187,6 @@ def shipped_view(shipped: pd.DataFrame) -> pd.DataFrame:
             "best to worst of them (%)": [
                 f"{number(best)} to {_percent(worst)}" for best, worst in both
             ],
-            "bytes": shipped["policy_bytes"].map("{:,}".format),
+            "ships": [f"{b:,} bytes" if b else "no" for b in shipped["policy_bytes"]],
         }
     )

@@ -1,7 +1,8 @@
 """Which policies this release ships, so that ``rdpi bench`` shows agents without a training.
 
 Of each agent the one with the median score over its trainings: what a reader who trains once may
-expect. The best of five seeds would promise more than that.
+expect. The best of five seeds would promise more than that. Of agents whose actions are read alike
+the one that leaves least ships, so an algorithm has to earn its place.
 """
 
 from __future__ import annotations
@@ -59,8 +60,9 @@ def median_trainings(scores: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``agent, seed, rmse_percent``, number of ``trainings``, and of these the scores
-        ``best_percent`` and ``worst_percent``.
+        ``agent, seed, rmse_percent``, number of ``trainings``, of these the scores
+        ``best_percent`` and ``worst_percent``, and whether it ``ships``: no agent whose actions are
+        read alike leaves less.
 
     Examples
     --------
@@ -83,7 +85,13 @@ def median_trainings(scores: pd.DataFrame) -> pd.DataFrame:
                 "worst_percent": own["rmse_percent"].iloc[-1],
             }
         )
-    return pd.DataFrame(lines)
+    found = pd.DataFrame(lines)
+    least = found.groupby(found["agent"].map(_action))["rmse_percent"].transform("min")
+    return found.assign(ships=found["rmse_percent"] == least)
+
+
+def _action(agent: str) -> str:
+    return agent.partition("-")[2]
 
 
 def ship(scores: pd.DataFrame, trainings: Sequence[Training], target: Path) -> pd.DataFrame:
@@ -96,12 +104,12 @@ def ship(scores: pd.DataFrame, trainings: Sequence[Training], target: Path) -> p
     trainings
         Those that are finished.
     target
-        Folder of the shipped policies; others that lie there stay.
+        Folder of the shipped policies; those of other names that lie there stay.
 
     Returns
     -------
     DataFrame
-        As :func:`median_trainings`, with ``policy_bytes``.
+        As :func:`median_trainings`, with ``policy_bytes``, 0 of what does not ship.
 
     Raises
     ------
@@ -117,11 +125,13 @@ def ship(scores: pd.DataFrame, trainings: Sequence[Training], target: Path) -> p
             f"{other[0]} with seed {other[1]} is either not trained or not scored; run --stage score again"
         )
     chosen = median_trainings(scores)
-    sources = [by_name[name, seed].policy for name, seed in chosen[["agent", "seed"]].to_numpy()]
+    shipping = chosen[chosen["ships"]]
+    sources = [by_name[name, seed].policy for name, seed in shipping[["agent", "seed"]].to_numpy()]
     for source in sources:
         Policy.load(source)
-    chosen["policy_bytes"] = [folder_bytes(source) for source in sources]
-    names = list(chosen["agent"])
+    names = list(shipping["agent"])
+    taken = dict(zip(names, map(folder_bytes, sources), strict=True))
+    chosen["policy_bytes"] = [taken.get(name, 0) for name in chosen["agent"]]
     kept = [
         path.parent for path in target.glob(f"*/{DESCRIPTION}") if path.parent.name not in names
     ]

@@ -121,7 +121,7 @@ def test_pages_are_filled_and_say_what_the_tables_say(tmp_path):
     assert "- **creep**: behind the best compensator. `ppo-increment` has 4 (" in standing
     assert "- **lag**: ahead" in standing
     assert "| Stage | `imitation-stage`: " in standing
-    assert "| ppo-increment | 1 | 0.5 | 2 | 0.4 to 0.5 | 35,000 |" in standing
+    assert "| ppo-increment | 1 | 0.5 | 2 | 0.4 to 0.5 | 35,000 bytes |" in standing
 
 
 def test_the_stage_writes_both_pages_and_a_quick_one_not_over_the_published(tmp_path, capsys):

@@ -148,6 +148,14 @@ def test_the_median_is_shipped_and_not_the_best(by_seed, seed):
     assert (chosen["trainings"], chosen["best_percent"]) == (len(by_seed), min(by_seed))
 
 
+def test_of_agents_with_the_same_actions_the_one_that_leaves_least_ships():
+    names, errors = ("ppo-correction", "sac-correction", "sac-increment"), (1.0, 2.0, 9.0)
+    each = [scores([error], name) for name, error in zip(names, errors, strict=True)]
+    table = pd.concat(each, ignore_index=True)
+    chosen = shipping.median_trainings(table).set_index("agent")
+    assert chosen["ships"].to_dict() == dict(zip(names, (True, False, True), strict=True))
+
+
 def test_shipped_policies_are_the_trained_ones_and_twice_is_once(tmp_path, monkeypatch):
     runs, target = tmp_path / "runs", tmp_path / "policies"
     made = [trained(each) for each in all_trainings(SEEDS, runs)]
@@ -218,7 +226,9 @@ def test_committed_policies_are_those_of_the_table():
         if json.loads(path.read_text())["format"] == policies.FORMAT
     }
     rows = pd.read_csv(table).set_index("agent")
-    assert set(folders) == set(rows.index), "run python -m studies.agents --stage ship"
+    earned = rows[rows["ships"]]
+    assert set(folders) == set(earned.index), "run python -m studies.agents --stage ship"
+    assert (rows.loc[~rows["ships"], "policy_bytes"] == 0).all()
     for name in folders:
         assert find_policy(name).training["seed"] == rows.loc[name, "seed"]
     total = sum(file.stat().st_size for path in folders.values() for file in path.parent.iterdir())
