@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.collecting import collect
     from rdpi_gym.face.comparison import Comparison, ModelComparison, compare
     from rdpi_gym.face.data import Dataset, load
+    from rdpi_gym.face.experiment import PlannedExperiment, plan_experiment
     from rdpi_gym.face.fitting import FitResult, fit
     from rdpi_gym.face.fitting_core import CoreFit, KindChoice, choose_kind, fit_core
     from rdpi_gym.face.inspection import Inspection, Refit, Response, inspect, respond
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.search import SearchResult, add, diagnose, discover, portrait
     from rdpi_gym.face.simulation import Simulation, simulate
     from rdpi_gym.face.tasks import TaskScores, score_submission, score_tasks, submit
+    from rdpi_gym.face.tracking import Tracking, track
     from rdpi_gym.face.training import Training, export, sweep, train, training_options
     from rdpi_gym.face.tuning import certificate, tune
     from rdpi_gym.support.errors import InputError
@@ -55,6 +57,7 @@ _HOME = {
     "collecting": ("collect",),
     "comparison": ("Comparison", "ModelComparison", "compare"),
     "data": ("Dataset", "load"),
+    "experiment": ("PlannedExperiment", "plan_experiment"),
     "fitting": ("FitResult", "fit"),
     "fitting_core": ("CoreFit", "KindChoice", "choose_kind", "fit_core"),
     "inspection": ("Inspection", "Refit", "Response", "inspect", "respond"),
@@ -64,6 +67,7 @@ _HOME = {
     "search": ("SearchResult", "add", "diagnose", "discover", "portrait"),
     "simulation": ("Simulation", "simulate"),
     "tasks": ("TaskScores", "score_submission", "score_tasks", "submit"),
+    "tracking": ("Tracking", "track"),
     "training": ("Training", "export", "sweep", "train", "training_options"),
     "tuning": ("certificate", "tune"),
 }
@@ -82,12 +86,14 @@ __all__ = [
     "KindChoice",
     "ModelComparison",
     "PaperResults",
+    "PlannedExperiment",
     "Refit",
     "Response",
     "Result",
     "SearchResult",
     "Simulation",
     "TaskScores",
+    "Tracking",
     "Training",
     "__version__",
     "add",
@@ -108,6 +114,7 @@ __all__ = [
     "load",
     "load_result",
     "make_controller",
+    "plan_experiment",
     "plants",
     "portrait",
     "reproduce",
@@ -118,6 +125,7 @@ __all__ = [
     "simulate",
     "submit",
     "sweep",
+    "track",
     "train",
     "training_options",
     "tune",

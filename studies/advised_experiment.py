@@ -8,7 +8,6 @@ effects, which holds what is hidden in nine of ten searches. An interrupted run 
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 from argparse import Namespace
@@ -21,6 +20,7 @@ import pandas as pd
 from benchmarks.hidden_effects import cases as study
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
+from rdpi_gym.diagnosis.search.experiments import asked_for
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
@@ -35,15 +35,6 @@ GIVEN = (
     ("multisine", "validation-chirp"), ("minor-loops", "validation-loops"),
 )  # fmt: skip
 """Two records that a user might have, to fit and to validate on."""
-LIFTED = (
-    ("slow triangle that decays from the full range, and loops", ("triangle-slow", "minor-loops")),
-    ("slow triangle that decays", ("triangle-slow",)),
-    ("sines at four rates", ("sine-10hz", "sine-50hz", "sine-100hz-half", "sine-200hz-quarter")),
-    ("steps up and down with holds", ("stairs",)),
-    ("small multisine", ("multisine-small",)),
-    ("the same thing twice", ("triangle-slow-again", "triangle-slow")),
-)
-"""Words of an advice, and the records of the protocol that it asks for."""
 _ROOMS = ("plant", "signals", "measurement", "identification", "virtual_lab", "diagnosis")
 
 
@@ -73,24 +64,6 @@ def make(plants: int, seed: int) -> list[Case]:
         Case(study.Case("single", (names[k % len(names)],), 1000 + k, seed), GIVEN[k % len(GIVEN)])
         for k in range(plants)
     ]
-
-
-def asked_for(advice: str | None) -> tuple[str, ...]:
-    """Return the records of the standard protocol that an advice asks for; none where it is another.
-
-    Examples
-    --------
-    >>> asked_for("Record steps up and down with holds from 0.05 to 50 s.")
-    ('stairs',)
-    >>> asked_for("Record other amplitudes: of the standard protocol, multisine (dynamics; 0.5 s ...")
-    ('multisine',)
-    """
-    if advice is None:
-        return ()
-    named = re.search(r"of the standard protocol, ([\w-]+) \(", advice)
-    if named:
-        return (named[1],)
-    return next((records for words, records in LIFTED if words in advice), ())
 
 
 def run_case(case: Case, code: str) -> Row:

@@ -18,6 +18,7 @@ from rdpi_gym.diagnosis.search import discover as searches
 from rdpi_gym.diagnosis.search.core_choice import AUTO
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import Dataset, as_dataset, in_words_of
+from rdpi_gym.face.experiment import PlannedExperiment, plan_experiment
 from rdpi_gym.face.options import CandidateOptions, SearchOptions
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.measurement.options import unknown_name
@@ -123,6 +124,27 @@ class SearchResult(Shown, results.SearchResult):
         with in_words_of(self.data):
             found = searches.remove_effect(self.data, self.plant, effect)
         return SearchResult.of(found, self.data, self.own)
+
+    @checked
+    def experiment(self, rate_hz: float | None = None) -> PlannedExperiment | None:
+        """Return the next experiment as a command to play on the rig.
+
+        Parameters
+        ----------
+        rate_hz
+            Samples a second; by default those that suit the motion.
+
+        Returns
+        -------
+        PlannedExperiment or None
+            None where no experiment is advised, or none that is a motion.
+
+        Raises
+        ------
+        InputError
+            A rate that the motion cannot be played at.
+        """
+        return plan_experiment(self.next_experiment, self.data, self.plant, rate_hz)
 
     def _lines(self) -> Sequence[str]:
         return [*lines(self), *map(closed, self.notes)]

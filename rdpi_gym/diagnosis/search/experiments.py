@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 
 from rdpi_gym.diagnosis.hygiene import Finding
@@ -31,6 +32,47 @@ _LIFTS = (
     ("No repetition", "Record the same thing twice, at the beginning and at the end."),
     ("1 record", "Record another kind of motion in a second file, to be held out."),
 )  # fmt: skip
+
+_SINES = ("sine-10hz", "sine-50hz", "sine-100hz-half", "sine-200hz-quarter")
+ASKED_FOR: Mapping[str, tuple[str, ...]] = {
+    "slow triangle that decays from the full range, and loops": ("triangle-slow", "minor-loops"),
+    "slow triangle that decays": ("triangle-slow",),
+    "sines at four rates": _SINES,
+    "one loop at four rates": _SINES,
+    "steps up and down with holds": ("stairs",),
+    "small multisine": ("multisine-small",),
+    "the same thing twice": ("triangle-slow-again", "triangle-slow"),
+    "loops within a loop": ("minor-loops",),
+    "nested loops": ("minor-loops",),
+    "another kind of motion": ("validation-loops",),
+    "Record the standard protocol": (
+        "triangle-slow", "sine-10hz", "sine-50hz", "sine-100hz-half", "multisine", "stairs",
+    ),
+}  # fmt: skip
+"""Words of an advice, and the records of the standard protocol that it asks for."""
+
+
+def asked_for(advice: str | None) -> tuple[str, ...]:
+    """Return the records of the standard protocol that an advice asks for; none where it is another.
+
+    Parameters
+    ----------
+    advice
+        What :func:`what_to_measure` said, or the core in its place.
+
+    Examples
+    --------
+    >>> asked_for("Record steps up and down with holds from 0.05 to 50 s.")
+    ('stairs',)
+    >>> asked_for("Record other amplitudes: of the standard protocol, multisine (dynamics; 0.5 s ...")
+    ('multisine',)
+    """
+    if advice is None:
+        return ()
+    named = re.search(r"of the standard protocol, ([\w-]+) \(", advice)
+    if named:
+        return (named[1],)
+    return next((records for words, records in ASKED_FOR.items() if words in advice), ())
 
 
 def what_to_measure(
