@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.fitting import FitResult, fit
     from rdpi_gym.face.fitting_core import CoreFit, KindChoice, choose_kind, fit_core
     from rdpi_gym.face.inspection import Inspection, Refit, Response, inspect, respond
+    from rdpi_gym.face.laboratory import OpenLab, lab
     from rdpi_gym.face.paper import PaperResults, reproduce
     from rdpi_gym.face.result import Result
     from rdpi_gym.face.results import load_result
@@ -61,6 +62,7 @@ _HOME = {
     "fitting": ("FitResult", "fit"),
     "fitting_core": ("CoreFit", "KindChoice", "choose_kind", "fit_core"),
     "inspection": ("Inspection", "Refit", "Response", "inspect", "respond"),
+    "laboratory": ("OpenLab", "lab"),
     "paper": ("PaperResults", "reproduce"),
     "result": ("Result",),
     "results": ("load_result",),
@@ -85,6 +87,7 @@ __all__ = [
     "Inspection",
     "KindChoice",
     "ModelComparison",
+    "OpenLab",
     "PaperResults",
     "PlannedExperiment",
     "Refit",
@@ -111,6 +114,7 @@ __all__ = [
     "fit",
     "fit_core",
     "inspect",
+    "lab",
     "load",
     "load_result",
     "make_controller",

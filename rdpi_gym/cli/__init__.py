@@ -20,6 +20,7 @@ COMMANDS = (
     "diagnose",
     "add",
     "discover",
+    "lab",
     "simulate",
     "effects",
     "collect",

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import rdpi_gym as rg
+from rdpi_gym.laboratory.bringing import read
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
 
 JOURNAL = "journal.jsonl"
-DATA_FOLDER, REFUSED_FOLDER = "data", "refused"
+DATA_FOLDER = "data"
 Event = Mapping[str, Any]
 
 
@@ -138,6 +139,8 @@ class Session:
         By step.
     payoffs : dict of str, dict
         What the last payoff of a step returned.
+    said : dict of str, dict
+        By step, the ``sentence`` on where it fails most, and the noise floor ``noise_um`` (µm rms).
     files : dict of str, dict
         Data files by name: ``problem``, ``row``, ``column``, each None where it was read.
 
@@ -161,6 +164,7 @@ class Session:
         self.redo: list[str] = []
         self.rankings: dict[str, Ranking] = {}
         self.payoffs: dict[str, dict[str, Any]] = {}
+        self.said: dict[str, dict[str, Any]] = {}
         self.files: dict[str, dict[str, Any]] = {}
         self._data: rg.Dataset | None = None
         self._is_read = False
@@ -182,7 +186,7 @@ class Session:
     def data(self) -> rg.Dataset | None:
         """The records; None before there are any."""
         if self._data is None and self._is_read:
-            self._data = rg.load(self.data_folder)
+            self._data = read(self.data_folder).data
         return self._data
 
     @property
@@ -239,7 +243,7 @@ class Session:
         ----------
         event
             ``do`` says what: ``read``, ``file``, ``step``, ``update``, ``go``, ``refit``,
-            ``ranking``, ``payoff``.
+            ``ranking``, ``payoff``, ``said``.
 
         Raises
         ------
@@ -277,7 +281,7 @@ class Session:
     def _fold(self, event: Event) -> None:
         if event["do"] == "read":
             self._is_read, self._data = True, None
-            self.steps, self.rankings, self.payoffs = {}, {}, {}
+            self.steps, self.rankings, self.payoffs, self.said = {}, {}, {}, {}
             self.path, self.redo = [], []
         elif event["do"] == "file":
             if event["entry"] is None:
@@ -305,3 +309,5 @@ class Session:
             )
         elif event["do"] == "payoff":
             self.payoffs[event["step"]] = dict(event["payoff"])
+        elif event["do"] == "said":
+            self.said[event["step"]] = {k: event[k] for k in ("sentence", "noise_um")}

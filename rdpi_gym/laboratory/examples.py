@@ -1,0 +1,88 @@
+"""What there is to try the laboratory on: exercises with hidden effects, and measured records."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Example:
+    """Something to begin with.
+
+    Parameters
+    ----------
+    key, title, text
+        Its name, and what it is.
+    kind
+        ``exercise`` (simulated, effects are hidden) or ``measured``.
+    records, samples
+        How many there are.
+    simulated
+        Arguments of :func:`rdpi_gym.simulate`; None for measured records.
+    folder
+        Name of the folder of measured records.
+    """
+
+    key: str
+    title: str
+    text: str
+    kind: str
+    records: int
+    samples: int
+    simulated: Mapping[str, Any] | None = None
+    folder: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the object of the list: without what is hidden."""
+        keys = ("key", "title", "text", "kind", "records", "samples")
+        return {key: getattr(self, key) for key in keys}
+
+
+def _hidden(key: str, title: str, text: str, **simulated: Any) -> Example:
+    samples = 138_000 if simulated["ts_factor"] == 1.0 else 34_500
+    return Example(key, title, text, "exercise", 16, samples, simulated)
+
+
+_EXERCISES = (
+    _hidden(
+        "one-effect", "One hidden effect", "A stage of which one effect is kept secret.",
+        model="P5", hide=["creep"], seed=1, ts_factor=4.0,
+    ),
+    _hidden(
+        "two-effects", "Two hidden effects", "What two effects leave looks like neither alone.",
+        model="P10", hide=["creep", "resonance"], seed=3, ts_factor=1.0,
+    ),
+    _hidden(
+        "loops-open", "Loops that lean", "Where the displacement falls short, and on which side.",
+        model="P10", hide=["asymmetry", "actuator_lag"], seed=5, ts_factor=4.0,
+    ),
+    _hidden(
+        "nothing", "Perhaps nothing", "Not every model misses something.",
+        model="P5", hide=[], seed=2, ts_factor=4.0,
+    ),
+)  # fmt: skip
+_MEASURED = (
+    Example(
+        "picma", "A PICMA stack, measured", "P-885.91, 1 Hz, 200 Hz sampling; one record to fit.",
+        "measured", 2, 21_782, folder="picma",
+    ),
+    Example(
+        "friction-damper", "A friction damper, measured", "Displacement to force, sines and quakes.",
+        "measured", 12, 52_537, folder="friction_damper",
+    ),
+)  # fmt: skip
+
+
+def examples() -> list[Example]:
+    """Return what can be begun with here; measured records where ``RDPI_DATA`` names their folder."""
+    return [*_EXERCISES, *(e for e in _MEASURED if (folder := folder_of(e)) and folder.is_dir())]
+
+
+def folder_of(example: Example) -> Path | None:
+    """Return the folder of measured records; None where nobody has said where they are."""
+    root = os.environ.get("RDPI_DATA")
+    return Path(root) / example.folder if root and example.folder else None

@@ -1,0 +1,202 @@
+"""The long work of the laboratory, as it is done in a worker process."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import suppress
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+
+import rdpi_gym as rg
+from rdpi_gym.laboratory.work import Tell
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.effects.base import in_chain_order
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.parallel import run_cases
+
+_RDPI = "rdpi"
+_TOLD = (
+    "candidates", "chosen", "headline", "verdict", "sampling", "undecided", "remainder", "left",
+    "next_experiment", "noise_floor", "noise_origin", "indistinguishable", "limits", "notes",
+    "seconds", "base", "final",
+)  # fmt: skip
+_WARM_SAMPLES = 800
+
+
+def rank(
+    tell: Tell,
+    data: rg.Dataset,
+    model: PlantModel | None,
+    core: str | None,
+    jobs: int,
+) -> dict[str, Any]:
+    """Rank all candidates on a model; without one, a base model is fitted first.
+
+    Parameters
+    ----------
+    tell
+        Hears of ``refit``: a base model that was fitted at once, then the base model of the search
+        and each candidate, as :func:`refit_to_dict` writes them.
+    data
+        The records.
+    model
+        To start from.
+    core
+        The kind of hysteresis of a base model: a name, ``auto``, or None: RDPI unless another is
+        clearly better.
+    jobs
+        Processes.
+
+    Returns
+    -------
+    dict
+        The object of ``diagnosis.json``, without what only pages need.
+    """
+    helpers = threading.Thread(target=_warm_helpers, args=(jobs,), daemon=True)
+    if model is None:
+        first = _first_fit(data, core)
+        if first is not None:
+            errors = _errors(rg.respond(first, data).errors)
+            found = {"effect": "", "form": "", "plant": first.to_dict(), **errors}
+            tell.news("refit", found | {"parameters": {}, "standard_errors": {}, "at_bound": []})
+    if jobs > 1:
+        helpers.start()
+    diagnosis = rg.diagnose(
+        data,
+        model,
+        core=None if model is not None else core,
+        jobs=jobs,
+        progress=tell.progress,
+        on_candidate=lambda refit: tell.news("refit", refit_to_dict(refit)),
+    )
+    document = diagnosis.to_dict()
+    portrait = diagnosis.portrait
+    return {key: document[key] for key in _TOLD} | {
+        "findings": [finding.sentence for finding in diagnosis.findings],
+        "portrait_lines": [] if portrait is None else str(portrait).splitlines(),
+        "lines": repr(diagnosis).splitlines(),
+    }
+
+
+def _first_fit(data: rg.Dataset, core: str | None) -> PlantModel | None:
+    """Fit a base model at once; None where only a search can choose it."""
+    try:
+        if core is None or core == _RDPI:
+            return rg.fit(data, name="base").plant
+        if core != "auto":
+            return rg.fit_core(data, core, name="base").plant
+    except InputError:  # the search says it better, or takes another core
+        pass
+    return None
+
+
+def refit(tell: Tell, data: rg.Dataset, model: PlantModel, held: list[str]) -> dict[str, Any]:
+    """Fit a model anew from where it stands, some of its parameters held.
+
+    Parameters
+    ----------
+    tell
+        Not called.
+    data, model, held
+        As :meth:`rdpi_gym.Inspection.refit`.
+    """
+    return refit_to_dict(rg.inspect(data).refit(model, held))
+
+
+def simulate(tell: Tell, model: str, hide: list[str], seed: int, ts_factor: float) -> rg.Dataset:
+    """Simulate the standard protocol with hidden effects, as if it had been measured.
+
+    Parameters
+    ----------
+    tell
+        Hears how far it is.
+    model, hide, seed, ts_factor
+        As :func:`rdpi_gym.simulate`.
+    """
+    found = rg.simulate(model, hide, seed=seed, ts_factor=ts_factor, progress=tell.progress)
+    return rg.Dataset.of(found)
+
+
+def add(tell: Tell, effect: str, data: rg.Dataset, model: PlantModel, jobs: int) -> dict[str, Any]:
+    """Add an effect that was not tried before, or ``unknown``: the block that records teach.
+
+    Parameters
+    ----------
+    tell
+        Hears how far it is.
+    effect, data, model, jobs
+        As :func:`rdpi_gym.add`.
+    """
+    found = rg.add(effect, data, model, jobs=jobs, progress=tell.progress)
+    added = {"effect": effect, "form": found.added[0].form, "plant": found.plant.to_dict()}
+    return added | _errors(found.final)
+
+
+def refit_to_dict(refit: rg.Refit) -> dict[str, Any]:
+    """Return the object of the journal for a refit.
+
+    Parameters
+    ----------
+    refit
+        As a search tells it.
+    """
+    return {
+        "effect": refit.effect,
+        "form": refit.form,
+        "plant": None if refit.plant is None else refit.plant.to_dict(),
+        **_errors(refit.errors),
+        "parameters": dict(refit.parameters),
+        "standard_errors": dict(refit.standard_errors),
+        "at_bound": list(refit.at_bound),
+        "remark": refit.remark,
+    }
+
+
+def _errors(errors: Any) -> dict[str, Any]:
+    found = asdict(errors)
+    finite = {k: None if v == np.inf else v for k, v in found.items() if k != "by_record_um"}
+    return {
+        "train_um": finite["train_rmse_um"],
+        "validation_um": finite["validation_rmse_um"],
+        "by_record_um": dict(found["by_record_um"]),
+    }
+
+
+def warm_up() -> None:
+    """Load what every job needs: modules, and kernels for a small record."""
+    data = _small()
+    model = rg.fit(data, 3)
+    looked = rg.inspect(data)
+    every = tuple(kind() for kind in rg.effects.values())
+    looked.refit(replace(model.plant, effects=every[-1:]))
+    looked.respond(replace(model.plant, effects=in_chain_order(every)))
+    with suppress(_EnoughError):
+        rg.diagnose(data, jobs=1, on_candidate=_enough)
+
+
+class _EnoughError(Exception):
+    """Ends a search that has shown its beginning."""
+
+
+def _enough(refit: rg.Refit) -> None:
+    raise _EnoughError
+
+
+def _small() -> rg.Dataset:
+    t_s = np.arange(_WARM_SAMPLES, dtype=np.float64) * 1e-3
+    u_V = 10.0 * np.sin(2.0 * np.pi * 5.0 * t_s) * np.linspace(0.5, 1.0, t_s.size)
+    y_um = 1.1 * u_V + 0.1 * np.abs(u_V) + 0.01 * np.cos(777.0 * t_s)
+    return rg.Dataset("warm-up", (Record("warm-up", t_s, u_V, y_um, ts_s=1e-3),))
+
+
+def _warm_helpers(jobs: int) -> None:
+    """Start the processes among which a ranking divides its candidates, while its base is fitted."""
+    for _ in run_cases(_warm, range(jobs), jobs):
+        pass
+
+
+def _warm(_: int) -> None:
+    warm_up()

@@ -1,0 +1,135 @@
+"""How the laboratory is opened: from the command line, and from a notebook."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import tempfile
+import threading
+import time
+import webbrowser
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import rdpi_gym as rg
+from rdpi_gym import measurement
+from rdpi_gym.face.laboratory import OpenLab
+from rdpi_gym.support.errors import InputError
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from rdpi_gym.laboratory.server import Server
+
+_PATIENCE_S = 10.0
+
+
+def in_background(
+    data: measurement.Dataset | PathLike[str] | str | None,
+    port: int,
+    browser: bool,
+    session: PathLike[str] | str | None,
+) -> OpenLab:
+    """Open the laboratory in a thread of this process.
+
+    Parameters
+    ----------
+    data, port, browser, session
+        As :func:`rdpi_gym.lab`.
+
+    Raises
+    ------
+    InputError
+        As there.
+    """
+    sources: list[Path] = []
+    if isinstance(data, measurement.Dataset):
+        written = rg.Dataset.of(data).write(Path(tempfile.mkdtemp(prefix="rdpi-lab-")) / "data")
+        sources = [written]
+    elif data is not None:
+        sources = [_existing(Path(data))]
+    serving = _serving()
+    place = serving.bind(port)
+    folder = session_folder(session)
+    server: Server = serving.Server(place, folder, sources)
+    thread = serving.in_thread(server)
+
+    def stop() -> None:
+        server.stop()
+        thread.join(_PATIENCE_S)
+
+    if browser:
+        webbrowser.open(place.address)
+    return OpenLab(place.address, folder, stop)
+
+
+def serve(
+    sources: Sequence[Path], port: int, browser: bool, session: PathLike[str] | str | None
+) -> None:
+    """Open the laboratory and serve it until the process is interrupted.
+
+    Parameters
+    ----------
+    sources
+        Data files and folders to begin with.
+    port, browser, session
+        As :func:`rdpi_gym.lab`.
+
+    Raises
+    ------
+    InputError
+        As :func:`rdpi_gym.lab`.
+    """
+    existing = [_existing(source) for source in sources]
+    serving = _serving()
+    place = serving.bind(port)
+    folder = session_folder(session)
+    server = serving.Server(place, folder, existing)
+    print(f"The laboratory is at {place.address}", f"Its session is kept in {folder}", sep="\n")
+    print("Ctrl-C ends it; nothing is lost.", flush=True)
+    if browser:
+        threading.Thread(target=webbrowser.open, args=(place.address,), daemon=True).start()
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(server.run())
+
+
+def session_folder(session: PathLike[str] | str | None) -> Path:
+    """Return the folder of a session, made where it is not there.
+
+    Raises
+    ------
+    InputError
+        It is a file, holds something else, or cannot be made.
+    """
+    from rdpi_gym.laboratory.session import JOURNAL
+
+    folder = Path(time.strftime("rdpi-lab-%Y%m%d-%H%M%S") if session is None else session)
+    if folder.is_file():
+        raise InputError(f"--session {folder} is a file; give a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / JOURNAL).exists():
+        raise InputError(
+            f"--session {folder} holds no session of the laboratory; give its folder, or a new one"
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / JOURNAL).touch()
+    except OSError as error:
+        raise InputError(f"--session {folder} cannot be made ({error.strerror})") from error
+    return folder.resolve()
+
+
+def _serving() -> ModuleType:
+    """Return the module of the server, which needs an extra."""
+    try:
+        from rdpi_gym.laboratory import server
+    except ModuleNotFoundError as missing:
+        raise InputError(f"{missing.name} is missing; pip install 'rdpi-gym[lab]'") from missing
+    return server
+
+
+def _existing(path: Path) -> Path:
+    if not path.exists():
+        raise InputError(f"{path} does not exist; give a data file or a folder of data files")
+    return path

@@ -1,0 +1,490 @@
+"""What the page is told of records and models: numbers to draw, thinned, and cards."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+import rdpi_gym as rg
+from rdpi_gym.laboratory.session import Ranking, Step
+from rdpi_gym.measurement import Quantities, Record
+from rdpi_gym.plant import RDPI, Plant, PlantModel
+from rdpi_gym.plant.effects import Effect
+from rdpi_gym.report.thin import thin_index
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import digits
+
+POINTS = 3000
+"""Samples of a trace that the page is given, about."""
+_THUMBNAIL, _SKETCH, _LOOP, _STRETCH = 80, 60, 1500, 1000
+_BINS, _FEWEST = 30, 8
+_SEGMENT = 4096
+_AT_REST = 1e-6  # of the widest swing, from sample to sample
+_SHORTEST_REST = 10  # samples
+_WINDOW = 10.0  # times and over a value: what a slider reaches
+_OVER_COMMAND = ("saturation", "asymmetry", "congruency", "backlash")
+_SYMBOLS = {"delta2_s": "δ2", "delta1_V": "δ1"}
+
+
+def numbers(values: Array) -> list[float | None]:
+    """Return numbers as JSON has them, short: four figures are more than a screen shows.
+
+    Examples
+    --------
+    >>> numbers(np.array([1.23456789, np.nan]))
+    [1.23457, None]
+    """
+    return [float(f"{v:.6g}") if math.isfinite(v) else None for v in values.tolist()]
+
+
+def number(value: float | None) -> float | None:
+    """Return a number, or None where it is not finite."""
+    return None if value is None or not math.isfinite(value) else value
+
+
+def record_row(record: Record, file: str, said: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row of the table of records.
+
+    Parameters
+    ----------
+    record
+        The record.
+    file
+        That it is from.
+    said
+        What ``dataset.toml`` says of it.
+    """
+    at = thin_index(record.u_V, record.y_um, samples=_THUMBNAIL)
+    return {
+        "name": record.name,
+        "file": file,
+        "role": "quiet" if record.is_quiet else record.role,
+        "rows": record.t_s.size,
+        "ts_s": record.ts_s,
+        "duration_s": float(record.t_s[-1] - record.t_s[0]),
+        "u": [float(record.u_V.min()), float(record.u_V.max())],
+        "y": list(record.y_range_um),
+        "skip_s": said.get("skip_s"),
+        "masked_s": said.get("mask_s", []),
+        "remarks": list(record.remarks),
+        "thumbnail": {"u": numbers(record.u_V[at]), "y": numbers(record.y_um[at])},
+    }
+
+
+def quantities_of(quantities: Quantities) -> dict[str, Any]:
+    """Return name, symbol and unit of input and output."""
+    return {"input": vars(quantities.input), "output": vars(quantities.output)}
+
+
+def record_named(data: rg.Dataset, name: str) -> Record:
+    """Return a record.
+
+    Raises
+    ------
+    InputError
+        There is none of that name.
+    """
+    for record in data.records:
+        if record.name == name:
+            return record
+    names = ", ".join(r.name for r in data.records)
+    raise InputError(f"there is no record {name!r}; there are {names}")
+
+
+def stretch(record: Record, from_s: float | None, to_s: float | None) -> slice:
+    """Return the samples of a stretch of time (s), a sample more on either side."""
+    first, last = 0, record.t_s.size
+    if from_s is not None:
+        first = max(int(np.searchsorted(record.t_s, from_s)) - 1, 0)
+    if to_s is not None:
+        last = min(int(np.searchsorted(record.t_s, to_s, side="right")) + 1, last)
+    return slice(min(first, record.t_s.size - 2), max(last, first + 2))
+
+
+def trace(
+    record: Record,
+    model_um: Array | None,
+    other_um: Array | None,
+    part: slice,
+    points: int = POINTS,
+) -> dict[str, Any]:
+    """Return a record beside its model, the lowest and the highest of every stretch kept.
+
+    Parameters
+    ----------
+    record
+        The record.
+    model_um, other_um
+        Displacement of the model (µm), and of the model with a candidate, ``(T,)``.
+    part
+        Samples that are shown.
+    points
+        About as many are returned.
+    """
+    u, y = record.u_V[part], record.y_um[part]
+    model, other = (None if m is None else m[part] for m in (model_um, other_um))
+    lines = [y, u] + [y - m for m in (model, other) if m is not None]
+    at = thin_index(*lines, samples=points)
+    return {
+        "record": record.name,
+        "t_s": [float(f"{t:.9g}") for t in record.t_s[part][at].tolist()],
+        "u": numbers(u[at]),
+        "y_um": numbers(y[at]),
+        "model_um": None if model is None else numbers(model[at]),
+        "residual_um": None if model is None else numbers((y - model)[at]),
+        "other_um": None if other is None else numbers((y - other)[at]),
+        "counted": left_out(record),
+    }
+
+
+def left_out(record: Record) -> list[list[float]]:
+    """Return the stretches (s) that do not count in an error."""
+    out = np.flatnonzero(~record.error_mask)
+    if not out.size:
+        return []
+    breaks = np.flatnonzero(np.diff(out) > 1)
+    starts, ends = out[np.concatenate([[0], breaks + 1])], out[np.concatenate([breaks, [-1]])]
+    return [[float(record.t_s[a]), float(record.t_s[b])] for a, b in zip(starts, ends, strict=True)]
+
+
+def residual_views(record: Record, model_um: Array, noise_um: float | None) -> dict[str, Any]:
+    """Return what a model leaves of a record over time, command, rate, frequency, time at rest.
+
+    Parameters
+    ----------
+    record
+        The record.
+    model_um
+        Displacement of the model (µm), ``(T,)``.
+    noise_um
+        Noise floor (µm rms).
+    """
+    counted = record.error_mask
+    residual = record.y_um - model_um
+    rate = np.gradient(record.u_V, record.ts_s)
+    at = thin_index(record.y_um, model_um, samples=_LOOP)
+    whole = thin_index(residual, samples=_LOOP)
+    return {
+        "record": record.name,
+        "time": {"t_s": numbers(record.t_s[whole]), "residual_um": numbers(residual[whole])},
+        "command": _profile("u", record.u_V[counted], residual[counted]),
+        "rate": _profile("rate", rate[counted], residual[counted]),
+        "frequency": _spectrum(record, residual),
+        "rest": _at_rest(record, residual),
+        "loop": {
+            "u": numbers(record.u_V[at]),
+            "y_um": numbers(record.y_um[at]),
+            "model_um": numbers(model_um[at]),
+        },
+        "noise_um": noise_um,
+    }
+
+
+def brushed(record: Record, model_um: Array, part: slice) -> dict[str, Any]:
+    """Return the samples of a stretch in every view, so that it is seen in all.
+
+    Parameters
+    ----------
+    record, model_um
+        As :func:`residual_views`.
+    part
+        The stretch.
+    """
+    residual = record.y_um - model_um
+    rate = np.gradient(record.u_V, record.ts_s)
+    at = np.arange(record.t_s.size)[part]
+    at = at[thin_index(record.y_um[part], residual[part], samples=_STRETCH)]
+    left = numbers(residual[at])
+    return {
+        "record": record.name,
+        "time": {"t_s": numbers(record.t_s[at]), "residual_um": left},
+        "command": {"u": numbers(record.u_V[at]), "residual_um": left},
+        "rate": {"rate": numbers(rate[at]), "residual_um": left},
+        "loop": {
+            "u": numbers(record.u_V[at]),
+            "y_um": numbers(record.y_um[at]),
+            "model_um": numbers(model_um[at]),
+        },
+    }
+
+
+def _profile(name: str, x: Array, residual: Array) -> dict[str, Any]:
+    """Return mean, rms and the middle nine tenths of a residual along a quantity."""
+    if not x.size:
+        return {key: [] for key in (name, "rms_um", "mean_um", "low_um", "high_um")}
+    low, high = np.percentile(x, [0.25, 99.75])
+    edges = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, _BINS - 1)
+    order = np.argsort(place, kind="stable")
+    parts = np.split(residual[order], np.searchsorted(place[order], np.arange(1, _BINS)))
+    known = [k for k, part in enumerate(parts) if part.size >= _FEWEST]
+    some = [parts[k] for k in known]
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    return {
+        name: numbers(middle[known]),
+        "rms_um": [float(np.sqrt(np.mean(p**2))) for p in some],
+        "mean_um": [float(np.mean(p)) for p in some],
+        "low_um": [float(np.percentile(p, 5)) for p in some],
+        "high_um": [float(np.percentile(p, 95)) for p in some],
+    }
+
+
+def _spectrum(record: Record, residual: Array) -> dict[str, Any]:
+    """Return the rms of a residual in third-octave bands, by Welch's method."""
+    from scipy.signal import welch
+
+    left = np.where(record.error_mask, residual, 0.0)
+    share = max(float(np.mean(record.error_mask)), 1e-9)
+    hz, power = welch(left, 1.0 / record.ts_s, nperseg=min(_SEGMENT, left.size), detrend="constant")
+    hz, power = hz[1:], power[1:] / share
+    band = np.round(10.0 * np.log10(hz)).astype(int)
+    bands = np.unique(band)
+    rms = np.array([math.sqrt(power[band == b].sum() * hz[0]) for b in bands])
+    return {"hz": numbers(10.0 ** (bands / 10.0)), "um": numbers(rms)}
+
+
+def _at_rest(record: Record, residual: Array) -> dict[str, Any]:
+    """Return how a residual goes on while the command rests, in the direction of the last move."""
+    step = np.abs(np.diff(record.u_V, prepend=record.u_V[0]))
+    still = step <= _AT_REST * max(float(np.ptp(record.u_V)), 1e-300)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
+    times: list[Array] = []
+    gone: list[Array] = []
+    for first, last in edges.reshape(-1, 2):
+        if first == 0 or last - first < _SHORTEST_REST:
+            continue
+        move = np.sign(record.u_V[first] - record.u_V[max(first - 5, 0)])
+        inside = np.arange(first, last)[record.error_mask[first:last]]
+        if move and inside.size:
+            times.append((inside - first + 1) * record.ts_s)
+            gone.append((residual[inside] - residual[first : first + 4].mean()) * move)
+    if not times:
+        return {"s": [], "um": []}
+    t_s, um = np.concatenate(times), np.concatenate(gone)
+    bins = np.geomspace(record.ts_s, t_s.max() * 1.001, 25)
+    place = np.clip(np.searchsorted(bins, t_s, side="right") - 1, 0, 23)
+    count = np.bincount(place, minlength=24)
+    known = count >= _FEWEST
+    mean = np.bincount(place, weights=um, minlength=24)[known] / count[known]
+    return {"s": numbers(np.sqrt(bins[1:] * bins[:-1])[known]), "um": numbers(mean)}
+
+
+def step_row(step: Step) -> dict[str, Any]:
+    """Return a step as the page is told of it."""
+    return {
+        "id": step.id,
+        "parent": step.parent,
+        "label": step.label,
+        "effect": step.made.get("effect"),
+        "kind": step.made.get("kind"),
+        "errors": {
+            "train_um": step.train_um,
+            "validation_um": step.validation_um,
+            "by_record_um": dict(step.by_record_um),
+        },
+        "model": model_of(step.plant, step.held),
+    }
+
+
+def model_of(plant: PlantModel, held: Iterable[str]) -> dict[str, Any]:
+    """Return core and effects of a model, each parameter with what a slider needs."""
+    errors = plant.identification.get("standard_errors", {})
+    core = plant.hysteresis
+    shape = [
+        _parameter(p, float(getattr(core, p.name)), errors.get(p.name), p.name in held)
+        for p in type(core).shape
+        if not p.fixed
+    ]
+    return {
+        "core": core.name,
+        "core_title": core.title,
+        "core_parameters": shape,
+        "plays": len(core.gains) - 1 if isinstance(core, RDPI) else len(core.gains),
+        "effects": [
+            {
+                "name": effect.name,
+                "title": title_of(effect.name),
+                "form": effect.form,
+                "parameters": [
+                    _parameter(
+                        p,
+                        effect.values[p.name],
+                        errors.get(f"{effect.name}.{p.name}"),
+                        f"{effect.name}.{p.name}" in held,
+                    )
+                    for p in effect.parameters
+                ],
+            }
+            for effect in plant.effects
+        ],
+    }
+
+
+def _parameter(p: Any, value: float, error: float | None, held: bool) -> dict[str, Any]:
+    log = p.low > 0
+    if log:
+        low, high = value / _WINDOW, value * _WINDOW
+    else:
+        reach = max(2.0 * abs(value), abs(p.typical[1]), 1e-12)
+        low, high = value - reach, value + reach
+    return {
+        "name": p.name,
+        "symbol": _SYMBOLS.get(p.name, p.meaning),
+        "meaning": p.meaning,
+        "unit": "" if p.unit == "1" else p.unit,
+        "value": value,
+        "standard_error": number(error),
+        "low": max(low, p.low),
+        "high": min(high, p.high),
+        "log": log,
+        "held": held,
+        "fixed": p.fixed,
+    }
+
+
+def title_of(effect: str) -> str:
+    """Return the name of an effect for a heading.
+
+    Examples
+    --------
+    >>> title_of("actuator_lag")
+    'Actuator lag'
+    """
+    words = effect.replace("_", " ")
+    return words[:1].upper() + words[1:]
+
+
+def cards(
+    ranking: Ranking,
+    base_um: float,
+    noise_um: float | None,
+    core: type[Any],
+    present: set[str],
+    pictures: Mapping[str, Any],
+) -> list[dict[str, Any]]:
+    """Return the candidates as cards, the best first.
+
+    Parameters
+    ----------
+    ranking
+        Of a step.
+    base_um
+        Validation error of the step (µm rms).
+    noise_um
+        Noise floor (µm rms).
+    core
+        The kind of hysteresis that candidates have to fit.
+    present
+        Effects that the model has: they have no card.
+    pictures
+        As :func:`pictures` returns them, or empty.
+    """
+    said = {c["effect"]: c for c in ranking.candidates}
+    chosen = set(ranking.result.get("chosen", [])) if ranking.result else set()
+    found = []
+    waiting = 0
+    for name, kind in rg.effects.items():
+        if name in present or not kind.fits_in(core):
+            continue
+        refit = ranking.refit_of(name)
+        tried = any(effect == name for effect, _ in ranking.refits)
+        card: dict[str, Any] = {
+            "effect": name,
+            "title": title_of(name),
+            "mechanism": _first_sentence(kind.cause or kind.signature),
+            "signature": kind.signature,
+            "picture": pictures.get(name),
+            "state": "waiting",
+            "form": "",
+            "validation_um": None,
+            "train_um": None,
+            "share": None,
+            "probability": None,
+            "confidence": None,
+            "rivals": [],
+            "parameters": [],
+            "remarks": [],
+            "recommended": name in chosen,
+            "added": False,
+        }
+        if refit is not None:
+            card |= {
+                "state": "tried",
+                "form": refit["form"],
+                "validation_um": refit["validation_um"],
+                "train_um": refit["train_um"],
+                "share": _share(base_um, refit["validation_um"], noise_um),
+                "parameters": _values(kind, refit),
+                "remarks": [f"{bound} at its bound" for bound in refit["at_bound"]],
+            }
+        elif tried:
+            card["state"] = "failed"
+        elif ranking.status == "running" and waiting < 2:
+            card["state"], waiting = "refitting", waiting + 1
+        if (candidate := said.get(name)) is not None:
+            card |= {
+                "state": "failed" if refit is None else "final",
+                "share": candidate["share_of_excess"],
+                "confidence": candidate["confidence"],
+                "rivals": list(candidate["indistinguishable"]),
+                "remarks": list(candidate["remarks"]),
+            }
+        found.append(card)
+    order = list(said)
+    return sorted(
+        found,
+        key=lambda c: (
+            order.index(c["effect"]) if c["effect"] in order else len(order),
+            math.inf if c["validation_um"] is None else c["validation_um"],
+        ),
+    )
+
+
+def _values(kind: type[Effect], refit: Mapping[str, Any]) -> list[dict[str, str]]:
+    form = next((f for f in (kind, *kind.forms) if f.form == refit["form"]), kind)
+    return [
+        {
+            "name": p.name,
+            "symbol": p.meaning,
+            "value_text": f"{digits(refit['parameters'][p.name], 3)} {p.unit}".removesuffix(" 1"),
+        }
+        for p in form.parameters
+        if p.name in refit["parameters"]
+    ]
+
+
+def _share(base_um: float, with_um: float | None, noise_um: float | None) -> float | None:
+    if with_um is None or noise_um is None:
+        return None
+    excess = base_um**2 - noise_um**2
+    return None if excess <= 0 else (base_um**2 - with_um**2) / excess
+
+
+def _first_sentence(text: str) -> str:
+    return f"{text.split('. ')[0].rstrip('.')}."
+
+
+def pictures() -> dict[str, dict[str, Any]]:
+    """Sketch what each effect does to a displacement, by name: the work of about a second."""
+    ts_s = 1e-3
+    t_s = np.arange(800, dtype=np.float64) * ts_s
+    u_V = np.where(
+        t_s < 0.4, 10.0 * np.sin(2.0 * np.pi * 5.0 * t_s), np.where(t_s < 0.5, 0.0, 10.0)
+    )
+    bare = replace(rg.plants["P5"], effects=())
+    without = Plant(bare, ts_s).simulate(u_V)
+    found = {}
+    for name, kind in rg.effects.items():
+        effect = kind(**(kind.picture.values if kind.picture is not None else {}))
+        gone = Plant(replace(bare, effects=(effect,)), ts_s).simulate(u_V) - without
+        over_command = name in _OVER_COMMAND
+        at = np.arange(200, 401, 4) if over_command else thin_index(gone, samples=_SKETCH)
+        x = u_V if over_command else t_s
+        kept = {"x": numbers(x[at]), "y": numbers(gone[at])}
+        found[name] = {"kind": "command" if over_command else "time", **kept}
+    return found
