@@ -1,0 +1,193 @@
+// What may be missing: a card for every candidate, sorted by what is known of it so far.
+
+import {act} from "./api.js";
+import {byId, h, still} from "./dom.js";
+import {number, percent, withUnit} from "./format.js";
+import {signature} from "./signature.js";
+import {setUi, store, units, watch} from "./state.js";
+
+const MOVE_MS = 220;
+const HELD_MS = 1500; // no card moves away from under a pointer that has just moved
+const PREVIEW_MS = 90;
+
+const STATES = {
+  waiting: "waiting", refitting: "refitting", tried: "tried", final: "", failed: "not fitted",
+};
+const AFTER = {tried: 0, final: 0, refitting: 1, waiting: 2, failed: 3};
+
+const nodes = new Map(); // effect: {node, seen, effect, known}
+let pointed = -Infinity; // when the pointer last moved over the cards
+let later = null;
+let hovering = null;
+
+export function beginCards() {
+  const list = byId("cards");
+  list.addEventListener("pointermove", () => { pointed = performance.now(); });
+  list.addEventListener("pointerleave", () => {
+    pointed = -Infinity;
+    preview(null);
+  });
+  const focused = (event) => nodes.get(event.target.closest("li")?.dataset.testid.slice("card-".length));
+  list.addEventListener("focusin", (event) => {
+    if (focused(event)?.known) preview(focused(event).effect);
+  });
+  list.addEventListener("focusout", () => preview(null));
+  watch((server) => [server.ranking, server.current, server.quantities, server.noise_um], drawCards);
+  watch((server, ui) => ui.preview, (effect) => {
+    for (const [name, {node}] of nodes) node.classList.toggle("previewed", name === effect);
+  });
+  watch((server) => [server.ranking?.verdict, server.ranking?.status, server.ranking?.lines, server.job?.what, server.current], drawVerdict);
+}
+
+/** Cards in the order in which they stand: while they are refitted by error, at the end as the server ranks them. */
+export function sorted({cards, status}) {
+  const late = (card) => (card.added ? 4 : AFTER[card.state] ?? 3);
+  const error = (card) => card.validation_um ?? Infinity;
+  const placed = cards.map((card, place) => ({card, place: status === "done" ? place : 0}));
+  placed.sort((a, b) => late(a.card) - late(b.card) || a.place - b.place ||
+    (error(a.card) === error(b.card) ? 0 : error(a.card) - error(b.card)) || a.card.title.localeCompare(b.card.title));
+  return placed.map(({card}) => card);
+}
+
+const NONE = {cards: [], status: null};
+
+export const add = (effect) => {
+  pointed = -Infinity;
+  preview(null);
+  return act("/api/add", {effect});
+};
+
+/** Add the card that stands at a place (1 is the first). */
+export function addAt(place) {
+  const card = sorted(store.server.ranking ?? NONE).filter((each) => !each.added)[place - 1];
+  if (card && card.state !== "failed") add(card.effect);
+}
+
+function preview(effect) {
+  clearTimeout(hovering);
+  hovering = setTimeout(() => setUi({preview: effect}), effect ? PREVIEW_MS : 0);
+}
+
+function drawCards() {
+  const cards = sorted(store.server.ranking ?? NONE);
+  for (const [effect, {node}] of nodes) {
+    if (cards.some((card) => card.effect === effect)) continue;
+    node.remove();
+    nodes.delete(effect);
+  }
+  const largest = Math.max(...cards.map((card) => card.validation_um ?? 0), present());
+  for (const card of cards) {
+    const seen = JSON.stringify([card, largest, store.server.current, units()]);
+    const known = nodes.get(card.effect) ?? {node: h("li", {"data-testid": `card-${card.effect}`})};
+    if (known.seen !== seen) fillCard(known.node, card, largest);
+    nodes.set(card.effect, {node: known.node, seen, effect: card.effect, known: Number.isFinite(card.validation_um)});
+  }
+  order(cards.map((card) => nodes.get(card.effect).node));
+}
+
+const present = () => {
+  const {steps, current} = store.server;
+  return steps[current]?.errors.validation_um ?? steps[current]?.errors.train_um ?? 0;
+};
+
+/** Put cards in order: each glides to its place, and the one with the focus is not taken out. */
+function order(wanted) {
+  const list = byId("cards");
+  clearTimeout(later);
+  const now = [...list.children];
+  const steady = now.length > 0 && list.matches(":hover") && performance.now() - pointed < HELD_MS;
+  const fresh = wanted.filter((node) => node.parentElement !== list);
+  if (steady) {
+    list.append(...fresh);
+    later = setTimeout(() => order(wanted), HELD_MS);
+    return;
+  }
+  if (now.length === wanted.length && wanted.every((node, i) => node === now[i])) return;
+  const before = new Map(now.map((node) => [node, node.getBoundingClientRect().top]));
+  const focused = wanted.find((node) => node.contains(document.activeElement));
+  let passed = !focused;
+  for (const node of wanted) {
+    if (node === focused) passed = true;
+    else if (passed) list.append(node);
+    else list.insertBefore(node, focused);
+  }
+  if (still()) return;
+  for (const [node, top] of before) {
+    const moved = top - node.getBoundingClientRect().top;
+    if (moved && node.isConnected) {
+      node.animate([{transform: `translateY(${moved}px)`}, {transform: "none"}], {duration: MOVE_MS, easing: "ease-out"});
+    }
+  }
+}
+
+function fillCard(node, card, largest) {
+  const {y} = units();
+  const ready = !card.added && card.state !== "failed";
+  const known = card.validation_um !== null && card.validation_um !== undefined;
+  const open = node.querySelector(".more")?.hidden === false;
+  const has = card.remarks?.length || card.parameters?.length;
+  const focused = node.contains(document.activeElement) ? document.activeElement.dataset.testid : null;
+  node.className = `card ${card.added ? "added" : card.state}`;
+  node.replaceChildren(
+    signature(card.picture),
+    h("div", {class: "what"}, h("h3", {}, card.title), h("p", {class: "mechanism"}, card.mechanism)),
+    h("div", {class: "numbers"},
+      card.probability !== null && card.probability !== undefined
+        ? h("span", {class: "probability", title: "Probability among the candidates"}, percent(card.probability))
+        : card.confidence !== null && card.confidence !== undefined
+          ? h("span", {class: "probability", title: "Confidence"}, percent(card.confidence))
+          : h("span", {class: "state"}, card.added ? "in the model" : STATES[card.state]),
+      known ? h("span", {class: "error"}, h("b", {}, number(card.validation_um)), ` ${y}`) : ""),
+    h("div", {class: "meter", "aria-hidden": "true"}, h("span", {style: {width: known && largest ? `${Math.min(100, (100 * card.validation_um) / largest)}%` : "0"}})),
+    h("div", {class: "foot"},
+      h("span", {class: "says"}, foot(card)),
+      has ? h("button", {
+        type: "button", class: "quiet", "data-testid": `more-${card.effect}`, "aria-expanded": String(Boolean(open)),
+        "aria-label": `Parameters and remarks of ${card.title}`, onclick: (event) => {
+          event.stopPropagation();
+          const more = node.querySelector(".more");
+          more.hidden = !more.hidden;
+          event.currentTarget.setAttribute("aria-expanded", String(!more.hidden));
+        },
+      }, "More") : "",
+      ready ? h("button", {
+        type: "button", class: "add", "data-testid": `add-${card.effect}`,
+        "aria-label": `Add ${card.title}${known ? `, error with it ${withUnit(card.validation_um, y)}` : ""}`,
+        onclick: (event) => {
+          event.stopPropagation();
+          add(card.effect);
+        },
+      }, "Add") : ""),
+    has ? h("div", {class: "more", hidden: !open, onclick: (event) => event.stopPropagation()},
+      card.parameters?.length ? h("dl", {}, card.parameters.map((each) =>
+        [h("dt", {}, each.symbol ?? each.name, h("span", {class: "hidden"}, ` ${each.name}`)), h("dd", {}, each.value_text)])) : "",
+      (card.remarks ?? []).map((text) => h("p", {}, text))) : "");
+  if (focused) node.querySelector(`[data-testid="${CSS.escape(focused)}"]`)?.focus({preventScroll: true});
+  node.onclick = ready ? () => add(card.effect) : null;
+  node.onpointerenter = known ? () => preview(card.effect) : null;
+  node.onpointerleave = () => preview(null);
+}
+
+function foot(card) {
+  const parts = [];
+  if (card.share !== null && card.share !== undefined) parts.push(`takes ${percent(card.share)} of the excess`);
+  if (card.rivals?.length) parts.push(`or ${card.rivals.map(titled).join(", ")}`);
+  return parts.join(" · ");
+}
+
+const titled = (effect) =>
+  store.server.ranking?.cards.find((card) => card.effect === effect)?.title.toLowerCase() ?? effect.replaceAll("_", " ");
+
+function drawVerdict() {
+  const {ranking} = store.server;
+  byId("verdict").textContent = ranking?.verdict ?? {
+    running: "Every candidate is refitted together with the model; the order settles as they finish.",
+    cancelled: "The ranking was cancelled: what was tried so far stands below.",
+    failed: "The ranking failed.",
+  }[ranking?.status] ?? "";
+  byId("ranking-lines").replaceChildren(...(ranking?.lines ?? []).map((text) => h("p", {}, text)));
+  byId("ranking-more").hidden = !ranking?.lines?.length;
+  const cancelled = store.server.current && !store.server.job && (!ranking || ["cancelled", "failed"].includes(ranking.status));
+  byId("rank").hidden = !cancelled;
+  byId("unknown").hidden = !(ranking?.status === "done");
+}

@@ -1,0 +1,127 @@
+// The loop, and what is left over command, rate, frequency and time at rest: small, all at once, linked.
+
+import {get, latest} from "./api.js";
+import {byId} from "./dom.js";
+import {colour, draw, faint, line, noiseBand} from "./look.js";
+import {draggable} from "./span.js";
+import {setUi, store, units, watch} from "./state.js";
+import {markSpans} from "./traces.js";
+
+const VIEWS = {
+  command: {x: "u", y: "rms_um", title: ({u}) => `over command, ${u}`},
+  rate: {x: "rate", y: "rms_um", title: ({u}) => `over rate, ${u}/s`},
+  frequency: {x: "hz", y: "um", log: true, logY: true, title: () => "over frequency, Hz"},
+  rest: {x: "s", y: "um", log: true, title: () => "over time at rest, s"},
+};
+
+let views = null;
+let brushed = null;
+
+export function beginViews() {
+  const fetchViews = latest((step, record) => get("/api/views", {step, record}), (answer) => {
+    views = answer;
+    drawAll();
+  });
+  const fetchBrush = latest(
+    (record, brush, step) => get("/api/brush", {record, by: brush.by, from_s: brush.from, to_s: brush.to, step}),
+    (answer, record, brush) => {
+      if (store.ui.brush !== brush) return;
+      brushed = answer;
+      markSpans(brush.by === "time" ? [[brush.from, brush.to]] : answer.spans_s ?? []);
+      drawAll();
+    },
+  );
+  watch((server, ui) => [server.current, ui.record, server.records.find((each) => each.name === ui.record)],
+    ([step, record]) => {
+      if (step && record) fetchViews(step, record);
+    });
+  watch((server, ui) => [ui.brush, ui.record, server.current], () => {
+    const {brush, record} = store.ui;
+    if (brush && record) {
+      if (brush.by === "time") markSpans([[brush.from, brush.to]]);
+      fetchBrush(record, brush, store.server.current);
+      return;
+    }
+    fetchBrush.forget();
+    brushed = null;
+    markSpans(null);
+    drawAll();
+  });
+  watch((server, ui) => [ui.theme, server.quantities, server.noise_um], () => {
+    for (const [name, view] of Object.entries(VIEWS)) byId(`${name}-title`).textContent = `Residual ${view.title(units())}`;
+    byId("loop-title").textContent = `Loop, ${units().y} over ${units().u}`;
+    drawAll();
+  });
+  for (const name of ["loop", "command", "rate", "rest"]) { // a band of frequencies is no stretch of time
+    draggable(byId(name), {
+      done: (from, to) => setUi({brush: {by: name === "loop" ? "command" : name, from, to}}),
+      cleared: () => setUi({brush: null}),
+    });
+  }
+}
+
+function drawAll() {
+  if (!views) return;
+  drawLoop();
+  for (const name of Object.keys(VIEWS)) drawView(name);
+}
+
+function drawLoop() {
+  const {u, y} = units();
+  const {loop} = views;
+  const hover = (name) => ({hovertemplate: `%{x:.4~g} ${u}, %{y:.4~g} ${y}<extra>${name}</extra>`});
+  const data = [line("measured", loop.u, loop.y_um, {colour: colour("measured"), width: 1, ...hover("measured")})];
+  if (loop.model_um) data.push(line("model", loop.u, loop.model_um, {colour: colour("model"), width: 1, ...hover("model")}));
+  if (brushed?.loop?.u?.length) {
+    data.push(line("stretch", brushed.loop.u, brushed.loop.y_um, {colour: colour("brush"), width: 2.4, ...hover("stretch")}));
+  }
+  draw(byId("loop"), data, {hover: "closest", shapes: spanOf("command")});
+  byId("loop").setAttribute("aria-label", `Loop of ${store.ui.record}: measured and model over command`);
+}
+
+/** The stretch of a view that was dragged over in it. */
+function spanOf(name) {
+  const {brush} = store.ui;
+  if (brush?.by !== name) return [];
+  return [{type: "rect", yref: "paper", y0: 0, y1: 1, x0: brush.from, x1: brush.to, layer: "below",
+    line: {width: 0}, fillcolor: faint("brush", 0.28), name: "brushed"}];
+}
+
+/** The brushed stretch in a view: its samples one by one, or a line where the view is made of many. */
+function stretch(name) {
+  const {x, y} = VIEWS[name];
+  const part = brushed?.[name];
+  if (!part?.[x]?.length) return [];
+  const single = Boolean(part.residual_um);
+  const marker = {size: single ? 2.5 : 4, color: colour("brush"), opacity: single ? 0.7 : 1};
+  return [line("stretch", part[x], part.residual_um ?? part[y], {colour: colour("brush"), width: 2.2, mode: single ? "markers" : "lines+markers", marker})];
+}
+
+function drawView(name) {
+  const box = byId(name);
+  const {x, y, log, logY} = VIEWS[name];
+  const of = views[name];
+  const empty = !of?.[x]?.length;
+  box.parentElement.classList.toggle("none", empty);
+  const unit = units().y;
+  const signed = Boolean(of?.mean_um) || name === "rest";
+  const data = [];
+  if (!empty) {
+    if (of.low_um) {
+      const edge = (name, values, more = {}) =>
+        line(name, of[x], values, {colour: "transparent", width: 0, hoverinfo: "skip", hovertemplate: null, ...more});
+      data.push(edge("low", of.low_um), edge("high", of.high_um, {fill: "tonexty", fillcolor: faint("residual", 0.16)}));
+    }
+    if (of.mean_um) data.push(line("mean", of[x], of.mean_um, {colour: colour("residual"), width: 1, dash: "dot"}));
+    data.push(line({frequency: "rms in the band", rest: "mean"}[name] ?? "rms", of[x], of[y], {colour: colour("residual"), width: 1.6}));
+    data.push(...stretch(name));
+  }
+  const noise = views.noise_um ?? store.server.noise_um;
+  const shapes = [...spanOf(name), ...(noise && !logY && !empty ? [noiseBand(signed ? -noise : 0, noise)] : [])];
+  draw(box, data, {
+    x: {type: log ? "log" : "linear", hoverformat: ".4~g", ...(log ? {dtick: 1} : {})},
+    y: {type: logY ? "log" : "linear", ...(logY ? {dtick: 1} : {}), rangemode: signed ? "normal" : "tozero"},
+    shapes, hover: "x",
+  });
+  box.setAttribute("aria-label", `Residual of ${store.ui.record} ${VIEWS[name].title(units())}${empty ? ": none in this record" : ` in ${unit}`}`);
+}

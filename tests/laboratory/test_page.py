@@ -1,0 +1,301 @@
+"""The page of the laboratory in a real browser: what it shows, and what it does at a click."""
+
+import re
+import shutil
+
+import pytest
+
+from rdpi_gym.report import style
+from tests.laboratory.fake import PAGE, Laboratory, candidate
+
+sync_api = pytest.importorskip(
+    "playwright.sync_api", reason="Playwright's Python package is not installed (extra: test)"
+)
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+if CHROMIUM is None:
+    pytest.skip(
+        "no Chromium is installed (Debian: apt-get install chromium)", allow_module_level=True
+    )
+_WAIT_MS, _STEP_MS = 10_000, 20
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_api.sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def opened(browser):
+    """One page for all tests: what its console said and what it asked others for."""
+    lab = Laboratory(samples=4000)
+    lab.start()
+    page = browser.new_page(viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    page.set_default_timeout(_WAIT_MS)
+    page.said, page.asked = [], []
+    page.on("console", lambda message: page.said.append(message.text))
+    page.on("pageerror", lambda error: page.said.append(str(error)))
+    own = f"http://127.0.0.1:{lab.port}/"
+    page.on("request", lambda r: None if r.url.startswith(own) else page.asked.append(r.url))
+    page.goto(own)
+    yield lab, page
+    page.close()
+    if lab.running:
+        lab.stop()
+
+
+@pytest.fixture
+def begun(opened):
+    """The page with three records and the base model."""
+    lab, page = opened
+    lab.seen.clear()
+    lab.open(3)
+    until(page, "document.querySelectorAll('#staircase .step').length === 1")
+    page.mouse.move(5, 5)
+    return lab, page
+
+
+def until(page, told):
+    """Wait until an expression is true; the page's policy forbids the browser's own way to wait."""
+    for _ in range(_WAIT_MS // _STEP_MS):
+        if page.evaluate(told):
+            return
+        page.wait_for_timeout(_STEP_MS)
+    raise AssertionError(told)
+
+
+def drag(page, name, first, last):
+    box = page.get_by_test_id(name).bounding_box()
+    at = [box["x"] + 46 + share * (box["width"] - 56) for share in (first, last)]
+    middle = box["y"] + 0.5 * box["height"]
+    page.mouse.move(at[0], middle)
+    page.mouse.down()
+    page.mouse.move(at[1], middle, steps=3)
+    page.mouse.up()
+
+
+def order(page):
+    ids = page.locator("#cards > li").evaluate_all("cards => cards.map(c => c.dataset.testid)")
+    return [each.removeprefix("card-") for each in ids]
+
+
+def steps(page):
+    return page.locator("#staircase .step .label").all_text_contents()
+
+
+def test_what_to_do_first_stands_on_the_empty_page(opened):
+    _, page = opened
+    page.get_by_test_id("example-stage").wait_for()
+    assert page.get_by_test_id("drop").is_visible()
+    assert "Drop a CSV here" in page.get_by_test_id("drop").inner_text()
+    assert not page.get_by_test_id("staircase").is_visible()
+
+
+def test_a_file_is_sent_and_read(opened):
+    lab, page = opened
+    file = {"name": "a b.csv", "mimeType": "text/csv", "buffer": b"t,u,y\n0,1,2\n"}
+    page.get_by_test_id("files-input").set_input_files([file])
+    page.get_by_test_id("record-sine-00").wait_for()
+    sent = [(method, path) for method, path, _ in lab.seen if method in ("PUT", "POST")]
+    assert sent == [("PUT", "/api/files/a%20b.csv"), ("POST", "/api/open")]
+
+
+def test_cards_sort_themselves_as_errors_arrive(begun):
+    lab, page = begun
+    cards = [candidate(e, e.title(), "It.", None, state="waiting") for e in ("lag", "creep", "hum")]
+    lab.state["ranking"] |= {"status": "running", "verdict": None, "cards": cards}
+    lab.push()
+    page.get_by_test_id("card-hum").wait_for()
+    assert order(page) == ["creep", "hum", "lag"]  # by name: nothing is known yet
+    for effect, error in (("hum", 0.4), ("lag", 0.2)):
+        lab.push("card", candidate(effect, effect.title(), "It.", error))
+    until(page, "document.querySelector('#cards > li').dataset.testid === 'card-lag'")
+    assert order(page) == ["lag", "hum", "creep"]
+
+
+def test_an_effect_is_added_undone_redone_and_gone_back_from(begun):
+    lab, page = begun
+    assert steps(page) == ["Base model"]
+    page.get_by_test_id("add-creep").click()
+    page.get_by_test_id("effect-creep").wait_for()
+    assert steps(page) == ["Base model", "+ creep"]
+    page.keyboard.press("u")
+    page.get_by_test_id("effect-creep").wait_for(state="detached")
+    assert page.locator(".step.later .label").all_text_contents() == ["+ creep"]
+    assert page.get_by_test_id("undo").is_disabled()
+    page.get_by_test_id("redo").click()
+    page.get_by_test_id("effect-creep").wait_for()
+    page.get_by_test_id("step-s0").click()
+    page.get_by_test_id("effect-creep").wait_for(state="detached")
+    asked = [path.removeprefix("/api/") for method, path, _ in lab.seen if method == "POST"]
+    assert asked == ["add", "undo", "redo", "go"]
+
+
+def test_the_pointed_candidate_is_drawn_over_the_residual(begun):
+    _, page = begun
+    page.get_by_test_id("card-creep").hover()
+    until(page, "document.getElementById('residual').data.length === 2")
+    assert page.locator("#residual-words").inner_text().endswith("with creep")
+    page.mouse.move(5, 5)
+    until(page, "document.getElementById('residual').data.length === 1")
+
+
+def test_a_brushed_stretch_is_seen_in_every_view(begun):
+    _, page = begun
+    drag(page, "trace", 0.25, 0.5)
+    drawn = """["loop", "command", "rate", "frequency"].filter(
+      (view) => document.getElementById(view).data.some(({name}) => name === "stretch")).length"""
+    until(page, f"{drawn} === 4")
+    for name in ("trace", "residual"):
+        marked = page.evaluate(f"document.getElementById('{name}').layout.shapes")
+        (shape,) = [s for s in marked if s["name"] == "brushed"]
+        assert shape["x0"] == pytest.approx(0.25 * 0.2, abs=2e-3)
+        assert shape["x1"] == pytest.approx(0.5 * 0.2, abs=2e-3)
+    drag(page, "view-command", 0.2, 0.6)
+    until(page, "document.getElementById('command').layout.shapes.length === 2")
+    page.keyboard.press("Escape")
+    until(page, f"{drawn} === 0")
+
+
+def test_zooming_asks_for_the_stretch_again(begun):
+    lab, page = begun
+    page.keyboard.press("z")
+    drag(page, "residual", 0.5, 0.75)
+    until(page, "document.getElementById('trace').data[0].x.length < 1100")
+    asked = [of for _, path, of in lab.seen if path == "/api/trace"][-1]
+    assert float(asked["from_s"]) == pytest.approx(0.5 * 0.2, abs=2e-3)
+    page.keyboard.press("0")
+    until(page, "document.getElementById('trace').data[0].x.length > 1100")
+    page.keyboard.press("b")
+
+
+def test_a_stretch_is_left_out_by_dragging(begun):
+    lab, page = begun
+    page.get_by_test_id("mode-mask").click()
+    drag(page, "trace", 0.5, 0.6)
+    page.get_by_test_id("unmask-0").wait_for()
+    ((first, last),) = next(r["masked_s"] for r in lab.state["records"] if r["masked_s"])
+    assert (first, last) == pytest.approx((0.1, 0.12), abs=2e-3)
+
+
+def test_a_dragged_parameter_asks_as_fast_as_answers_come_and_is_kept_at_the_end(begun):
+    lab, page = begun
+    page.get_by_test_id("add-creep").click()
+    slider = page.get_by_test_id("slider-creep-strength")
+    slider.wait_for()
+    moves = 30
+    slider.evaluate(f"""(slider) => {{
+      for (let i = 0; i < {moves}; i += 1) {{ slider.value = 200 + i; slider.dispatchEvent(new Event("input")); }}
+    }}""")
+    until(
+        page,
+        "document.querySelector('[data-testid=spread-creep-strength]').textContent.startsWith('error')",
+    )
+    slider.evaluate("(slider) => slider.dispatchEvent(new Event('change'))")
+    until(page, "document.querySelectorAll('#staircase .step').length === 3")
+    asked = [of for _, path, of in lab.seen if path == "/api/parameter"]
+    assert len(asked) < moves / 3
+    assert [of["commit"] for of in asked].count(True) == 1
+    assert asked[-1]["value"] == pytest.approx(0.1 * 229 / 1000)
+
+
+def test_a_refused_file_says_where(begun):
+    lab, page = begun
+    file = {"name": "bad.csv", "bytes": 3, "problem": "'x' is no number", "row": 17, "column": "y"}
+    lab.state["files"].append(file)
+    lab.push()
+    refused = page.get_by_test_id("refused-bad.csv")
+    refused.wait_for()
+    assert "row 17, column y" in refused.inner_text()
+    page.get_by_test_id("discard-bad.csv").click()
+    refused.wait_for(state="detached")
+
+
+def test_a_reference_is_drawn_with_the_arrow_keys(begun):
+    lab, page = begun
+    page.get_by_test_id("kind-drawn").check(force=True)
+    knot = page.get_by_test_id("knot-4")
+    knot.press("Home")
+    knot.press("ArrowUp")
+    page.get_by_test_id("amplitude").fill("2")
+    page.get_by_test_id("simulate").click()
+    page.get_by_test_id("payoff-table").wait_for()
+    points = lab.state["payoff"]["reference"]["points"]
+    assert points[4] == pytest.approx([0.25, (2 / 40 - 1) * 2])
+    assert "Outside its stability limit" in page.get_by_test_id("payoff-table").inner_text()
+    page.evaluate("scrollTo(0, 0)")
+
+
+def test_many_records_with_long_names_and_other_units_fit_on_the_page(opened):
+    lab, page = opened
+    lab.open(40, ["creep", "resonance"])
+    lab.state["records"][0]["name"] = 3 * "a-name-without-any-blank-" + "0"
+    lab.state["title"] = 12 * "A long title "
+    lab.state["quantities"]["output"] = {"name": "force", "symbol": "F", "unit": "kN"}
+    lab.push()
+    until(page, "document.querySelectorAll('#records > li').length === 40")
+    until(
+        page, "document.getElementById('trace-title').textContent.startsWith('Force over time, kN')"
+    )
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    for column in (
+        "part-data",
+        "part-compare",
+        "part-learn",
+        "part-left",
+        "part-buys",
+        "part-home",
+    ):
+        beyond = page.evaluate(
+            f"(() => {{ const e = document.getElementById('{column}'); return e.scrollWidth - e.clientWidth; }})()"
+        )
+        assert beyond <= 0, column
+
+
+def test_every_control_has_a_name(begun):
+    _, page = begun
+    nameless = page.evaluate("""() => [...document.querySelectorAll("button, select, input, a[href], [role=slider]")]
+      .filter((e) => e.checkVisibility() && !(e.getAttribute("aria-label") || e.textContent.trim() || e.labels?.length))
+      .map((e) => e.outerHTML)""")
+    assert nameless == []
+
+
+def test_colours_are_those_of_the_pages():
+    css = (PAGE / "lab.css").read_text(encoding="utf-8").split('data-theme="dark"')[0]
+    said = dict(re.findall(r"--([a-z-]+): (#[0-9A-F]{6});", css))
+    meant = {
+        "ink": style.INK, "muted": style.MUTED, "line": style.GRID, "paper": style.PAPER, "edge": style.REFERENCE,
+        "measured": style.MEASURED, "model": style.MODEL, "reference": style.REFERENCE, "rising": style.RISING,
+        "falling": style.FALLING, "residual": style.RESIDUAL, "accent": style.PALETTE[0],
+    }  # fmt: skip
+    assert {name: said[name] for name in meant} == meant
+
+
+def test_nothing_was_said_by_the_console_nor_asked_of_others(begun):
+    _, page = begun
+    assert page.said == []
+    assert page.asked == []
+
+
+def test_what_is_refused_is_told_and_goes_away(begun):
+    lab, page = begun
+    lab.refuse = "creep: the model has it already; take another"
+    page.get_by_test_id("add-creep").click()
+    alert = page.get_by_test_id("alert")
+    alert.get_by_text(lab.refuse or "creep: the model has it already; take another").wait_for()
+    page.get_by_test_id("alert-close").click()
+    assert not alert.is_visible()
+
+
+def test_a_dying_server_is_told_in_a_sentence_and_the_page_goes_on_when_it_is_back(begun):
+    lab, page = begun
+    lab.stop()
+    until(page, "document.body.classList.contains('lost')")
+    assert "server has stopped; nothing is lost" in page.get_by_test_id("alert").inner_text()
+    assert lab.state["session_folder"] in page.get_by_test_id("alert").inner_text()
+    lab.add("creep")
+    lab.start(lab.port)
+    page.get_by_test_id("effect-creep").wait_for()
+    assert not page.get_by_test_id("alert").is_visible()
