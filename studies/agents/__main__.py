@@ -30,7 +30,7 @@ OUT, DOCS = _ROOT / "studies" / "results" / "agents", _ROOT / "docs"
 POLICIES = _ROOT / "baselines" / "learned" / "policies"
 RUNS, QUICK_RUNS = Path("results/agents"), Path("results/agents-quick")
 STAGES = ("train", "score", "gap", "curves")
-BY_NAME = ("ship", "see", "walk", "page")
+BY_NAME = ("ship", "see", "teach", "walk", "page")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -133,6 +133,15 @@ def _see(study: Study, options: Namespace) -> None:
     _write(options.out / "shipped.csv", shipped)
 
 
+def _teach(study: Study, options: Namespace) -> None:
+    from studies.agents.students import teach  # torch, only where needed
+
+    policies = options.runs / "policies" if study is QUICK else POLICIES
+    for task, timesteps in study.taught:
+        with progress_bar() as show:
+            print(f"policy: {teach(task, timesteps, options.runs, policies, show)}")
+
+
 def _walk(study: Study, options: Namespace) -> None:
     walk = take_walk(walk_template(study))
     print(f"{walk['seconds']:.0f} s: {write_json(options.out / FILE, walk)}")
@@ -151,6 +160,7 @@ _STAGES: dict[str, Callable[[Study, Namespace], None]] = {
     "curves": _curves,
     "ship": _ship,
     "see": _see,
+    "teach": _teach,
     "walk": _walk,
     "page": _page,
 }

@@ -72,6 +72,14 @@ class Study:
     # Of the gap, see `worlds.GAP`.
     resamples: int = 2000
     # Of the bootstrap.
+    taught: tuple[tuple[str, int], ...] = (
+        ("Stage", 28_800_000),
+        ("Resonance", 9_600_000),
+        ("Bare", 9_600_000),
+        ("Creep", 9_600_000),
+        ("Lag", 9_600_000),
+    )
+    # Tasks that students are taught on, and for how many steps of all plants together.
 
     def options(self, agent: Agent, seed: int, out: Path) -> dict[str, Any]:
         """Return what is asked of a training: fields of `TrainingOptions`."""
@@ -100,5 +108,6 @@ QUICK = Study(
     references=("triangle",),
     domains=("bare", "picma"),
     resamples=100,
+    taught=(("Bare", 1),),
 )
 """Every step of the study in seconds; its agents have learned nothing."""

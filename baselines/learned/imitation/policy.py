@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from baselines.adaptive_dual_loop import AdaptiveDualLoop, CorrectedAdaptive
-from baselines.learned.imitation.student import ARRAYS, Student
+from baselines.learned.imitation.student import ARRAYS, SCALES, Student
 from baselines.learned.imitation.taught import WEIGHTED, seen_by
 from baselines.learned.kept import DESCRIPTION, Trained, check_whole, read_as, write_policy
 from baselines.learned.seen import checked_seen
@@ -89,13 +89,25 @@ class StudentPolicy(Trained):
     def save(self, folder: Path) -> Path:
         """Write ``policy.json`` and ``weights.npz``; what was in the folder is replaced as a whole.
 
+        Weights that half precision holds, as those of :meth:`Student.halved`, are written in it.
+
         Raises
         ------
         InputError
             The folder cannot be written, or holds something else.
         """
         weights = io.BytesIO()
-        np.savez(weights, **dict(self.student.arrays))  # type: ignore[arg-type]  # arrays by name
+        halved = {
+            name: each if name in SCALES else each.astype(np.float16)
+            for name, each in self.student.arrays.items()
+        }
+        kept = {
+            name: short
+            if np.array_equal(short, self.student.arrays[name])
+            else self.student.arrays[name]
+            for name, short in halved.items()
+        }
+        np.savez(weights, **kept)  # type: ignore[arg-type]  # arrays by name
         document = {
             "format": FORMAT,
             "version": VERSION,
@@ -145,7 +157,6 @@ def _arrays(path: Path, sha256: str) -> dict[str, Any]:
     check_whole(read_bytes(path, _LARGEST), sha256, path.name)
     try:
         with open_npz(path) as archive:
-            # what ships is kept in half precision, but for the scales
             return {name: archive.read(name).astype(np.float32) for name in ARRAYS}
     except (ValueError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path.name} holds no arrays of a student ({quoted(error)})") from error

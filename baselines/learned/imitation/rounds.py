@@ -202,6 +202,7 @@ class Rounds:
     def _keep(self, reward: float | None) -> None:
         """Evaluate, and write what a reader and a later run find: policy, curve, checkpoint."""
         out, policy = self.options.out, self._policy()
+        policy = replace(policy, student=policy.student.halved())  # as it is kept, so it is judged
         score = visit(self._lanes("validation", 0), policy).score
         best = min((row["rmse_percent"] or math.inf for row in self.rows), default=math.inf)
         seconds = self._before_s + time.perf_counter() - self._began

@@ -21,6 +21,8 @@ MOST_UM = 1.0
 """Bound of the correction (µm); it is approached smoothly."""
 ARRAYS = ("middle", "spread", "into", "bias", "past", "hidden", "hidden_bias", "head", "head_bias")
 """Names of the network's arrays, in the order of a file."""
+SCALES = ("middle", "spread")
+"""Those that units hang on; the others are kept in half precision."""
 
 
 def shapes(inputs: int, hidden: int, weighted: int) -> dict[str, tuple[int, ...]]:
@@ -109,6 +111,28 @@ class Student:
         }
         arrays["spread"] += 1.0
         return cls(arrays, weighted)
+
+    def halved(self) -> Student:
+        """Return the student as it is kept: its weights rounded to half precision.
+
+        Raises
+        ------
+        InputError
+            A weight is too large for it.
+
+        Examples
+        --------
+        >>> student = Student.blank(inputs=3, hidden=2, weighted=2)
+        >>> student.arrays["bias"][:] = 0.1
+        >>> float(student.halved().arrays["bias"][0])
+        0.0999755859375
+        """
+        with np.errstate(over="ignore"):  # refused as not finite
+            rounded = {
+                name: each if name in SCALES else each.astype(np.float16).astype(np.float32)
+                for name, each in self.arrays.items()
+            }
+        return Student(rounded, self.weighted)
 
     @property
     def inputs(self) -> int:

@@ -1,0 +1,43 @@
+"""The students that ship: taught on one task each, by the same command that a user has."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from baselines.learned.imitation.options import Options
+from baselines.learned.train_imitation import train
+from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.progress import Progress
+
+
+def teach(
+    task: str, timesteps: int, runs: Path, target: Path, progress: Progress | None = None
+) -> Path:
+    """Teach a student on a task, from where an earlier run stopped, and put it among what ships.
+
+    Parameters
+    ----------
+    task
+        Short name of the task.
+    timesteps
+        Steps of all plants together.
+    runs
+        Folder of the trainings.
+    target
+        Folder of the shipped policies.
+    progress
+        Called as rounds are done.
+
+    Returns
+    -------
+    Path
+        The policy.
+    """
+    name = f"imitation-{task.lower()}"
+    options = Options(out=runs / name, task=task, timesteps=timesteps)
+    policy = train(options, progress)
+    with replaced_folder(target / name) as fresh:
+        for file in sorted(policy.iterdir()):
+            shutil.copyfile(file, fresh / file.name)
+    return target / name
