@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 import rdpi_gym as rg
+from rdpi_gym.laboratory import buying
+from rdpi_gym.laboratory.taking import experiment_shown
 from rdpi_gym.laboratory.work import Tell
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import PlantModel
@@ -78,6 +80,7 @@ def rank(
         "findings": [finding.sentence for finding in diagnosis.findings],
         "portrait_lines": [] if portrait is None else str(portrait).splitlines(),
         "lines": repr(diagnosis).splitlines(),
+        "experiment": experiment_shown(diagnosis.experiment()),
     }
 
 
@@ -133,6 +136,19 @@ def add(tell: Tell, effect: str, data: rg.Dataset, model: PlantModel, jobs: int)
     found = rg.add(effect, data, model, jobs=jobs, progress=tell.progress)
     added = {"effect": effect, "form": found.added[0].form, "plant": found.plant.to_dict()}
     return added | _errors(found.final)
+
+
+def payoff(tell: Tell, **asked: Any) -> dict[str, Any]:
+    """Let compensators track a reference with two beliefs.
+
+    Parameters
+    ----------
+    tell
+        Hears how far it is.
+    **asked
+        As :func:`rdpi_gym.laboratory.buying.payoff`.
+    """
+    return buying.payoff(**asked, progress=tell.progress)
 
 
 def refit_to_dict(refit: rg.Refit) -> dict[str, Any]:

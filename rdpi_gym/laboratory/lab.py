@@ -15,6 +15,7 @@ from typing import Any
 
 import rdpi_gym as rg
 from rdpi_gym.laboratory import bringing, jobs, views
+from rdpi_gym.laboratory.buying import course
 from rdpi_gym.laboratory.events import Events
 from rdpi_gym.laboratory.examples import examples, folder_of
 from rdpi_gym.laboratory.session import Session, Step
@@ -189,7 +190,7 @@ class Lab:
             "sentence": result["remainder"],
             "portrait_lines": result["portrait_lines"],
             "next_experiment": result["next_experiment"],
-            "experiment": None,
+            "experiment": result.get("experiment"),
         }
 
     def _cards(self, step: str) -> list[dict[str, Any]]:
@@ -541,7 +542,21 @@ class Lab:
 
     async def payoff(self, reference: Mapping[str, Any]) -> dict[str, Any]:
         """Simulate what compensators of the present model gain on a reference."""
-        raise InputError("compensators are not simulated here yet")
+        await self._stop()
+        step, data = self._current(), self.need_data()
+        ts_s = min(record.ts_s for record in data.records)
+        course(reference, step.plant, ts_s)  # what cannot be run is said at once
+        base = self.session.step(self.session.path[0])
+
+        def bought(found: Mapping[str, Any]) -> None:
+            self.session.write({"do": "payoff", "step": step.id, "payoff": found})
+
+        arguments = {
+            "before": base.plant, "after": step.plant, "reference": dict(reference), "ts_s": ts_s,
+            "step": step.id,
+        }  # fmt: skip
+        self._begin("payoff", "Compensators", jobs.payoff, arguments, bought)
+        return self.state()
 
     # models on records: called in threads
 

@@ -194,6 +194,7 @@ class Server:
             Route("/api/trace", self._told(_trace)),
             Route("/api/views", self._told(_views)),
             Route("/api/brush", self._told(_brush)),
+            Route("/api/take/{name}", self._take),
             Route("/api/files/{name:path}", self._file, methods=["PUT", "DELETE"]),
             *(Route(f"/api/{path}", endpoint, methods=["POST"]) for path, endpoint in actions.items()),
             Mount("/", StaticFiles(directory=PAGE, check_dir=False)),
@@ -239,6 +240,22 @@ class Server:
             return await _answered(answer)
 
         return endpoint
+
+    async def _take(self, request: Request) -> Response:
+        from rdpi_gym.laboratory.taking import take
+
+        rate = request.query_params.get("rate_hz")
+        try:
+            lab = await self._ready()
+            rate_hz = None if rate is None else _number(request.query_params, "rate_hz")
+            taken = await asyncio.to_thread(take, lab.session, request.path_params["name"], rate_hz)
+        except InputError as error:
+            return JSONResponse({"problem": str(error)}, 400)
+        return Response(
+            taken.content,
+            media_type=taken.media_type,
+            headers={"content-disposition": f'attachment; filename="{taken.name}"'},
+        )
 
     async def _file(self, request: Request) -> Response:
         name = request.path_params["name"]

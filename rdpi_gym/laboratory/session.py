@@ -170,7 +170,7 @@ class Session:
         self._is_read = False
         self._count = 0
         self.data_folder.mkdir(parents=True, exist_ok=True)
-        for event in self._events():
+        for event in self.events():
             self._fold(event)
         # what was running when the server died runs no more
         for step, ranking in self.rankings.items():
@@ -262,7 +262,14 @@ class Session:
             ) from error
         self._fold(event)
 
-    def _events(self) -> Iterator[Event]:
+    def events(self) -> Iterator[Event]:
+        """Yield what the journal holds, in order.
+
+        Raises
+        ------
+        InputError
+            It is damaged before its last line.
+        """
         path = self.folder / JOURNAL
         if not path.exists():
             return
