@@ -30,9 +30,11 @@ from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 
 import rdpi_gym  # noqa: F401  # registers the environment
+from baselines.learned.options import PHASES, TrainingOptions
 from rdpi_gym.plant import named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from studies.vector_roofline import bare_kernel, roofline
@@ -40,10 +42,18 @@ from studies.vector_roofline import bare_kernel, roofline
 # Declared for whole seconds; any number of them works.
 _benchmark: Callable[[Any, float, int], float] = cast(Any, benchmark_vector_step)
 RESULTS = Path(__file__).parent / "results"
+SPEED, ROOFLINE = "vector_speed", "vector_roofline"
 YARDSTICK = "CartPole-v1"
 PIEZO = "rdpi_gym/PiezoTracking-v0"
 LANES = 4096
+THREADS = (1, 2)
+AS_TRAINED = "as in a training, in ten groups"
 FIVE = ("actuator_lag", "creep", "resonance", "delay", "sensor_lag")
+_TRAINED = TrainingOptions(Path(), action="increment")
+# The plant with most effects of those that agents are trained on, and all that a training asks for.
+_AS_TRAINED: dict[str, Any] = {
+    "plant": _TRAINED.models[0], "max_episode_steps": _TRAINED.episode, **_TRAINED.environment()
+}  # fmt: skip
 _FIVE_EFFECTS = replace(named_plant("P10"), effects=tuple(CATALOGUE[name]() for name in FIVE))
 
 
@@ -67,13 +77,25 @@ def step_plain_box(env: VectorEnv[Any, Any, Any], duration_s: float, seed: int) 
 
 def step_staggered(env: VectorEnv[Any, Any, Any], duration_s: float, seed: int) -> float:
     """Measure with episodes that end in other lanes at every step; CartPole's always do."""
+    return _step_apart(env, duration_s, seed, None)
+
+
+def step_in_groups(env: VectorEnv[Any, Any, Any], duration_s: float, seed: int) -> float:
+    """Measure with lanes in as many groups as the native PPO has, whose episodes begin in turn."""
+    return _step_apart(env, duration_s, seed, PHASES)
+
+
+def _step_apart(
+    env: VectorEnv[Any, Any, Any], duration_s: float, seed: int, groups: int | None
+) -> float:
     env.action_space.seed(seed)
     env.reset(seed=seed)
     if env.spec is not None and env.spec.id == PIEZO:
         steps = env.spec.kwargs["max_episode_steps"]
+        apart = steps // min(groups or steps, steps)
         for k in range(steps):
             env.step(env.action_space.sample())
-            mask = np.arange(env.num_envs) % steps == k
+            mask = np.arange(env.num_envs) % (steps // apart) * apart == k
             if mask.any():
                 env.reset(options={"reset_mask": mask})
     return _steps_per_s(env, duration_s, lambda _: env.action_space.sample())
@@ -110,6 +132,8 @@ CASES: dict[str, tuple[Measure, dict[str, Any]]] = {
     ),
     "noisy sensor, randomised plants": (_benchmark, {"plant": "P10-bench", "randomise": 0.1}),
     "triangles, from a table": (_benchmark, {"reference": "triangle"}),
+    AS_TRAINED: (step_in_groups, _AS_TRAINED),
+    "as in a training, episodes end at different times": (step_staggered, _AS_TRAINED),
     "correction of a baseline": (
         _benchmark,
         {"action": "correction", "baseline": "classical-low-passed"},
@@ -122,7 +146,7 @@ def measure(
     rounds: int,
     duration_s: float,
     lanes: int = LANES,
-    threads: Sequence[int] = (1, 2),
+    threads: Sequence[int] = THREADS,
     cases: Sequence[str] = tuple(CASES),
 ) -> pd.DataFrame:
     """Measure every case in turn with the yardstick and the bare kernel.
@@ -145,7 +169,8 @@ def measure(
     DataFrame
         One row a case and number of threads: median million steps per second of ours, of the
         yardstick and of the bare kernel; medians of the rounds' ratios, with their range for the
-        yardstick's; `share_of_defaults` is over the defaults with as many threads.
+        yardstick's; `share_of_defaults` is over the defaults with as many threads, `load` how many
+        processes wanted the cores.
 
     Examples
     --------
@@ -177,7 +202,7 @@ def measure(
     ).reshape(rounds, len(envs), 3)
     for env in (yardstick, *envs.values()):
         env.close()
-    rows = []
+    rows, load = [], os.getloadavg()[0]
     for place, (case, count) in enumerate(envs):
         ours, theirs, kernel = found[:, place].T
         plain = found[:, list(envs).index((cases[0], count)), 0]
@@ -193,6 +218,7 @@ def measure(
                 "highest": np.max(ours / theirs),
                 "share_of_bare": np.median(ours / kernel),
                 "share_of_defaults": np.median(ours / plain),
+                "load": load,
             }
         )
     return pd.DataFrame(rows)
@@ -225,9 +251,16 @@ def as_markdown(
         "The environment's action space is equal to a `Box`, but spreads one random word over the "
         "lanes (SplitMix64) where `Box.sample` draws 64 bits a number and sorts coordinates by kind of "
         "bound; the rows with a plain Box draw by `Box.sample` instead, those with actions drawn "
-        f"beforehand leave drawing out on both sides. The five effects are {', '.join(FIVE)}.\n\n"
+        "beforehand leave drawing out on both sides. The five effects are "
+        f"{', '.join(FIVE)}. A training has increments as actions, the noise of a sensor, plants and effects "
+        f"drawn for each episode of {_TRAINED.episode} samples, and sines, triangles and multisines; the row "
+        "is of its plant with a lag, creep and a mode, in as many groups of lanes as the native PPO's, whose "
+        "episodes begin in turn. Rows that `--only` has measured anew are of a run of their own, beside the "
+        "defaults of that run. `load` is the number of processes that wanted the cores at its end, one of "
+        "them this one, empty where it was not noted: two threads, which wait for each other, say little "
+        "beside others.\n\n"
         f"Gymnasium {version('gymnasium')}, NumPy {version('numpy')}, numba {version('numba')} "
-        f"(threading layer {numba.threading_layer()}), Python {platform.python_version()}, "
+        f"(threading layer {_threading_layer()}), Python {platform.python_version()}, "
         f"{platform.machine()}, {os.cpu_count()} cores; each thread bound to a core "
         "(`OMP_PROC_BIND=true`).\n\n"
         f"{frame_table(speed)}\n\n"
@@ -239,12 +272,25 @@ def as_markdown(
     )
 
 
+def _threading_layer() -> str:
+    try:
+        return str(numba.threading_layer())
+    except ValueError:
+        return "not loaded"
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the tables, and write them as CSV and Markdown."""
     options = Options("vector_speed", __doc__, out=RESULTS)
     options.add_number("--rounds", 9, "of timing")
     options.add_argument("--duration", type=float, default=0.25, help="of each measurement (s)")
     options.add_number("--lanes", LANES, "plants side by side")
+    options.add_argument(
+        "--only", metavar="WORD", help="measure cases with it in their name; other rows stay"
+    )
+    options.add_argument(
+        "--threads", type=int, nargs="+", default=list(THREADS), metavar="N", help="of the lanes"
+    )
     return options.run(arguments, _measure_all)
 
 
@@ -252,13 +298,39 @@ def _measure_all(chosen: Namespace) -> None:
     # Read when the first parallel kernel loads: each thread keeps to a core. Otherwise the system puts
     # both on one now and then, for a whole measurement.
     os.environ.setdefault("OMP_PROC_BIND", "true")
-    speed = measure(chosen.rounds, chosen.duration, chosen.lanes, cases=list(CASES))
-    bounds = roofline(chosen.lanes, repeats=10 * chosen.rounds)
+    if chosen.only is None:
+        speed = measure(chosen.rounds, chosen.duration, chosen.lanes, chosen.threads, list(CASES))
+        bounds = roofline(chosen.lanes, repeats=10 * chosen.rounds)
+    else:
+        speed = _measured_again(chosen)
+        bounds = _read(chosen.out / f"{ROOFLINE}.csv")
     text = as_markdown(speed, bounds, chosen.lanes, chosen.rounds, chosen.duration)
-    for name, table in (("vector_speed", speed), ("vector_roofline", bounds)):
+    for name, table in ((SPEED, speed), (ROOFLINE, bounds)):
         csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
         write_atomic(chosen.out / f"{name}.csv", csv)
-    print(text, f"written to {write_atomic(chosen.out / 'vector_speed.md', text)}", sep="\n")
+    print(text, f"written to {write_atomic(chosen.out / f'{SPEED}.md', text)}", sep="\n")
+
+
+def _measured_again(chosen: Namespace) -> pd.DataFrame:
+    """Return the committed rows, some of them measured anew beside the defaults."""
+    plain, *others = CASES
+    again = [case for case in others if chosen.only in case]
+    if not again:
+        raise InputError(f"no case has {chosen.only!r} in its name; they are {'; '.join(others)}")
+    kept = _read(chosen.out / f"{SPEED}.csv")
+    cases = [plain, *again]
+    table = measure(chosen.rounds, chosen.duration, chosen.lanes, chosen.threads, cases)
+    stays = ~(kept["case"].isin(again) & kept["threads"].isin(chosen.threads))
+    rows = pd.concat([kept[stays], table[table["case"].isin(again)]])
+    order = {case: i for i, case in enumerate(CASES)}
+    place = rows["case"].map(order) * 1000 + rows["threads"]
+    return rows.iloc[np.argsort(place, kind="stable")]
+
+
+def _read(path: Path) -> pd.DataFrame:
+    if not path.exists():
+        raise InputError(f"{path} is missing; measure all cases first")
+    return pd.read_csv(path)
 
 
 if __name__ == "__main__":

@@ -29,6 +29,9 @@ PLANTS = (
 """What agents are trained on: the paper's plant with a noisy sensor, behind an amplifier, with
 creep and a mode. An agent that has only met all of them dithers where one is missing."""
 
+PHASES = 10
+"""Groups of lanes whose episodes begin at other times, so that a rollout sees all of an episode."""
+
 _FEWEST, _MOST = 4.0, 1e6  # samples of a period
 
 REFERENCES: tuple[ReferenceChoice, ...] = (

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rdpi_gym.envs.vector.random import (
+    draw_normals,
     draw_reference,
     next_seed,
     next_uniform,
@@ -46,3 +47,13 @@ def test_what_a_reference_draws(seed, choices):
     words, rng = generators(seed)
     expected = (rng.integers(choices), rng.random(), rng.integers(2**31))
     assert draw_reference(words, choices) == pytest.approx(expected, rel=0, abs=0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_normal_numbers_those_of_the_tail_included(seed):
+    words, rng = generators(seed)
+    numbers = np.empty(20_000)
+    draw_normals(words, numbers)
+    np.testing.assert_array_equal(numbers, rng.standard_normal(20_000))
+    assert np.abs(numbers).max() > 3.6542  # beyond the last strip
+    assert next_word(words) == rng.bit_generator.random_raw()

@@ -143,9 +143,13 @@ def test_a_baseline_that_plans_ahead():
     assert found < 25.0 * ROUNDING
 
 
-def test_episodes_longer_than_the_tables_of_references_and_noise():
+@pytest.mark.parametrize(
+    "reference",
+    [["sine", "triangle"], ["sawtooth"], [{"signal": "multisine", "lines": 3, "odd": True}]],
+)
+def test_episodes_longer_than_what_is_had_at_a_time(reference):
     found = largest_difference(
-        lanes=2, steps=4300, episode=None, plant="P5", noise_um=0.1, reference=["sine", "triangle"],
+        lanes=2, steps=4300, episode=None, plant="P5", noise_um=0.1, reference=reference,
         frequency_hz=(3.0, 30.0), seed=3,
     )  # fmt: skip
     assert found < 25.0 * ROUNDING

@@ -24,6 +24,8 @@ def test_the_committed_speeds_reach_what_they_must():
     assert plain["times_cartpole"] >= 4.0, table.to_string()
     assert plain["share_of_bare"] >= 0.4, table.to_string()
     assert effects["share_of_defaults"] >= 0.3, table.to_string()
+    trained = table.loc[(vector_speed.AS_TRAINED, 1)]
+    assert trained["times_cartpole"] >= 1.0, table.to_string()
 
 
 def test_the_committed_bounds_say_what_the_page_says():
@@ -75,3 +77,20 @@ def test_the_command_writes_the_tables(tmp_path, monkeypatch, capsys):
     assert "| rdpi_block alone |" in text
     assert len(pd.read_csv(tmp_path / "vector_roofline.csv")) == len(bounds)
     assert "written to" in capsys.readouterr().out
+    assert vector_speed.main([*arguments, "--only", "Cart"]) == 2
+    assert "no case has 'Cart' in its name" in capsys.readouterr().err
+
+
+def test_some_cases_are_measured_anew_and_the_others_stay(tmp_path, monkeypatch):
+    for name in ("vector_speed.csv", "vector_roofline.csv"):
+        (tmp_path / name).write_text((vector_speed.RESULTS / name).read_text())
+    two = {case: vector_speed.CASES[case] for case in list(vector_speed.CASES)[:2]}
+    monkeypatch.setattr(vector_speed, "CASES", two)
+    words = ["--rounds", "1", "--duration", "0.001", "--lanes", "4", "--out", str(tmp_path)]
+    assert vector_speed.main([*words, "--only", "beforehand"]) == 0
+    before, after = (
+        pd.read_csv(folder / "vector_speed.csv").set_index(["case", "threads"])["cartpole"]
+        for folder in (vector_speed.RESULTS, tmp_path)
+    )
+    assert after["defaults"].equals(before["defaults"])
+    assert after[list(two)[1], 1] < before[list(two)[1], 1]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from baselines.learned.environments import lanes_of_each
-from baselines.learned.options import TrainingOptions
+from baselines.learned.options import PHASES, TrainingOptions
 from baselines.learned.settings import Settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
@@ -17,9 +17,6 @@ from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.envs.wrappers.scaling import Scaling
 from rdpi_gym.envs.wrappers.side_by_side import SideBySideVectorEnv
 from rdpi_gym.support.arrays import Array
-
-_PHASES = 10
-"""Groups of lanes whose episodes begin at other times, so that a rollout sees all of an episode."""
 
 
 class Lanes:
@@ -125,7 +122,7 @@ class Part:
         ]
         layout = scaling.history.layout
         self._observed: Floats32 = np.empty((self.end - self.first, layout.size), np.float32)
-        self._phases = min(_PHASES, episode)
+        self._phases = min(PHASES, episode)
         # An increment of one in a sample, and an error of one, in units of the layout's amplitude.
         self._moved = np.float32(2.0 * np.pi * scaling.frequency_hz * layout.ts_s)
         self._error = np.float32(scaling.error)

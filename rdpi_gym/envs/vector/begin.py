@@ -10,19 +10,14 @@ from numba import njit
 from rdpi_gym.envs.truth import EFFECT_LEVELS
 from rdpi_gym.envs.vector.kernels import add_offsets, encode, encode_reading, read_sensors, report
 from rdpi_gym.envs.vector.lanes import (
-    AMPLITUDE,
     BEGUN,
-    CENTRE,
     COMMAND,
     HELD,
     MEASURED,
     NEVER,
     NOISE,
     OFFSET,
-    OMEGA,
-    PHASE,
     RESOLUTION,
-    RISE,
     Integers,
     Lanes,
     Law,
@@ -37,6 +32,7 @@ from rdpi_gym.envs.vector.random import (
     seed_generator,
 )
 from rdpi_gym.envs.vector.sines import sample_references
+from rdpi_gym.envs.vector.waves import Drawn
 from rdpi_gym.support.arrays import Array
 
 
@@ -49,26 +45,6 @@ class Column(NamedTuple):
     offset_um: float  # behind its effects
     noise_um: float
     resolution_um: float
-
-
-class Drawn(NamedTuple):
-    """What m episodes draw."""
-
-    factors: Array  # float64[m, K]: of the core's numbers; empty without randomisation
-    levels: Integers  # int64[m, L]: of the effects' parameters; empty without randomisation
-    choice: Integers  # int64[m]: of the references
-    position: Array  # float64[m]: between the lowest and the highest frequency
-    signal_seed: Integers  # int64[m]
-    noise_seed: Words  # uint64[m]
-
-
-# Columns of a table of references that may be drawn.
-FREQUENCY = 0  # Hz; NaN: drawn
-SINE_PHASE = 1  # NaN: not a sine, its samples stand in a table
-SINE_AMPLITUDE = 2
-SINE_CENTRE = 3
-SINE_RISE = 4
-CHOICE = 5
 
 
 @njit(cache=True)
@@ -122,6 +98,7 @@ def place_plants(step: int, rest_V: float, column: Column, drawn: Drawn, fresh: 
     for row in range(len(column.stage_p)):
         fresh.stage_p[0, row] = column.stage_p[row]
     fresh.stage_state[:] = np.nan
+    fresh.numbers[:] = 0.0
     for b in range(state.shape[1]):
         state[0, b], state[1, b] = rest_V, 0.0
         numbers[BEGUN, b] = step if b < len(drawn.choice) else NEVER
@@ -156,25 +133,6 @@ def scale_packed(gains: int, gaps_V: Array, factors: Array, fresh: Lanes) -> Non
             p[gains + i, b] = threshold
         for i in range(rest, factors.shape[1]):
             p[i, b] *= factors[b, i]
-
-
-@njit(cache=True)
-def place_sines(low_hz: float, high_hz: float, table: Array, drawn: Drawn, fresh: Lanes) -> None:
-    """Put the references of a block of lanes that begin: sines, and NaN where a table is read."""
-    numbers = fresh.numbers[0]
-    for b in range(len(drawn.choice)):
-        choice = table[min(drawn.choice[b], len(table) - 1)]
-        frequency = choice[FREQUENCY]
-        if np.isnan(frequency):
-            frequency = low_hz
-            if low_hz < high_hz:
-                frequency = low_hz * (high_hz / low_hz) ** drawn.position[b]
-        sine = not np.isnan(choice[SINE_PHASE])
-        numbers[OMEGA, b] = 2.0 * np.pi * frequency if sine else np.nan
-        numbers[PHASE, b] = choice[SINE_PHASE] if sine else 0.0
-        numbers[AMPLITUDE, b] = choice[SINE_AMPLITUDE]
-        numbers[CENTRE, b] = choice[SINE_CENTRE]
-        numbers[RISE, b] = choice[SINE_RISE]
 
 
 @njit(cache=True)
@@ -240,7 +198,7 @@ def show_first(
         add_offsets(0, row, numbers, work)
     measured = row
     if law.sensed:
-        read_sensors(0, step, row, numbers, sources.noise, work)
+        read_sensors(0, row, 0, numbers, sources.noise, work)
         measured = MEASURED
     middle, per_half = 0.5 * (law.low_V + law.high_V), 2.0 / (law.high_V - law.low_V)
     for b in range(lanes):
@@ -250,7 +208,7 @@ def show_first(
     for j in range(rows):
         ring = (step + j) % rows
         sample_references(
-            0, step + j, True, law.ts_s, numbers, sources.rises, sources.references_um,
+            0, step + j, True, law.ts_s, numbers, sources.rises, j, sources.ahead_um,
             window_um[0, ring],
         )  # fmt: skip
         for b in range(lanes):

@@ -25,22 +25,20 @@ def _place_commands(n: int, actions: Array, law: Law, work: Array, numbers: Arra
 
 @njit(cache=True)
 def _add_commands(
-    n: int, actions: Array, base_V: Array, law: Law, work: Array, numbers: Array
+    n: int, actions: Array, bases: Array, law: Law, work: Array, numbers: Array
 ) -> None:
-    first, low, high, scale_V = n * work.shape[1], law.low_V, law.high_V, law.action_scale_V
-    corrects = len(base_V) > 0
-    for b in range(min(work.shape[1], len(actions) - first)):
-        place = actions[first + b]
+    low, high, scale_V = law.low_V, law.high_V, law.action_scale_V
+    own = actions[n * work.shape[1] : (n + 1) * work.shape[1]]
+    for b in range(len(own)):
+        place = own[b]
         within = place if place < 1.0 else 1.0
         within = within if within > -1.0 else -1.0
-        last = numbers[n, COMMAND, b]
-        base = base_V[first + b] if corrects else last
-        wanted = base + within * scale_V
+        wanted = bases[b] + within * scale_V
         u = wanted if wanted > low else low
         u = u if u < high else high
-        work[CHANGE, b] = abs(u - last)
+        work[CHANGE, b] = abs(u - numbers[n, COMMAND, b])
         numbers[n, COMMAND, b] = u
-        numbers[n, SATURATED, b] += 0.0 if within == place and u == wanted else 1.0
+        numbers[n, SATURATED, b] += 0.0 if (within == place) & (u == wanted) else 1.0
 
 
 @njit(cache=True)
@@ -79,5 +77,7 @@ def command_block(
     if law.places:
         _place_commands(n, actions, law, work, numbers)
     else:
-        _add_commands(n, actions, base_V, law, work, numbers)
+        first, end = n * work.shape[1], (n + 1) * work.shape[1]
+        bases = base_V[first:end] if len(base_V) else numbers[n, COMMAND]
+        _add_commands(n, actions, bases, law, work, numbers)
     _convert(n, step, law.hold, work, numbers)

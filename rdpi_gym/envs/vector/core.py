@@ -26,6 +26,8 @@ class CoreLanes:
 
     Attributes
     ----------
+    factors : int
+        Number of factors that a drawn core takes.
     kernel : int
         Number of its kernel among :data:`rdpi_gym.envs.vector.chain.CORE_KERNELS`; -1: none of
         them, and it runs through Python.
@@ -36,6 +38,7 @@ class CoreLanes:
     def __init__(self, model: PlantModel, ts_s: float) -> None:
         self._nominal: Core = model.hysteresis
         self._ts_s = ts_s
+        self.factors, self._gaps_V = self._nominal.factors, self._nominal.gaps_V
         block = type(self._nominal).block
         self.kernel = CORE_KERNELS.index(block) if block in CORE_KERNELS else -1
         self.rows = (len(pack([self._nominal], ts_s, [0.0])), 2 + self._nominal.n)
@@ -82,7 +85,7 @@ class CoreLanes:
         """
         cores = LaneCores(core, factors)
         if factors.shape[1] and core.drawn_as_packed:
-            scale_packed(len(core.gains), core.gaps_V, factors, fresh)
+            scale_packed(len(core.gains), self._gaps_V, factors, fresh)
         elif factors.shape[1]:
             for lane in range(len(factors)):
                 fresh.p[0, :-2, lane] = cores[lane].coefficients()

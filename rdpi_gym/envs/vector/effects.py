@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 from typing import Any, cast
 
 import numpy as np
+from numba import njit
 
 from rdpi_gym.envs.truth import EFFECT_LEVELS, drawn_parameters, effect_at
 from rdpi_gym.envs.vector.chain import KERNELS, Table
 from rdpi_gym.envs.vector.core import LaneCores
-from rdpi_gym.envs.vector.lanes import Integers, Lanes
+from rdpi_gym.envs.vector.lanes import Flags, Integers, Lanes
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.chain import ACTS_ON, COMMAND, DISPLACEMENT, RATE, Link, Place, in_order, walk
 from rdpi_gym.plant.cores.base import Core
@@ -23,6 +24,8 @@ from rdpi_gym.support.errors import InputError
 
 # Rows of a block's work in which command, rate and displacement begin.
 _ROWS = (0, 2, 4)
+# Drawn parameters of an effect whose columns are kept at all levels: a thousand of them.
+_FEW = 2
 
 
 class _Watched:
@@ -34,6 +37,81 @@ class _Watched:
     def __getattr__(self, name: str) -> Any:
         self.read = True
         return getattr(self._hysteresis, name)
+
+
+class KeptColumns:
+    """Columns of parameters at the levels of effects, each made when it is first drawn.
+
+    Parameters
+    ----------
+    counts
+        Of each effect: how many of its parameters are drawn.
+    rows : int64[E, 2]
+        First row and end of its parameters among those of all.
+    """
+
+    def __init__(self, counts: Sequence[int], rows: Integers) -> None:
+        tables = [EFFECT_LEVELS**count for count in counts]
+        sizes = rows[:, 1] - rows[:, 0]
+        # Of each effect: levels, first row and end of its parameters, first column among the known,
+        # and first place in the flat tables.
+        self._places: Integers = np.column_stack(
+            [
+                counts, rows, np.cumsum([0, *tables[:-1]]),
+                np.cumsum([0, *(sizes * tables)[:-1]]),
+            ]
+        ).astype(np.int64)  # fmt: skip
+        self._known: Flags = np.zeros(sum(tables), dtype=bool)
+        self._flat: Array = np.zeros(int((sizes * tables).sum()))
+
+    def pick(
+        self, levels: Integers, fresh: Lanes, make: Callable[[int, Sequence[int]], Sequence[float]]
+    ) -> None:
+        """Put the columns at the levels that lanes have drawn into a block that begins.
+
+        Parameters
+        ----------
+        levels : int64[m, L]
+            Of the effects, one after the other.
+        fresh
+            The block.
+        make
+            ``make(i, levels)``: the column of effect i.
+        """
+        while True:
+            lane, i = _pick(levels, self._places, self._known, self._flat, fresh.stage_p)
+            if i < 0:
+                return
+            count, first, end, known, place = self._places[i].tolist()
+            begin = int(self._places[:i, 0].sum())
+            own = levels[lane, begin : begin + count].tolist()
+            at = 0
+            for level in own:
+                at = at * EFFECT_LEVELS + level
+            place += at * (end - first)
+            self._flat[place : place + end - first] = make(i, own)
+            self._known[known + at] = True
+
+
+@njit(cache=True)
+def _pick(
+    levels: Integers, places: Integers, known: Flags, flat: Array, stage_p: Array
+) -> tuple[int, int]:
+    """Copy the columns; return the lane and the effect of one that is not known, or -1 and -1."""
+    for lane in range(len(levels)):
+        level = 0
+        for i in range(len(places)):
+            count, first, end = places[i, 0], places[i, 1], places[i, 2]
+            at = 0
+            for _ in range(count):
+                at = at * EFFECT_LEVELS + levels[lane, level]
+                level += 1
+            if not known[places[i, 3] + at]:
+                return lane, i
+            place = places[i, 4] + at * (end - first)
+            for row in range(first, end):
+                stage_p[0, row, lane] = flat[place + row - first]
+    return -1, -1
 
 
 class EffectStages:
@@ -86,6 +164,11 @@ class EffectStages:
         self.compiled = all(row[0] >= 0 for row in rows)
         self.reads_hysteresis = bool(self._reading)
         self.levels = sum(self._counts) if half_width > 0.0 else 0
+        # Kernels pick columns alone where each stage's follow from its own few levels.
+        self._kept: KeptColumns | None = None
+        few = all(self._counts[i] <= _FEW for i in self._stages)
+        if self.levels and few and not self._reading and len(self._stages) == len(self._effects):
+            self._kept = KeptColumns(self._counts, self.table[:, 2:4])
 
     def column(self, model: PlantModel) -> Array:
         """Return the stages' parameters of a plant with the same effects, float64[P'].
@@ -139,6 +222,9 @@ class EffectStages:
         float64[K, m]
             The same in these lanes.
         """
+        if self._kept is not None and levels.shape[1]:
+            self._kept.pick(levels, fresh, self._column_at)
+            return turns_V
         for lane, at in enumerate(levels.tolist()):
             effects, columns = self._at_levels(at)
             for i, (first, end) in zip(self._stages, self.table[:, 2:4].tolist(), strict=True):
@@ -204,6 +290,9 @@ class EffectStages:
             effects.append(effect)
             columns.append(column)
         return effects, columns
+
+    def _column_at(self, i: int, levels: Sequence[int]) -> list[float]:
+        return self._coefficients(effect_at(self._effects[i], levels, self._half_width))
 
     def _coefficients(self, effect: Effect) -> list[float]:
         return effect.coefficients(self._ts_s, RDPI((1.0,), (), 0.0))

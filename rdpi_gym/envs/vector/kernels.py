@@ -32,7 +32,9 @@ from rdpi_gym.envs.vector.lanes import (
     Shown,
     Sources,
 )
+from rdpi_gym.envs.vector.noise import draw_noise, noise_row
 from rdpi_gym.envs.vector.sines import sample_references
+from rdpi_gym.envs.vector.waves import ahead_row, sample_ahead
 from rdpi_gym.support.arrays import Array
 
 # Where the fields of each part of a record begin, one after the other.
@@ -63,16 +65,36 @@ def add_offsets(n: int, row: int, numbers: Array, work: Array) -> None:
 
 
 @njit(cache=True)
-def read_sensors(n: int, step: int, row: int, numbers: Array, noise: Array, work: Array) -> None:
-    """Read the displacements (µm) in a row of `work`: noise, then rounding to the resolution."""
-    lane, width = n * work.shape[1], work.shape[1]
-    for b in range(width):
-        work[MEASURED, b] = work[row, b]
-    for b in range(min(width, len(noise) - lane)):
-        if numbers[n, NOISE, b] > 0.0:
-            sample = (step - int(numbers[n, BEGUN, b])) % noise.shape[1]
-            work[MEASURED, b] += noise[lane + b, sample] * numbers[n, NOISE, b]
-    for b in range(width):
+def _add_noise(n: int, sample: int, row: int, numbers: Array, noise: Array, work: Array) -> None:
+    for b in range(min(work.shape[1], noise.shape[2])):
+        work[MEASURED, b] = work[row, b] + noise[n, sample, b] * numbers[n, NOISE, b]
+
+
+@njit(cache=True)
+def read_sensors(n: int, row: int, sample: int, numbers: Array, noise: Array, work: Array) -> None:
+    """Read the displacements (µm) in a row of `work`: noise, then rounding to the resolution.
+
+    Parameters
+    ----------
+    n
+        Number of the block.
+    row
+        Of `work`.
+    sample
+        Row of its `noise`.
+    numbers
+        Of :class:`rdpi_gym.envs.vector.lanes.Lanes`.
+    noise : float64[N, S, W]
+        Standard normal numbers; without rows where no sensor has noise.
+    work : float64[WORK, W]
+        Its row ``MEASURED`` is filled.
+    """
+    if len(noise):
+        _add_noise(n, sample, row, numbers, noise, work)
+    else:
+        for b in range(work.shape[1]):
+            work[MEASURED, b] = work[row, b]
+    for b in range(work.shape[1]):
         resolution = numbers[n, RESOLUTION, b]
         if resolution > 0.0:
             work[MEASURED, b] = np.rint(work[MEASURED, b] / resolution) * resolution
@@ -195,13 +217,27 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
     # In the ring r(k + preview) takes the place of r(k-1).
     now, newest, ahead = step % rows, (step - 1) % rows, step + rows - 1
     rising = ahead < lanes.rising[n]
+    taken = 0
+    if len(sources.ahead_um):
+        taken = ahead_row(n, len(sources.ahead_um), ahead)
+        if taken == 0:
+            sample_ahead(
+                n, ahead, law.ts_s, numbers, sources.rises, sources.waves, sources.tables_um,
+                sources.ahead_um,
+            )  # fmt: skip
     sample_references(
-        n, ahead, rising, law.ts_s, numbers, sources.rises, sources.references_um,
+        n, ahead, rising, law.ts_s, numbers, sources.rises, taken, sources.ahead_um,
         window_um[n, newest],
     )  # fmt: skip
     measured = row
     if law.sensed:
-        read_sensors(n, step, row, numbers, sources.noise, work)
+        sample = 0
+        if len(sources.noise):
+            blocks, samples, width = sources.noise.shape
+            sample = noise_row(n, blocks, step, samples)
+            if sample == 0:
+                draw_noise(n, 0, 0, width, sources.noise_rngs, sources.noise)
+        read_sensors(n, row, sample, numbers, sources.noise, work)
         measured = MEASURED
     at, size = step % SLIDE, work.shape[1] * (rows + 2)
     if at == 0:

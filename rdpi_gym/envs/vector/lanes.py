@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rdpi_gym.envs.vector.chain import Table
+from rdpi_gym.envs.vector.random import Words
 from rdpi_gym.support.arrays import Array
 
 Floats32: TypeAlias = NDArray[np.float32]
@@ -29,8 +30,7 @@ PHASE = 8  # its phase (rad)
 AMPLITUDE = 9  # its amplitude (µm)
 CENTRE = 10  # its centre (µm)
 RISE = 11  # row of its smooth start
-FIRST = 12  # sample at which the table of a reference begins
-NUMBERS = 13
+NUMBERS = 12
 
 # Rows that a thread writes over in every block; the plant's chain takes the first six.
 CHANGE = 6  # of the command (V), absolute
@@ -70,8 +70,11 @@ class Sources(NamedTuple):
 
     stages: Table
     rises: Array  # float64[R, M]: smooth starts, sample by sample
-    references_um: Array  # float64[B, M]: tables of references; empty without any
-    noise: Array  # float64[B, M]: standard normal numbers; empty without noise
+    waves: Array  # float64[B, C]: references, as rdpi_gym.envs.vector.waves has them
+    tables_um: Array  # float64[B, M]: of those that are no wave; one row without any
+    ahead_um: Array  # float64[N, AHEAD, W]: next samples of all but sines; empty without any
+    noise: Array  # float64[N, M, W]: standard normal numbers; empty without noise
+    noise_rngs: Words  # uint64[N W, 4]: what they are drawn from
 
 
 class Law(NamedTuple):

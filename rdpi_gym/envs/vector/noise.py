@@ -1,15 +1,83 @@
-"""The sensors' noise of many lanes, each from a generator of its own."""
+"""The sensors' noise of many lanes, each from a generator of its own, drawn some samples at a time."""
 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from rdpi_gym.envs.vector.lanes import NEVER, Integers
-from rdpi_gym.envs.vector.random import Words
+from rdpi_gym.envs.vector.lanes import Integers, aligned
+from rdpi_gym.envs.vector.random import Words, draw_normals, seed_generator
 from rdpi_gym.support.arrays import Array
 
-# Numbers drawn at a time: a call of a generator costs as much as a hundred of them.
-_SAMPLES = 256
+SAMPLES = 32
+"""Numbers that a lane draws at a time: its generator stays in registers meanwhile."""
+
+
+@njit(cache=True)
+def noise_row(n: int, blocks: int, step: int, rows: int) -> int:
+    """Row of a block's numbers for a step; every block begins a table anew at another step."""
+    return (step + n * rows // blocks) % rows
+
+
+@njit(cache=True)
+def draw_noise(n: int, row: int, begin: int, end: int, rngs: Words, tables: Array) -> None:
+    """Draw the rows of a block's lanes from a row on, for the lanes that have a generator.
+
+    Parameters
+    ----------
+    n, row
+        The block, and the first row that is drawn; before it all stays.
+    begin, end
+        The lanes, counted within the block.
+    rngs : uint64[N W, 4]
+        Generators of all lanes, zeros where a sensor has no noise; they move on.
+    tables : float64[N, S, W]
+        Filled there.
+    """
+    width = tables.shape[2]
+    for b in range(begin, end):
+        lane = n * width + b
+        if rngs[lane, 3] == 0:  # a seeded one has an odd increment
+            continue
+        draw_normals(rngs[lane], tables[n, row:, b])
+
+
+@njit(cache=True)
+def begin_noise(
+    step: int, indices: Integers, noise_um: float, seeds: Words, rngs: Words, tables: Array
+) -> Array:
+    """Seed the generators of lanes that begin at a step, and draw what is left of their blocks' rows.
+
+    Parameters
+    ----------
+    step
+        Of the environment.
+    indices : int64[m]
+        The lanes.
+    noise_um
+        Standard deviation (µm) of their sensors.
+    seeds : uint64[m]
+        Of their generators.
+    rngs, tables
+        As :func:`draw_noise`.
+
+    Returns
+    -------
+    float64[1, 1, m]
+        Their first numbers.
+    """
+    blocks, rows, width = tables.shape
+    first = np.zeros((1, 1, len(indices)))
+    for j in range(len(indices)):
+        n, b = indices[j] // width, indices[j] % width
+        row = noise_row(n, blocks, step, rows)
+        rngs[indices[j]] = 0
+        tables[n, :, b] = 0.0
+        if noise_um > 0.0:
+            seed_generator(seeds[j], rngs[indices[j]])
+            draw_noise(n, row, b, b + 1, rngs, tables)
+            first[0, 0, j] = tables[n, row, b]
+    return first
 
 
 class NoiseTables:
@@ -17,60 +85,28 @@ class NoiseTables:
 
     Parameters
     ----------
-    lanes
-        Number of lanes B.
+    shape
+        Number of blocks of lanes N, and their width W.
 
     Attributes
     ----------
-    tables : float64[B, 256]
-        Sample k of an episode stands in column k modulo 256; without rows until a lane has noise.
-    due : int
-        First step at which a lane needs new numbers.
+    rngs : uint64[N W, 4]
+        As :func:`draw_noise`; without rows until a lane has noise.
+    tables : float64[N, S, W]
+        As there.
     """
 
-    def __init__(self, lanes: int) -> None:
-        self._rngs: list[np.random.Generator | None] = [None] * lanes
-        self._due: Integers = np.full(lanes, NEVER)
-        self.tables: Array = np.zeros((0, _SAMPLES))
-        self.due = NEVER
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._blocks, self._width = shape
+        self.rngs: Words = np.zeros((0, 4), dtype=np.uint64)
+        self.tables: Array = np.zeros((0, SAMPLES, 1))
 
     def begin(self, step: int, indices: Integers, noise_um: float, seeds: Words) -> Array:
-        """Draw for lanes that begin at a step.
-
-        Parameters
-        ----------
-        step
-            Of the environment.
-        indices : int64[m]
-            The lanes.
-        noise_um
-            Standard deviation (µm) of their sensors.
-        seeds : uint64[m]
-            Seeds of their generators.
-
-        Returns
-        -------
-        float64[m, 1]
-            Their first numbers; without rows where they have no noise.
-        """
-        if noise_um > 0.0:
-            if not len(self.tables):
-                self.tables = np.zeros((len(self._rngs), _SAMPLES))
-            for lane, seed in zip(indices.tolist(), seeds.tolist(), strict=True):
-                rng = self._rngs[lane] = np.random.default_rng(seed)
-                rng.standard_normal(out=self.tables[lane])
-        self._due[indices] = step + _SAMPLES if noise_um > 0.0 else NEVER
-        if len(self.tables):
-            self.due = int(self._due.min())
-        return (
-            np.ascontiguousarray(self.tables[indices, :1]) if noise_um > 0.0 else np.zeros((0, 1))
-        )
-
-    def extend(self, step: int) -> None:
-        """Draw for the lanes whose numbers end before what `step` reads."""
-        for lane in np.flatnonzero(self._due <= step).tolist():
-            rng = self._rngs[lane]
-            assert rng is not None
-            rng.standard_normal(out=self.tables[lane])
-            self._due[lane] += _SAMPLES
-        self.due = int(self._due.min())
+        """Draw for lanes that begin at a step, see :func:`begin_noise`; without rows before any noise."""
+        if not len(self.tables):
+            if noise_um == 0.0:
+                return np.zeros((0, 1, 1))
+            self.rngs = np.zeros((self._blocks * self._width, 4), dtype=np.uint64)
+            self.tables = aligned((self._blocks, SAMPLES, self._width))
+        first: Array = begin_noise(step, indices, noise_um, seeds, self.rngs, self.tables)
+        return first

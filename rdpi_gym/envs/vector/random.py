@@ -7,11 +7,17 @@ every function against ``numpy.random``, whose seeding and bit generator are sta
 
 from __future__ import annotations
 
-from typing import TypeAlias
+import math
+from typing import Any, TypeAlias
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+from numba.np.random import _constants as ziggurat
 from numpy.typing import NDArray
+
+from rdpi_gym.support.arrays import Array
 
 Word: TypeAlias = np.uint64
 Words: TypeAlias = NDArray[np.uint64]
@@ -25,6 +31,10 @@ _INIT_B, _MULT_B = np.uint64(0x8B51F9DD), np.uint64(0x58F38DED)
 _MIX_L, _MIX_R = np.uint64(0xCA01F9DD), np.uint64(0x4973F715)
 # numpy/random/src/pcg64: the multiplier of the 128 bit congruential generator.
 _PCG_HIGH, _PCG_LOW = np.uint64(2549297995355413924), np.uint64(4865540595714422341)
+# The strips of the normal density, as NumPy has them, and where its tail begins.
+_KI, _WI, _FI = ziggurat.ki_double, ziggurat.wi_double, ziggurat.fi_double
+_TAIL, _PER_TAIL = float(ziggurat.ziggurat_nor_r), float(ziggurat.ziggurat_nor_inv_r)
+_STRIP, _BITS52 = np.uint64(0xFF), np.uint64(0x000FFFFFFFFFFFFF)
 
 
 @njit(cache=True)
@@ -35,19 +45,36 @@ def _hashed(word: Word, constant: Word, factor: Word) -> tuple[Word, Word]:
     return word ^ (word >> _16), following
 
 
+@intrinsic
+def _high_product(typing: Any, a: Any, b: Any) -> Any:
+    """Return the upper half of a product of two words: one instruction, and numba has none for it."""
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        wide = ir.IntType(128)
+        product = builder.mul(*(builder.zext(each, wide) for each in arguments))
+        return builder.trunc(builder.lshr(product, ir.Constant(wide, 64)), ir.IntType(64))
+
+    return types.uint64(types.uint64, types.uint64), build
+
+
+@njit(cache=True, inline="always")
+def _moved(high: Word, low: Word, more: Word, less: Word) -> tuple[Word, Word]:
+    """Return the next state: times the multiplier, plus the increment, modulo 2^128."""
+    next_low = low * _PCG_LOW + less
+    next_high = _high_product(low, _PCG_LOW) + high * _PCG_LOW + low * _PCG_HIGH + more
+    return next_high + (_ONE if next_low < less else np.uint64(0)), next_low
+
+
+@njit(cache=True, inline="always")
+def _word(high: Word, low: Word) -> Word:
+    """Return the 64 bits that a state stands for."""
+    word, turn = high ^ low, high >> np.uint64(58)
+    return (word >> turn) | (word << ((np.uint64(64) - turn) & np.uint64(63)))
+
+
 @njit(cache=True)
 def _step(rng: Words) -> None:
-    """Move the state on: times the multiplier, plus the increment, modulo 2^128."""
-    high, low = rng[0], rng[1]
-    a, b = low >> _32, low & _LOW32
-    c, d = _PCG_LOW >> _32, _PCG_LOW & _LOW32
-    ad, bd = a * d, b * d
-    middle = b * c + (bd >> _32) + (ad & _LOW32)
-    carried = a * c + (ad >> _32) + (middle >> _32)
-    high = carried + high * _PCG_LOW + low * _PCG_HIGH
-    low = low * _PCG_LOW
-    rng[1] = low + rng[3]
-    rng[0] = high + rng[2] + (_ONE if rng[1] < low else np.uint64(0))
+    rng[0], rng[1] = _moved(rng[0], rng[1], rng[2], rng[3])
 
 
 @njit(cache=True)
@@ -92,9 +119,8 @@ def seed_generator(seed: Word, rng: Words) -> None:
 def next_word(rng: Words) -> Word:
     """Return the next 64 bits of a generator."""
     _step(rng)
-    word, turn = rng[0] ^ rng[1], rng[0] >> np.uint64(58)
-    turned: Word = (word >> turn) | (word << ((np.uint64(64) - turn) & np.uint64(63)))
-    return turned
+    word: Word = _word(rng[0], rng[1])
+    return word
 
 
 @njit(cache=True)
@@ -109,6 +135,63 @@ def next_uniform(rng: Words) -> float:
     """Return what ``rng.random()`` does."""
     word: Word = next_word(rng)
     return float(word >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@njit(cache=True)
+def _beyond(rng: Words, negative: bool) -> float:
+    """Return a number of the tail (Marsaglia, 1964)."""
+    while True:
+        x = -_PER_TAIL * math.log1p(-next_uniform(rng))
+        y = -math.log1p(-next_uniform(rng))
+        if y + y > x * x:
+            return -(_TAIL + x) if negative else _TAIL + x
+
+
+@njit(cache=True)
+def _normal_of(word: Word, rng: Words) -> float:
+    """Return a standard normal number that begins with a word, where the quick way ends."""
+    while True:
+        strip = word & _STRIP
+        magnitude = (word >> np.uint64(9)) & _BITS52
+        x: float = float(np.int64(magnitude)) * _WI[strip]
+        if (word >> np.uint64(8)) & _ONE:
+            x = -x
+        if magnitude < _KI[strip]:
+            return x
+        if strip == 0:
+            far: float = _beyond(rng, (magnitude >> np.uint64(8)) & _ONE == _ONE)
+            return far
+        step = _FI[strip - _ONE] - _FI[strip]
+        if step * next_uniform(rng) + _FI[strip] < math.exp(-0.5 * x * x):
+            return x
+        word = next_word(rng)
+
+
+@njit(cache=True)
+def draw_normals(rng: Words, numbers: Array) -> None:
+    """Fill `numbers` as ``rng.standard_normal`` does: the ziggurat of Marsaglia and Tsang (2000).
+
+    Parameters
+    ----------
+    rng : uint64[4]
+        Moves on.
+    numbers : float64[K]
+        Filled.
+    """
+    high, low, more, less = rng[0], rng[1], rng[2], rng[3]
+    for k in range(len(numbers)):
+        high, low = _moved(high, low, more, less)
+        word = _word(high, low)
+        strip = word & _STRIP
+        magnitude = (word >> np.uint64(9)) & _BITS52
+        if magnitude < _KI[strip]:  # of 99 in 100
+            x = float(np.int64(magnitude)) * _WI[strip]
+            numbers[k] = -x if (word >> np.uint64(8)) & _ONE else x
+            continue
+        rng[0], rng[1] = high, low
+        numbers[k] = _normal_of(word, rng)
+        high, low = rng[0], rng[1]
+    rng[0], rng[1] = high, low
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""The references of many lanes: sines by formula in the kernels, every other signal from a table."""
+"""The references of many lanes: waves that kernels sample, and every other signal from a table."""
 
 from __future__ import annotations
 
@@ -14,17 +14,29 @@ from rdpi_gym.envs.references import (
     frequency_at,
     frequency_bounds,
 )
-from rdpi_gym.envs.vector.begin import (
-    CHOICE,
+from rdpi_gym.envs.vector.lanes import BEGUN, NEVER, Integers, Lanes, aligned
+from rdpi_gym.envs.vector.waves import (
+    AHEAD,
+    ANGLE,
+    APART,
+    COLUMNS,
+    FIRST,
     FREQUENCY,
-    SINE_AMPLITUDE,
-    SINE_CENTRE,
-    SINE_PHASE,
-    SINE_RISE,
+    HEIGHT,
+    LINES,
+    MIDDLE,
+    MULTISINE,
+    SAMPLED,
+    SEED,
+    SHAPE,
+    SINE,
+    START,
+    TRIANGLE,
     Drawn,
+    begin_waves,
+    place_waves,
 )
-from rdpi_gym.envs.vector.lanes import FIRST, NEVER, OMEGA, Integers, Lanes
-from rdpi_gym.signals import Signal, Sine
+from rdpi_gym.signals import Multisine, Signal, Sine, Triangle
 from rdpi_gym.signals.base import smoothstep
 from rdpi_gym.support.arrays import Array
 
@@ -34,6 +46,8 @@ _FASTEST_RAD = 1e3
 # shorter. NumPy may compute whole vectors otherwise than what is left over behind them, in the last
 # digit: so a table that is cut is a whole number of vectors.
 _CHUNK, _VECTOR = 2048, 16
+# Lines of a multisine that kernels add up.
+_MOST_LINES = 64
 
 
 class Offer(NamedTuple):
@@ -41,7 +55,11 @@ class Offer(NamedTuple):
 
     choices: Sequence[ReferenceChoice]
     bounds_hz: tuple[float, float]
-    table: Array  # float64[C, 5]: a row of rdpi_gym.envs.vector.begin for each choice
+    tabled: bool  # whether one of them is no sine
+    sampled: bool  # whether Python samples one of them
+    table: (
+        Array  # float64[C, COLUMNS]: the waves of rdpi_gym.envs.vector.waves, one for each choice
+    )
 
 
 class References:
@@ -51,8 +69,8 @@ class References:
     ----------
     single
         An environment of the same options: it makes signals and refuses those that go too far.
-    lanes
-        Number of lanes B.
+    lanes, shape
+        Number of lanes B; of their blocks N, and their width W.
     tables_only
         Whether sines come from tables too, for a baseline that plans over samples.
     max_steps
@@ -62,14 +80,23 @@ class References:
     ----------
     rises : float64[R, M]
         Smooth starts, sample by sample; the first row is none.
+    waves : float64[B, C]
+        As :mod:`rdpi_gym.envs.vector.waves` has them.
+    ahead_um : float64[N, AHEAD, W]
+        Next samples of the lanes whose reference is no sine; without rows until there is one.
     tables_um : float64[B, M]
-        Samples of the lanes whose reference is no sine; without rows until there is one.
+        Samples of the lanes whose reference is no wave; one row until there is one.
     due : int
         First step at which a table has no sample left to show ahead.
     """
 
     def __init__(
-        self, single: PiezoTrackingEnv, lanes: int, tables_only: bool, max_steps: int
+        self,
+        single: PiezoTrackingEnv,
+        lanes: int,
+        shape: tuple[int, int],
+        tables_only: bool,
+        max_steps: int,
     ) -> None:
         self._single, self._lanes, self._tables_only = single, lanes, tables_only
         self._preview, self._ts_s = single.layout.preview, single.layout.ts_s
@@ -77,9 +104,12 @@ class References:
         self.rises: Array = np.ones((1, 1))
         samples = _CHUNK + self._preview
         if not tables_only:  # a plan over fewer samples may be another one
-            whole = -(-(max_steps + 1 + self._preview) // _VECTOR) * _VECTOR
+            whole = -(-(max_steps + 1 + self._preview + AHEAD) // _VECTOR) * _VECTOR
             samples = min(samples, whole)
-        self.tables_um: Array = np.zeros((0, samples))
+        self._shape = shape
+        self.ahead_um: Array = np.zeros((0, AHEAD, 1))
+        self.tables_um: Array = np.zeros((1, samples))
+        self.waves: Array = np.zeros((lanes, COLUMNS))
         self._signals: dict[int, Signal] = {}
         self._due: Integers = np.full(lanes, NEVER)
         self.due = NEVER
@@ -115,11 +145,11 @@ class References:
         offer, drawn
             What they drew of what.
         fresh
-            One block, whose sines stand.
+            One block, in which the waves are placed.
 
         Returns
         -------
-        float64[m, preview + 1]
+        float64[1, preview + 1, m]
             What they show first; without rows where all are sines.
 
         Raises
@@ -127,22 +157,49 @@ class References:
         InputError
             A reference goes farther than what can be shown.
         """
-        tabled = np.flatnonzero(np.isnan(fresh.numbers[0, OMEGA, : len(indices)]))
+        most = COLUMNS + 3 * int(offer.table[:, LINES].max())
+        if most > self.waves.shape[1]:
+            wider = np.zeros((self._lanes, most))
+            wider[:, : self.waves.shape[1]] = self.waves
+            self.waves = wider
+        begun = np.empty((len(indices), self.waves.shape[1]))
+        place_waves(*offer.bounds_hz, self._ts_s, offer.table, drawn, fresh, begun)
+        if not offer.tabled:
+            self.waves[indices] = begun
+            return np.empty((0, 1, 1))
+        if not len(self.ahead_um):
+            self.ahead_um = aligned((self._shape[0], AHEAD, self._shape[1]))
+        if offer.sampled:
+            self._sample(step, indices, offer, drawn, begun)
+        first = np.empty((1, self._preview + 1, len(indices)))
+        begin_waves(
+            step, indices, self._ts_s, self.rises, begun, self.waves, self.tables_um, self.ahead_um,
+            first,
+        )  # fmt: skip
+        return first
+
+    def _sample(
+        self, step: int, indices: Integers, offer: Offer, drawn: Drawn, begun: Array
+    ) -> None:
+        """Fill the tables of lanes that begin with a signal that is no wave."""
         # All are made before one is kept: an error leaves the running episodes as they are.
-        made = [self._make(offer, drawn, j) for j in tabled.tolist()]
-        self._due[indices] = NEVER
-        if made and not len(self.tables_um):
+        sampled = np.flatnonzero(begun[:, SHAPE] == SAMPLED)
+        made = [self._make(offer, drawn, j) for j in sampled.tolist()]
+        if len(self.tables_um) < self._lanes:
             self.tables_um = np.zeros((self._lanes, self.tables_um.shape[1]))
-        for lane, (signal, samples_um) in zip(indices[tabled].tolist(), made, strict=True):
+        self._due[indices] = NEVER
+        for lane, (signal, samples_um) in zip(indices[sampled].tolist(), made, strict=True):
             self._signals[lane], self.tables_um[lane] = signal, samples_um
-            self._due[lane] = step + self.tables_um.shape[1] - self._preview
-        if self._signals:
-            self.due = int(self._due.min())
-        first = self.tables_um[indices] if made else self.tables_um[:0]
-        return np.ascontiguousarray(first[:, : self._preview + 1])
+            self._due[lane] = step + self._covered
+        self.due = int(self._due.min())
+
+    @property
+    def _covered(self) -> int:
+        """Steps from the sample at which a table begins to that at which its end may be near."""
+        return int(self.tables_um.shape[1]) - self._preview - AHEAD
 
     def extend(self, step: int, lanes: Lanes) -> None:
-        """Fill the tables that end before what `step` shows.
+        """Fill the tables that end before what `step` may take of them, from that step on.
 
         Raises
         ------
@@ -151,11 +208,13 @@ class References:
         """
         width = lanes.state.shape[2]
         for lane in np.flatnonzero(self._due <= step).tolist():
-            first = lanes.numbers[lane // width, FIRST]
-            start = int(first[lane % width]) + self.tables_um.shape[1]
+            if self.waves[lane, SHAPE] != SAMPLED:
+                self._due[lane] = NEVER
+                continue
+            start = step - int(lanes.numbers[lane // width, BEGUN, lane % width])
             self.tables_um[lane] = self._samples_um(self._signals[lane], start)
-            first[lane % width] = start
-            self._due[lane] += self.tables_um.shape[1]
+            self.waves[lane, FIRST] = start
+            self._due[lane] = step + self._covered
         self.due = int(self._due.min())
 
     def _make(self, offer: Offer, drawn: Drawn, j: int) -> tuple[Signal, Array]:
@@ -169,31 +228,50 @@ class References:
         return samples[:, 0]
 
     def _offered(self, choices: Sequence[ReferenceChoice], bounds_hz: tuple[float, float]) -> Offer:
-        table = np.full((len(choices), CHOICE), np.nan)
-        for row, choice in zip(table, choices, strict=True):
+        rows = []
+        for choice in choices:
             signal = self._single.references.make(choice, bounds_hz[0], 0)
-            if (
-                self._tables_only
-                or type(signal) is not Sine
-                or not self._fits(signal, bounds_hz[1])
-            ):
-                row[SINE_AMPLITUDE:] = 0.0
-                continue
-            given = isinstance(choice, Signal) or (
-                isinstance(choice, Mapping) and "frequency_hz" in choice
-            )
-            row[FREQUENCY] = signal.frequency_hz if given else np.nan
-            row[SINE_PHASE] = signal.phase_rad
-            row[SINE_AMPLITUDE], row[SINE_CENTRE] = signal.amplitude_um, signal.offset_um
-            row[SINE_RISE] = self._rise(signal.smooth_start_s)
-        return Offer(choices, bounds_hz, table)
+            rows.append(self._wave(signal, bounds_hz[1]))
+            if not isinstance(choice, Signal):
+                given = choice if isinstance(choice, Mapping) else {}
+                for column, name in ((FREQUENCY, "frequency_hz"), (SEED, "seed")):
+                    if name not in given:
+                        rows[-1][column] = np.nan
+        table = np.array(rows)
+        shapes = table[:, SHAPE]
+        tabled, sampled = bool((shapes != SINE).any()), bool((shapes == SAMPLED).any())
+        return Offer(choices, bounds_hz, tabled, sampled, table)
 
-    def _fits(self, sine: Sine, highest_hz: float) -> bool:
-        """Say whether a sine is sure to stay within what can be shown, and its formula exact."""
-        if 2.0 * np.pi * max(sine.frequency_hz, highest_hz) * self._ts_s > _FASTEST_RAD:
+    def _wave(self, signal: Signal, highest_hz: float) -> Array:
+        """Return the wave that a signal is, as one that Python samples where it is none."""
+        wave = np.zeros(COLUMNS)
+        wave[SHAPE] = SAMPLED
+        if self._tables_only:
+            return wave
+        if type(signal) is Sine or type(signal) is Triangle:
+            wave[SHAPE] = SINE if type(signal) is Sine else TRIANGLE
+            wave[FREQUENCY], wave[ANGLE] = signal.frequency_hz, signal.phase_rad
+            fastest = max(signal.frequency_hz, highest_hz)
+        elif type(signal) is Multisine and signal.lines <= _MOST_LINES:
+            wave[SHAPE], wave[FREQUENCY] = MULTISINE, signal.frequency_hz
+            wave[SEED], wave[LINES] = signal.seed, signal.lines
+            wave[APART] = 2.0 if signal.odd else 1.0
+            fastest = max(signal.frequency_hz, highest_hz) * 2 * signal.lines
+        else:
+            return wave
+        wave[HEIGHT], wave[MIDDLE] = signal.amplitude_um, signal.offset_um
+        if not self._fits(signal, fastest):
+            wave[SHAPE] = SAMPLED
+            return wave
+        wave[START] = self._rise(signal.smooth_start_s)
+        return wave
+
+    def _fits(self, signal: Signal, fastest_hz: float) -> bool:
+        """Say whether a wave is sure to stay within what can be shown, and its formula exact."""
+        if 2.0 * np.pi * fastest_hz * self._ts_s > _FASTEST_RAD:
             return False
         extremes = np.array(
-            [0.0, sine.offset_um - sine.amplitude_um, sine.offset_um + sine.amplitude_um]
+            [0.0, signal.offset_um - signal.amplitude_um, signal.offset_um + signal.amplitude_um]
         )
         centre = self._single.layout.centre_um
         return bool(np.abs(extremes - centre).max() <= self._single.bound_um)

@@ -1,4 +1,4 @@
-"""The references of a block of lanes at one step: sines by formula, other signals from tables."""
+"""The references of a block of lanes at one step: sines by formula, others as they were sampled."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from rdpi_gym.envs.vector.lanes import (
     AMPLITUDE,
     BEGUN,
     CENTRE,
-    FIRST,
     OMEGA,
     PHASE,
     RISE,
@@ -73,12 +72,10 @@ def _rise(n: int, step: int, rises: Array, numbers: Array, value: Array) -> None
 
 
 @njit(cache=True)
-def _look_up(n: int, step: int, tables_um: Array, numbers: Array, value: Array) -> None:
-    lane = n * len(value)
-    for b in range(min(len(value), len(tables_um) - lane)):
-        if np.isnan(numbers[n, OMEGA, b]):
-            sample = step - int(numbers[n, BEGUN, b]) - int(numbers[n, FIRST, b])
-            value[b] = tables_um[lane + b, sample]
+def _take(n: int, row: int, numbers: Array, taken_um: Array, value: Array) -> None:
+    for b in range(min(len(value), taken_um.shape[2])):
+        taken = taken_um[n, row, b]  # outside a branch, which every other lane would take
+        value[b] = taken if np.isnan(numbers[n, OMEGA, b]) else value[b]
 
 
 @njit(cache=True)
@@ -89,7 +86,8 @@ def sample_references(
     ts: float,
     numbers: Array,
     rises: Array,
-    references_um: Array,
+    row: int,
+    taken_um: Array,
     value: Array,
 ) -> None:
     """Fill `value` with r (µm) of a block at a step of the environment.
@@ -104,8 +102,12 @@ def sample_references(
         Sampling time (s).
     numbers : float64[N, NUMBERS, W]
         Of :class:`rdpi_gym.envs.vector.lanes.Lanes`.
-    rises, references_um
+    rises
         Of :class:`rdpi_gym.envs.vector.lanes.Sources`.
+    row
+        Of `taken_um`.
+    taken_um : float64[N, K, W]
+        Samples of the lanes whose reference is no sine; without rows where all are.
     value : float64[W]
         Filled.
     """
@@ -114,4 +116,5 @@ def sample_references(
     _scale(n, numbers, value)
     if rising:
         _rise(n, step, rises, numbers, value)
-    _look_up(n, step, references_um, numbers, value)
+    if len(taken_um):
+        _take(n, row, numbers, taken_um, value)

@@ -11,10 +11,8 @@ import numpy as np
 from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv
 from rdpi_gym.envs.vector.begin import (
     Column,
-    Drawn,
     draw_episodes,
     place_plants,
-    place_sines,
     seed_generators,
     show_first,
 )
@@ -30,6 +28,7 @@ from rdpi_gym.envs.vector.lanes import (
     WORK,
     Floats32,
     Integers,
+    Lanes,
     Law,
     Record,
     Shown,
@@ -43,6 +42,7 @@ from rdpi_gym.envs.vector.lanes import (
 from rdpi_gym.envs.vector.noise import NoiseTables
 from rdpi_gym.envs.vector.random import Words
 from rdpi_gym.envs.vector.references import References
+from rdpi_gym.envs.vector.waves import Drawn
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -120,9 +120,10 @@ class VectorTask:
         if single.baseline is not None:
             self._correction = VectorCorrection(single.baseline, single.belief, layout, lanes)
         plans = self._correction is not None and self._correction.plans
-        self._references = References(single, lanes, plans, self._max_steps)
-        self._noise = NoiseTables(lanes)
+        self._references = References(single, lanes, shape, plans, self._max_steps)
+        self._noise = NoiseTables(shape)
         self._sources = self._current_sources()
+        self._fresh: tuple[Lanes, Array] | None = None
         self._begins = np.ones(lanes, dtype=bool)
         self._generators: Words = np.zeros((lanes, 4), dtype=np.uint64)
         self.step, self.next_end = 0, 0
@@ -169,7 +170,9 @@ class VectorTask:
         offer = self._references.offered(options.get("reference"), options.get("frequency_hz"))
         drawing, core = given is None, (given or truths.nominal).hysteresis
         drawn = Drawn(
-            factors=np.empty((count, core.factors if drawing and truths.half_width > 0 else 0)),
+            factors=np.empty(
+                (count, self._core.factors if drawing and truths.half_width > 0 else 0)
+            ),
             levels=np.empty((count, self._effects.levels if drawing else 0), dtype=np.int64),
             choice=np.empty(count, dtype=np.int64),
             position=np.empty(count),
@@ -180,19 +183,17 @@ class VectorTask:
         draw_episodes(self._generators, indices, choices, truths.half_width, drawn)
         if not drawing:
             self._take_plant(column)
-        fresh = make_lanes((1, max(32, -(-count // 32) * 32)), self._rows, self._layout.preview)
-        work = aligned((WORK, fresh.state.shape[2]))
+        fresh, work = self._fresh_block(count)
         place_plants(self.step, self._rest_V, column, drawn, fresh)
         cores = self._core.draw(core, drawn.factors, fresh)
-        place_sines(*offer.bounds_hz, offer.table, drawn, fresh)
-        turns = np.repeat(column.turns_V[:, None], count, axis=1)
+        turns = column.turns_V[:, None].repeat(count, axis=1)
         if drawing and self._draws_effects:
             turns = self._effects.draw(drawn.levels, fresh, cores, self._rest_V, turns)
         self._core.settle(self._rest_V, turns, cores, fresh)
         work[0] = self._rest_V
-        tables = self._references.begin(self.step, indices, offer, drawn, fresh)
+        first_um = self._references.begin(self.step, indices, offer, drawn, fresh)
         noise = self._noise.begin(self.step, indices, column.noise_um, drawn.noise_seed)
-        sources = Sources(self._effects.table, self._references.rises, tables, noise)
+        sources = self._current_sources()._replace(ahead_um=first_um, noise=noise)
         row = self._run_chain(fresh, 0, work)
         size = self._layout.size
         shown = Shown(
@@ -230,8 +231,6 @@ class VectorTask:
         self.step += 1
         if self.step >= self._references.due:
             self._references.extend(self.step, self._lanes)
-        if self.step >= self._noise.due:
-            self._noise.extend(self.step)
         lanes = self._lane_count
         out = Shown(
             np.empty(lanes * self._layout.size, np.float32),
@@ -263,12 +262,23 @@ class VectorTask:
         )  # fmt: skip
         return row
 
+    def _fresh_block(self, count: int) -> tuple[Lanes, Array]:
+        """Return a block for lanes that begin, and its work; the last one where it is as wide."""
+        width = max(32, -(-count // 32) * 32)
+        if self._fresh is None or self._fresh[0].state.shape[2] != width:
+            made = make_lanes((1, width), self._rows, self._layout.preview)
+            self._fresh = made, aligned((WORK, width))
+        return self._fresh
+
     def _current_sources(self) -> Sources:
         return Sources(
             self._effects.table,
             self._references.rises,
+            self._references.waves,
             self._references.tables_um,
+            self._references.ahead_um,
             self._noise.tables,
+            self._noise.rngs,
         )
 
     def _take_plant(self, column: Column) -> None:

@@ -46,9 +46,11 @@ def _many_lanes(x: Array, p: Array, state: Array, y: Array) -> None:
         for b in range(x.shape[1]):
             y[t, b] = 0.0
         for k in range((p.shape[0] - 1) // 3):
+            # They follow from the sampling time alone: read once, not lane by lane.
+            decay, before, after = p[1 + 3 * k, 0], p[2 + 3 * k, 0], p[3 + 3 * k, 0]
             for b in range(x.shape[1]):
-                z = p[1 + 3 * k, b] * state[1 + k, b]
-                z += p[2 + 3 * k, b] * state[0, b] + p[3 + 3 * k, b] * x[t, b]
+                z = decay * state[1 + k, b]
+                z += before * state[0, b] + after * x[t, b]
                 state[1 + k, b] = z
                 y[t, b] += z
         for b in range(x.shape[1]):
@@ -60,7 +62,8 @@ def _many_lanes(x: Array, p: Array, state: Array, y: Array) -> None:
 def creep_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel, exact for an input linear between samples.
 
-    Rows of ``p``: gain of an element; F, G0, G1 of each. Rows of the state: last input, elements.
+    Rows of ``p``: gain of an element; F, G0, G1 of each, the same in all lanes. Rows of the state:
+    last input, elements.
     """
     elements = (p.shape[0] - 1) // 3
     for b in range(x.shape[1]):

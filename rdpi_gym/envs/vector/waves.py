@@ -1,0 +1,303 @@
+"""References of many lanes by formula: which wave each lane has, and samples of those that are no sines."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.envs.vector.lanes import (
+    AMPLITUDE,
+    BEGUN,
+    CENTRE,
+    OMEGA,
+    PHASE,
+    RISE,
+    Integers,
+    Lanes,
+)
+from rdpi_gym.envs.vector.random import Words, next_uniform, seed_generator
+from rdpi_gym.envs.vector.sines import sines
+from rdpi_gym.support.arrays import Array
+
+
+class Drawn(NamedTuple):
+    """What m episodes draw."""
+
+    factors: Array  # float64[m, K]: of the core's numbers; empty without randomisation
+    levels: Integers  # int64[m, L]: of the effects' parameters; empty without randomisation
+    choice: Integers  # int64[m]: of the references
+    position: Array  # float64[m]: between the lowest and the highest frequency
+    signal_seed: Integers  # int64[m]
+    noise_seed: Words  # uint64[m]
+
+
+# Columns of a wave. In one that may be drawn NaN stands for what each episode draws.
+SHAPE = 0  # one of the following
+FREQUENCY = 1  # Hz
+ANGLE = 2  # phase (rad)
+HEIGHT = 3  # amplitude (µm)
+MIDDLE = 4  # µm
+START = 5  # row of its smooth start
+SEED = 6  # of the phases of a multisine
+LINES = 7  # how many it has
+APART = 8  # multiples of the frequency between two of them
+PER_PEAK = 9  # one over the largest size of their sum
+FIRST = 10  # sample at which its table begins, where Python samples it
+COLUMNS = 11  # from here on three numbers of each line
+
+# Shapes: a sine is had sample by sample, the others some samples at a time, the last of a table that
+# Python fills.
+SINE, TRIANGLE, MULTISINE, SAMPLED = 0.0, 1.0, 2.0, 3.0
+
+AHEAD = 32
+"""Samples that are had at a time."""
+# A grid of so many points to the period of the highest line misses at most 2 % of a peak.
+_POINTS, _NEAR, _NEWTON = 16, 0.98, 4
+
+
+@njit(cache=True)
+def place_waves(
+    low_hz: float, high_hz: float, ts_s: float, table: Array, drawn: Drawn, fresh: Lanes,
+    waves: Array,
+) -> None:  # fmt: skip
+    """Choose the waves of a block of lanes that begin; where a table is read the rate is NaN.
+
+    Parameters
+    ----------
+    low_hz, high_hz
+        Lowest and highest frequency (Hz).
+    ts_s
+        Sampling time (s).
+    table : float64[K, COLUMNS]
+        Waves that may be drawn.
+    drawn
+        Which of them.
+    fresh
+        The block.
+    waves : float64[m, C]
+        Filled.
+    """
+    numbers = fresh.numbers[0]
+    for b in range(len(waves)):
+        wave = waves[b]
+        wave[:COLUMNS] = table[min(drawn.choice[b], len(table) - 1)]
+        if np.isnan(wave[FREQUENCY]):
+            wave[FREQUENCY] = low_hz
+            if low_hz < high_hz:
+                wave[FREQUENCY] = low_hz * (high_hz / low_hz) ** drawn.position[b]
+        if np.isnan(wave[SEED]):
+            wave[SEED] = float(drawn.signal_seed[b])
+        if wave[SHAPE] == MULTISINE:
+            draw_lines(wave, ts_s)
+        numbers[OMEGA, b] = 2.0 * np.pi * wave[FREQUENCY] if wave[SHAPE] == SINE else np.nan
+        numbers[PHASE, b] = wave[ANGLE]
+        numbers[AMPLITUDE, b], numbers[CENTRE, b] = wave[HEIGHT], wave[MIDDLE]
+        numbers[RISE, b] = wave[START]
+
+
+@njit(cache=True)
+def draw_lines(wave: Array, ts_s: float) -> None:
+    """Draw the phases of a multisine, and find its peak."""
+    phases, sine_1, cosine_1 = _of_lines(wave)
+    rng = np.empty(4, dtype=np.uint64)
+    seed_generator(np.uint64(wave[SEED]), rng)
+    for i in range(len(phases)):
+        phases[i] = 2.0 * np.pi * next_uniform(rng)
+        sine_1[i], cosine_1[i] = math.sin(_rate(wave, i) * ts_s), math.cos(_rate(wave, i) * ts_s)
+    wave[PER_PEAK] = 1.0 / _peak(phases, wave[APART])
+
+
+@njit(cache=True)
+def fill_wave(
+    wave: Array, table_um: Array, first: int, ts_s: float, rises: Array, samples_um: Array
+) -> None:
+    """Take samples (µm) of a wave that is no sine.
+
+    Parameters
+    ----------
+    wave : float64[C]
+        The wave, nothing left to draw.
+    table_um : float64[M]
+        What Python sampled of it, where it did.
+    first
+        Sample of the episode in the first place.
+    ts_s
+        Sampling time (s).
+    rises : float64[R, K]
+        Of :class:`rdpi_gym.envs.vector.lanes.Sources`.
+    samples_um : float64[M']
+        Filled.
+    """
+    if wave[SHAPE] == SAMPLED:
+        begin, last = first - int(wave[FIRST]), len(table_um) - 1
+        for k in range(len(samples_um)):
+            samples_um[k] = table_um[min(begin + k, last)]
+        return
+    if wave[SHAPE] == TRIANGLE:
+        _triangle(wave, first, ts_s, samples_um)
+    else:
+        _multisine(wave, first, ts_s, samples_um)
+    for k in range(len(samples_um)):
+        samples_um[k] = wave[MIDDLE] + wave[HEIGHT] * samples_um[k]
+    rise, last = rises[int(wave[START])], rises.shape[1] - 1
+    if first < last:
+        for k in range(len(samples_um)):
+            samples_um[k] *= rise[min(first + k, last)]
+
+
+@njit(cache=True)
+def _triangle(wave: Array, first: int, ts_s: float, shape: Array) -> None:
+    begin = wave[ANGLE] / (2.0 * np.pi) + 0.25
+    for k in range(len(shape)):
+        cycles = wave[FREQUENCY] * (ts_s * (first + k)) + begin
+        part = cycles - np.floor(cycles)
+        shape[k] = 1.0 - 4.0 * abs(part - 0.5)
+
+
+@njit(cache=True)
+def _multisine(wave: Array, first: int, ts_s: float, shape: Array) -> None:
+    lines = int(wave[LINES])
+    phases, sine_1, cosine_1 = _of_lines(wave)
+    now = np.empty((2, lines))
+    sine, cosine = now[0], now[1]
+    for i in range(lines):
+        sine[i] = _rate(wave, i) * (ts_s * first) + phases[i]
+        cosine[i] = sine[i] + 0.5 * np.pi
+    sines(sine)
+    sines(cosine)
+    for k in range(len(shape)):
+        total = 0.0
+        for i in range(lines):  # turned on by a sample
+            total += sine[i]
+            turned = sine[i] * cosine_1[i] + cosine[i] * sine_1[i]
+            cosine[i] = cosine[i] * cosine_1[i] - sine[i] * sine_1[i]
+            sine[i] = turned
+        shape[k] = total * wave[PER_PEAK]
+
+
+@njit(cache=True, inline="always")
+def _rate(wave: Array, i: int) -> float:
+    """Rate of phase of a line (rad/s)."""
+    rate: float = 2.0 * np.pi * wave[FREQUENCY] * (1.0 + i * wave[APART])
+    return rate
+
+
+@njit(cache=True, inline="always")
+def _of_lines(wave: Array) -> tuple[Array, Array, Array]:
+    """Of each line its phase (rad), and sine and cosine of what it turns in a sample."""
+    lines = int(wave[LINES])
+    middle, last = COLUMNS + lines, COLUMNS + 2 * lines
+    return wave[COLUMNS:middle], wave[middle:last], wave[last : last + lines]
+
+
+@njit(cache=True)
+def _peak(phases: Array, apart: float) -> float:
+    """Return the largest size of a sum of sines: on a grid, sharpened by Newton's method."""
+    highest = 1.0 + (len(phases) - 1) * apart
+    points = _POINTS * int(highest)
+    size, line = np.zeros(points), np.empty(points)
+    for i in range(len(phases)):
+        for j in range(points):
+            line[j] = 2.0 * np.pi * (1.0 + i * apart) * j / points + phases[i]
+        sines(line)
+        size += line
+    size = np.abs(size)
+    peak = size.max()
+    least = _NEAR * peak
+    for j in range(points):
+        if size[j] < least or size[j] < size[j - 1] or size[j] < size[(j + 1) % points]:
+            continue
+        x = 2.0 * np.pi * j / points
+        for _ in range(_NEWTON):
+            slope = curvature = 0.0
+            for i in range(len(phases)):
+                harmonic = 1.0 + i * apart
+                angle = harmonic * x + phases[i]
+                slope += harmonic * math.cos(angle)
+                curvature -= harmonic**2 * math.sin(angle)
+            x -= slope / curvature
+        value = 0.0
+        for i in range(len(phases)):
+            value += math.sin((1.0 + i * apart) * x + phases[i])
+        peak = max(peak, abs(value))
+    return float(peak)
+
+
+@njit(cache=True)
+def ahead_row(n: int, blocks: int, ahead: int) -> int:
+    """Row of a block's samples for a step; every block begins anew at another step."""
+    return (ahead + n * AHEAD // blocks) % AHEAD
+
+
+@njit(cache=True)
+def sample_ahead(
+    n: int, ahead: int, ts_s: float, numbers: Array, rises: Array, waves: Array, tables_um: Array,
+    ahead_um: Array,
+) -> None:  # fmt: skip
+    """Take the samples of a block's waves from a step on that is its first row's.
+
+    Parameters
+    ----------
+    n, ahead
+        The block, and the step of the environment.
+    ts_s, rises
+        As :func:`fill_wave`.
+    numbers
+        Of :class:`rdpi_gym.envs.vector.lanes.Lanes`.
+    waves, tables_um, ahead_um
+        Of :class:`rdpi_gym.envs.vector.lanes.Sources`; the last is filled.
+    """
+    width = ahead_um.shape[2]
+    samples = np.empty(AHEAD)
+    for b in range(min(width, len(waves) - n * width)):
+        wave = waves[n * width + b]
+        if wave[SHAPE] == SINE:
+            continue
+        own = tables_um[n * width + b if wave[SHAPE] == SAMPLED else 0]
+        fill_wave(wave, own, ahead - int(numbers[n, BEGUN, b]), ts_s, rises, samples)
+        for k in range(AHEAD):
+            ahead_um[n, k, b] = samples[k]
+
+
+@njit(cache=True)
+def begin_waves(
+    step: int, indices: Integers, ts_s: float, rises: Array, begun: Array, waves: Array,
+    tables_um: Array, ahead_um: Array, first_um: Array,
+) -> None:  # fmt: skip
+    """Keep the waves of lanes that begin, and sample those that are no sines.
+
+    Parameters
+    ----------
+    step
+        Of the environment.
+    indices : int64[m]
+        The lanes.
+    ts_s, rises
+        As :func:`fill_wave`.
+    begun : float64[m, C]
+        Waves of these lanes.
+    waves, tables_um, ahead_um
+        Of :class:`rdpi_gym.envs.vector.lanes.Sources`; changed for them.
+    first_um : float64[1, preview + 1, m]
+        Filled with what they show first.
+    """
+    blocks, _, width = ahead_um.shape
+    shown = first_um.shape[1]
+    samples = np.empty(shown + AHEAD)
+    for j in range(len(indices)):
+        lane = indices[j]
+        wave, n, b = begun[j], lane // width, lane % width
+        waves[lane] = wave
+        if wave[SHAPE] == SINE:
+            continue
+        row = ahead_row(n, blocks, step + shown)
+        left = AHEAD - row if row else 0
+        own = tables_um[lane if wave[SHAPE] == SAMPLED else 0]
+        fill_wave(wave, own, 0, ts_s, rises, samples[: shown + left])
+        for k in range(shown):
+            first_um[0, k, j] = samples[k]
+        for k in range(left):
+            ahead_um[n, row + k, b] = samples[shown + k]
