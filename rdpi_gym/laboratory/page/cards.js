@@ -130,7 +130,7 @@ function fillCard(node, card, largest) {
   node.className = `card ${card.added ? "added" : card.state}`;
   node.replaceChildren(
     signature(card.picture),
-    h("div", {class: "what"}, h("h3", {}, card.title), h("p", {class: "mechanism"}, card.mechanism)),
+    h("h3", {}, card.title),
     h("div", {class: "numbers"},
       card.probability !== null && card.probability !== undefined
         ? h("span", {class: "probability", title: "Probability among the candidates"}, percent(card.probability))
@@ -138,6 +138,7 @@ function fillCard(node, card, largest) {
           ? h("span", {class: "probability", title: "Confidence"}, percent(card.confidence))
           : h("span", {class: "state"}, card.added ? "in the model" : STATES[card.state]),
       known ? h("span", {class: "error"}, h("b", {}, number(card.validation_um)), ` ${y}`) : ""),
+    h("p", {class: "mechanism"}, card.mechanism),
     h("div", {class: "meter", "aria-hidden": "true"}, h("span", {style: {width: known && largest ? `${Math.min(100, (100 * card.validation_um) / largest)}%` : "0"}})),
     h("div", {class: "foot"},
       h("span", {class: "says"}, foot(card)),
@@ -185,7 +186,7 @@ function drawVerdict() {
     cancelled: "The ranking was cancelled: what was tried so far stands below.",
     failed: "The ranking failed.",
   }[ranking?.status] ?? "";
-  byId("ranking-lines").replaceChildren(...(ranking?.lines ?? []).map((text) => h("p", {}, text)));
+  byId("ranking-lines").replaceChildren(...(ranking?.lines ?? []).map((text) => h("p", {class: text.startsWith("- ") ? "item" : null}, text.replace(/^- /, ""))));
   byId("ranking-more").hidden = !ranking?.lines?.length;
   const cancelled = store.server.current && !store.server.job && (!ranking || ["cancelled", "failed"].includes(ranking.status));
   byId("rank").hidden = !cancelled;

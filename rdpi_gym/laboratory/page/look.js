@@ -1,5 +1,6 @@
 // Light and dark, and how every plot looks in them. The colours stand in lab.css, once.
 
+import {byId} from "./dom.js";
 import {redraw, setUi, store, units} from "./state.js";
 
 const KEPT = "rdpi-lab-theme";
@@ -44,8 +45,24 @@ export const plain = (text) => String(text).replace(/&/g, "&amp;").replace(/</g,
 
 const CONFIG = {displayModeBar: false, scrollZoom: false, doubleClick: false, responsive: false};
 
-/** Draw into a box: `axes` overrides the axes of the house. */
-export function draw(box, data, {x = {}, y = {}, shapes = [], margin = {}, hover = "x"} = {}) {
+// The page is there before Plotly is; what is drawn meanwhile waits, the last of each box.
+const waiting = new Map();
+
+function drawWaiting() {
+  for (const [box, rest] of waiting) draw(box, ...rest);
+  waiting.clear();
+}
+
+if (!globalThis.Plotly) byId("plotly").addEventListener("load", drawWaiting);
+
+/** Draw into a box; `x` and `y` override the axes of the house. */
+export function draw(box, data, options = {}) {
+  if (globalThis.Plotly) return drawNow(box, data, options);
+  waiting.set(box, [data, options]);
+  return null;
+}
+
+function drawNow(box, data, {x = {}, y = {}, shapes = [], margin = {}, hover = "x"} = {}) {
   const axis = {
     gridcolor: colour("line"), linecolor: colour("edge"), zerolinecolor: colour("edge"), zerolinewidth: 1,
     showline: true, ticks: "outside", ticklen: 3, tickcolor: colour("edge"), fixedrange: true,
@@ -74,6 +91,13 @@ function follow(box) {
   if (box.dataset.follows) return;
   box.dataset.follows = "yes";
   sizes.observe(box);
+}
+
+/** A logarithmic axis with as many ticks as its values need. */
+export function logAxis(values) {
+  const known = values.filter((value) => value > 0);
+  const decades = Math.log10(Math.max(...known) / Math.min(...known));
+  return {type: "log", dtick: decades > 1.2 ? Math.max(1, Math.ceil(decades / 5)) : "D2", tickformat: "~g"};
 }
 
 /** A line of a plot, its hover text with the unit. */

@@ -18,7 +18,7 @@ export function beginRecords() {
 }
 
 export function choose(name) {
-  if (name !== store.ui.record) setUi({record: name, range: null, brush: null});
+  if (name !== store.ui.record) setUi({record: name, blind: false, range: null, brush: null});
 }
 
 /** Choose the next record (or, with -1, the one before). */

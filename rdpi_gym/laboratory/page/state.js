@@ -13,6 +13,7 @@ export const store = {
   server: NOTHING,
   ui: {
     record: null, // its name
+    blind: false, // whether it was chosen before anything was fitted, and by nobody
     range: null, // [from_s, to_s] that the traces show; null: all of the record
     mode: "brush", // what dragging on a plot does
     brush: null, // {by: "time" | view, from, to}
@@ -26,10 +27,11 @@ export const store = {
 
 export function setServer(state) {
   store.server = state;
-  store.ui = {...store.ui, loaded: true};
   const names = state.records.map((record) => record.name);
-  if (!names.includes(store.ui.record)) {
-    store.ui = {...store.ui, record: worst(state), range: null, brush: null, preview: null};
+  const {record, blind} = store.ui;
+  store.ui = {...store.ui, loaded: true};
+  if (!names.includes(record) || (blind && state.current)) {
+    store.ui = {...store.ui, record: worst(state), blind: !state.current, range: null, brush: null, preview: null};
   }
   changed();
 }

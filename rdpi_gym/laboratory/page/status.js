@@ -2,8 +2,9 @@
 
 import {act} from "./api.js";
 import {byId} from "./dom.js";
-import {count, number} from "./format.js";
-import {presentStep, setUi, store, watch} from "./state.js";
+import {count, number, withUnit} from "./format.js";
+import {judged} from "./staircase.js";
+import {presentStep, setUi, store, units, watch} from "./state.js";
 
 export function beginStatus() {
   watch((server) => [server.title, server.session_folder], ([title, folder]) => {
@@ -12,15 +13,37 @@ export function beginStatus() {
     document.title = title ? `${title} · rdpi lab` : "rdpi lab";
     byId("session-folder").textContent = folder;
   });
-  watch((server, ui) => [server.sentence, server.current, server.records.length, server.job?.what, ui.loaded], ([sentence, current, records]) => {
-    byId("sentence").textContent = sentence ?? (records && !current ? "The base model is being fitted." : "");
-  });
+  watch((server) => [server.sentence, presentStep(server)?.errors, server.records.length, server.noise_um, server.quantities], drawSentence);
+  watch((server) => Boolean(server.current), takeable);
   watch((server) => server.job, drawJob);
   byId("cancel").addEventListener("click", cancel);
   watch((server, ui) => [ui.connection, ui.notice, server.problem, server.session_folder], drawAlert);
   byId("alert-close").addEventListener("click", () => setUi({notice: null}));
   watch((server) => [server.job?.what, server.ranking?.status, presentStep(server)?.label], announce);
   watch((server, ui) => ui.loaded, (loaded) => document.body.classList.toggle("loaded", loaded));
+}
+
+function drawSentence([sentence, errors, records]) {
+  byId("sentence").textContent = sentence ?? (errors ? left(errors) : records ? "The base model is being fitted." : "");
+}
+
+/** What is known of a step before the server has looked at it. */
+function left({by_record_um: by, ...errors}) {
+  const {y} = units();
+  const {noise_um: noise, records} = store.server;
+  const held = records.filter(({role}) => role === "validation").map(({name}) => name).filter((name) => name in by);
+  const [worst] = (held.length ? held : Object.keys(by)).sort((a, b) => by[b] - by[a]);
+  return `${withUnit(judged(errors), y)} is left on records held out` + (noise ? `, ${number(judged(errors) / noise, 2)} times the noise` : "") +
+    (worst ? `; most on ${worst} (${withUnit(by[worst], y)}).` : ".");
+}
+
+/** What is taken home is a model: without one there is nothing behind the links. */
+function takeable(there) {
+  for (const link of document.querySelectorAll(".home a")) {
+    link.dataset.href ??= link.getAttribute("href");
+    if (there) link.setAttribute("href", link.dataset.href);
+    else link.removeAttribute("href");
+  }
 }
 
 export const cancel = () => store.server.job && act("/api/cancel");

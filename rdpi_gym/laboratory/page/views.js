@@ -2,7 +2,7 @@
 
 import {get, latest} from "./api.js";
 import {byId} from "./dom.js";
-import {colour, draw, faint, line, noiseBand} from "./look.js";
+import {colour, draw, faint, line, logAxis, noiseBand} from "./look.js";
 import {draggable} from "./span.js";
 import {setUi, store, units, watch} from "./state.js";
 import {markSpans} from "./traces.js";
@@ -119,8 +119,8 @@ function drawView(name) {
   const noise = views.noise_um ?? store.server.noise_um;
   const shapes = [...spanOf(name), ...(noise && !logY && !empty ? [noiseBand(signed ? -noise : 0, noise)] : [])];
   draw(box, data, {
-    x: {type: log ? "log" : "linear", hoverformat: ".4~g", ...(log ? {dtick: 1} : {})},
-    y: {type: logY ? "log" : "linear", ...(logY ? {dtick: 1} : {}), rangemode: signed ? "normal" : "tozero"},
+    x: {hoverformat: ".4~g", ...(log && !empty ? logAxis(of[x]) : {type: "linear"})},
+    y: {...(logY && !empty ? logAxis(of[y]) : {type: "linear"}), rangemode: signed ? "normal" : "tozero"},
     shapes, hover: "x",
   });
   box.setAttribute("aria-label", `Residual of ${store.ui.record} ${VIEWS[name].title(units())}${empty ? ": none in this record" : ` in ${unit}`}`);
