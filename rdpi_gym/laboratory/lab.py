@@ -157,6 +157,7 @@ class Lab:
             "columns": columns,
             "units": {key: units.get(column) for key, column in plain.items()},
             "quantities": document.get("quantities", {}),
+            "cores": [{"key": key, "title": core.title} for key, core in CORES.items()],
         }
 
     def noise_um(self) -> float | None:

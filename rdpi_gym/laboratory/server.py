@@ -30,6 +30,8 @@ from rdpi_gym.support.words import quoted
 
 if TYPE_CHECKING:
     from rdpi_gym.laboratory.lab import Lab
+    from rdpi_gym.measurement import Record
+    from rdpi_gym.support.arrays import Array
 
 HOST = "127.0.0.1"
 PAGE = Path(__file__).parent / "page"
@@ -88,6 +90,7 @@ def bind(port: int = 0) -> Place:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         bound.bind((HOST, port))
+        bound.listen()  # a browser that is faster than the server waits
     except (OSError, OverflowError) as error:
         bound.close()
         reason = getattr(error, "strerror", None) or error
@@ -387,24 +390,29 @@ def _trace(lab: Lab, asked: Mapping[str, str]) -> Any:
 
 
 def _views(lab: Lab, asked: Mapping[str, str]) -> Any:
-    from rdpi_gym.laboratory import views
+    from rdpi_gym.laboratory.residuals import residual_views
 
-    record = views.record_named(lab.need_data(), _text(asked, "record"))
-    plant = lab.plant_shown(asked.get("step") or None)
-    if plant is None:
-        raise InputError("there is no model yet; wait for the base model")
-    return views.residual_views(record, lab.displacement(plant, record.name), lab.noise_um())
+    record, model_um = _modelled(lab, asked)
+    return residual_views(record, model_um, lab.noise_um())
 
 
 def _brush(lab: Lab, asked: Mapping[str, str]) -> Any:
-    from rdpi_gym.laboratory import views
+    from rdpi_gym.laboratory.residuals import brushed
 
-    record = views.record_named(lab.need_data(), _text(asked, "record"))
+    record, model_um = _modelled(lab, asked)
+    ends = (_optional(asked, "from_s"), _optional(asked, "to_s"))
+    return brushed(record, model_um, asked.get("by") or "time", *ends)
+
+
+def _modelled(lab: Lab, asked: Mapping[str, str]) -> tuple[Record, Array]:
+    """Return a record, and what the model of a step makes of it (µm)."""
+    from rdpi_gym.laboratory.views import record_named
+
+    record = record_named(lab.need_data(), _text(asked, "record"))
     plant = lab.plant_shown(asked.get("step") or None)
     if plant is None:
         raise InputError("there is no model yet; wait for the base model")
-    part = views.stretch(record, _optional(asked, "from_s"), _optional(asked, "to_s"))
-    return views.brushed(record, lab.displacement(plant, record.name), part)
+    return record, lab.displacement(plant, record.name)
 
 
 # actions, called in the loop

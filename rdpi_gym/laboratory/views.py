@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import rdpi_gym as rg
 from rdpi_gym.laboratory.session import Ranking, Step
@@ -21,11 +23,7 @@ from rdpi_gym.support.words import digits
 
 POINTS = 3000
 """Samples of a trace that the page is given, about."""
-_THUMBNAIL, _SKETCH, _LOOP, _STRETCH = 80, 60, 1500, 1000
-_BINS, _FEWEST = 30, 8
-_SEGMENT = 4096
-_AT_REST = 1e-6  # of the widest swing, from sample to sample
-_SHORTEST_REST = 10  # samples
+_THUMBNAIL, _SKETCH = 80, 60
 _WINDOW = 10.0  # times and over a value: what a slider reaches
 _OVER_COMMAND = ("saturation", "asymmetry", "congruency", "backlash")
 _SYMBOLS = {"delta2_s": "δ2", "delta1_V": "δ1"}
@@ -138,140 +136,18 @@ def trace(
         "model_um": None if model is None else numbers(model[at]),
         "residual_um": None if model is None else numbers((y - model)[at]),
         "other_um": None if other is None else numbers((y - other)[at]),
-        "counted": left_out(record),
+        "counted": spans_s(record, ~record.error_mask),
     }
 
 
-def left_out(record: Record) -> list[list[float]]:
-    """Return the stretches (s) that do not count in an error."""
-    out = np.flatnonzero(~record.error_mask)
-    if not out.size:
+def spans_s(record: Record, chosen: NDArray[np.bool_]) -> list[list[float]]:
+    """Return the stretches of time (s), first and last, that are made of chosen samples, ``(T,)``."""
+    at = np.flatnonzero(chosen)
+    if not at.size:
         return []
-    breaks = np.flatnonzero(np.diff(out) > 1)
-    starts, ends = out[np.concatenate([[0], breaks + 1])], out[np.concatenate([breaks, [-1]])]
+    breaks = np.flatnonzero(np.diff(at) > 1)
+    starts, ends = at[np.concatenate([[0], breaks + 1])], at[np.concatenate([breaks, [-1]])]
     return [[float(record.t_s[a]), float(record.t_s[b])] for a, b in zip(starts, ends, strict=True)]
-
-
-def residual_views(record: Record, model_um: Array, noise_um: float | None) -> dict[str, Any]:
-    """Return what a model leaves of a record over time, command, rate, frequency, time at rest.
-
-    Parameters
-    ----------
-    record
-        The record.
-    model_um
-        Displacement of the model (µm), ``(T,)``.
-    noise_um
-        Noise floor (µm rms).
-    """
-    counted = record.error_mask
-    residual = record.y_um - model_um
-    rate = np.gradient(record.u_V, record.ts_s)
-    at = thin_index(record.y_um, model_um, samples=_LOOP)
-    whole = thin_index(residual, samples=_LOOP)
-    return {
-        "record": record.name,
-        "time": {"t_s": numbers(record.t_s[whole]), "residual_um": numbers(residual[whole])},
-        "command": _profile("u", record.u_V[counted], residual[counted]),
-        "rate": _profile("rate", rate[counted], residual[counted]),
-        "frequency": _spectrum(record, residual),
-        "rest": _at_rest(record, residual),
-        "loop": {
-            "u": numbers(record.u_V[at]),
-            "y_um": numbers(record.y_um[at]),
-            "model_um": numbers(model_um[at]),
-        },
-        "noise_um": noise_um,
-    }
-
-
-def brushed(record: Record, model_um: Array, part: slice) -> dict[str, Any]:
-    """Return the samples of a stretch in every view, so that it is seen in all.
-
-    Parameters
-    ----------
-    record, model_um
-        As :func:`residual_views`.
-    part
-        The stretch.
-    """
-    residual = record.y_um - model_um
-    rate = np.gradient(record.u_V, record.ts_s)
-    at = np.arange(record.t_s.size)[part]
-    at = at[thin_index(record.y_um[part], residual[part], samples=_STRETCH)]
-    left = numbers(residual[at])
-    return {
-        "record": record.name,
-        "time": {"t_s": numbers(record.t_s[at]), "residual_um": left},
-        "command": {"u": numbers(record.u_V[at]), "residual_um": left},
-        "rate": {"rate": numbers(rate[at]), "residual_um": left},
-        "loop": {
-            "u": numbers(record.u_V[at]),
-            "y_um": numbers(record.y_um[at]),
-            "model_um": numbers(model_um[at]),
-        },
-    }
-
-
-def _profile(name: str, x: Array, residual: Array) -> dict[str, Any]:
-    """Return mean, rms and the middle nine tenths of a residual along a quantity."""
-    if not x.size:
-        return {key: [] for key in (name, "rms_um", "mean_um", "low_um", "high_um")}
-    low, high = np.percentile(x, [0.25, 99.75])
-    edges = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, _BINS - 1)
-    order = np.argsort(place, kind="stable")
-    parts = np.split(residual[order], np.searchsorted(place[order], np.arange(1, _BINS)))
-    known = [k for k, part in enumerate(parts) if part.size >= _FEWEST]
-    some = [parts[k] for k in known]
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    return {
-        name: numbers(middle[known]),
-        "rms_um": [float(np.sqrt(np.mean(p**2))) for p in some],
-        "mean_um": [float(np.mean(p)) for p in some],
-        "low_um": [float(np.percentile(p, 5)) for p in some],
-        "high_um": [float(np.percentile(p, 95)) for p in some],
-    }
-
-
-def _spectrum(record: Record, residual: Array) -> dict[str, Any]:
-    """Return the rms of a residual in third-octave bands, by Welch's method."""
-    from scipy.signal import welch
-
-    left = np.where(record.error_mask, residual, 0.0)
-    share = max(float(np.mean(record.error_mask)), 1e-9)
-    hz, power = welch(left, 1.0 / record.ts_s, nperseg=min(_SEGMENT, left.size), detrend="constant")
-    hz, power = hz[1:], power[1:] / share
-    band = np.round(10.0 * np.log10(hz)).astype(int)
-    bands = np.unique(band)
-    rms = np.array([math.sqrt(power[band == b].sum() * hz[0]) for b in bands])
-    return {"hz": numbers(10.0 ** (bands / 10.0)), "um": numbers(rms)}
-
-
-def _at_rest(record: Record, residual: Array) -> dict[str, Any]:
-    """Return how a residual goes on while the command rests, in the direction of the last move."""
-    step = np.abs(np.diff(record.u_V, prepend=record.u_V[0]))
-    still = step <= _AT_REST * max(float(np.ptp(record.u_V)), 1e-300)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
-    times: list[Array] = []
-    gone: list[Array] = []
-    for first, last in edges.reshape(-1, 2):
-        if first == 0 or last - first < _SHORTEST_REST:
-            continue
-        move = np.sign(record.u_V[first] - record.u_V[max(first - 5, 0)])
-        inside = np.arange(first, last)[record.error_mask[first:last]]
-        if move and inside.size:
-            times.append((inside - first + 1) * record.ts_s)
-            gone.append((residual[inside] - residual[first : first + 4].mean()) * move)
-    if not times:
-        return {"s": [], "um": []}
-    t_s, um = np.concatenate(times), np.concatenate(gone)
-    bins = np.geomspace(record.ts_s, t_s.max() * 1.001, 25)
-    place = np.clip(np.searchsorted(bins, t_s, side="right") - 1, 0, 23)
-    count = np.bincount(place, minlength=24)
-    known = count >= _FEWEST
-    mean = np.bincount(place, weights=um, minlength=24)[known] / count[known]
-    return {"s": numbers(np.sqrt(bins[1:] * bins[:-1])[known]), "um": numbers(mean)}
 
 
 def step_row(step: Step) -> dict[str, Any]:
@@ -466,7 +342,8 @@ def _share(base_um: float, with_um: float | None, noise_um: float | None) -> flo
 
 
 def _first_sentence(text: str) -> str:
-    return f"{text.split('. ')[0].rstrip('.')}."
+    # "Eq. 8" ends none
+    return f"{re.split(r'(?<!Eq)[.] ', text)[0].rstrip('.')}."
 
 
 def pictures() -> dict[str, dict[str, Any]]:

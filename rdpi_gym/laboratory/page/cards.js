@@ -138,8 +138,6 @@ function fillCard(node, card, largest) {
           ? h("span", {class: "probability", title: "Confidence"}, percent(card.confidence))
           : h("span", {class: "state"}, card.added ? "in the model" : STATES[card.state]),
       known ? h("span", {class: "error"}, h("b", {}, number(card.validation_um)), ` ${y}`) : ""),
-    h("p", {class: "mechanism"}, card.mechanism),
-    h("div", {class: "meter", "aria-hidden": "true"}, h("span", {style: {width: known && largest ? `${Math.min(100, (100 * card.validation_um) / largest)}%` : "0"}})),
     h("div", {class: "foot"},
       h("span", {class: "says"}, foot(card)),
       has ? h("button", {
@@ -159,6 +157,8 @@ function fillCard(node, card, largest) {
           add(card.effect);
         },
       }, "Add") : ""),
+    h("p", {class: "mechanism"}, card.mechanism),
+    h("div", {class: "meter", "aria-hidden": "true"}, h("span", {style: {width: known && largest ? `${Math.min(100, (100 * card.validation_um) / largest)}%` : "0"}})),
     has ? h("div", {class: "more", hidden: !open, onclick: (event) => event.stopPropagation()},
       card.parameters?.length ? h("dl", {}, card.parameters.map((each) =>
         [h("dt", {}, each.symbol ?? each.name, h("span", {class: "hidden"}, ` ${each.name}`)), h("dd", {}, each.value_text)])) : "",

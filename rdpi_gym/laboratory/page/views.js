@@ -97,6 +97,14 @@ function stretch(name) {
   return [line("stretch", part[x], part.residual_um ?? part[y], {colour: colour("brush"), width: 2.2, mode: single ? "markers" : "lines+markers", marker})];
 }
 
+/** An axis of the whole view, whatever is marked in it. */
+function within(values, log) {
+  const [low, high] = [Math.min(...values), Math.max(...values)];
+  if (log) return {...logAxis(values), range: [Math.log10(low), Math.log10(high)], autorange: false};
+  const margin = 0.02 * (high - low) || 1;
+  return {type: "linear", range: [low - margin, high + margin], autorange: false};
+}
+
 function drawView(name) {
   const box = byId(name);
   const {x, y, log, logY} = VIEWS[name];
@@ -119,7 +127,7 @@ function drawView(name) {
   const noise = views.noise_um ?? store.server.noise_um;
   const shapes = [...spanOf(name), ...(noise && !logY && !empty ? [noiseBand(signed ? -noise : 0, noise)] : [])];
   draw(box, data, {
-    x: {hoverformat: ".4~g", ...(log && !empty ? logAxis(of[x]) : {type: "linear"})},
+    x: {hoverformat: ".4~g", ...(empty ? {} : within(of[x], log))},
     y: {...(logY && !empty ? logAxis(of[y]) : {type: "linear"}), rangemode: signed ? "normal" : "tozero"},
     shapes, hover: "x",
   });
