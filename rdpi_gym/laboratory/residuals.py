@@ -183,8 +183,9 @@ def _at_rest(record: Record, residual: Array, counted: Mask) -> dict[str, Any]:
     for first, last, move in _rests(record):
         inside = np.arange(first, last)[counted[first:last]]
         if move and inside.size:
-            times.append((inside - first + 1.0) * record.ts_s)
-            gone.append((residual[inside] - float(residual[first : first + 4].mean())) * move)
+            start_um = float(residual[first : first + 4].mean())
+            times.append(record.ts_s * (inside.astype(np.float64) - (first - 1)))
+            gone.append(move * (residual[inside] - start_um))
     if not times:
         return {"s": [], "um": []}
     t_s, um = np.concatenate(times), np.concatenate(gone)
