@@ -246,7 +246,8 @@ def write_settings(folder: Path, changes: Mapping[str, Any], records: Iterable[s
                 f"settings: there is no record {quoted(name)}; there are {', '.join(names)}"
             )
         entry = own.setdefault(name, {})
-        for key, value in _table(_table(changes, "records"), name).items():
+        for said, value in _table(_table(changes, "records"), name).items():
+            key = "mask_s" if said == "masked_s" else said
             if key not in _RECORD_KEYS:
                 raise InputError(
                     f"settings: {quoted(key)} of {name} is unknown; give {', '.join(_RECORD_KEYS)}"

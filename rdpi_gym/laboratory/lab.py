@@ -28,6 +28,7 @@ from rdpi_gym.support.words import micrometres, quoted
 
 _TIMES_FLOOR = 1.15  # of the noise: up to here nothing is left that matters
 _KEPT = 6  # responses
+_LATER_S = 2.0
 
 
 @dataclass
@@ -389,7 +390,9 @@ class Lab:
         return await self.open(core)
 
     async def rank(self) -> dict[str, Any]:
-        """Rank all candidates on the present step."""
+        """Rank all candidates on the present step; without one, begin anew."""
+        if self.session.current is None:
+            return await self.open()
         await self._stop()
         step = self._current()
         self._rank_from(step, step.plant, None, None)
@@ -793,6 +796,7 @@ class Lab:
             print(f"rdpi lab: {type(error).__name__}: {error}", file=sys.stderr)
 
     async def _draw(self) -> None:
+        await asyncio.sleep(_LATER_S)  # there is more urgent work when the page is opened
         self.pictures = await asyncio.to_thread(views.pictures)
         await asyncio.to_thread(import_module, "scipy.signal")  # for the first view
         self.events.changed()

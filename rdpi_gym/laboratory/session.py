@@ -260,7 +260,7 @@ class Session:
             raise InputError(
                 f"{self.folder / JOURNAL} cannot be written ({error.strerror})"
             ) from error
-        self._fold(event)
+        self._fold(json.loads(line))  # as it is read again
 
     def events(self) -> Iterator[Event]:
         """Yield what the journal holds, in order.

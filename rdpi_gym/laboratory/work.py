@@ -26,6 +26,9 @@ Task = Callable[..., Any]
 _WAIT_S = 0.3  # until a process that was asked to end is killed
 _OFTEN_S = 0.1  # progress is not told more often than that
 _ORPHAN_S = 1.0
+_RESERVE_S = (
+    10.0  # after the start of a job, until a process is made that takes its place if need be
+)
 
 
 @dataclass(frozen=True)
@@ -52,17 +55,21 @@ class Tell:
 class Worker:
     """A process in a group of its own, with everything loaded that a job needs.
 
+    Parameters
+    ----------
+    warm
+        Whether it loads what jobs need before the first comes.
+
     Examples
     --------
-    >>> from operator import neg
-    >>> worker = Worker()
+    >>> worker = Worker(warm=False)
     >>> worker.stop()
     >>> worker.is_alive
     False
     """
 
-    def __init__(self) -> None:
-        command = [sys.executable, "-m", "rdpi_gym.laboratory.worker"]
+    def __init__(self, warm: bool = True) -> None:
+        command = [sys.executable, "-m", "rdpi_gym.laboratory.worker", *(["warm"] if warm else [])]
         # what cleans up behind processes that were ended says so at length
         quiet = {**os.environ, "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning"}
         self._process = subprocess.Popen(
@@ -132,8 +139,12 @@ class Worker:
         self._over(self._died())
 
     def _died(self) -> Message:
-        status = self._process.poll()
-        why = f"signal {-status}" if status is not None and status < 0 else f"status {status}"
+        try:
+            status = self._process.wait(_WAIT_S)
+        except subprocess.TimeoutExpired:  # it lives, but does not listen
+            self.stop()
+            status = self._process.wait()
+        why = f"signal {-status}" if status < 0 else f"status {status}"
         hint = "; close other programs or give fewer samples" if status == -9 else ""
         return ("died", f"the process that did the work died ({why}){hint}; start it again")
 
@@ -145,12 +156,20 @@ class Worker:
 
 
 class Workers:
-    """One worker at work and one in reserve, so that a job begins at once after a cancel."""
+    """One worker at work and one in reserve, so that a job begins at once after a cancel.
 
-    def __init__(self) -> None:
-        self._ready = [Worker(), Worker()]
+    Parameters
+    ----------
+    make
+        Makes a worker.
+    """
+
+    def __init__(self, make: Callable[[], Worker] = Worker) -> None:
+        self._make = make
+        self._ready = [make()]
         self._lock = threading.Lock()
         self._busy: Worker | None = None
+        self._closed = False
 
     def begin(self, task: Task, arguments: dict[str, Any], listener: Listener) -> None:
         """Start a task; what was at work is stopped.
@@ -162,8 +181,12 @@ class Workers:
         """
         self.cancel()
         with self._lock:
-            self._ready = [w for w in self._ready if w.is_alive] or [Worker()]
+            self._ready = [w for w in self._ready if w.is_alive] or [self._make()]
             worker = self._busy = self._ready.pop(0)
+        # not at once: it would take a core from the job that begins
+        later = threading.Timer(_RESERVE_S, self._reserve)
+        later.daemon = True
+        later.start()
 
         def heard(message: Message) -> None:
             if message[0] in ("done", "refused", "died"):
@@ -179,23 +202,29 @@ class Workers:
         if worker is None:
             return False
         worker.stop()
-        with self._lock:
-            self._ready.append(Worker())
+        self._reserve()
         return True
 
     def close(self) -> None:
         """End all processes."""
         with self._lock:
             workers = [*self._ready, *([self._busy] if self._busy else [])]
-            self._ready, self._busy = [], None
+            self._ready, self._busy, self._closed = [], None, True
         for worker in workers:
             worker.stop()
+
+    def _reserve(self) -> None:
+        with self._lock:
+            if not self._closed and not self._ready:
+                self._ready.append(self._make())
 
     def _free(self, worker: Worker) -> None:
         with self._lock:
             if self._busy is worker:
                 self._busy = None
-                self._ready.insert(0, worker if worker.is_alive else Worker())
+                if worker.is_alive:
+                    self._ready.insert(0, worker)
+        self._reserve()
 
 
 def _signal_group(group: int, number: int) -> None:
