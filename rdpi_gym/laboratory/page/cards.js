@@ -142,7 +142,7 @@ function fillCard(node, card, largest) {
       h("span", {class: "says"}, foot(card)),
       has ? h("button", {
         type: "button", class: "quiet", "data-testid": `more-${card.effect}`, "aria-expanded": String(Boolean(open)),
-        "aria-label": `Parameters and remarks of ${card.title}`, onclick: (event) => {
+        "aria-label": `More about ${card.title}: parameters and remarks`, onclick: (event) => {
           event.stopPropagation();
           const more = node.querySelector(".more");
           more.hidden = !more.hidden;

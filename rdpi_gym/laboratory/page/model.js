@@ -53,9 +53,9 @@ function drawModel() {
 function effectBox(effect) {
   return h("section", {class: "effect", "data-testid": `effect-${effect.name}`, "aria-label": effect.title},
     h("header", {},
-      h("h4", {}, effect.title, effect.form ? h("span", {class: "form"}, effect.form.replaceAll("_", " ")) : ""),
+      h("h3", {}, effect.title, effect.form ? h("span", {class: "form"}, effect.form.replaceAll("_", " ")) : ""),
       h("button", {
-        type: "button", class: "quiet", "data-testid": `remove-${effect.name}`, "aria-label": `Take ${effect.title} out`,
+        type: "button", class: "quiet", "data-testid": `remove-${effect.name}`, "aria-label": `Take out ${effect.title}`,
         title: "Take it out and refit everything", onclick: () => act("/api/remove", {effect: effect.name}),
       }, "Take out")),
     effect.parameters.filter(({fixed}) => !fixed).map((parameter) => parameterRow(effect, parameter)));

@@ -40,7 +40,7 @@ function drawRecords() {
     return h("li", {class: `record ${role}`},
       h("button", {
         type: "button", class: "pick", "data-testid": `record-${name}`, "aria-current": name === store.ui.record ? "true" : null,
-        "aria-label": `Show ${name}`, onclick: () => choose(name),
+        onclick: () => choose(name),
       },
       sketch(thumbnail?.u?.length ? [{x: thumbnail.u, y: thumbnail.y, kind: "loop"}] : [], {wide: 46, high: 34}),
       h("span", {class: "name"}, name),

@@ -43,12 +43,12 @@ function drawStaircase() {
       (before ? `, before ${withUnit(before, y)}` : "") + (later ? "; undone" : "");
     return h("li", {},
       h("button", {
-        type: "button", "data-testid": `step-${id}`, class: later ? "step later" : "step", title: says, "aria-label": says,
+        type: "button", "data-testid": `step-${id}`, class: later ? "step later" : "step", title: says,
         "aria-current": id === current ? "step" : null, onclick: () => act("/api/go", {step: id}),
       },
       h("span", {class: "rise"}, h("span", {class: "bar", style: {height: `${height(errors[i])}px`}})),
-      h("b", {}, number(errors[i])),
-      h("span", {class: "label"}, step.label)));
+      h("b", {}, number(errors[i])), h("span", {class: "hidden"}, ` ${y}, `),
+      h("span", {class: "label"}, step.label), later ? h("span", {class: "hidden"}, ", undone") : ""));
   }));
   const box = byId("staircase");
   replace(box, shown.length ? [
