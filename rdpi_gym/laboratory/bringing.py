@@ -7,9 +7,11 @@ import re
 import shutil
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import rdpi_gym as rg
 from rdpi_gym.support.errors import InputError
@@ -130,6 +132,34 @@ def _of_records(text: str, files: Iterable[Path]) -> str:
     stems = {file.stem for file in files}
     document["records"] = {k: v for k, v in document.get("records", {}).items() if k in stems}
     return _toml(document)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return whether data are the same in all that they hold, sample by sample.
+
+    Parameters
+    ----------
+    one, other
+        Data sets, or what stands in them.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
+    >>> same(data, rg.simulate("P5", seed=1, ts_factor=4.0))
+    True
+    >>> same(data, data.select("stairs"))
+    False
+    """
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if is_dataclass(one):
+        return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    return bool(one == other)
 
 
 def read(folder: Path) -> Read:

@@ -280,12 +280,14 @@ class Lab:
     async def open(self, core: str | None = None) -> dict[str, Any]:
         """Read all files, fit the base model, and start the ranking: a new history.
 
+        Where the records are those that are open (a file was refused, or taken out again), what was
+        done with them goes on.
+
         Raises
         ------
         InputError
             No file can be read; the files say which and where.
         """
-        await self._stop()
         session = self.session
         found = await asyncio.to_thread(bringing.read, session.data_folder)
         for file in bringing.data_files(session.data_folder):
@@ -299,6 +301,10 @@ class Lab:
             raise InputError(
                 found.problem or (first.line if first else "there are no data yet; drop a file")
             )
+        if core is None and session.steps and bringing.same(found.data, session.data):
+            self.events.changed()
+            return self.state()
+        await self._stop()
         session.begin(found.data)
         self._look_ahead()
         made = {"kind": "fit", "core": core}

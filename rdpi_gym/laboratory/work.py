@@ -266,6 +266,8 @@ def serve(tasks: IO[bytes], answers: IO[bytes]) -> None:
             send(("done", task(Tell(send), **arguments)))
         except InputError as error:
             send(("refused", str(error)))
+        except BrokenPipeError:  # nobody waits for it any more
+            return
         except Exception as error:
             import traceback
 

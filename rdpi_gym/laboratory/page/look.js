@@ -75,7 +75,7 @@ function drawNow(box, data, {x = {}, y = {}, shapes = [], margin = {}, hover = "
     margin: {l: 46, r: 10, t: 6, b: 20, ...margin},
     hoverlabel: {font: {size: 11, color: colour("ink")}, bgcolor: colour("paper"), bordercolor: colour("edge")},
     hoverdistance: 30,
-    xaxis: {...axis, ...x}, yaxis: {...axis, nticks: 5, ...y},
+    xaxis: {...axis, ...x}, yaxis: {...axis, nticks: 5, autorange: true, ...y},
   };
   follow(box);
   return globalThis.Plotly.react(box, data, layout, CONFIG);
@@ -91,6 +91,13 @@ function follow(box) {
   if (box.dataset.follows) return;
   box.dataset.follows = "yes";
   sizes.observe(box);
+}
+
+/** Say why a plot has nothing to show; null: it has. */
+export function nothing(box, why) {
+  const {dataset} = box.closest("figure");
+  if (why) dataset.none = why;
+  else delete dataset.none;
 }
 
 /** A logarithmic axis with as many ticks as its values need. */

@@ -6,7 +6,7 @@ import {number, time, typed, whole} from "./format.js";
 import {sketch} from "./signature.js";
 import {presentStep, recordNamed, setUi, store, units, watch} from "./state.js";
 
-const ROLES = {train: "fit", validation: "hold out", test: "test", quiet: "at rest", unused: "unused"};
+const ROLES = {train: "fit", validation: "hold out", test: "test"};
 
 export function beginRecords() {
   watch(
@@ -45,9 +45,10 @@ function drawRecords() {
       sketch(thumbnail?.u?.length ? [{x: thumbnail.u, y: thumbnail.y, kind: "loop"}] : [], {wide: 46, high: 34}),
       h("span", {class: "name"}, name),
       h("span", {class: "facts"}, `${whole(rows)} × ${time(ts_s)}`)),
-      h("label", {class: "role"}, h("span", {class: "hidden"}, `Use of ${name}`),
+      role in ROLES ? h("label", {class: "role"}, h("span", {class: "hidden"}, `Use of ${name}`),
         h("select", {"data-testid": `role-${name}`, onchange: (event) => set(name, {role: event.target.value})},
-          Object.entries(ROLES).map(([key, text]) => h("option", {value: key, selected: key === role}, text)))),
+          Object.entries(ROLES).map(([key, text]) => h("option", {value: key, selected: key === role}, text))))
+        : h("span", {class: "role facts", title: "Nothing moves in it: the noise floor comes from it"}, "at rest"),
       h("span", {class: "error"}, error === undefined ? "" : h("b", {}, number(error)), error === undefined ? "" : ` ${y}`),
       h("span", {class: "meter", "aria-hidden": "true"}, h("span", {style: {width: error && largest ? `${(100 * error) / largest}%` : "0"}})));
   }));

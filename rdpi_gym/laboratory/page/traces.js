@@ -3,7 +3,7 @@
 import {act, get, latest} from "./api.js";
 import {byId, h, replace} from "./dom.js";
 import {number, typed, withUnit} from "./format.js";
-import {colour, draw, faint, line, noiseBand} from "./look.js";
+import {colour, draw, faint, line, noiseBand, nothing} from "./look.js";
 import {draggable} from "./span.js";
 import {presentStep, recordNamed, setUi, store, symbols, units, watch} from "./state.js";
 
@@ -104,10 +104,8 @@ function drawTrace() {
 
 function drawResidual() {
   const box = byId("residual");
-  if (!shown?.residual_um) {
-    draw(box, [], {x: timeAxis()});
-    return;
-  }
+  nothing(box, shown.residual_um ? null : "waits for the model");
+  if (!shown.residual_um) return;
   const shapes = spanShapes();
   const noise = store.server.noise_um;
   if (noise) shapes.push(noiseBand(-noise, noise));

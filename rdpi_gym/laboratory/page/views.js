@@ -2,7 +2,7 @@
 
 import {get, latest} from "./api.js";
 import {byId} from "./dom.js";
-import {colour, draw, faint, line, logAxis, noiseBand} from "./look.js";
+import {colour, draw, faint, line, logAxis, noiseBand, nothing} from "./look.js";
 import {draggable} from "./span.js";
 import {setUi, store, units, watch} from "./state.js";
 import {markSpans} from "./traces.js";
@@ -33,7 +33,13 @@ export function beginViews() {
   );
   watch((server, ui) => [server.current, ui.record, server.records.find((each) => each.name === ui.record)],
     ([step, record]) => {
-      if (step && record) fetchViews(step, record);
+      if (step && record) {
+        fetchViews(step, record);
+        return;
+      }
+      fetchViews.forget();
+      views = null;
+      for (const name of ["loop", ...Object.keys(VIEWS)]) nothing(byId(name), record ? "waits for the model" : null);
     });
   watch((server, ui) => [ui.brush, ui.record, server.current], () => {
     const {brush, record} = store.ui;
@@ -69,6 +75,7 @@ function drawAll() {
 function drawLoop() {
   const {u, y} = units();
   const {loop} = views;
+  nothing(byId("loop"), null);
   const hover = (name) => ({hovertemplate: `%{x:.4~g} ${u}, %{y:.4~g} ${y}<extra>${name}</extra>`});
   const data = [line("measured", loop.u, loop.y_um, {colour: colour("measured"), width: 1, ...hover("measured")})];
   if (loop.model_um) data.push(line("model", loop.u, loop.model_um, {colour: colour("model"), width: 1, ...hover("model")}));
@@ -110,7 +117,7 @@ function drawView(name) {
   const {x, y, log, logY} = VIEWS[name];
   const of = views[name];
   const empty = !of?.[x]?.length;
-  box.parentElement.classList.toggle("none", empty);
+  nothing(box, empty ? "none in this record" : null);
   const unit = units().y;
   const signed = Boolean(of?.mean_um) || name === "rest";
   const data = [];
