@@ -25,7 +25,7 @@ MOST_FILES, MOST_BYTES = 64, 256 * 2**20
 _REFUSED = "refused"
 _LONGEST = 120  # characters of a file's name
 _LINE, _COLUMN = re.compile(r"\bline (\d+)"), re.compile(r"\bcolumn (\w+)")
-_SEPARATORS = re.compile(r"[,;\t]|\s+")
+_SEPARATORS = re.compile(r"[,;\t]")
 _RECORD_KEYS = ("role", "skip_s", "mask_s", "ts_s", "note")
 _ROLES = ("train", "validation", "test")
 
@@ -332,7 +332,10 @@ def columns_of(file: Path) -> list[str]:
         return []
     with file.open(encoding="utf-8", errors="replace") as stream:
         for line in stream:
-            words = [w.strip().strip('"') for w in _SEPARATORS.split(line.strip().lstrip("#%"))]
+            bare = line.strip().lstrip("#%")
+            words = [w.strip().strip('"') for w in _SEPARATORS.split(bare)]
+            if len(words) == 1:
+                words = bare.split()
             if any(words):
                 return [w for w in words if w and not _is_number(w)]
     return []

@@ -101,7 +101,8 @@ def stretch(record: Record, from_s: float | None, to_s: float | None) -> slice:
         first = max(int(np.searchsorted(record.t_s, from_s)) - 1, 0)
     if to_s is not None:
         last = min(int(np.searchsorted(record.t_s, to_s, side="right")) + 1, last)
-    return slice(min(first, record.t_s.size - 2), max(last, first + 2))
+    first = min(first, record.t_s.size - 2)
+    return slice(first, max(last, first + 2))
 
 
 def trace(

@@ -1,0 +1,111 @@
+"""Files that are brought: names, what is refused and where, what is said of them."""
+
+import math
+import tomllib
+
+import pytest
+
+import rdpi_gym as rg
+from rdpi_gym.laboratory import bringing
+
+
+def csv(slope=8.0, bad=None, still=False):
+    rows = [f"{k * 0.01:g},{0 if still else 10 * math.sin(k / 9):.6g}" for k in range(200)]
+    lines = [f"{row},{slope * float(row.split(',')[1]):.6g}" for row in rows]
+    if bad is not None:
+        lines[bad - 2] = "0.1,volts,3"
+    return "\n".join(["t,u,y", *lines]) + "\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    made = tmp_path / "data"
+    made.mkdir()
+    return made
+
+
+@pytest.mark.parametrize(
+    ("sent", "kept"),
+    [("../../etc/run.csv", "run.csv"), ("C:\\lab\\run 1.MAT", "run 1.MAT"), (".run.npz", "run.npz"),
+     ("a\x00b\n.csv", "ab.csv"), ("dataset.toml", "dataset.toml")],
+)  # fmt: skip
+def test_of_a_name_that_is_sent_a_plain_one_is_left(sent, kept):
+    assert bringing.safe_name(sent) == kept
+
+
+@pytest.mark.parametrize("sent", ["", "run", "run.csv/", "report.pdf", "x.csv.exe"])
+def test_what_is_no_data_file_is_refused_in_a_line(sent):
+    with pytest.raises(rg.InputError, match=r"are not read; give \.csv, "):
+        bringing.safe_name(sent)
+
+
+def test_a_bad_file_is_named_with_line_and_column_and_spoils_no_other(folder):
+    (folder / "good.csv").write_text(csv())
+    (folder / "rest.csv").write_text(csv(still=True))  # alone it is refused: nothing moves
+    (folder / "bad.csv").write_text(csv(bad=7))
+    found = bringing.read(folder)
+    assert {r.name for r in found.data.records} == {"good", "rest"}
+    problem = found.problems["bad.csv"]
+    assert (problem.row, problem.column) == (7, "u")
+    assert problem.line.startswith("bad.csv, line 7, column u: ")
+    (folder / "bad.csv").write_text(csv())  # sent again, and right
+    bringing.refused_file(folder, "bad.csv").unlink()
+    assert {r.name for r in bringing.read(folder).data.records} == {"good", "rest", "bad"}
+
+
+def test_a_file_that_was_refused_is_tried_again_with_other_settings(folder):
+    (folder / "run.csv").write_text(csv())
+    (folder / "kilo.csv").write_text(csv().replace("t,u,y", "t,volts,y"))
+    assert list(bringing.read(folder).problems) == ["kilo.csv"]
+    (folder / "run.csv").unlink()
+    bringing.write_settings(folder, {"columns": {"kilo.csv": {"input": "volts"}}}, ["kilo"])
+    assert [r.name for r in bringing.read(folder).data.records] == ["kilo"]
+
+
+def test_settings_of_the_page_are_those_of_dataset_toml(folder):
+    (folder / "run.csv").write_text(csv())
+    (folder / "late run.csv").write_text(csv(7.9))
+    changes = {
+        "records": {"late run": {"role": "validation", "masked_s": [[0.5, 0.7]]}, "run": {"skip_s": 0.2}},
+        "units": {"output": "nm"},
+    }  # fmt: skip
+    bringing.write_settings(folder, changes, ["run", "late run"])
+    data = bringing.read(folder).data
+    late, run = sorted(data.records, key=lambda r: r.name)
+    assert (late.role, run.role) == ("validation", "train")
+    assert (late.error_mask.sum(), run.error_mask.sum()) == (179, 180)
+    assert run.y_um.max() == pytest.approx(0.08, rel=1e-2)
+    bringing.write_settings(folder, {"records": {"run": {"role": "unused"}}}, ["run", "late run"])
+    said = tomllib.loads((folder / "dataset.toml").read_text())
+    assert said["records"]["run"] == {"skip_s": 0.2, "role": "test"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [({"records": {"rum": {}}}, "there is no record 'rum'; there are run"),
+     ({"records": {"run": {"role": "judge"}}}, "role 'judge'; give train, validation, test"),
+     ({"records": {"run": {"colour": 1}}}, "'colour' of run is unknown; give role, skip_s"),
+     ({"records": [1]}, "records is [1]; give an object"),
+     ({"colour": 1}, "'colour' is unknown; give records")],
+)  # fmt: skip
+def test_a_setting_that_there_is_not_is_refused_and_nothing_written(folder, changes, line):
+    with pytest.raises(rg.InputError) as refused:
+        bringing.write_settings(folder, changes, ["run"])
+    assert line in str(refused.value)
+    assert not (folder / "dataset.toml").exists()
+
+
+def test_of_a_file_that_is_copied_alone_only_its_own_settings_come_along(folder, tmp_path):
+    source = tmp_path / "rig"
+    source.mkdir()
+    for name in ("run", "other"):
+        (source / f"{name}.csv").write_text(csv())
+    (source / "dataset.toml").write_text('title = "rig"\n[records.other]\nrole = "validation"\n')
+    assert bringing.copy_in(source / "run.csv", folder) == ["run.csv"]
+    assert bringing.read(folder).data.title == "rig"
+    assert sorted(f.name for f in folder.iterdir()) == ["dataset.toml", "run.csv"]
+
+
+def test_the_columns_of_a_header_are_offered(folder):
+    (folder / "run.csv").write_text('"time (s)";"volts";"µm"\n1;2;3\n')
+    assert bringing.columns_of(folder / "run.csv") == ["time (s)", "volts", "µm"]
