@@ -18,6 +18,8 @@ from studies.agents.curves import cost_view, training_costs
 from studies.agents.summary import ALL_GROUPS
 from studies.agents.tasks import leaders, read_rankings, standing, standing_view
 from studies.agents.walk import FILE, FORMAT, VERSION
+from studies.training_race import RESULTS as RACE
+from studies.training_race import SHORT, best_fixed
 
 HYPERPARAMETERS = Path(__file__).parents[2] / "baselines" / "learned" / "hyperparameters"
 HISTORY = "rdpi_gym.envs.wrappers.history.HistoryObservation"
@@ -71,6 +73,7 @@ def page_facts(results: Path) -> dict[str, Any]:
         "sac_over_ppo": findings.times_between(shipped, "sac", "ppo"),
         "walk": _walk(walk),
         "tasks": standing(on_tasks),
+        "race": _race(rankings),
         "guarded_failures": float(guarded["failed"].max()),
         "unguarded_on_bare": float(on_bare["failed"].max()),
         "student_us": float(student["microseconds_per_sample"].min()),
@@ -95,6 +98,15 @@ def page_facts(results: Path) -> dict[str, Any]:
             "dither": findings.dither(gap),
         },
     }
+
+
+def _race(rankings: pd.DataFrame) -> dict[str, Any]:
+    table = RACE / "race.csv"
+    if not table.exists():
+        raise InputError(f"{table} is missing; run python -m studies.training_race")
+    line: dict[str, Any]
+    (line,) = (each for each in pd.read_csv(table).to_dict("records") if each["entrant"] == SHORT)  # type: ignore[assignment]
+    return line | {"rival": best_fixed(rankings)["controller"]}
 
 
 def _read(results: Path, name: str) -> pd.DataFrame:
