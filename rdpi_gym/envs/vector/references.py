@@ -157,13 +157,13 @@ class References:
         InputError
             A reference goes farther than what can be shown.
         """
-        most = COLUMNS + 3 * int(offer.table[:, LINES].max())
+        most = COLUMNS + int(offer.table[:, LINES].max())
         if most > self.waves.shape[1]:
             wider = np.zeros((self._lanes, most))
             wider[:, : self.waves.shape[1]] = self.waves
             self.waves = wider
         begun = np.empty((len(indices), self.waves.shape[1]))
-        place_waves(*offer.bounds_hz, self._ts_s, offer.table, drawn, fresh, begun)
+        place_waves(*offer.bounds_hz, offer.table, drawn, fresh, begun)
         if not offer.tabled:
             self.waves[indices] = begun
             return np.empty((0, 1, 1))

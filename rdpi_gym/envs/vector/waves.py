@@ -46,7 +46,7 @@ LINES = 7  # how many it has
 APART = 8  # multiples of the frequency between two of them
 PER_PEAK = 9  # one over the largest size of their sum
 FIRST = 10  # sample at which its table begins, where Python samples it
-COLUMNS = 11  # from here on three numbers of each line
+COLUMNS = 11  # from here on the phases of the lines (rad)
 
 # Shapes: a sine is had sample by sample, the others some samples at a time, the last of a table that
 # Python fills.
@@ -60,17 +60,14 @@ _POINTS, _NEAR, _NEWTON = 16, 0.98, 4
 
 @njit(cache=True)
 def place_waves(
-    low_hz: float, high_hz: float, ts_s: float, table: Array, drawn: Drawn, fresh: Lanes,
-    waves: Array,
-) -> None:  # fmt: skip
+    low_hz: float, high_hz: float, table: Array, drawn: Drawn, fresh: Lanes, waves: Array
+) -> None:
     """Choose the waves of a block of lanes that begin; where a table is read the rate is NaN.
 
     Parameters
     ----------
     low_hz, high_hz
         Lowest and highest frequency (Hz).
-    ts_s
-        Sampling time (s).
     table : float64[K, COLUMNS]
         Waves that may be drawn.
     drawn
@@ -91,7 +88,7 @@ def place_waves(
         if np.isnan(wave[SEED]):
             wave[SEED] = float(drawn.signal_seed[b])
         if wave[SHAPE] == MULTISINE:
-            draw_lines(wave, ts_s)
+            draw_lines(wave)
         numbers[OMEGA, b] = 2.0 * np.pi * wave[FREQUENCY] if wave[SHAPE] == SINE else np.nan
         numbers[PHASE, b] = wave[ANGLE]
         numbers[AMPLITUDE, b], numbers[CENTRE, b] = wave[HEIGHT], wave[MIDDLE]
@@ -99,21 +96,30 @@ def place_waves(
 
 
 @njit(cache=True)
-def draw_lines(wave: Array, ts_s: float) -> None:
+def draw_lines(wave: Array) -> None:
     """Draw the phases of a multisine, and find its peak."""
-    phases, sine_1, cosine_1 = _of_lines(wave)
+    phases = wave[COLUMNS : COLUMNS + int(wave[LINES])]
     rng = np.empty(4, dtype=np.uint64)
     seed_generator(np.uint64(wave[SEED]), rng)
     for i in range(len(phases)):
         phases[i] = 2.0 * np.pi * next_uniform(rng)
-        sine_1[i], cosine_1[i] = math.sin(_rate(wave, i) * ts_s), math.cos(_rate(wave, i) * ts_s)
     wave[PER_PEAK] = 1.0 / _peak(phases, wave[APART])
 
 
 @njit(cache=True)
+def make_turns(columns: int) -> Array:
+    """Return room for what :func:`fill_wave` keeps from lane to lane, of waves of so many columns."""
+    turns = np.zeros((2 + 4 * max(1, columns - COLUMNS), AHEAD))
+    for j in range(AHEAD):
+        turns[1, j] = float(j)
+    return turns
+
+
+@njit(cache=True)
 def fill_wave(
-    wave: Array, table_um: Array, first: int, ts_s: float, rises: Array, samples_um: Array
-) -> None:
+    wave: Array, table_um: Array, first: int, ts_s: float, rises: Array, turns: Array,
+    samples_um: Array,
+) -> None:  # fmt: skip
     """Take samples (µm) of a wave that is no sine.
 
     Parameters
@@ -128,6 +134,8 @@ def fill_wave(
         Sampling time (s).
     rises : float64[R, K]
         Of :class:`rdpi_gym.envs.vector.lanes.Sources`.
+    turns
+        Of :func:`make_turns`; what is kept there serves all multisines of the same frequencies.
     samples_um : float64[M']
         Filled.
     """
@@ -136,12 +144,17 @@ def fill_wave(
         for k in range(len(samples_um)):
             samples_um[k] = table_um[min(begin + k, last)]
         return
-    if wave[SHAPE] == TRIANGLE:
-        _triangle(wave, first, ts_s, samples_um)
-    else:
-        _multisine(wave, first, ts_s, samples_um)
-    for k in range(len(samples_um)):
-        samples_um[k] = wave[MIDDLE] + wave[HEIGHT] * samples_um[k]
+    lines = int(wave[LINES])
+    if lines and (
+        turns[0, 0] != wave[FREQUENCY] or turns[0, 1] != wave[APART] or turns[0, 2] < lines
+    ):
+        _keep_turns(wave, ts_s, turns)
+    for begin in range(0, len(samples_um), AHEAD):
+        samples = samples_um[begin : begin + AHEAD]
+        if lines:
+            _multisine(wave, ts_s * (first + begin), turns, samples)
+        else:
+            _triangle(wave, float(first + begin), ts_s, turns[1], samples)
     rise, last = rises[int(wave[START])], rises.shape[1] - 1
     if first < last:
         for k in range(len(samples_um)):
@@ -149,48 +162,58 @@ def fill_wave(
 
 
 @njit(cache=True)
-def _triangle(wave: Array, first: int, ts_s: float, shape: Array) -> None:
+def _triangle(wave: Array, first: float, ts_s: float, count: Array, samples_um: Array) -> None:
     begin = wave[ANGLE] / (2.0 * np.pi) + 0.25
-    for k in range(len(shape)):
-        cycles = wave[FREQUENCY] * (ts_s * (first + k)) + begin
+    frequency, middle, height = wave[FREQUENCY], wave[MIDDLE], wave[HEIGHT]
+    for k in range(len(samples_um)):
+        cycles = frequency * (ts_s * (first + count[k])) + begin
         part = cycles - np.floor(cycles)
-        shape[k] = 1.0 - 4.0 * abs(part - 0.5)
+        samples_um[k] = middle + height * (1.0 - 4.0 * abs(part - 0.5))
 
 
 @njit(cache=True)
-def _multisine(wave: Array, first: int, ts_s: float, shape: Array) -> None:
-    lines = int(wave[LINES])
-    phases, sine_1, cosine_1 = _of_lines(wave)
-    now = np.empty((2, lines))
-    sine, cosine = now[0], now[1]
-    for i in range(lines):
-        sine[i] = _rate(wave, i) * (ts_s * first) + phases[i]
-        cosine[i] = sine[i] + 0.5 * np.pi
-    sines(sine)
-    sines(cosine)
-    for k in range(len(shape)):
-        total = 0.0
-        for i in range(lines):  # turned on by a sample
-            total += sine[i]
-            turned = sine[i] * cosine_1[i] + cosine[i] * sine_1[i]
-            cosine[i] = cosine[i] * cosine_1[i] - sine[i] * sine_1[i]
-            sine[i] = turned
-        shape[k] = total * wave[PER_PEAK]
-
-
-@njit(cache=True, inline="always")
 def _rate(wave: Array, i: int) -> float:
     """Rate of phase of a line (rad/s)."""
     rate: float = 2.0 * np.pi * wave[FREQUENCY] * (1.0 + i * wave[APART])
     return rate
 
 
-@njit(cache=True, inline="always")
-def _of_lines(wave: Array) -> tuple[Array, Array, Array]:
-    """Of each line its phase (rad), and sine and cosine of what it turns in a sample."""
+@njit(cache=True)
+def _keep_turns(wave: Array, ts_s: float, turns: Array) -> None:
+    """Keep sine and cosine of what each line turns within a stretch, below two rows of their own."""
     lines = int(wave[LINES])
-    middle, last = COLUMNS + lines, COLUMNS + 2 * lines
-    return wave[COLUMNS:middle], wave[middle:last], wave[last : last + lines]
+    for i in range(lines):
+        sine, cosine = turns[2 + 2 * i], turns[3 + 2 * i]
+        for j in range(AHEAD):
+            sine[j] = _rate(wave, i) * (ts_s * turns[1, j])
+            cosine[j] = sine[j] + 0.5 * np.pi
+        sines(sine)
+        sines(cosine)
+    turns[0, 0], turns[0, 1], turns[0, 2] = wave[FREQUENCY], wave[APART], float(lines)
+
+
+@njit(cache=True)
+def _multisine(wave: Array, first_s: float, turns: Array, samples_um: Array) -> None:
+    lines = int(wave[LINES])
+    now = turns[len(turns) - 2 * (-(-lines // AHEAD)) :].reshape(-1)
+    sine, cosine = now[:lines], now[lines : 2 * lines]
+    for i in range(lines):
+        sine[i] = _rate(wave, i) * first_s + wave[COLUMNS + i]
+        cosine[i] = sine[i] + 0.5 * np.pi
+    sines(sine)
+    sines(cosine)
+    height = wave[HEIGHT] * wave[PER_PEAK]
+    samples_um[:] = wave[MIDDLE]
+    for i in range(lines):
+        _add_line(
+            height * sine[i], height * cosine[i], turns[2 + 2 * i], turns[3 + 2 * i], samples_um
+        )
+
+
+@njit(cache=True)
+def _add_line(sine: float, cosine: float, sines_on: Array, cosines_on: Array, total: Array) -> None:
+    for j in range(len(total)):
+        total[j] += sine * cosines_on[j] + cosine * sines_on[j]
 
 
 @njit(cache=True)
@@ -251,13 +274,13 @@ def sample_ahead(
         Of :class:`rdpi_gym.envs.vector.lanes.Sources`; the last is filled.
     """
     width = ahead_um.shape[2]
-    samples = np.empty(AHEAD)
+    samples, turns = np.empty(AHEAD), make_turns(waves.shape[1])
     for b in range(min(width, len(waves) - n * width)):
         wave = waves[n * width + b]
         if wave[SHAPE] == SINE:
             continue
         own = tables_um[n * width + b if wave[SHAPE] == SAMPLED else 0]
-        fill_wave(wave, own, ahead - int(numbers[n, BEGUN, b]), ts_s, rises, samples)
+        fill_wave(wave, own, ahead - int(numbers[n, BEGUN, b]), ts_s, rises, turns, samples)
         for k in range(AHEAD):
             ahead_um[n, k, b] = samples[k]
 
@@ -286,7 +309,7 @@ def begin_waves(
     """
     blocks, _, width = ahead_um.shape
     shown = first_um.shape[1]
-    samples = np.empty(shown + AHEAD)
+    samples, turns = np.empty(shown + AHEAD), make_turns(waves.shape[1])
     for j in range(len(indices)):
         lane = indices[j]
         wave, n, b = begun[j], lane // width, lane % width
@@ -296,7 +319,7 @@ def begin_waves(
         row = ahead_row(n, blocks, step + shown)
         left = AHEAD - row if row else 0
         own = tables_um[lane if wave[SHAPE] == SAMPLED else 0]
-        fill_wave(wave, own, 0, ts_s, rises, samples[: shown + left])
+        fill_wave(wave, own, 0, ts_s, rises, turns, samples[: shown + left])
         for k in range(shown):
             first_um[0, k, j] = samples[k]
         for k in range(left):
