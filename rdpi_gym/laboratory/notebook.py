@@ -17,6 +17,7 @@ from dataclasses import replace
 import rdpi_gym as rg
 
 DATA = {folder!r}  # the records of the session; write where they are now
+JOBS = -1  # processes of a ranking; -1: one for each core
 data = rg.load(DATA)
 data"""
 
@@ -37,7 +38,7 @@ def ranked(model=None, core=None, until=None):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of refits that are not needed any more
         try:
-            print(rg.diagnose(data, model, core=core, on_candidate=heard))
+            print(rg.diagnose(data, model, core=core, jobs=JOBS, on_candidate=heard))
         except Enough:
             pass
     return refits

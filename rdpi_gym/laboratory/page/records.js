@@ -102,7 +102,8 @@ function columnsBox(record) {
   const {quantities} = store.server;
   if (!columns?.available?.length && !quantities) return "";
   const choice = (key, label) => h("label", {class: "field"}, label,
-    h("select", {"data-testid": `column-${key}`}, (columns?.available ?? []).map((name) => h("option", {value: name, selected: name === columns[key]}, name))));
+    h("select", {"data-testid": `column-${key}`}, columns?.[key] === null ? h("option", {value: ""}, "as found") : "",
+      (columns?.available ?? []).map((name) => h("option", {value: name, selected: name === columns[key]}, name))));
   const text = (testid, label, value) => h("label", {class: "field"}, label,
     h("input", {type: "text", class: "short", value: value ?? "", "data-testid": testid, spellcheck: "false"}));
   const named = [["time", "Time"], ["input", "Command"], ["output", "Measured"]];
@@ -116,7 +117,7 @@ function columnsBox(record) {
     event.preventDefault();
     const value = (testid) => form.querySelector(`[data-testid="${testid}"]`)?.value.trim();
     const change = {units: Object.fromEntries(named.map(([key]) => [key, value(`unit-${key}`)]).filter(([, given]) => given))};
-    if (columns?.available?.length) change.columns = {[record.file]: Object.fromEntries(named.map(([key]) => [key, value(`column-${key}`)]))};
+    if (columns?.available?.length) change.columns = {[record.file]: Object.fromEntries(named.map(([key]) => [key, value(`column-${key}`)]).filter(([, given]) => given))};
     act("/api/settings", change);
   });
   return h("details", {class: "columns"}, h("summary", {"data-testid": "columns"}, `Columns and units of ${record.file}`), form);
