@@ -1,0 +1,182 @@
+"""What a server works with: its session, the job that runs, and what goes on behind."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import rdpi_gym as rg
+from rdpi_gym.laboratory.events import Events
+from rdpi_gym.laboratory.session import Session, Step
+from rdpi_gym.laboratory.work import Message, Task, Workers
+from rdpi_gym.support.errors import InputError
+
+
+@dataclass
+class Job:
+    """What a worker does just now."""
+
+    id: str
+    what: str
+    label: str
+    began_s: float
+    finish: Callable[[Any], None]
+    fail: Callable[[str, str], None]
+    """Called with ``cancelled`` or ``failed`` and a line."""
+    heard: Callable[[str, Any], None] = lambda what, value: None
+    stage: str = ""
+    done: int = 0
+    total: int = 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the page is told."""
+        keys = ("id", "what", "label", "stage", "done", "total")
+        seconds = round(time.monotonic() - self.began_s, 2)
+        return {**{key: getattr(self, key) for key in keys}, "seconds": seconds}
+
+
+class Desk:
+    """A session and the job that runs on it; used in the loop of the server alone.
+
+    Parameters
+    ----------
+    folder
+        Of the session.
+    events
+        Who listens.
+    """
+
+    def __init__(self, folder: Path, events: Events) -> None:
+        self.session = Session(folder)
+        self.events = events
+        self.job: Job | None = None
+        self.problem: str | None = None
+        self._workers = Workers()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._ids = itertools.count(1)
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def start(self) -> None:
+        """Begin to listen to workers: called once, in the loop of the server."""
+        self._loop = asyncio.get_running_loop()
+
+    def close(self) -> None:
+        """End all work."""
+        self._workers.close()
+
+    def _begin(
+        self,
+        what: str,
+        label: str,
+        task: Task,
+        arguments: dict[str, Any],
+        finish: Callable[[Any], None],
+        fail: Callable[[str, str], None] | None = None,
+        heard: Callable[[str, Any], None] = lambda what, value: None,
+    ) -> None:
+        def failed(status: str, line: str) -> None:
+            if status == "failed":
+                self.problem = line
+
+        self.problem = None
+        job = Job(
+            f"j{next(self._ids)}", what, label, time.monotonic(), finish, fail or failed, heard
+        )
+        self.job = job
+        loop = self._loop
+        assert loop is not None
+
+        def message(told: Message) -> None:
+            loop.call_soon_threadsafe(self._on, job, told)
+
+        # a task and its data are written into a pipe: not in the loop
+        self._in_background(self._hand_over(job, task, arguments, message))
+        self.events.changed()
+
+    async def _hand_over(
+        self, job: Job, task: Task, arguments: dict[str, Any], listener: Callable[[Message], None]
+    ) -> None:
+        if self.job is job:
+            await asyncio.to_thread(self._workers.begin, task, arguments, listener)
+
+    def _on(self, job: Job, message: Message) -> None:
+        """Hear a worker; one whose job is over is not heard any more."""
+        if self.job is not job:
+            return
+        try:
+            self._hear(job, message)
+        except InputError as error:  # the journal cannot be written
+            self.job = None
+            self.problem = str(error)
+            self.events.changed()
+
+    def _hear(self, job: Job, message: Message) -> None:
+        kind, *told = message
+        if kind == "progress":
+            job.stage, job.done, job.total = told
+            self.events.push("progress", job.to_dict())
+            return
+        if kind == "news":
+            what, value = told
+            job.heard(what, value)
+            return
+        self.job = None
+        if kind == "done":
+            job.finish(told[0])
+        else:
+            job.fail("failed", told[0])
+        self.events.changed()
+
+    async def _stop(self) -> None:
+        """Stop the job, if any, and say so where it stands."""
+        job, self.job = self.job, None
+        if job is None:
+            return
+        await asyncio.to_thread(self._workers.cancel)
+        job.fail("cancelled", f"{job.label}: cancelled")
+        self.events.changed()
+
+    def _in_background(self, work: Any) -> None:
+        async def guarded() -> None:
+            try:
+                await work
+            except InputError as error:
+                self.problem = str(error)
+                self.events.changed()
+
+        task = asyncio.get_running_loop().create_task(guarded())
+        self._tasks.add(task)
+        task.add_done_callback(self._ended)
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            print(f"rdpi lab: {type(error).__name__}: {error}", file=sys.stderr)
+
+    def _with_data(self, arguments: dict[str, Any]) -> dict[str, Any]:
+        return {"data": self.need_data(), **arguments}
+
+    def need_data(self) -> rg.Dataset:
+        """Return the records.
+
+        Raises
+        ------
+        InputError
+            There are none yet.
+        """
+        data = self.session.data
+        if data is None:
+            raise InputError("there are no data yet; drop a file or take an exercise")
+        return data
+
+    def _current(self) -> Step:
+        current = self.session.current
+        if current is None:
+            raise InputError("there is no model yet; drop a file or take an exercise")
+        return self.session.step(current)

@@ -1,0 +1,143 @@
+"""The whole state of a session, as the page is told of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rdpi_gym.laboratory import bringing, views
+from rdpi_gym.laboratory.desk import Job
+from rdpi_gym.laboratory.session import Session
+from rdpi_gym.measurement import Quantities
+from rdpi_gym.plant import CORES
+
+
+def state_of(
+    session: Session, job: Job | None, problem: str | None, pictures: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return everything that the page shows but traces.
+
+    Parameters
+    ----------
+    session, job, problem
+        As :class:`~rdpi_gym.laboratory.desk.Desk` has them.
+    pictures
+        Sketches of the effects, or empty.
+    """
+    data, current = session.data, session.current
+    said = {} if current is None else session.said.get(current, {})
+    quantities = Quantities() if data is None else data.quantities
+    return {
+        "title": "New session" if data is None else data.title,
+        "session_folder": str(session.folder),
+        "problem": problem,
+        "quantities": views.quantities_of(quantities),
+        "files": [{"name": name, **entry} for name, entry in sorted(session.files.items())],
+        "records": _records(session),
+        "settings": _settings(session),
+        "noise_um": noise_um(session),
+        "steps": {id: views.step_row(step) for id, step in session.steps.items()},
+        "path": session.path,
+        "redo": session.redo,
+        "current": current,
+        "sentence": said.get("sentence"),
+        "ranking": _ranking(session, pictures),
+        "job": None if job is None else job.to_dict(),
+        "payoff": None if current is None else session.payoffs.get(current),
+    }
+
+
+def _records(session: Session) -> list[dict[str, Any]]:
+    data, folder = session.data, session.data_folder
+    if data is None:
+        return []
+    said = bringing.settings_of(folder).get("records", {})
+    files = {file.stem: file.name for file in bringing.data_files(folder)}
+    only = next(iter(files.values()), "")
+    return [
+        views.record_row(r, files.get(r.name, only), said.get(r.name, {})) for r in data.records
+    ]
+
+
+def _settings(session: Session) -> dict[str, Any]:
+    folder = session.data_folder
+    document = bringing.settings_of(folder)
+    chosen = document.get("columns", {})
+    plain = {"time": "t", "input": "u", "output": "y"}
+    columns = {
+        file.name: {
+            "available": bringing.columns_of(file),
+            **{key: chosen.get(column) for key, column in plain.items()},
+        }
+        for file in bringing.data_files(folder)
+    }
+    units = document.get("units", {})
+    return {
+        "title": document.get("title"),
+        "skip_s": document.get("skip_s"),
+        "columns": columns,
+        "units": {key: units.get(column) for key, column in plain.items()},
+        "quantities": document.get("quantities", {}),
+        "cores": [{"key": key, "title": core.title} for key, core in CORES.items()],
+    }
+
+
+def noise_um(session: Session) -> float | None:
+    """Return the noise floor (µm rms) as far as it is known."""
+    current = session.current
+    for step in [] if current is None else reversed(session.path):
+        ranking = session.rankings.get(step)
+        if ranking is not None and ranking.result is not None:
+            return float(ranking.result["noise_floor"])
+    said = [session.said[s]["noise_um"] for s in session.path if s in session.said]
+    return min(said, default=None)
+
+
+def _ranking(session: Session, pictures: Mapping[str, Any]) -> dict[str, Any] | None:
+    current = session.current
+    ranking = None if current is None else session.rankings.get(current)
+    if current is None or ranking is None:
+        return None
+    result = ranking.result
+    return {
+        "step": ranking.step,
+        "status": ranking.status,
+        "problem": ranking.problem,
+        "cards": cards_of(session, current, pictures),
+        "verdict": None if result is None else result["headline"],
+        "lines": [] if result is None else result["lines"],
+        "left": None if result is None else _left(result),
+    }
+
+
+def _left(result: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "sentence": result["remainder"],
+        "portrait_lines": result["portrait_lines"],
+        "next_experiment": result["next_experiment"],
+        "experiment": result.get("experiment"),
+    }
+
+
+def cards_of(session: Session, step: str, pictures: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the candidates of a step as cards.
+
+    Parameters
+    ----------
+    session, step
+        The session, and one of its steps that was ranked on.
+    pictures
+        Sketches of the effects, or empty.
+    """
+    ranking, own = session.rankings[step], session.step(step)
+    base = ranking.refits.get(("", ""))
+    base_um = own.validation_um if base is None else base["validation_um"]
+    plant = own.plant
+    return views.cards(
+        ranking,
+        base_um,
+        noise_um(session),
+        type(plant.hysteresis),
+        {effect.name for effect in plant.effects},
+        pictures,
+    )
