@@ -248,9 +248,8 @@ def _finite(value: float) -> float | None:
 
 
 def _trace(title: str, blind: rg.Tracking, knowing: rg.Tracking, first: int) -> dict[str, Any]:
-    at = thin_index(
-        knowing.reference_um, blind.displacement_um, knowing.displacement_um, samples=_DRAWN
-    )
+    errors = (tracking.displacement_um - knowing.reference_um for tracking in (blind, knowing))
+    at = thin_index(knowing.reference_um, *errors, samples=_DRAWN)
 
     def short(values: Array) -> list[float | None]:
         return [float(f"{v:.6g}") if math.isfinite(v) else None for v in values[at].tolist()]

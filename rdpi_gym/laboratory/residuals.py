@@ -87,13 +87,17 @@ def brushed(
         at = at[thin_index(record.y_um[at], residual[at], samples=_STRETCH)]
     left = numbers(residual[at])
     counted = chosen & record.error_mask
+    spans = spans_s(record, chosen)
+    whole = (
+        counted if len(spans) == 1 else np.zeros_like(counted)
+    )  # cuts have a spectrum of their own
     return {
         "record": record.name,
-        "spans_s": spans_s(record, chosen)[:_MOST_SPANS],
+        "spans_s": spans[:_MOST_SPANS],
         "time": {"t_s": numbers(record.t_s[at]), "residual_um": left},
         "command": {"u": numbers(record.u_V[at]), "residual_um": left},
         "rate": {"rate": numbers(rate[at]), "residual_um": left},
-        "frequency": _spectrum(record, residual, counted),
+        "frequency": _spectrum(record, residual, whole),
         "rest": _at_rest(record, residual, counted),
         "loop": _pieces(record, at, chosen),
     }

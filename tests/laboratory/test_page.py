@@ -239,6 +239,10 @@ def test_many_records_with_long_names_and_other_units_fit_on_the_page(opened):
     until(
         page, "document.getElementById('trace-title').textContent.startsWith('Force over time, kN')"
     )
+    page.set_viewport_size({"width": 1920, "height": 1080})
+    page.wait_for_timeout(100)
+    page.set_viewport_size({"width": 1280, "height": 720})
+    page.wait_for_timeout(100)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     for column in (
         "part-data",

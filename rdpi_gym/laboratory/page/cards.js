@@ -9,6 +9,8 @@ import {setUi, store, units, watch} from "./state.js";
 const MOVE_MS = 220;
 const HELD_MS = 1500; // no card moves away from under a pointer that has just moved
 const PREVIEW_MS = 90;
+const LEAST = 0.005; // of the excess over the noise
+const NAMED = 2; // of rivals; all of them stand behind "More"
 
 const STATES = {
   waiting: "waiting", refitting: "refitting", tried: "tried", final: "", failed: "not fitted",
@@ -125,7 +127,9 @@ function fillCard(node, card, largest) {
   const ready = !card.added && card.state !== "failed";
   const known = card.validation_um !== null && card.validation_um !== undefined;
   const open = node.querySelector(".more")?.hidden === false;
-  const has = card.remarks?.length || card.parameters?.length;
+  const remarks = [...(card.remarks ?? [])];
+  if (card.rivals?.length > NAMED) remarks.push(`Not told apart on these records from ${card.rivals.map(titled).join(", ")}.`);
+  const has = remarks.length || card.parameters?.length;
   const focused = node.contains(document.activeElement) ? document.activeElement.dataset.testid : null;
   node.className = `card ${card.added ? "added" : card.state}`;
   node.replaceChildren(
@@ -162,19 +166,21 @@ function fillCard(node, card, largest) {
     has ? h("div", {class: "more", hidden: !open, onclick: (event) => event.stopPropagation()},
       card.parameters?.length ? h("dl", {}, card.parameters.map((each) =>
         [h("dt", {}, each.symbol ?? each.name, h("span", {class: "hidden"}, ` ${each.name}`)), h("dd", {}, each.value_text)])) : "",
-      (card.remarks ?? []).map((text) => h("p", {}, text))) : "");
+      remarks.map((text) => h("p", {}, text))) : "");
   if (focused) node.querySelector(`[data-testid="${CSS.escape(focused)}"]`)?.focus({preventScroll: true});
   node.onclick = ready ? () => add(card.effect) : null;
   node.onpointerenter = known ? () => preview(card.effect) : null;
   node.onpointerleave = () => preview(null);
 }
 
-function foot(card) {
+function foot({share, rivals}) {
   const parts = [];
-  if (card.share !== null && card.share !== undefined) parts.push(`takes ${percent(card.share)} of the excess`);
-  if (card.rivals?.length) parts.push(`or ${card.rivals.map(titled).join(", ")}`);
+  if (share !== null && share !== undefined) parts.push(share > LEAST ? `takes ${percent(share)} of the excess` : "takes nothing of the excess");
+  if (rivals?.length) parts.push(`or ${listed(rivals.slice(0, NAMED).map(titled), rivals.length - NAMED)}`);
   return parts.join(" · ");
 }
+
+const listed = (names, others) => (others > 0 ? `${names.join(", ")} and ${others} more` : names.join(" or "));
 
 const titled = (effect) =>
   store.server.ranking?.cards.find((card) => card.effect === effect)?.title.toLowerCase() ?? effect.replaceAll("_", " ");
@@ -185,7 +191,7 @@ function drawVerdict() {
     running: "Every candidate is refitted together with the model; the order settles as they finish.",
     cancelled: "The ranking was cancelled: what was tried so far stands below.",
     failed: "The ranking failed.",
-  }[ranking?.status] ?? "";
+  }[ranking?.status] ?? (store.server.current ? "" : "Every candidate is tried as soon as the base model is there.");
   byId("ranking-lines").replaceChildren(...(ranking?.lines ?? []).map((text) => h("p", {class: text.startsWith("- ") ? "item" : null}, text.replace(/^- /, ""))));
   byId("ranking-more").hidden = !ranking?.lines?.length;
   const cancelled = store.server.current && !store.server.job && (!ranking || ["cancelled", "failed"].includes(ranking.status));

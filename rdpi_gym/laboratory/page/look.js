@@ -62,7 +62,7 @@ export function draw(box, data, options = {}) {
   return null;
 }
 
-function drawNow(box, data, {x = {}, y = {}, shapes = [], margin = {}, hover = "x"} = {}) {
+function drawNow(box, data, {x = {}, y = {}, y2 = null, shapes = [], margin = {}, hover = "x"} = {}) {
   const axis = {
     gridcolor: colour("line"), linecolor: colour("edge"), zerolinecolor: colour("edge"), zerolinewidth: 1,
     showline: true, ticks: "outside", ticklen: 3, tickcolor: colour("edge"), fixedrange: true,
@@ -76,6 +76,7 @@ function drawNow(box, data, {x = {}, y = {}, shapes = [], margin = {}, hover = "
     hoverlabel: {font: {size: 11, color: colour("ink")}, bgcolor: colour("paper"), bordercolor: colour("edge")},
     hoverdistance: 30,
     xaxis: {...axis, ...x}, yaxis: {...axis, nticks: 5, autorange: true, ...y},
+    ...(y2 ? {yaxis2: {...axis, ...y2}} : {}),
   };
   follow(box);
   return globalThis.Plotly.react(box, data, layout, CONFIG);

@@ -114,16 +114,20 @@ function drawPayoff() {
   const told = store.server.steps[payoff.step] ?? presentStep(store.server);
   byId("payoff-step").textContent = stale ? `For the model “${told?.label ?? payoff.step}”; simulate again for the present one.` : "";
   const share = (value) => (value === null || value === undefined ? "" : h("small", {}, ` ${number(value, 2)} %`));
-  replace(byId("payoff-rows"), payoff.rows.map((row) => h("tr", {},
-    h("th", {scope: "row"}, row.controller, row.warning ? h("p", {class: "warning"}, row.warning) : ""),
-    h("td", {}, number(row.before_um), share(row.before_percent)),
-    h("td", {}, h("b", {}, number(row.after_um)), share(row.after_percent)),
-    h("td", {}, row.after_um > 0 && Number.isFinite(row.before_um) ? `${number(row.before_um / row.after_um, 2)}×` : "–"))));
+  replace(byId("payoff-rows"), payoff.rows.flatMap((row) => [
+    h("tr", {class: row.warning ? "warned" : null},
+      h("th", {scope: "row"}, row.controller),
+      h("td", {}, number(row.before_um), share(row.before_percent)),
+      h("td", {}, h("b", {}, number(row.after_um)), share(row.after_percent)),
+      h("td", {}, row.after_um > 0 && Number.isFinite(row.before_um) ? `${number(row.before_um / row.after_um, 2)}×` : "–")),
+    row.warning ? h("tr", {class: "warning"}, h("td", {colspan: "4"}, row.warning)) : ""]));
   byId("payoff-unit").textContent = `Tracking error, rms, ${y} and % of the amplitude`;
   const {t_s: t, reference_um: reference, before_um: before, after_um: after} = payoff.trace;
+  const error = (of) => of.map((value, i) => (value === null ? null : value - reference[i]));
+  byId("payoff-title").textContent = `${payoff.trace.title ?? "Tracking error"}, ${y}`;
   draw(byId("payoff"), [
-    line("reference", t, reference, {colour: colour("reference"), width: 2.2}),
-    line("before", t, before, {colour: colour("rising"), width: 1.1}),
-    line("after", t, after, {colour: colour("model"), width: 1.1}),
-  ], {hover: "x unified", x: {hoverformat: ".5~g"}});
+    line("reference (own scale)", t, reference, {colour: colour("reference"), width: 1, dash: "dot", yaxis: "y2"}),
+    line("before", t, error(before), {colour: colour("rising"), width: 1.2}),
+    line("after", t, error(after), {colour: colour("model"), width: 1.2}),
+  ], {hover: "x unified", x: {hoverformat: ".5~g"}, y2: {overlaying: "y", visible: false}});
 }

@@ -56,6 +56,7 @@ function drawStaircase() {
       ? h("span", {class: "legend band"}, `noise floor ${number(noise)}`) : ""),
     h("div", {class: "scroller"}, list),
   ] : []);
-  box.style.setProperty("--noise", noise && shown.length ? `${height(noise)}px` : "0px");
+  box.classList.toggle("noisy", noise > 0);
+  if (noise > 0 && shown.length) box.style.setProperty("--noise", `${height(noise)}px`);
   box.querySelector("[aria-current]")?.scrollIntoView({block: "nearest", inline: "nearest"});
 }

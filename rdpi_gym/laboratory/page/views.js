@@ -14,6 +14,8 @@ const VIEWS = {
   rest: {x: "s", y: "um", log: true, title: () => "over time at rest, s"},
 };
 
+const SILENT = {hoverinfo: "skip", hovertemplate: null}; // one number under the pointer is enough in a small plot
+
 let views = null;
 let brushed = null;
 
@@ -101,7 +103,7 @@ function stretch(name) {
   if (!part?.[x]?.length) return [];
   const single = Boolean(part.residual_um);
   const marker = {size: single ? 2.5 : 4, color: colour("brush"), opacity: single ? 0.7 : 1};
-  return [line("stretch", part[x], part.residual_um ?? part[y], {colour: colour("brush"), width: 2.2, mode: single ? "markers" : "lines+markers", marker})];
+  return [line("stretch", part[x], part.residual_um ?? part[y], {colour: colour("brush"), width: 2.2, mode: single ? "markers" : "lines+markers", marker, ...SILENT})];
 }
 
 /** An axis of the whole view, whatever is marked in it. */
@@ -124,10 +126,10 @@ function drawView(name) {
   if (!empty) {
     if (of.low_um) {
       const edge = (name, values, more = {}) =>
-        line(name, of[x], values, {colour: "transparent", width: 0, hoverinfo: "skip", hovertemplate: null, ...more});
+        line(name, of[x], values, {colour: "transparent", width: 0, ...SILENT, ...more});
       data.push(edge("low", of.low_um), edge("high", of.high_um, {fill: "tonexty", fillcolor: faint("residual", 0.16)}));
     }
-    if (of.mean_um) data.push(line("mean", of[x], of.mean_um, {colour: colour("residual"), width: 1, dash: "dot"}));
+    if (of.mean_um) data.push(line("mean", of[x], of.mean_um, {colour: colour("residual"), width: 1, dash: "dot", ...SILENT}));
     data.push(line({frequency: "rms in the band", rest: "mean"}[name] ?? "rms", of[x], of[y], {colour: colour("residual"), width: 1.6}));
     data.push(...stretch(name));
   }
