@@ -260,6 +260,7 @@ class Laboratory:
         model = {
             "core": "rdpi",
             "core_title": "Rate-dependent Prandtl-Ishlinskii, 48 plays",
+            "core_parameters": [parameter("delta2_s", "δ2", "s", 1.5e-4)],
             "effects": have,
         }
         state["steps"][id_] = {

@@ -127,11 +127,11 @@ function fillCard(node, card, largest) {
   const ready = !card.added && card.state !== "failed";
   const known = card.validation_um !== null && card.validation_um !== undefined;
   const open = node.querySelector(".more")?.hidden === false;
-  const remarks = [...(card.remarks ?? [])];
+  const remarks = [...(card.remarks ?? []), ...(card.signature ? [`How it shows: ${card.signature}`] : [])];
   if (card.rivals?.length > NAMED) remarks.push(`Not told apart on these records from ${card.rivals.map(titled).join(", ")}.`);
   const has = remarks.length || card.parameters?.length;
   const focused = node.contains(document.activeElement) ? document.activeElement.dataset.testid : null;
-  node.className = `card ${card.added ? "added" : card.state}`;
+  node.className = `card ${card.added ? "added" : card.state}${card.recommended ? " recommended" : ""}`;
   node.replaceChildren(
     signature(card.picture),
     h("h3", {}, card.title),
@@ -139,11 +139,11 @@ function fillCard(node, card, largest) {
       card.probability !== null && card.probability !== undefined
         ? h("span", {class: "probability", title: "Probability among the candidates"}, percent(card.probability))
         : card.confidence !== null && card.confidence !== undefined
-          ? h("span", {class: "probability", title: "Confidence"}, percent(card.confidence))
+          ? h("span", {class: "probability", title: "Confidence that it is the missing effect"}, percent(card.confidence))
           : h("span", {class: "state"}, card.added ? "in the model" : STATES[card.state]),
       known ? h("span", {class: "error"}, h("b", {}, number(card.validation_um)), ` ${y}`) : ""),
     h("div", {class: "foot"},
-      h("span", {class: "says"}, foot(card)),
+      h("span", {class: "says", title: "Of the squared error above the noise"}, taken(card)),
       has ? h("button", {
         type: "button", class: "quiet", "data-testid": `more-${card.effect}`, "aria-expanded": String(Boolean(open)),
         "aria-label": `More about ${card.title}: parameters and remarks`, onclick: (event) => {
@@ -161,6 +161,7 @@ function fillCard(node, card, largest) {
           add(card.effect);
         },
       }, "Add") : ""),
+    advice(card) ? h("p", {class: "advice"}, advice(card)) : "",
     h("p", {class: "mechanism"}, card.mechanism),
     h("div", {class: "meter", "aria-hidden": "true"}, h("span", {style: {width: known && largest ? `${Math.min(100, (100 * card.validation_um) / largest)}%` : "0"}})),
     has ? h("div", {class: "more", hidden: !open, onclick: (event) => event.stopPropagation()},
@@ -173,9 +174,14 @@ function fillCard(node, card, largest) {
   node.onpointerleave = () => preview(null);
 }
 
-function foot({share, rivals}) {
-  const parts = [];
-  if (share !== null && share !== undefined) parts.push(share > LEAST ? `takes ${percent(share)} of the excess` : "takes nothing of the excess");
+function taken({share}) {
+  if (share === null || share === undefined) return "";
+  return share > LEAST ? `takes ${percent(share)}` : "takes nothing";
+}
+
+/** Whether the ranking advises it, and what these records cannot tell it from. */
+function advice({rivals, recommended}) {
+  const parts = recommended ? ["advised"] : [];
   if (rivals?.length) parts.push(`or ${listed(rivals.slice(0, NAMED).map(titled), rivals.length - NAMED)}`);
   return parts.join(" · ");
 }
@@ -187,7 +193,7 @@ const titled = (effect) =>
 
 function drawVerdict() {
   const {ranking} = store.server;
-  byId("verdict").textContent = ranking?.verdict ?? {
+  byId("verdict").textContent = ranking?.verdict ?? ranking?.problem ?? {
     running: "Every candidate is refitted together with the model; the order settles as they finish.",
     cancelled: "The ranking was cancelled: what was tried so far stands below.",
     failed: "The ranking failed.",

@@ -45,9 +45,12 @@ function drawModel() {
   const choice = byId("core");
   replace(choice, h("option", {value: "", selected: true}, "Other core …"), h("option", {value: "auto"}, "Let the data choose"),
     cores.filter(({key}) => key !== model.core).map(({key, title}) => h("option", {value: key}, title)));
-  replace(byId("effects"), model.effects.length
-    ? model.effects.map(effectBox)
-    : h("p", {class: "empty"}, "No effect yet: the core alone. Add one below."));
+  const shape = {name: "", title: "the hysteresis", parameters: model.core_parameters ?? []};
+  const open = byId("effects").querySelector("details")?.open;
+  replace(byId("effects"),
+    shape.parameters.length ? h("details", {class: "effect", "data-testid": "effect-core", open},
+      h("summary", {"data-testid": "core-parameters"}, "Its parameters"), shape.parameters.map((each) => parameterRow(shape, each))) : "",
+    model.effects.length ? model.effects.map(effectBox) : h("p", {class: "empty"}, "No effect yet: the hysteresis alone. Add one below."));
 }
 
 function effectBox(effect) {
@@ -78,9 +81,11 @@ function scale({value, low, high, log}) {
   };
 }
 
+const idOf = (effect, parameter) => `${effect || "core"}-${parameter}`;
+
 function parameterRow(effect, parameter) {
   const {name, symbol, unit, value, standard_error: spread, held} = parameter;
-  const id = `${effect.name}-${name}`;
+  const id = idOf(effect.name, name);
   const to = scale(parameter);
   const says = `${name.replaceAll("_", " ")} of ${effect.title}${unit ? `, ${unit}` : ""}`;
   const slider = h("input", {type: "range", min: "0", max: String(STEPS), value: String(to.place(value)),
@@ -130,11 +135,13 @@ function parameterRow(effect, parameter) {
 /** While a slider is dragged: what the error becomes. */
 function told(effect, parameter, errors) {
   const now = judged(presentStep(store.server).errors);
-  const box = document.querySelector(`[data-testid="${CSS.escape(`spread-${effect}-${parameter}`)}"]`);
+  const box = document.querySelector(`[data-testid="${CSS.escape(`spread-${idOf(effect, parameter)}`)}"]`);
   if (box) box.textContent = `error ${number(now)} → ${number(judged(errors))} ${units().y}`;
 }
 
 export function beginCore() {
+  byId("refit").addEventListener("click", () => act("/api/refit"));
+  watch((server) => Boolean(server.job), (busy) => { byId("refit").disabled = busy; });
   byId("core").addEventListener("change", (event) => {
     if (event.target.value) act("/api/core", {core: event.target.value});
     event.target.value = "";

@@ -86,6 +86,7 @@ function drawDetail() {
       h("dt", {}, "Command"), h("dd", {}, `${number(record.u[0])} to ${number(record.u[1])} ${u}`),
       h("dt", {}, "Measured"), h("dd", {}, `${number(record.y[0])} to ${number(record.y[1])} ${y}`),
       h("dt", {}, "File"), h("dd", {}, record.file)),
+    (record.remarks ?? []).map((text) => h("p", {class: "remark"}, text)),
     h("label", {class: "field"}, "Skip the first ", skip, " s"),
     masked.length ? h("ul", {class: "masked", "aria-label": "Left out"}, masked.map(([from, to], i) => h("li", {},
       `left out: ${number(from, 4)} to ${number(to, 4)} s`,

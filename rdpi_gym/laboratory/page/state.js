@@ -43,8 +43,8 @@ export function setUi(patch) {
 
 /** Put one card into the ranking that runs. */
 export function setCard(card) {
-  const ranking = store.server.ranking;
-  if (!ranking) return;
+  const {ranking} = store.server;
+  if (!ranking || (card.step && card.step !== ranking.step)) return;
   const cards = ranking.cards.filter((other) => other.effect !== card.effect);
   store.server = {...store.server, ranking: {...ranking, cards: [...cards, card]}};
   changed();
