@@ -50,14 +50,17 @@ class Desk:
         Of the session.
     events
         Who listens.
+    processes
+        Among which a ranking divides its candidates.
     """
 
-    def __init__(self, folder: Path, events: Events) -> None:
+    def __init__(self, folder: Path, events: Events, processes: int) -> None:
         self.session = Session(folder)
         self.events = events
         self.job: Job | None = None
         self.problem: str | None = None
-        self._workers = Workers()
+        self._processes = processes
+        self._workers = Workers(helpers=processes)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._ids = itertools.count(1)
         self._tasks: set[asyncio.Task[None]] = set()

@@ -57,7 +57,6 @@ def rank(
     dict
         The object of ``diagnosis.json``, without what only pages need.
     """
-    helpers = threading.Thread(target=_warm_helpers, args=(jobs,), daemon=True)
     if model is None:
         first = _first_fit(data, core)
         if first is not None:
@@ -65,7 +64,7 @@ def rank(
             found = {"effect": "", "form": "", "plant": first.to_dict(), **errors}
             tell.news("refit", found | {"parameters": {}, "standard_errors": {}, "at_bound": []})
     if jobs > 1:
-        helpers.start()
+        warm_helpers(jobs)
     diagnosis = rg.diagnose(
         data,
         model,
@@ -208,10 +207,27 @@ def _small() -> rg.Dataset:
     return rg.Dataset("warm-up", (Record("warm-up", t_s, u_V, y_um, ts_s=1e-3),))
 
 
-def _warm_helpers(jobs: int) -> None:
-    """Start the processes among which a ranking divides its candidates, while its base is fitted."""
-    for _ in run_cases(_warm, range(jobs), jobs):
-        pass
+def warm_helpers(count: int) -> threading.Thread:
+    """Start the processes among which a ranking divides its candidates, if they do not run yet.
+
+    Parameters
+    ----------
+    count
+        How many.
+
+    Returns
+    -------
+    threading.Thread
+        That waits until they have loaded what they need.
+    """
+
+    def start() -> None:
+        for _ in run_cases(_warm, range(count), count):
+            pass
+
+    thread = threading.Thread(target=start, daemon=True)
+    thread.start()
+    return thread
 
 
 def _warm(_: int) -> None:

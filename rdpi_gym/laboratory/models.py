@@ -38,18 +38,12 @@ class Pending:
 class Models(Desk):
     """A session whose models are tried, ranked on and made steps of.
 
-    Parameters
-    ----------
-    folder, events
-        As :class:`Desk`.
-    processes
-        Among which a ranking divides its candidates.
+    Parameters are those of :class:`Desk`.
     """
 
     def __init__(self, folder: Path, events: Events, processes: int) -> None:
-        super().__init__(folder, events)
+        super().__init__(folder, events, processes)
         self.pictures: Mapping[str, Any] = {}
-        self._processes = processes
         self._looking = threading.Lock()
         self._looked: tuple[rg.Dataset, rg.Inspection] | None = None
         self._responses: dict[int, tuple[PlantModel, rg.Response]] = {}

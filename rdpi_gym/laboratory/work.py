@@ -59,6 +59,8 @@ class Worker:
     ----------
     warm
         Whether it loads what jobs need before the first comes.
+    helpers
+        Processes of its own that it starts, too, before the first job comes.
 
     Examples
     --------
@@ -68,8 +70,9 @@ class Worker:
     False
     """
 
-    def __init__(self, warm: bool = True) -> None:
-        command = [sys.executable, "-m", "rdpi_gym.laboratory.worker", *(["warm"] if warm else [])]
+    def __init__(self, warm: bool = True, helpers: int = 0) -> None:
+        command = [sys.executable, "-m", "rdpi_gym.laboratory.worker"]
+        command += [str(helpers)] if warm else []
         # what cleans up behind processes that were ended says so at length
         quiet = {**os.environ, "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning"}
         self._process = subprocess.Popen(
@@ -161,12 +164,14 @@ class Workers:
     Parameters
     ----------
     make
-        Makes a worker.
+        Makes a worker, with helpers of its own or without.
+    helpers
+        Of the first worker.
     """
 
-    def __init__(self, make: Callable[[], Worker] = Worker) -> None:
+    def __init__(self, make: Callable[..., Worker] = Worker, helpers: int = 0) -> None:
         self._make = make
-        self._ready = [make()]
+        self._ready = [make(helpers=helpers)]
         self._lock = threading.Lock()
         self._busy: Worker | None = None
         self._closed = False
