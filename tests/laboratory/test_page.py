@@ -133,6 +133,21 @@ def test_an_effect_is_added_undone_redone_and_gone_back_from(begun):
     assert asked == ["add", "undo", "redo", "go"]
 
 
+def test_a_step_that_is_bettered_in_place_is_drawn_anew(begun):
+    lab, page = begun
+    until(page, "document.getElementById('command').data?.length > 0")
+    lab.seen.clear()
+    lab.state["steps"]["s0"]["errors"] |= {"validation_um": 0.123}
+    lab.push()
+    page.get_by_test_id("step-s0").get_by_text("0.123").wait_for()
+    for _ in range(_WAIT_MS // _STEP_MS):
+        asked = {path for _, path, _ in lab.seen}
+        if {"/api/trace", "/api/views"} <= asked:
+            break
+        page.wait_for_timeout(_STEP_MS)
+    assert {"/api/trace", "/api/views"} <= asked
+
+
 def test_the_pointed_candidate_is_drawn_over_the_residual(begun):
     _, page = begun
     page.get_by_test_id("card-creep").hover()

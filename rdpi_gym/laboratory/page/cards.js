@@ -38,7 +38,7 @@ export function beginCards() {
   watch((server, ui) => ui.preview, (effect) => {
     for (const [name, {node}] of nodes) node.classList.toggle("previewed", name === effect);
   });
-  watch((server) => [server.ranking?.verdict, server.ranking?.status, server.ranking?.lines, server.job?.what, server.current], drawVerdict);
+  watch((server) => [server.ranking?.verdict, server.ranking?.status, server.ranking?.lines, server.job?.what, server.current, server.records.length], drawVerdict);
 }
 
 /** Cards in the order in which they stand: while they are refitted by error, at the end as the server ranks them. */
@@ -200,7 +200,7 @@ function drawVerdict() {
   }[ranking?.status] ?? (store.server.current ? "" : "Every candidate is tried as soon as the base model is there.");
   byId("ranking-lines").replaceChildren(...(ranking?.lines ?? []).map((text) => h("p", {class: text.startsWith("- ") ? "item" : null}, text.replace(/^- /, ""))));
   byId("ranking-more").hidden = !ranking?.lines?.length;
-  const cancelled = store.server.current && !store.server.job && (!ranking || ["cancelled", "failed"].includes(ranking.status));
+  const cancelled = store.server.records.length && !store.server.job && (!ranking || ["cancelled", "failed"].includes(ranking.status));
   byId("rank").hidden = !cancelled;
   byId("unknown").hidden = !(ranking?.status === "done");
 }

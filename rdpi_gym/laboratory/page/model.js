@@ -8,6 +8,7 @@ import {judged} from "./staircase.js";
 import {showTrace} from "./traces.js";
 
 const STEPS = 1000; // of a slider
+const SETTLE_MS = 900;
 
 let dragging = null; // testid of the slider that is held
 let waiting = null; // what the server said meanwhile
@@ -108,13 +109,26 @@ function parameterRow(effect, parameter) {
     slider.setAttribute("aria-valuetext", withUnit(x, unit));
     set(x, false);
   });
-  slider.addEventListener("change", async () => {
+  const keep = async () => {
+    clearTimeout(settling);
+    settling = null;
     ask.forget();
     const x = to.value(Number(slider.value));
     dragging = null;
     if (!await set(x, true)) drawModel();
     end();
+  };
+  // a pointer lets go once; keys move step by step, and what they end at is one step of the staircase
+  let byKeys = false;
+  let settling = null;
+  slider.addEventListener("pointerdown", () => { byKeys = false; });
+  slider.addEventListener("keydown", () => { byKeys = true; });
+  slider.addEventListener("change", () => {
+    clearTimeout(settling);
+    if (byKeys) settling = setTimeout(keep, SETTLE_MS);
+    else keep();
   });
+  slider.addEventListener("blur", () => { if (settling) keep(); });
   field.addEventListener("change", async () => {
     const x = Number(field.value);
     if (!field.value.trim() || !Number.isFinite(x)) field.value = typed(value, 4);

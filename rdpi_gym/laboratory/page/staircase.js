@@ -6,7 +6,7 @@ import {number, withUnit} from "./format.js";
 import {store, units, watch} from "./state.js";
 
 const LOW_PX = 4;
-const HIGH_PX = 33;
+const HIGH_PX = 29;
 
 export function beginStaircase() {
   watch(

@@ -13,7 +13,7 @@ export function beginStatus() {
     document.title = title ? `${title} · rdpi lab` : "rdpi lab";
     byId("session-folder").textContent = folder;
   });
-  watch((server) => [server.sentence, presentStep(server)?.errors, server.records.length, server.noise_um, server.quantities], drawSentence);
+  watch((server) => [server.sentence, presentStep(server)?.errors, server.records.length, Boolean(server.job), server.noise_um, server.quantities], drawSentence);
   watch((server) => Boolean(server.current), takeable);
   watch((server) => server.job, drawJob);
   byId("cancel").addEventListener("click", cancel);
@@ -23,8 +23,9 @@ export function beginStatus() {
   watch((server, ui) => ui.loaded, (loaded) => document.body.classList.toggle("loaded", loaded));
 }
 
-function drawSentence([sentence, errors, records]) {
-  byId("sentence").textContent = sentence ?? (errors ? left(errors) : records ? "The base model is being fitted." : "");
+function drawSentence([sentence, errors, records, busy]) {
+  const waiting = busy ? "The base model is being fitted." : "There is no model yet: press “Rank” to fit it and to try every candidate.";
+  byId("sentence").textContent = sentence ?? (errors ? left(errors) : records ? waiting : "");
 }
 
 /** What is known of a step before the server has looked at it. */

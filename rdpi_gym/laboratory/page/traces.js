@@ -40,13 +40,13 @@ export function beginTraces() {
     },
   );
   watch(
-    (server, ui) => [ui.record, ui.range, server.current, recordNamed(server, ui.record)],
+    (server, ui) => [ui.record, ui.range, server.current, recordNamed(server, ui.record), presentStep(server)?.errors],
     ([record, range, step]) => {
       if (record) fetchTrace(record, range, step);
     },
   );
   watch(
-    (server, ui) => [ui.preview, ui.record, ui.range, server.current],
+    (server, ui) => [ui.preview, ui.record, ui.range, server.current, presentStep(server)?.errors],
     ([effect, record, range, step]) => {
       if (effect && record) fetchPreview(record, range, step, effect);
       else {

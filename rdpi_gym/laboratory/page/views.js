@@ -4,7 +4,7 @@ import {get, latest} from "./api.js";
 import {byId} from "./dom.js";
 import {colour, draw, faint, line, logAxis, noiseBand, nothing} from "./look.js";
 import {draggable} from "./span.js";
-import {setUi, store, units, watch} from "./state.js";
+import {presentStep, recordNamed, setUi, store, units, watch} from "./state.js";
 import {markSpans} from "./traces.js";
 
 const VIEWS = {
@@ -33,7 +33,7 @@ export function beginViews() {
       drawAll();
     },
   );
-  watch((server, ui) => [server.current, ui.record, server.records.find((each) => each.name === ui.record)],
+  watch((server, ui) => [server.current, ui.record, recordNamed(server, ui.record), presentStep(server)?.errors],
     ([step, record]) => {
       if (step && record) {
         fetchViews(step, record);
@@ -43,7 +43,7 @@ export function beginViews() {
       views = null;
       for (const name of ["loop", ...Object.keys(VIEWS)]) nothing(byId(name), record ? "waits for the model" : null);
     });
-  watch((server, ui) => [ui.brush, ui.record, server.current], () => {
+  watch((server, ui) => [ui.brush, ui.record, server.current, presentStep(server)?.errors], () => {
     const {brush, record} = store.ui;
     if (brush && record) {
       if (brush.by === "time") markSpans([[brush.from, brush.to]]);
