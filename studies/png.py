@@ -40,3 +40,25 @@ def small_png(picture: bytes) -> bytes:
     stream = io.BytesIO()
     few.save(stream, "PNG", optimize=True)
     return stream.getvalue()
+
+
+def screen_png(picture: bytes) -> bytes:
+    """Return a PNG picture of a screen with 256 colours, rare ones of thin lines among them.
+
+    Parameters
+    ----------
+    picture
+        A PNG file.
+
+    Examples
+    --------
+    >>> stream = io.BytesIO()
+    >>> Image.new("RGB", (4, 4), (10, 20, 30)).save(stream, "PNG")
+    >>> Image.open(io.BytesIO(screen_png(stream.getvalue()))).mode
+    'P'
+    """
+    whole = Image.open(io.BytesIO(picture)).convert("RGB")
+    few = whole.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    stream = io.BytesIO()
+    few.save(stream, "PNG", optimize=True)
+    return stream.getvalue()

@@ -35,6 +35,7 @@ _PERIODS = 3
 _PER_PERIOD = 20.0  # samples, at least
 _LEAD = 0.15  # of a run: the way from rest to where a reference begins
 _LEVELS = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5)
+_LOST = ("unstable", "diverged")
 _LONGEST_S, _MOST_POINTS = 3600.0, 2000
 
 
@@ -237,10 +238,12 @@ def _suits(name: str, belief: PlantModel) -> bool:
 
 
 def _warnings(blind: str | None, knowing: str | None) -> Iterator[str]:
-    if knowing is not None:
-        yield knowing
-    if blind is not None and blind != knowing:
-        yield f"before: {blind}"
+    """Yield what to beware of with the present belief, and where the one before loses the plant."""
+    for part in [] if knowing is None else knowing.split("; "):
+        yield part.removeprefix("warned: ")
+    worst = [p for p in (blind or "").split("; ") if p.startswith(_LOST)]
+    if worst and not (knowing or "").startswith(_LOST):
+        yield f"before: {worst[0]}"
 
 
 def _finite(value: float) -> float | None:

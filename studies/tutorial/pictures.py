@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from rdpi_gym.support.errors import InputError
+from studies.chromium import chromium
 from studies.png import small_png
 
 WIDTH_PX = 980
@@ -77,18 +77,7 @@ def browser() -> Iterator[Browser]:
     Raises
     ------
     InputError
-        It is not installed, or Playwright's Python package is not.
+        As :func:`studies.chromium.chromium`.
     """
-    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        raise InputError("pictures need Playwright: pip install '.[test]'") from None
-    if path is None:
-        raise InputError("pictures need Chromium; on Debian, apt-get install chromium")
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=path)
-        try:
-            yield Browser(chromium)
-        finally:
-            chromium.close()
+    with chromium() as found:
+        yield Browser(found)

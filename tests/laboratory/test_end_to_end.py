@@ -1,20 +1,17 @@
 """The whole laboratory in a real browser, nothing put in its place: from dropped files to a notebook."""
 
 import json
-import os
-import re
 import shutil
-import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.measurement import Record
+from studies.chromium import LabPage, LabProcess, chromium
 
-sync_api = pytest.importorskip(
+pytest.importorskip(
     "playwright.sync_api", reason="Playwright's Python package is not installed (extra: test)"
 )
 pytest.importorskip("starlette", reason="the extra lab is not installed")
@@ -23,10 +20,7 @@ if CHROMIUM is None:
     pytest.skip(
         "no Chromium is installed (Debian: apt-get install chromium)", allow_module_level=True
     )
-_PATIENCE_S, _STEP_MS = 60.0, 30
 _RECORDS = ("triangle-slow", "stairs", "validation-loops")
-_TRIED = "fetch('/api/state').then(r => r.json()).then(s => s.ranking && s.ranking.step === s.current && s.ranking.cards.length && s.ranking.cards.every(c => ['tried', 'failed', 'final'].includes(c.state)))"
-_STEPS = "document.querySelectorAll('#staircase .step:not(.later)').length"
 
 
 @pytest.fixture(scope="module")
@@ -42,84 +36,15 @@ def files(tmp_path_factory):
     return sorted(folder.iterdir())
 
 
-class Lab:
-    """`rdpi lab` in a process of its own, on one session."""
-
-    def __init__(self, session):
-        self.session = session
-        command = [sys.executable, "-m", "rdpi_gym", "lab", "--no-browser", "--session", session]
-        self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, text=True, cwd=session.parent
-        )
-        self.address = re.search(r"http://\S+", self.process.stdout.readline())[0]
-
-    def journal(self):
-        lines = (self.session / "journal.jsonl").read_text(encoding="utf-8").splitlines()
-        return [json.loads(line) for line in lines]
-
-    def stop(self):
-        self.process.terminate()
-        self.process.wait(20)
-        self.process.stdout.close()
-
-    def die(self):
-        os.kill(self.process.pid, signal.SIGKILL)
-        self.process.wait()
-        self.process.stdout.close()
-
-
-class Page:
-    """A page of the browser, with what its console said and what it asked other machines."""
-
-    def __init__(self, tab):
-        self.tab, self.said, self.asked = tab, [], []
-        tab.set_default_timeout(1000 * _PATIENCE_S)
-        tab.on("console", lambda message: self.said.append(message.text))
-        tab.on("pageerror", lambda error: self.said.append(str(error)))
-        tab.on("request", self._request)
-
-    def _request(self, request):
-        if not re.match(r"(http://127\.0\.0\.1:\d+/|data:|blob:)", request.url):
-            self.asked.append(request.url)
-
-    def open(self, lab):
-        end = time.monotonic() + _PATIENCE_S
-        while True:
-            try:
-                self.tab.goto(lab.address)
-                break
-            except sync_api.Error:
-                if time.monotonic() > end:
-                    raise
-        self.tab.get_by_test_id("bring").wait_for(state="attached")
-
-    def until(self, told):
-        end = time.monotonic() + _PATIENCE_S
-        while not self.tab.evaluate(told):
-            assert time.monotonic() < end, told
-            self.tab.wait_for_timeout(_STEP_MS)
-
-    def text(self, name):
-        return self.tab.get_by_test_id(name).inner_text()
-
-    def click(self, name):
-        self.tab.get_by_test_id(name).click()
-
-    def first_card(self):
-        return self.tab.locator("#cards > li").first.get_attribute("data-testid")
-
-
 @pytest.fixture(scope="module")
 def browser():
-    with sync_api.sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM)
-        yield chromium
-        chromium.close()
+    with chromium() as found:
+        yield found
 
 
 def test_two_hidden_effects_are_found_and_taken_home(browser, files, tmp_path):
-    lab = Lab(tmp_path / "session")
-    page = Page(browser.new_page(viewport={"width": 1280, "height": 720}, reduced_motion="reduce"))
+    lab = LabProcess(tmp_path / "session")
+    page = LabPage(browser)
     try:
         page.open(lab)
         _walk(page, lab, files, tmp_path)
@@ -131,22 +56,22 @@ def test_two_hidden_effects_are_found_and_taken_home(browser, files, tmp_path):
 
 
 def _walk(page, lab, files, folder):
-    page.tab.get_by_test_id("files-input").set_input_files(files)
-    page.until(f"{_STEPS} === 1")
+    page.drop(files)
+    page.until_steps(1)
     for count, effect in enumerate(("asymmetry", "creep"), 2):
-        page.until(_TRIED)
-        assert page.first_card() == f"card-{effect}"
+        page.until_tried()
+        assert page.first_card == effect
         page.click(f"add-{effect}")
-        page.until(f"{_STEPS} === {count}")
+        page.until_steps(count)
     page.until("document.getElementById('sentence').textContent.includes('the noise')")
     events = lab.journal()
     steps = [event["step"] for event in events if event["do"] == "step"]
     noise = [event["noise_um"] for event in events if event["do"] == "said"][-1]
     assert steps[-1]["validation_um"] < 1.1 * noise < 0.5 * steps[0]["validation_um"]
     page.click("undo")
-    page.until(f"{_STEPS} === 2")
+    page.until_steps(2)
     page.click("redo")
-    page.until(f"{_STEPS} === 3")
+    page.until_steps(3)
     with page.tab.expect_download() as coming:
         page.click("take-notebook")
     coming.value.save_as(folder / "taken.ipynb")
@@ -173,15 +98,15 @@ def _run(notebook):
 
 
 def test_what_goes_wrong_is_a_sentence_and_loses_nothing(browser, files, tmp_path):
-    lab = Lab(tmp_path / "session")
-    page = Page(browser.new_page(viewport={"width": 1280, "height": 720}, reduced_motion="reduce"))
+    lab = LabProcess(tmp_path / "session")
+    page = LabPage(browser)
     page.open(lab)
-    page.tab.get_by_test_id("files-input").set_input_files(files)
-    page.until(f"{_STEPS} === 1")
+    page.drop(files)
+    page.until_steps(1)
     page.click("cancel")
     page.tab.get_by_test_id("job").wait_for(state="hidden")
     bad = {"name": "bad.csv", "mimeType": "text/csv", "buffer": b"t,u,y\n0,1,2\n0.1,none,2\n"}
-    page.tab.get_by_test_id("files-input").set_input_files([bad])
+    page.drop([bad])
     page.tab.get_by_test_id("refused-bad.csv").wait_for()
     assert "line 3" in page.text("refused-bad.csv")
     page.click("discard-bad.csv")
@@ -189,14 +114,14 @@ def test_what_goes_wrong_is_a_sentence_and_loses_nothing(browser, files, tmp_pat
     page.tab.get_by_test_id("unit-time").fill("fortnights")
     page.click("apply-columns")
     page.until("document.getElementById('alert-text').textContent.includes('fortnights')")
-    page.until(f"{_STEPS} === 1")  # what was there stays
+    page.until_steps(1)  # what was there stays
     before = page.tab.locator("#staircase .step").first.inner_text()
     lab.die()
     page.until("document.getElementById('alert-text').textContent.includes('rdpi lab --session')")
-    again = Lab(tmp_path / "session")
+    again = LabProcess(tmp_path / "session")
     try:
         page.open(again)
-        page.until(f"{_STEPS} === 1")
+        page.until_steps(1)
         assert page.tab.locator("#staircase .step").first.inner_text() == before
         assert page.asked == []
     finally:

@@ -1,0 +1,206 @@
+"""The browser that a reader would use, without a window; and the laboratory's page in it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rdpi_gym.support.errors import InputError
+
+_PATIENCE_S, _LOOK_MS, _ASK_MS = 300.0, 20, 200
+_OWN = re.compile(r"(http://127\.0\.0\.1:\d+/|data:|blob:)")
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """Open Chromium, without a window.
+
+    Raises
+    ------
+    InputError
+        It is not installed, or Playwright's Python package is not.
+    """
+    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise InputError("pictures need Playwright: pip install '.[test]'") from None
+    if path is None:
+        raise InputError("pictures need Chromium; on Debian, apt-get install chromium")
+    with sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=path)
+        try:
+            yield found
+        finally:
+            found.close()
+
+
+class LabProcess:
+    """`rdpi lab` in a process of its own, on one session.
+
+    Parameters
+    ----------
+    session
+        Folder of the session.
+    sources
+        Data files and folders to begin with.
+
+    Attributes
+    ----------
+    address : str
+        What a browser opens.
+    """
+
+    def __init__(self, session: Path, sources: Sequence[Path] = ()) -> None:
+        self.session = session
+        command = [sys.executable, "-m", "rdpi_gym", "lab", *map(str, sources)]
+        self._process = subprocess.Popen(
+            [*command, "--no-browser", "--session", str(session)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self._process.stdout is not None
+        found = re.search(r"http://\S+", self._process.stdout.readline())
+        if found is None:
+            raise InputError("rdpi lab printed no address; what it said stands above")
+        self.address = found[0]
+
+    def journal(self) -> list[dict[str, Any]]:
+        """Return what the journal of the session holds."""
+        text = (self.session / "journal.jsonl").read_text(encoding="utf-8")
+        return [json.loads(line) for line in text.splitlines()]
+
+    def stop(self) -> None:
+        """Ask the server to end."""
+        self._process.terminate()
+        self._ended()
+
+    def die(self) -> None:
+        """Kill the server, as a power failure would."""
+        self._process.kill()
+        self._ended()
+
+    def _ended(self) -> None:
+        self._process.wait()
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+
+
+class LabPage:
+    """The laboratory's page in a browser.
+
+    Parameters
+    ----------
+    browser
+        From :func:`chromium`.
+    dark
+        Whether the browser asks for dark pages.
+
+    Attributes
+    ----------
+    tab : playwright.sync_api.Page
+        The browser's own.
+    said, asked : list of str
+        What its console said, and addresses on other machines that it asked for.
+    """
+
+    def __init__(self, browser: Any, dark: bool = False) -> None:
+        self.tab = browser.new_page(
+            viewport={"width": 1280, "height": 720},
+            reduced_motion="reduce",
+            color_scheme="dark" if dark else "light",
+        )
+        self.said: list[str] = []
+        self.asked: list[str] = []
+        self.tab.set_default_timeout(1000 * _PATIENCE_S)
+        self.tab.on("console", lambda message: self.said.append(message.text))
+        self.tab.on("pageerror", lambda error: self.said.append(str(error)))
+        self.tab.on("request", self._request)
+
+    def _request(self, request: Any) -> None:
+        if not _OWN.match(request.url):
+            self.asked.append(request.url)
+
+    def open(self, lab: LabProcess) -> None:
+        """Go to the address of a laboratory, and wait until the page is there."""
+        self.tab.goto(lab.address)
+        self.tab.get_by_test_id("bring").wait_for(state="attached")
+
+    def until(self, told: str, look_ms: int = _LOOK_MS) -> float:
+        """Wait until an expression is true, and return for how long (s).
+
+        The page's policy forbids the browser's own way to wait.
+
+        Parameters
+        ----------
+        told
+            JavaScript.
+        look_ms
+            Time (ms) from look to look.
+
+        Raises
+        ------
+        InputError
+            It is not true after five minutes.
+        """
+        began = time.monotonic()
+        while not self.tab.evaluate(told):
+            if time.monotonic() > began + _PATIENCE_S:
+                raise InputError(f"the page waited too long for {told}")
+            self.tab.wait_for_timeout(look_ms)
+        return time.monotonic() - began
+
+    def until_steps(self, count: int) -> float:
+        """Wait until the staircase has that many steps, and return for how long (s)."""
+        return self.until(
+            f"document.querySelectorAll('#staircase .step:not(.later)').length === {count}"
+        )
+
+    def until_told(self, of_state: str) -> float:
+        """Wait until something is true of the state ``s`` that the server tells."""
+        return self.until(
+            f"fetch('/api/state').then(r => r.json()).then(s => Boolean({of_state}))", _ASK_MS
+        )
+
+    def until_tried(self) -> float:
+        """Wait until every candidate of the present step was tried, and return for how long (s)."""
+        return self.until_told(
+            "s.ranking && s.ranking.step === s.current && s.ranking.cards.length > 0 && "
+            "s.ranking.cards.every(c => ['tried', 'failed', 'final'].includes(c.state))"
+        )
+
+    def until_ranked(self) -> float:
+        """Wait until the ranking of the present step has ended, and return for how long (s)."""
+        return self.until_told(
+            "s.ranking && s.ranking.step === s.current && s.ranking.status === 'done' && !s.job"
+        )
+
+    def drop(self, files: Sequence[Path | dict[str, Any]]) -> None:
+        """Give files to the page, as if they were dropped on it."""
+        self.tab.get_by_test_id("files-input").set_input_files(list(files))
+
+    def click(self, name: str) -> None:
+        """Press what has that mark."""
+        self.tab.get_by_test_id(name).click()
+
+    def text(self, name: str) -> str:
+        """Return what stands in what has that mark."""
+        return str(self.tab.get_by_test_id(name).inner_text())
+
+    @property
+    def first_card(self) -> str:
+        """The effect whose card stands first."""
+        mark = self.tab.locator("#cards > li").first.get_attribute("data-testid")
+        return str(mark).removeprefix("card-")
+
+    def picture(self) -> bytes:
+        """Return what is seen, as a PNG file."""
+        return bytes(self.tab.screenshot())

@@ -1,0 +1,178 @@
+"""How long the laboratory lets a user wait, measured in a browser: `python -m studies.lab_speed`.
+
+A record of 100,000 samples, of a stage with creep, is dropped on the page of a laboratory that was
+started as a user starts it; times are those that pass before the browser shows what is waited for.
+They are of the wall clock, so the load of the machine stands beside them.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+import rdpi_gym as rg
+from rdpi_gym.measurement import Record, write_csv
+from rdpi_gym.plant import Plant
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.signals.experiments import polyline
+from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
+from studies.chromium import LabPage, LabProcess, chromium
+
+RESULTS = Path(__file__).parent / "results"
+SAMPLES, TS_S, NOISE_UM = 100_000, 1e-4, 0.01
+ASKED_S = {
+    "command to page": 2.0,
+    "dropped record drawn": 1.0,
+    "base fit": 2.0,
+    "first card": 5.0,
+    "all cards": 30.0,
+    "parameter drag, median": 0.1,
+    "parameter drag, largest": 0.1,
+    "cancel": 0.5,
+}
+"""What is waited for, and how long it may take (s)."""
+_DRAGS = 12
+_DRAG = """async ([at]) => {
+  const slider = document.querySelector("input[type=range]");
+  const path = () => document.querySelector("#residual .scatterlayer path.js-line")?.getAttribute("d");
+  const before = path();
+  const began = performance.now();
+  slider.value = at;
+  slider.dispatchEvent(new Event("input", {bubbles: true}));
+  while (path() === before && performance.now() - began < 5000)
+    await new Promise((next) => requestAnimationFrame(next));
+  return (performance.now() - began) / 1000;
+}"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print and write the table."""
+    options = Options("lab_speed", __doc__, out=RESULTS)
+    options.add_number("--rounds", 3, "how often everything is measured; the median counts")
+    return options.run(arguments, _run)
+
+
+def _run(asked: Namespace) -> None:
+    with chromium() as browser, tempfile.TemporaryDirectory() as scratch:
+        file = write_csv(dropped_record(SAMPLES), Path(scratch) / "record.csv")
+        rounds = [_round(browser, file, Path(scratch) / f"s{k}") for k in range(asked.rounds)]
+    text = report(pd.DataFrame(rounds), os.cpu_count() or 1, os.getloadavg()[0])
+    print(text)
+    write_atomic(asked.out / "lab_speed.md", text)
+
+
+def dropped_record(samples: int) -> Record:
+    """Return a record of a stage with creep: loops of many sizes, then steps.
+
+    Examples
+    --------
+    >>> dropped_record(1000).y_um.shape
+    (1000,)
+    """
+    plant = replace(
+        rg.plants["P10"], effects=(CATALOGUE["creep"]().with_values({"gain_per_decade": 0.02}),)
+    )
+    t_s = np.arange(samples, dtype=np.float64) * TS_S
+    turns = 40.0 * np.linspace(1.0, 0.1, 40) * (-1.0) ** np.arange(40)
+    loops = polyline([0.0, *turns, 0.0], rate_V_s=300.0)
+    u_V = np.where(t_s < 0.7 * t_s[-1], loops(t_s), 20.0 * np.round(2.0 * np.sin(4.0 * t_s)) / 2.0)
+    noise = NOISE_UM * np.random.default_rng(0).standard_normal(samples)
+    y_um = Plant(plant, TS_S).simulate(u_V) + noise
+    return Record("record", t_s, u_V, y_um, ts_s=TS_S)
+
+
+def _round(browser: Any, file: Path, session: Path) -> dict[str, float]:
+    found = {}
+    began = time.monotonic()
+    lab = LabProcess(session)
+    page = LabPage(browser)
+    try:
+        page.open(lab)
+        page.tab.get_by_test_id("drop").wait_for()
+        found["command to page"] = time.monotonic() - began
+        page.tab.wait_for_timeout(3000)  # nobody drops a file at once
+        began = time.monotonic()
+        page.drop([file])
+        page.until("Boolean(document.querySelector('#trace .scatterlayer path.js-line'))")
+        found["dropped record drawn"] = time.monotonic() - began
+        page.until_steps(1)
+        found["base fit"] = time.monotonic() - began
+        page.until_told("s.ranking && s.ranking.cards.some(c => c.validation_um !== null)")
+        found["first card"] = time.monotonic() - began
+        page.until_tried()
+        found["all cards"] = time.monotonic() - began
+        page.until_ranked()
+        page.click(f"add-{page.first_card}")
+        page.until_steps(2)
+        page.until("Boolean(document.querySelector('input[type=range]'))")
+        page.tab.wait_for_timeout(1000)
+        began = time.monotonic()
+        page.click("cancel")
+        page.until("document.getElementById('job').hidden")
+        found["cancel"] = time.monotonic() - began
+        drags = []
+        for at in np.linspace(300, 700, _DRAGS):
+            drags.append(float(page.tab.evaluate(_DRAG, [str(round(at))])))
+            page.tab.wait_for_timeout(150)
+        found["parameter drag, median"] = float(np.median(drags))
+        found["parameter drag, largest"] = max(drags)
+    finally:
+        lab.stop()
+        page.tab.close()
+    return found
+
+
+def report(rounds: pd.DataFrame, cores: int, load: float) -> str:
+    """Return the table as Markdown.
+
+    Parameters
+    ----------
+    rounds
+        One a row, a column of times (s) for each key of :data:`ASKED_S`.
+    cores
+        Of the machine.
+    load
+        Processes that wanted one of them, over the last minute.
+
+    Examples
+    --------
+    >>> quick = pd.DataFrame([dict.fromkeys(ASKED_S, 0.01)])
+    >>> "8 of 8 are within" in report(quick, 2, 1.0)
+    True
+    """
+    lines = [
+        {
+            "what is waited for": name,
+            "median (s)": f"{rounds[name].median():.2f}",
+            "longest (s)": f"{rounds[name].max():.2f}",
+            "asked (s)": f"{asked:g}",
+            "within": "yes" if rounds[name].median() <= asked else "no",
+        }
+        for name, asked in ASKED_S.items()
+    ]
+    within = sum(line["within"] == "yes" for line in lines)
+    return (
+        "# How long the laboratory lets a user wait\n\n"
+        f"{within} of {len(lines)} are within what is asked, by the median of {len(rounds)} rounds on "
+        f"{cores} cores with {load:.1f} processes that wanted one.\n\n"
+        f"{frame_table(pd.DataFrame(lines))}\n\n"
+        f"One dropped CSV file of {SAMPLES:,} samples; from the drop on all times count from there, "
+        "cards included.\n\n"
+        f"Made by `python -m studies.lab_speed --rounds {len(rounds)}`.\n"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
