@@ -94,6 +94,7 @@ def brushed(
     return {
         "record": record.name,
         "spans_s": spans[:_MOST_SPANS],
+        "rms_um": float(np.sqrt(np.mean(residual[counted] ** 2))) if counted.any() else None,
         "time": {"t_s": numbers(record.t_s[at]), "residual_um": left},
         "command": {"u": numbers(record.u_V[at]), "residual_um": left},
         "rate": {"rate": numbers(rate[at]), "residual_um": left},

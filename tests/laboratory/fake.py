@@ -162,7 +162,9 @@ class Laboratory:
             "loop": {"u": u[k].tolist(), "y_um": y[k].tolist(), "model_um": model[k].tolist()},
             "noise_um": self.state["noise_um"],
         }
-        return made if part is None else made | {"spans_s": [[0.2, 0.3], [0.6, 0.7]]}
+        return (
+            made if part is None else made | {"spans_s": [[0.2, 0.3], [0.6, 0.7]], "rms_um": 0.21}
+        )
 
     # -- what the page asks for
 

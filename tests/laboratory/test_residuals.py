@@ -43,6 +43,7 @@ def test_a_stretch_over_the_command_is_where_the_command_is(record):
     up = [np.arcsin(level / 10.0) / (4.0 * np.pi) for level in (4.0, 6.0)]
     assert found["spans_s"][0] == pytest.approx([5.0 + up[0], 5.0 + up[1]], abs=TS_S)
     assert found["loop"]["u"].count(None) == 3
+    assert found["rms_um"] == pytest.approx(0.1 / np.sqrt(2.0), rel=0.4)  # the hum alone
     u = np.array(found["command"]["u"])
     assert ((u >= 4.0) & (u <= 6.0)).all()
 
@@ -57,6 +58,7 @@ def test_a_stretch_without_samples_is_empty_everywhere(record):
     found = brushed(record, model_um(record), "time", 1.0, 2.0)
     assert found["spans_s"] == found["time"]["t_s"] == found["loop"]["u"] == []
     assert found["frequency"]["hz"] == found["rest"]["s"] == []
+    assert found["rms_um"] is None
 
 
 def test_a_side_that_is_none_is_refused(record):

@@ -10,9 +10,13 @@ import {setUi, store} from "./state.js";
 import {cancel} from "./status.js";
 import {panBy, wholeRecord, zoomBy} from "./traces.js";
 
+// A part takes the focus when it is gone to, and not when something in it is pressed.
 const jump = (id) => () => {
-  byId(id).scrollIntoView({block: "start"});
-  byId(id).focus({preventScroll: true});
+  const part = byId(id);
+  part.setAttribute("tabindex", "-1");
+  part.addEventListener("blur", () => part.removeAttribute("tabindex"), {once: true});
+  part.scrollIntoView({block: "start"});
+  part.focus({preventScroll: true});
 };
 
 const KEYS = [

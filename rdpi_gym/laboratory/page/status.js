@@ -14,7 +14,7 @@ export function beginStatus() {
     byId("session-folder").textContent = folder;
   });
   watch((server) => [server.sentence, presentStep(server)?.errors, server.records.length, Boolean(server.job), server.noise_um, server.quantities], drawSentence);
-  watch((server) => Boolean(server.current), takeable);
+  watch((server) => [Boolean(server.current), server.records.length > 0], takeable);
   watch((server) => server.job, drawJob);
   byId("cancel").addEventListener("click", cancel);
   watch((server, ui) => [ui.connection, ui.notice, server.problem, server.session_folder], drawAlert);
@@ -39,10 +39,10 @@ function left({by_record_um: by, ...errors}) {
 }
 
 /** What is taken home is a model: without one there is nothing behind the links. */
-function takeable(there) {
+function takeable([model, records]) {
   for (const link of document.querySelectorAll(".home a")) {
     link.dataset.href ??= link.getAttribute("href");
-    if (there) link.setAttribute("href", link.dataset.href);
+    if (link.closest(".early") ? records : model) link.setAttribute("href", link.dataset.href);
     else link.removeAttribute("href");
   }
 }

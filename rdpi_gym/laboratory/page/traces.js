@@ -9,6 +9,7 @@ import {presentStep, recordNamed, setUi, store, symbols, units, watch} from "./s
 
 const POINTS = 3000;
 const LEAST_SAMPLES = 8;
+const FEW = 250; // samples that are drawn as points, too
 
 let shown = null; // the trace that is drawn
 let preview = null; // {effect, t_s, other_um}
@@ -94,10 +95,11 @@ function spanShapes() {
   ];
 }
 
+const pointed = () => (shown.t_s.length <= FEW ? {mode: "lines+markers", marker: {size: 3.5}} : {});
 const timeAxis = () => ({range: shownSpan(), autorange: false, hoverformat: ".6~g", unifiedhovertitle: {text: "%{x} s"}});
 
 function drawTrace() {
-  const data = [line("measured", shown.t_s, shown.y_um, {colour: colour("measured"), width: 2})];
+  const data = [line("measured", shown.t_s, shown.y_um, {colour: colour("measured"), width: 2, ...pointed()})];
   if (shown.model_um) data.push(line("model", shown.t_s, shown.model_um, {colour: colour("model"), width: 1.1}));
   draw(byId("trace"), data, {x: {...timeAxis(), showticklabels: false}, shapes: spanShapes(), hover: "x unified", margin: {b: 6}});
 }
@@ -109,7 +111,7 @@ function drawResidual() {
   const shapes = spanShapes();
   const noise = store.server.noise_um;
   if (noise) shapes.push(noiseBand(-noise, noise));
-  const data = [line("now", shown.t_s, shown.residual_um, {colour: preview ? faint("residual", 0.45) : colour("residual"), width: 1})];
+  const data = [line("now", shown.t_s, shown.residual_um, {colour: preview ? faint("residual", 0.45) : colour("residual"), width: 1, ...pointed()})];
   if (preview) {
     data.push(line(`with ${title(preview.effect)}`, preview.t_s, preview.other_um, {colour: colour("rising"), width: 1}));
   }

@@ -2,6 +2,7 @@
 
 import {get, latest} from "./api.js";
 import {byId} from "./dom.js";
+import {withUnit} from "./format.js";
 import {colour, draw, faint, line, logAxis, noiseBand, nothing} from "./look.js";
 import {draggable} from "./span.js";
 import {presentStep, recordNamed, setUi, store, units, watch} from "./state.js";
@@ -29,6 +30,7 @@ export function beginViews() {
     (answer, record, brush) => {
       if (store.ui.brush !== brush) return;
       brushed = answer;
+      tellStretch();
       markSpans(brush.by === "time" ? [[brush.from, brush.to]] : answer.spans_s ?? []);
       drawAll();
     },
@@ -52,6 +54,7 @@ export function beginViews() {
     }
     fetchBrush.forget();
     brushed = null;
+    tellStretch();
     markSpans(null);
     drawAll();
   });
@@ -66,6 +69,11 @@ export function beginViews() {
       cleared: () => setUi({brush: null}),
     });
   }
+}
+
+function tellStretch() {
+  const rms = brushed?.rms_um;
+  byId("stretch-words").textContent = rms === null || rms === undefined ? "" : `in the stretch ${withUnit(rms, units().y)} rms`;
 }
 
 function drawAll() {
