@@ -79,6 +79,8 @@ def rank(
         "findings": [finding.sentence for finding in diagnosis.findings],
         "portrait_lines": [] if portrait is None else str(portrait).splitlines(),
         "lines": repr(diagnosis).splitlines(),
+        # where nothing is advised: the same model, its core in few numbers
+        "settled": None if diagnosis.added else diagnosis.plant.to_dict(),
         "experiment": experiment_shown(diagnosis.experiment()),
     }
 

@@ -13,6 +13,7 @@ from rdpi_gym.laboratory import bringing, jobs, views
 from rdpi_gym.laboratory.buying import course
 from rdpi_gym.laboratory.examples import examples, folder_of
 from rdpi_gym.laboratory.models import Models, Pending
+from rdpi_gym.laboratory.session import Step
 from rdpi_gym.laboratory.telling import noise_um, state_of
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.support.errors import InputError
@@ -249,17 +250,29 @@ class Lab(Models):
         if found is not None and found["plant"] is not None:
             made = {"kind": "candidate", "effect": effect, "form": found["form"]}
             new = self._make_step(Pending(label, made, step.id, step.held), found)
-            self._rank_from(new, new.plant, None, None)
+            self._go_on(step, new)
         else:
             pending = Pending(label, {"kind": "added", "effect": effect}, step.id, step.held)
 
             def added(found: Mapping[str, Any]) -> None:
-                new = self._make_step(pending, found)
-                self._rank_from(new, new.plant, None, None)
+                self._go_on(step, self._make_step(pending, found))
 
             arguments = {"effect": effect, "model": step.plant, "jobs": self._processes}
             self._begin("refit", label, jobs.add, self._with_data(arguments), added)
         return self.state()
+
+    def _go_on(self, before: Step, new: Step) -> None:
+        """Rank on from a step; first put back what is held, which a search does not know of."""
+        moved = new
+        for name in before.held:
+            effect, _, parameter = name.rpartition(".")
+            value = _value(before.plant, effect, parameter)
+            if _value(moved.plant, effect, parameter) != value:
+                moved = self._set(moved, effect, parameter, value)
+        if moved is new:
+            self._rank_from(new, new.plant, None, None)
+        else:
+            self._refit(moved, rank=True)
 
     async def remove(self, effect: str) -> dict[str, Any]:
         """Take an effect out, refit everything, and rank on from there.
@@ -322,15 +335,43 @@ class Lab(Models):
     async def refit(self) -> dict[str, Any]:
         """Fit the present model anew from where it stands; what is held stays."""
         await self._stop()
-        step = self._current()
+        self._refit(self._current(), rank=False)
+        return self.state()
+
+    def _refit(self, step: Step, rank: bool) -> None:
         made = {"kind": "refit", "held": list(step.held)}
         pending = Pending("Refitted", made, step.id, step.held)
         arguments = self._with_data({"model": step.plant, "held": list(step.held)})
 
         def refitted(found: Mapping[str, Any]) -> None:
-            self._make_step(pending, found)
+            new = self._make_step(pending, found)
+            if rank:
+                self._rank_from(new, new.plant, None, None)
 
         self._begin("refit", "Refitting", jobs.refit, arguments, refitted)
+
+    async def settle(self) -> dict[str, Any]:
+        """Take the model as the ranking ended with it: the same effects, its core in few numbers.
+
+        Raises
+        ------
+        InputError
+            The ranking is not there, or it advises to add something first.
+        """
+        step = self._current()
+        ranking = self.session.ranking_of(step.id)
+        result = None if ranking is None else ranking.result
+        if result is None or result.get("settled") is None:
+            raise InputError("there is no settled model: rank first, and add what is missing")
+        final = result["final"]
+        found = {
+            "plant": result["settled"],
+            "train_um": final["train_rmse"],
+            "validation_um": final["validation_rmse"],
+            "by_record_um": final["by_record"],
+        }
+        pending = Pending("In few numbers", {"kind": "settled"}, step.id, step.held)
+        self._make_step(pending, found)
         return self.state()
 
     def moved(self, effect: str, parameter: str, value: float) -> PlantModel:
@@ -343,20 +384,19 @@ class Lab(Models):
         """
         plant = self._current().plant
         self._parameter(plant, effect, parameter)
-        if not effect:
-            return replace(plant, hysteresis=plant.hysteresis.with_shape({parameter: value}))
-        own = tuple(
-            e.with_values({parameter: value}) if e.name == effect else e for e in plant.effects
-        )
-        return replace(plant, effects=own)
+        return _moved(plant, effect, parameter, value)
 
     async def set_parameter(self, effect: str, parameter: str, value: float) -> dict[str, Any]:
         """Make a step of the present model with a parameter set by hand."""
         plant = self.moved(effect, parameter, value)
         await self._stop()
-        step = self._current()
-        response = await asyncio.to_thread(self.respond, plant)
-        errors = response.errors
+        await asyncio.to_thread(self.respond, plant)  # the first time takes longer
+        self._set(self._current(), effect, parameter, value)
+        return self.state()
+
+    def _set(self, step: Step, effect: str, parameter: str, value: float) -> Step:
+        plant = _moved(step.plant, effect, parameter, value)
+        errors = self.respond(plant).errors
         made = {"kind": "set", "effect": effect, "parameter": parameter, "value": value}
         name = f"{views.title_of(effect)} {parameter}" if effect else parameter
         found = {
@@ -365,8 +405,7 @@ class Lab(Models):
             "validation_um": errors.validation_rmse_um,
             "by_record_um": dict(errors.by_record_um),
         }
-        self._make_step(Pending(f"{name} set by hand", made, step.id, step.held), found)
-        return self.state()
+        return self._make_step(Pending(f"{name} set by hand", made, step.id, step.held), found)
 
     async def cancel(self) -> dict[str, Any]:
         """Stop what is at work; answers when it is dead."""
@@ -405,3 +444,16 @@ class Lab(Models):
                 f"{where}has no parameter {quoted(parameter)}; it has {', '.join(known) or 'none'}"
             )
         return f"{effect}.{parameter}" if effect else parameter
+
+
+def _value(plant: PlantModel, effect: str, parameter: str) -> float:
+    if not effect:
+        return float(getattr(plant.hysteresis, parameter))
+    return next(e for e in plant.effects if e.name == effect).values[parameter]
+
+
+def _moved(plant: PlantModel, effect: str, parameter: str, value: float) -> PlantModel:
+    if not effect:
+        return replace(plant, hysteresis=plant.hysteresis.with_shape({parameter: value}))
+    own = tuple(e.with_values({parameter: value}) if e.name == effect else e for e in plant.effects)
+    return replace(plant, effects=own)

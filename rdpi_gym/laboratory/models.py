@@ -151,7 +151,7 @@ class Models(Desk):
         All candidates stand on the search's base model, so the staircase does too.
         """
         plant, kind = refit["plant"], step.made["kind"]
-        if step.held or kind == "set" or plant is None:
+        if step.held or kind in ("set", "settled") or plant is None:
             return step
         if kind != "fit" and refit["validation_um"] >= step.validation_um:
             return step

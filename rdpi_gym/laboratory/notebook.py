@@ -28,6 +28,7 @@ class Enough(Exception):
 
 def ranked(model=None, core=None, until=None):
     """Rank the candidates on a model; return every refit, the model itself first."""
+    global diagnosis
     refits = []
 
     def heard(refit):
@@ -38,7 +39,8 @@ def ranked(model=None, core=None, until=None):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of refits that are not needed any more
         try:
-            print(rg.diagnose(data, model, core=core, jobs=JOBS, on_candidate=heard))
+            diagnosis = rg.diagnose(data, model, core=core, jobs=JOBS, on_candidate=heard)
+            print(diagnosis)
         except Enough:
             pass
     return refits
@@ -60,7 +62,8 @@ def note(step, found):
 _SAME = """\
 laboratory = {errors!r}
 for step, (train_um, validation_um) in laboratory.items():
-    same = errors[step] == (train_um, validation_um)
+    # to nine digits: the order of a sum hangs on the number of processes
+    same = all(abs(a - b) <= 1e-9 * b for a, b in zip(errors[step], (train_um, validation_um)))
     print(step, "the same numbers" if same else f"the laboratory had {{train_um!r}}, {{validation_um!r}}")"""
 
 
@@ -174,6 +177,8 @@ def _made(step: Step, before: Step | None, events: list[Mapping[str, Any]]) -> s
     if kind == "refit":
         call = f"rg.inspect(data).refit({before.id}, {list(made['held'])!r})"
         return f"found = {call}\n{name} = found.plant\nnote({name!r}, found.errors)"
+    if kind == "settled":  # the ranking on the step before was waited for
+        return f"{name} = diagnosis.plant\nnote({name!r}, diagnosis.final)"
     values = {made["parameter"]: made["value"]}
     if effect:
         moved = f"e.with_values({values!r}) if e.name == {effect!r} else e"

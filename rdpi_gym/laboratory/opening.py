@@ -103,7 +103,7 @@ def session_folder(session: PathLike[str] | str | None) -> Path:
     InputError
         It is a file, holds something else, or cannot be made.
     """
-    from rdpi_gym.laboratory.session import JOURNAL
+    from rdpi_gym.laboratory.session import JOURNAL, read_journal
 
     folder = Path(time.strftime("rdpi-lab-%Y%m%d-%H%M%S") if session is None else session)
     if folder.is_file():
@@ -112,6 +112,8 @@ def session_folder(session: PathLike[str] | str | None) -> Path:
         raise InputError(
             f"--session {folder} holds no session of the laboratory; give its folder, or a new one"
         )
+    for _ in read_journal(folder):  # one that is damaged is said here
+        pass
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / JOURNAL).touch()

@@ -134,6 +134,7 @@ class Server:
         self._folder, self._sources = folder, sources
         self._processes = processes if processes > 0 else os.cpu_count() or 1
         self._events = Events()
+        self._acting = asyncio.Lock()
         self._lab: asyncio.Future[Lab] | None = None
         config = uvicorn.Config(
             Guard(self._app(), place.token, place.port),
@@ -217,7 +218,10 @@ class Server:
         return FileResponse(bundle, headers={"cache-control": "max-age=86400"})
 
     async def _listen(self, request: Request) -> Response:
-        await self._ready()
+        try:
+            await self._ready()
+        except InputError as error:
+            return JSONResponse({"problem": str(error)}, 400)
         return StreamingResponse(self._events.listen(), media_type="text/event-stream")
 
     def _told(self, tell: Callable[[Lab, Mapping[str, str]], Any]) -> Any:
@@ -237,8 +241,11 @@ class Server:
     def _posted(self, path: str, action: Action) -> Any:
         async def endpoint(request: Request) -> Response:
             async def answer() -> Any:
-                said = await _json(request)
-                return await action(await self._ready(), said)
+                said, lab = await _json(request), await self._ready()
+                if path == "parameter" and not said.get("commit"):
+                    return await action(lab, said)
+                async with self._acting:  # a second click waits for the first
+                    return await action(lab, said)
 
             return await _answered(answer)
 
@@ -475,6 +482,7 @@ _ACTIONS: Mapping[str, Action] = {
     "go": lambda lab, said: lab.go(_text(said, "step")),
     "hold": _hold,
     "refit": lambda lab, said: lab.refit(),
+    "settle": lambda lab, said: lab.settle(),
     "parameter": _parameter,
     "payoff": _payoff,
 }

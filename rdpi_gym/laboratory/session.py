@@ -270,20 +270,7 @@ class Session:
         InputError
             It is damaged before its last line.
         """
-        path = self.folder / JOURNAL
-        if not path.exists():
-            return
-        whole, end, torn = path.read_bytes().rpartition(b"\n")
-        if torn:  # the server died in the middle of a line
-            with path.open("r+b") as stream:
-                stream.truncate(len(whole) + len(end))
-        for number, line in enumerate(whole.splitlines(), 1):
-            try:
-                yield json.loads(line)
-            except ValueError as error:
-                raise InputError(
-                    f"{path}, line {number} is damaged; delete it, or begin a new session"
-                ) from error
+        yield from read_journal(self.folder)
 
     def _fold(self, event: Event) -> None:
         if event["do"] == "read":
@@ -318,3 +305,32 @@ class Session:
             self.payoffs[event["step"]] = dict(event["payoff"])
         elif event["do"] == "said":
             self.said[event["step"]] = {k: event[k] for k in ("sentence", "noise_um")}
+
+
+def read_journal(folder: Path) -> Iterator[Event]:
+    """Yield what the journal of a session holds; a last line that is torn is taken off.
+
+    Parameters
+    ----------
+    folder
+        Of the session.
+
+    Raises
+    ------
+    InputError
+        It is damaged before its last line.
+    """
+    path = folder / JOURNAL
+    if not path.exists():
+        return
+    whole, end, torn = path.read_bytes().rpartition(b"\n")
+    if torn:  # the server died in the middle of a line
+        with path.open("r+b") as stream:
+            stream.truncate(len(whole) + len(end))
+    for number, line in enumerate(whole.splitlines(), 1):
+        try:
+            yield json.loads(line)
+        except ValueError as error:
+            raise InputError(
+                f"{path}, line {number} is damaged; delete it, or begin a new session"
+            ) from error

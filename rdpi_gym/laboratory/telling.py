@@ -7,7 +7,7 @@ from typing import Any
 
 from rdpi_gym.laboratory import bringing, views
 from rdpi_gym.laboratory.desk import Job
-from rdpi_gym.laboratory.session import Session
+from rdpi_gym.laboratory.session import Session, Step
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import CORES
 
@@ -107,7 +107,16 @@ def _ranking(session: Session, pictures: Mapping[str, Any]) -> dict[str, Any] | 
         "verdict": None if result is None else result["headline"],
         "lines": [] if result is None else result["lines"],
         "left": None if result is None else _left(result),
+        "settled": None if result is None else _settled(session.step(current), result),
     }
+
+
+def _settled(step: Step, result: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the error of the model as the ranking ended with it, where that leaves less."""
+    final = result["final"]
+    if result.get("settled") is None or final["validation_rmse"] >= step.validation_um:
+        return None
+    return {"train_um": final["train_rmse"], "validation_um": final["validation_rmse"]}
 
 
 def _left(result: Mapping[str, Any]) -> dict[str, Any]:
