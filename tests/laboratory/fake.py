@@ -389,6 +389,9 @@ class _Handler(BaseHTTPRequestHandler):
     def do_PUT(self):
         name = unquote(self.path.rpartition("/")[2])
         self.lab.seen.append(("PUT", self.path, self.body()))
+        if name.endswith(".md"):
+            self.answer(400, {"problem": f"{name} is no record; give a CSV file"})
+            return
         self.lab.state["files"].append(
             {"name": name, "bytes": 1, "problem": None, "row": None, "column": None}
         )

@@ -294,6 +294,9 @@ def test_colours_are_those_of_the_pages():
 
 def test_nothing_was_said_by_the_console_nor_asked_of_others(begun):
     _, page = begun
+    page.keyboard.press("t")
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    page.keyboard.press("t")
     assert page.said == []
     assert page.asked == []
 
@@ -306,6 +309,22 @@ def test_what_is_refused_is_told_and_goes_away(begun):
     alert.get_by_text(lab.refuse or "creep: the model has it already; take another").wait_for()
     page.get_by_test_id("alert-close").click()
     assert not alert.is_visible()
+
+
+def test_what_is_dropped_anywhere_is_read_and_what_is_no_record_is_told(begun):
+    lab, page = begun
+    page.evaluate("""() => {
+      const carried = new DataTransfer();
+      for (const name of ["README.md", "c.csv"]) carried.items.add(new File(["t,u,y"], name));
+      document.body.dispatchEvent(new DragEvent("drop", {dataTransfer: carried, bubbles: true}));
+    }""")
+    page.get_by_text("README.md is no record; give a CSV file").wait_for()
+    sent = [(method, path) for method, path, _ in lab.seen if method in ("PUT", "POST")]
+    assert sent == [
+        ("PUT", "/api/files/README.md"),
+        ("PUT", "/api/files/c.csv"),
+        ("POST", "/api/open"),
+    ]
 
 
 def test_a_dying_server_is_told_in_a_sentence_and_the_page_goes_on_when_it_is_back(begun):

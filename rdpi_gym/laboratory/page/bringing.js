@@ -1,6 +1,6 @@
 // Bring data: files and folders dropped or chosen, exercises and measured examples from a list.
 
-import {act, get, put, tell} from "./api.js";
+import {Problem, act, get, put, tell} from "./api.js";
 import {byId, h, replace} from "./dom.js";
 import {count, whole} from "./format.js";
 import {setUi, watch} from "./state.js";
@@ -89,14 +89,20 @@ async function bring(files) {
   if (!wanted.length) return;
   byId("bringing").close();
   const told = byId("uploading");
+  const refused = [];
   try {
     for (const [i, file] of wanted.entries()) {
       told.textContent = `Reading ${file.name} (${i + 1} of ${wanted.length})`;
-      await put(`/api/files/${encodeURIComponent(file.name)}`, file);
+      try {
+        await put(`/api/files/${encodeURIComponent(file.name)}`, file);
+      } catch (error) {
+        if (!(error instanceof Problem)) throw error;
+        refused.push(error.message); // a folder may hold what is no record: the others are taken
+      }
     }
     told.textContent = "Looking at the records";
-    setUi({notice: null});
-    await act("/api/open");
+    if (refused.length < wanted.length) await act("/api/open");
+    if (refused.length) setUi({notice: refused[0] + (refused.length > 1 ? `; ${count(refused.length - 1, "more file")} left aside, too` : "")});
   } catch (error) {
     tell(error);
   } finally {
