@@ -155,6 +155,34 @@ def test_episodes_longer_than_what_is_had_at_a_time(reference):
     assert found < 25.0 * ROUNDING
 
 
+def test_lanes_that_are_given_other_references_on_the_way():
+    """Kernels that had sines alone take up multisines of more lines, and a signal that Python samples."""
+    envs = PiezoTrackingVectorEnv(3, plant="P5", max_episode_steps=None, noise_um=0.01)
+    singles = [gym.make(NAME, plant="P5", noise_um=0.01, max_episode_steps=-1) for _ in range(3)]
+    envs.reset(seed=5)
+    for lane, env in enumerate(singles):
+        env.reset(seed=5 + lane)
+    given = {
+        1: {"signal": "multisine", "lines": 20, "frequency_hz": 5.0, "seed": 4},
+        2: {"signal": "sawtooth", "flyback_fraction": 0.2},
+        0: {"signal": "triangle", "phase_rad": 1.0},
+    }
+    actions = iter(np.random.default_rng(0).uniform(-1.0, 1.0, (150, 3, 1)).astype(np.float32))
+    for lane, reference in given.items():
+        mask = np.arange(3) == lane
+        observation, info = envs.reset(options={"reset_mask": mask, "reference": reference})
+        found = singles[lane].reset(options={"reference": reference})
+        ours = observation, np.zeros(3), info
+        assert difference(ours, (found[0], 0.0, found[1]), lane) < 25.0 * ROUNDING
+        for _ in range(50):
+            action = next(actions)
+            observation, reward, _, _, info = envs.step(action)
+            for each, env in enumerate(singles):
+                one, its_reward, _, _, its_info = env.step(action[each])
+                ours = observation, reward, info
+                assert difference(ours, (one, its_reward, its_info), each) < 25.0 * ROUNDING
+
+
 @pytest.mark.parametrize("lanes", [33, 500])
 def test_any_number_of_lanes(lanes):
     assert largest_difference(lanes, steps=6, episode=4, randomise=0.2) < 80.0 * ROUNDING
