@@ -52,7 +52,7 @@ COLUMNS = 11  # from here on the phases of the lines (rad)
 # Python fills.
 SINE, TRIANGLE, MULTISINE, SAMPLED = 0.0, 1.0, 2.0, 3.0
 
-AHEAD = 32
+AHEAD = 64
 """Samples that are had at a time."""
 # A grid of so many points to the period of the highest line misses at most 2 % of a peak.
 _POINTS, _NEAR, _NEWTON = 16, 0.98, 4
