@@ -170,8 +170,11 @@ class Session:
         self._is_read = False
         self._count = 0
         self.data_folder.mkdir(parents=True, exist_ok=True)
-        for event in self.events():
-            self._fold(event)
+        for number, event in enumerate(self.events(), 1):
+            try:
+                self._fold(event)
+            except (KeyError, TypeError, AttributeError, ValueError) as error:
+                raise _damaged(folder, number) from error
         # what was running when the server died runs no more
         for step, ranking in self.rankings.items():
             if ranking.status == "running":
@@ -331,6 +334,10 @@ def read_journal(folder: Path) -> Iterator[Event]:
         try:
             yield json.loads(line)
         except ValueError as error:
-            raise InputError(
-                f"{path}, line {number} is damaged; delete it, or begin a new session"
-            ) from error
+            raise _damaged(folder, number) from error
+
+
+def _damaged(folder: Path, number: int) -> InputError:
+    return InputError(
+        f"{folder / JOURNAL}, line {number} is damaged; delete it, or begin a new session"
+    )
