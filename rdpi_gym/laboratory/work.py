@@ -247,7 +247,6 @@ def serve(tasks: IO[bytes], answers: IO[bytes]) -> None:
     tasks, answers
         Where tasks come from, and messages go to.
     """
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     lock, told = threading.Lock(), dict[str, float]()
 
     def send(message: Message) -> None:
@@ -281,8 +280,12 @@ def serve(tasks: IO[bytes], answers: IO[bytes]) -> None:
             send(("refused", f"this failed in a way that nobody foresaw ({line[:200]}); report it"))
 
 
+def end_with_parent() -> None:
+    """End this process and its own where the one that started it is gone, killed or not."""
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+
+
 def _end_with(parent: int) -> None:
-    """End this process and its own where the server is gone, killed or not."""
     while os.getppid() == parent:
         time.sleep(_ORPHAN_S)
     _signal_group(os.getpgrp() if hasattr(os, "getpgrp") else 0, signal.SIGTERM)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import sys
 
-from rdpi_gym.laboratory.work import serve
+from rdpi_gym.laboratory.work import end_with_parent, serve
 
 if __name__ == "__main__":
+    end_with_parent()
     # what a library prints is no message
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
