@@ -10,6 +10,7 @@ const MOVE_MS = 220;
 const HELD_MS = 1500; // no card moves away from under a pointer that has just moved
 const PREVIEW_MS = 90;
 const LEAST = 0.005; // of the excess over the noise
+const SOME = 0.05; // of it: less is no reason to be sure of anything
 const NAMED = 2; // of rivals; all of them stand behind "More"
 
 const STATES = {
@@ -135,15 +136,9 @@ function fillCard(node, card, largest) {
   node.replaceChildren(
     signature(card.picture),
     h("h3", {}, card.title),
-    h("div", {class: "numbers"},
-      card.probability !== null && card.probability !== undefined
-        ? h("span", {class: "probability", title: "Probability among the candidates"}, percent(card.probability))
-        : card.confidence !== null && card.confidence !== undefined
-          ? h("span", {class: "probability", title: "Confidence that it is the missing effect"}, percent(card.confidence))
-          : h("span", {class: "state"}, card.added ? "in the model" : STATES[card.state]),
-      known ? h("span", {class: "error"}, h("b", {}, number(card.validation_um)), ` ${y}`) : ""),
+    sureness(card),
     h("div", {class: "foot"},
-      h("span", {class: "says", title: "Of the squared error above the noise"}, taken(card)),
+      h("span", {class: "error"}, known ? [h("b", {}, number(card.validation_um)), ` ${y}`] : ""),
       has ? h("button", {
         type: "button", class: "quiet", "data-testid": `more-${card.effect}`, "aria-expanded": String(Boolean(open)),
         "aria-label": `More about ${card.title}: parameters and remarks`, onclick: (event) => {
@@ -174,14 +169,22 @@ function fillCard(node, card, largest) {
   node.onpointerleave = () => preview(null);
 }
 
-function taken({share}) {
-  if (share === null || share === undefined) return "";
-  return share > LEAST ? `takes ${percent(share)}` : "takes nothing";
+/** How sure the ranking is of it, where it takes something at all; before that, how far it is. */
+function sureness({probability, confidence, share, recommended, added, state}) {
+  const sure = probability ?? confidence;
+  if (sure === null || sure === undefined || !(recommended || share > SOME)) {
+    return h("span", {class: "state"}, added ? "in the model" : STATES[state]);
+  }
+  const says = probability === null || probability === undefined
+    ? "Confidence: how often it, or one that cannot be told from it, wins where the records are drawn anew"
+    : "Probability among the candidates";
+  return h("span", {class: "probability", title: says}, percent(sure));
 }
 
-/** Whether the ranking advises it, and what these records cannot tell it from. */
-function advice({rivals, recommended}) {
+/** What it takes, whether the ranking advises it, and what these records cannot tell it from. */
+function advice({share, rivals, recommended}) {
   const parts = recommended ? ["advised"] : [];
+  if (share !== null && share !== undefined) parts.push(share > LEAST ? `takes ${percent(share)} of the excess` : "takes nothing");
   if (rivals?.length) parts.push(`or ${listed(rivals.slice(0, NAMED).map(titled), rivals.length - NAMED)}`);
   return parts.join(" · ");
 }
