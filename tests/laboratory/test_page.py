@@ -155,6 +155,11 @@ def test_the_pointed_candidate_is_drawn_over_the_residual(begun):
     assert page.locator("#residual-words").inner_text().endswith("with creep")
     page.mouse.move(5, 5)
     until(page, "document.getElementById('residual').data.length === 1")
+    page.get_by_test_id("add-thermal_drift").focus()
+    until(page, "document.getElementById('residual').data.length === 2")
+    page.get_by_test_id("undo").focus()
+    page.get_by_test_id("theme").focus()
+    until(page, "document.getElementById('residual').data.length === 1")
 
 
 def test_a_brushed_stretch_is_seen_in_every_view(begun):

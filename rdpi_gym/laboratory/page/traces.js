@@ -12,6 +12,7 @@ const LEAST_SAMPLES = 8;
 const FEW = 250; // samples that are drawn as points, too
 
 let shown = null; // the trace that is drawn
+const followers = [];
 let preview = null; // {effect, t_s, other_um}
 let marks = null; // what the server says of the brushed stretch: [[t0, t1], ...]
 
@@ -66,7 +67,11 @@ export function beginTraces() {
 export function showTrace(trace) {
   shown = trace;
   drawBoth();
+  for (const follow of followers) follow(trace);
 }
+
+/** Call `follow` with every trace that is drawn: of the step, or of a parameter that is being dragged. */
+export const onTrace = (follow) => followers.push(follow);
 
 /** Highlight stretches of time; null: none. */
 export function markSpans(spans) {

@@ -6,7 +6,7 @@ import {withUnit} from "./format.js";
 import {colour, draw, faint, line, logAxis, noiseBand, nothing} from "./look.js";
 import {draggable} from "./span.js";
 import {presentStep, recordNamed, setUi, store, units, watch} from "./state.js";
-import {markSpans} from "./traces.js";
+import {markSpans, onTrace} from "./traces.js";
 
 const VIEWS = {
   command: {x: "u", y: "rms_um", title: ({u}) => `over command, ${u}`},
@@ -43,7 +43,7 @@ export function beginViews() {
       }
       fetchViews.forget();
       views = null;
-      for (const name of ["loop", ...Object.keys(VIEWS)]) nothing(byId(name), record ? "waits for the model" : null);
+      for (const name of Object.keys(VIEWS)) nothing(byId(name), record ? "waits for the model" : null);
     });
   watch((server, ui) => [ui.brush, ui.record, server.current, presentStep(server)?.errors], () => {
     const {brush, record} = store.ui;
@@ -63,6 +63,10 @@ export function beginViews() {
     byId("loop-title").textContent = `Loop, ${units().y} over ${units().u}`;
     drawAll();
   });
+  // the loop is there with the record, before any model is, and follows a parameter that is dragged
+  onTrace((trace) => {
+    if (trace.record === store.ui.record && store.ui.range === null) drawLoop(trace);
+  });
   for (const name of ["loop", "command", "rate", "rest"]) { // a band of frequencies is no stretch of time
     draggable(byId(name), {
       done: (from, to) => setUi({brush: {by: name === "loop" ? "command" : name, from, to}}),
@@ -78,14 +82,12 @@ function tellStretch() {
 
 function drawAll() {
   if (!views) return;
-  drawLoop();
+  drawLoop(views.loop);
   for (const name of Object.keys(VIEWS)) drawView(name);
 }
 
-function drawLoop() {
+function drawLoop(loop) {
   const {u, y} = units();
-  const {loop} = views;
-  nothing(byId("loop"), null);
   const hover = (name) => ({hovertemplate: `%{x:.4~g} ${u}, %{y:.4~g} ${y}<extra>${name}</extra>`});
   const data = [line("measured", loop.u, loop.y_um, {colour: colour("measured"), width: 1, ...hover("measured")})];
   if (loop.model_um) data.push(line("model", loop.u, loop.model_um, {colour: colour("model"), width: 1, ...hover("model")}));
