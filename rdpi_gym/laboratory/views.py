@@ -26,6 +26,7 @@ POINTS = 3000
 _THUMBNAIL, _SKETCH = 80, 60
 _WINDOW = 10.0  # times and over a value: what a slider reaches
 _OVER_COMMAND = ("saturation", "asymmetry", "congruency", "backlash")
+_TITLES = {"unknown": "learned block"}
 _SYMBOLS = {"delta2_s": "δ2", "delta1_V": "δ1"}
 
 
@@ -232,7 +233,7 @@ def title_of(effect: str) -> str:
     >>> title_of("actuator_lag")
     'Actuator lag'
     """
-    words = effect.replace("_", " ")
+    words = _TITLES.get(effect, effect.replace("_", " "))
     return words[:1].upper() + words[1:]
 
 
