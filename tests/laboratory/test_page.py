@@ -198,6 +198,14 @@ def test_a_stretch_is_left_out_by_dragging(begun):
     page.get_by_test_id("unmask-0").wait_for()
     ((first, last),) = next(r["masked_s"] for r in lab.state["records"] if r["masked_s"])
     assert (first, last) == pytest.approx((0.1, 0.12), abs=2e-3)
+    shown = page.locator("#records [aria-current]").get_attribute("data-testid")
+    record = next(r for r in lab.state["records"] if shown == f"record-{r['name']}")
+    record["skip_s"] = 0.3  # and what is shown begins there
+    lab.push()
+    page.get_by_test_id("mode-skip").click()
+    drag(page, "trace", 0.0, 0.25)
+    until(page, "document.querySelector('[data-testid=skip]').value > 0.3")
+    assert record["skip_s"] == pytest.approx(0.35, abs=2e-3)
 
 
 def test_a_dragged_parameter_asks_as_fast_as_answers_come_and_is_kept_at_the_end(begun):

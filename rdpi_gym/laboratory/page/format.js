@@ -34,11 +34,6 @@ export function time(seconds, digits = 3) {
   return withUnit(seconds, "s", digits);
 }
 
-export function bytes(count) {
-  if (count < 1e3) return `${count} B`;
-  return count < 1e6 ? withUnit(count / 1e3, "kB") : withUnit(count / 1e6, "MB");
-}
-
 export const count = (n, one, many = `${one}s`) => `${whole(n)} ${n === 1 ? one : many}`;
 
 /** A number for a field that is typed into: as exact as it needs to be, without groups. */

@@ -2,7 +2,7 @@
 
 import {act, remove} from "./api.js";
 import {byId, h, icon, replace} from "./dom.js";
-import {number, time, typed, whole} from "./format.js";
+import {number, time, typed, whole, withUnit} from "./format.js";
 import {sketch} from "./signature.js";
 import {presentStep, recordNamed, setUi, store, units, watch} from "./state.js";
 
@@ -54,6 +54,7 @@ function drawRecords() {
   }));
 }
 
+const rate = (ts_s) => (ts_s < 1e-3 ? withUnit(1e-3 / ts_s, "kHz") : withUnit(1 / ts_s, "Hz"));
 const set = (name, change) => act("/api/settings", {records: {[name]: change}});
 
 function drawFiles() {
@@ -82,7 +83,7 @@ function drawDetail() {
   const masked = record.masked_s ?? [];
   replace(byId("detail-body"),
     h("dl", {class: "facts"},
-      h("dt", {}, "Lasts"), h("dd", {}, `${time(record.duration_s, 4)}, every ${time(record.ts_s)}`),
+      h("dt", {}, "Lasts"), h("dd", {}, `${time(record.duration_s, 4)} at ${rate(record.ts_s)}`),
       h("dt", {}, "Command"), h("dd", {}, `${number(record.u[0])} to ${number(record.u[1])} ${u}`),
       h("dt", {}, "Measured"), h("dd", {}, `${number(record.y[0])} to ${number(record.y[1])} ${y}`),
       h("dt", {}, "File"), h("dd", {}, record.file)),

@@ -138,7 +138,8 @@ function spanned(from, to) {
 
 async function leaveOut(record, mode, from, to) {
   const now = recordNamed(store.server, record);
-  const change = mode === "skip" ? {skip_s: to - startOf()} : {masked_s: [...now.masked_s, [from, to]]};
+  // what is skipped already is no longer shown, and counts
+  const change = mode === "skip" ? {skip_s: (now.skip_s ?? 0) + to - startOf()} : {masked_s: [...now.masked_s, [from, to]]};
   await act("/api/settings", {records: {[record]: change}});
   setUi({mode: "brush"});
 }
