@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ class Example:
         Arguments of :func:`rdpi_gym.simulate`; None for measured records.
     folder
         Name of the folder of measured records.
+    settings
+        What is said of them beside their own ``dataset.toml``.
     """
 
     key: str
@@ -35,6 +37,7 @@ class Example:
     samples: int
     simulated: Mapping[str, Any] | None = None
     folder: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the list: without what is hidden."""
@@ -73,6 +76,10 @@ _MEASURED = (
     Example(
         "friction-damper", "A friction damper, measured", "Displacement to force, sines and quakes.",
         "measured", 12, 52_537, folder="friction_damper",
+        settings={"quantities": {
+            "input": {"name": "displacement", "symbol": "x", "unit": "mm"},
+            "output": {"name": "force", "symbol": "F", "unit": "kN"},
+        }},
     ),
 )  # fmt: skip
 

@@ -101,11 +101,11 @@ class Lab(Models):
         self.events.changed()
         return self.state()
 
-    async def open(self, core: str | None = None) -> dict[str, Any]:
+    async def open(self, core: str | None = None, anew: bool = False) -> dict[str, Any]:
         """Read all files, fit the base model, and start the ranking: a new history.
 
         Where the records are those that are open (a file was refused, or taken out again), what was
-        done with them goes on.
+        done with them goes on, unless it is to begin `anew`.
 
         Raises
         ------
@@ -125,7 +125,8 @@ class Lab(Models):
             raise InputError(
                 found.problem or (first.line if first else "there are no data yet; drop a file")
             )
-        if core is None and session.steps and bringing.same(found.data, session.data):
+        known = core is None and not anew and session.steps
+        if known and bringing.same(found.data, session.data):
             self.events.changed()
             return self.state()
         await self._stop()
@@ -156,30 +157,31 @@ class Lab(Models):
             raise InputError(f"there is no example {quoted(key)}; there are {', '.join(known)}")
         await self._stop()
         example = known[key]
-        session = self.session
-        for name in [*session.files]:
-            await self.delete_file(name)
-        for path in [p for p in session.data_folder.iterdir() if p.is_file()]:
-            path.unlink()
-        folder = folder_of(example)
+        folder, data_folder = folder_of(example), self.session.data_folder
         if folder is not None:
-            await self.bring([folder])
-            return self.state()
+            await self._clear()
+            await asyncio.to_thread(bringing.copy_in, folder, data_folder)
+            bringing.write_settings(data_folder, example.settings, [])
+            return await self.open(anew=True)
 
-        def written(data: rg.Dataset) -> None:
-            named = replace(data, title=example.title)
-            self._in_background(self._open_written(named))
+        def simulated(data: rg.Dataset) -> None:
+            self._in_background(self._open_written(replace(data, title=example.title)))
 
-        self._begin(
-            "simulate", example.title, jobs.simulate, dict(example.simulated or {}), written
-        )
+        arguments = dict(example.simulated or {})
+        self._begin("simulate", example.title, jobs.simulate, arguments, simulated)
         return self.state()
 
     async def _open_written(self, data: rg.Dataset) -> None:
+        await self._clear()
         await asyncio.to_thread(data.write, self.session.data_folder)
-        for file in bringing.data_files(self.session.data_folder):
-            self._note_file(file.name, None)
-        await self.open()
+        await self.open(anew=True)
+
+    async def _clear(self) -> None:
+        """Take out all files and what is said of them."""
+        for name in [*self.session.files]:
+            await self.delete_file(name)
+        for path in [p for p in self.session.data_folder.iterdir() if p.is_file()]:
+            path.unlink()
 
     async def set_settings(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Write what is said of the data, read again, fit again.

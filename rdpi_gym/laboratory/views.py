@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from rdpi_gym.laboratory.session import Ranking, Step
 from rdpi_gym.measurement import Quantities, Record
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import Effect
+from rdpi_gym.plant.parameters import Parameter
 from rdpi_gym.report.thin import thin_index
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -152,8 +153,16 @@ def spans_s(record: Record, chosen: NDArray[np.bool_]) -> list[list[float]]:
     return [[float(record.t_s[a]), float(record.t_s[b])] for a, b in zip(starts, ends, strict=True)]
 
 
-def step_row(step: Step) -> dict[str, Any]:
-    """Return a step as the page is told of it."""
+def step_row(step: Step, say: Callable[[str], str]) -> dict[str, Any]:
+    """Return a step as the page is told of it.
+
+    Parameters
+    ----------
+    step
+        The step.
+    say
+        Turns units into those of the data.
+    """
     return {
         "id": step.id,
         "parent": step.parent,
@@ -165,16 +174,28 @@ def step_row(step: Step) -> dict[str, Any]:
             "validation_um": step.validation_um,
             "by_record_um": dict(step.by_record_um),
         },
-        "model": model_of(step.plant, step.held),
+        "model": model_of(step.plant, step.held, say),
     }
 
 
-def model_of(plant: PlantModel, held: Iterable[str]) -> dict[str, Any]:
-    """Return core and effects of a model, each parameter with what a slider needs."""
+def model_of(
+    plant: PlantModel, held: Iterable[str], say: Callable[[str], str] = str
+) -> dict[str, Any]:
+    """Return core and effects of a model, each parameter with what a slider needs.
+
+    Parameters
+    ----------
+    plant
+        The model.
+    held
+        Parameters that refits leave alone, as ``effect.parameter``.
+    say
+        Turns units into those of the data.
+    """
     errors = plant.identification.get("standard_errors", {})
     core = plant.hysteresis
     shape = [
-        _parameter(p, float(getattr(core, p.name)), errors.get(p.name), p.name in held)
+        _parameter(p, float(getattr(core, p.name)), errors.get(p.name), p.name in held, say)
         for p in type(core).shape
         if not p.fixed
     ]
@@ -194,6 +215,7 @@ def model_of(plant: PlantModel, held: Iterable[str]) -> dict[str, Any]:
                         effect.values[p.name],
                         errors.get(f"{effect.name}.{p.name}"),
                         f"{effect.name}.{p.name}" in held,
+                        say,
                     )
                     for p in effect.parameters
                 ],
@@ -203,7 +225,9 @@ def model_of(plant: PlantModel, held: Iterable[str]) -> dict[str, Any]:
     }
 
 
-def _parameter(p: Any, value: float, error: float | None, held: bool) -> dict[str, Any]:
+def _parameter(
+    p: Parameter, value: float, error: float | None, held: bool, say: Callable[[str], str]
+) -> dict[str, Any]:
     log = p.low > 0
     if log:
         low, high = value / _WINDOW, value * _WINDOW
@@ -214,7 +238,7 @@ def _parameter(p: Any, value: float, error: float | None, held: bool) -> dict[st
         "name": p.name,
         "symbol": _SYMBOLS.get(p.name, p.meaning),
         "meaning": p.meaning,
-        "unit": "" if p.unit == "1" else p.unit,
+        "unit": "" if p.unit == "1" else say(p.unit),
         "value": value,
         "standard_error": number(error),
         "low": max(low, p.low),
@@ -244,6 +268,7 @@ def cards(
     core: type[Any],
     present: set[str],
     pictures: Mapping[str, Any],
+    say: Callable[[str], str] = str,
 ) -> list[dict[str, Any]]:
     """Return the candidates as cards, the best first.
 
@@ -261,6 +286,8 @@ def cards(
         Effects that the model has: they have no card.
     pictures
         As :func:`pictures` returns them, or empty.
+    say
+        Turns units into those of the data.
     """
     said = {c["effect"]: c for c in ranking.candidates}
     chosen = set(ranking.result.get("chosen", [])) if ranking.result else set()
@@ -297,7 +324,7 @@ def cards(
                 "validation_um": refit["validation_um"],
                 "train_um": refit["train_um"],
                 "share": _share(base_um, refit["validation_um"], noise_um),
-                "parameters": _values(kind, refit),
+                "parameters": _values(kind, refit, say),
                 "remarks": [f"{bound} at its bound" for bound in refit["at_bound"]],
             }
         elif tried:
@@ -323,13 +350,17 @@ def cards(
     )
 
 
-def _values(kind: type[Effect], refit: Mapping[str, Any]) -> list[dict[str, str]]:
+def _values(
+    kind: type[Effect], refit: Mapping[str, Any], say: Callable[[str], str]
+) -> list[dict[str, str]]:
     form = next((f for f in (kind, *kind.forms) if f.form == refit["form"]), kind)
     return [
         {
             "name": p.name,
             "symbol": p.meaning,
-            "value_text": f"{digits(refit['parameters'][p.name], 3)} {p.unit}".removesuffix(" 1"),
+            "value_text": f"{digits(refit['parameters'][p.name], 3)} {say(p.unit)}".removesuffix(
+                " 1"
+            ),
         }
         for p in form.parameters
         if p.name in refit["parameters"]

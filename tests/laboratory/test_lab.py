@@ -190,3 +190,19 @@ def test_an_effect_is_taken_out_as_soon_as_the_model_without_it_is_refitted(play
             await lab.remove("creep")
 
     play(scene)
+
+
+def test_an_exercise_takes_the_place_of_the_files_once_it_is_there(play):
+    async def scene(lab):
+        await lab.take_example("nothing")
+        assert list(lab.session.files) == ["run.csv"]
+        task, arguments = await begun(lab, 2)
+        assert (task, arguments["hide"]) == (jobs.simulate, [])
+        before = lab.need_data()
+        await told(lab, "done", replace(before, title="simulated"))
+        await begun(lab, 3)
+        assert (lab.state()["title"], lab.session.steps) == ("Perhaps nothing", {})
+        with pytest.raises(rg.InputError, match="there is no example 'anything'; there are one-"):
+            await lab.take_example("anything")
+
+    play(scene)

@@ -1,12 +1,14 @@
 """What the page is told: no peak is lost, no number has more digits than a screen, cards in order."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.laboratory import views
 from rdpi_gym.laboratory.session import Ranking
-from rdpi_gym.measurement import Record
+from rdpi_gym.measurement import Quantities, Quantity, Record
 from rdpi_gym.plant import RDPI
 
 T = 50_000
@@ -89,3 +91,10 @@ def test_a_slider_holds_the_value_and_stays_physical():
     (core,) = views.model_of(plant, ["delta2_s"])["core_parameters"]
     assert core["low"] <= core["value"] <= core["high"]
     assert (core["symbol"], core["held"], core["standard_error"]) == ("δ2", True, None)
+
+
+def test_units_are_those_of_the_data():
+    damper = Quantities(Quantity("displacement", "x", "mm"), Quantity("force", "F", "kN"))
+    plant = replace(rg.plants["P5"], effects=(rg.effects["backlash"](),))
+    (backlash,) = views.model_of(plant, [], damper.said)["effects"]
+    assert [p["unit"] for p in backlash["parameters"]] == ["kN"]
