@@ -172,7 +172,7 @@ function fillCard(node, card, largest) {
 /** How sure the ranking is of it, where it takes something at all; before that, how far it is. */
 function sureness({probability, confidence, share, recommended, added, state}) {
   const sure = probability ?? confidence;
-  if (sure === null || sure === undefined || !(recommended || share > SOME)) {
+  if (added || sure === null || sure === undefined || !(recommended || share > SOME)) {
     return h("span", {class: "state"}, added ? "in the model" : STATES[state]);
   }
   const says = probability === null || probability === undefined
