@@ -105,8 +105,8 @@ class Desk:
     async def _hand_over(
         self, job: Job, task: Task, arguments: dict[str, Any], listener: Callable[[Message], None]
     ) -> None:
-        if self.job is job:
-            await asyncio.to_thread(self._workers.begin, task, arguments, listener)
+        begin = self._workers.begin
+        await asyncio.to_thread(begin, task, arguments, listener, lambda: self.job is job)
 
     def _on(self, job: Job, message: Message) -> None:
         """Hear a worker; one whose job is over is not heard any more."""

@@ -176,16 +176,26 @@ class Workers:
         self._busy: Worker | None = None
         self._closed = False
 
-    def begin(self, task: Task, arguments: dict[str, Any], listener: Listener) -> None:
+    def begin(
+        self,
+        task: Task,
+        arguments: dict[str, Any],
+        listener: Listener,
+        wanted: Callable[[], bool] = lambda: True,
+    ) -> None:
         """Start a task; what was at work is stopped.
 
         Parameters
         ----------
         task, arguments, listener
             As :meth:`Worker.begin`.
+        wanted
+            Whether it still is: a cancel may come before it has begun.
         """
         self.cancel()
         with self._lock:
+            if not wanted():
+                return
             self._ready = [w for w in self._ready if w.is_alive] or [self._make()]
             worker = self._busy = self._ready.pop(0)
         # not at once: it would take a core from the job that begins

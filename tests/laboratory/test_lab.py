@@ -21,7 +21,9 @@ class Played:
     def __init__(self, **_):
         self.begun, self.cancelled = [], 0
 
-    def begin(self, task, arguments, listener):
+    def begin(self, task, arguments, listener, wanted):
+        if not wanted():
+            return
         self.begun.append((task, arguments))
         self.say = lambda *message: listener(message)
 

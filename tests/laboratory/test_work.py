@@ -89,6 +89,8 @@ def test_a_cancel_ends_the_process_and_its_own_within_half_a_second(tasks, worke
     assert _ended(child)
     assert not workers.cancel()
     assert heard.empty()  # nothing is heard of it any more
+    workers.begin(tasks.die, {}, heard.put, lambda: False)  # cancelled before it began
+    assert not workers.cancel()
 
 
 def _ended(pid):
