@@ -45,9 +45,9 @@ def in_background(
         As there.
     """
     sources: list[Path] = []
+    written = tempfile.TemporaryDirectory(prefix="rdpi-lab-")  # it lasts as long as `stop`
     if isinstance(data, measurement.Dataset):
-        written = rg.Dataset.of(data).write(Path(tempfile.mkdtemp(prefix="rdpi-lab-")) / "data")
-        sources = [written]
+        sources = [rg.Dataset.of(data).write(Path(written.name) / "data")]
     elif data is not None:
         sources = [_existing(Path(data))]
     serving = _serving()
@@ -59,6 +59,7 @@ def in_background(
     def stop() -> None:
         server.stop()
         thread.join(_PATIENCE_S)
+        written.cleanup()
 
     if browser:
         webbrowser.open(place.address)
