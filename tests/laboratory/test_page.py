@@ -177,6 +177,8 @@ def test_a_brushed_stretch_is_seen_in_every_view(begun):
     until(page, "document.getElementById('command').layout.shapes.length === 2")
     page.keyboard.press("Escape")
     until(page, f"{drawn} === 0")
+    low, high = page.evaluate("document.getElementById('frequency')._fullLayout.yaxis.range")
+    assert (low, high) == pytest.approx((-3.0, -0.7), abs=0.15)  # as what is drawn: 0.001 to 0.2 µm
 
 
 def test_zooming_asks_for_the_stretch_again(begun):

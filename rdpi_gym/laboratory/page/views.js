@@ -118,8 +118,9 @@ function stretch(name) {
 
 /** An axis of the whole view, whatever is marked in it. */
 function within(values, log) {
-  const [low, high] = [Math.min(...values), Math.max(...values)];
-  if (log) return {...logAxis(values), range: [Math.log10(low), Math.log10(high)], autorange: false};
+  const known = values.filter((value) => !log || value > 0);
+  const [low, high] = [Math.min(...known), Math.max(...known)];
+  if (log) return {...logAxis(known), range: [Math.log10(low) - 0.05, Math.log10(high) + 0.05], autorange: false};
   const margin = 0.02 * (high - low) || 1;
   return {type: "linear", range: [low - margin, high + margin], autorange: false};
 }
@@ -147,7 +148,8 @@ function drawView(name) {
   const shapes = [...spanOf(name), ...(noise && !logY && !empty ? [noiseBand(signed ? -noise : 0, noise)] : [])];
   draw(box, data, {
     x: {hoverformat: ".4~g", ...(empty ? {} : within(of[x], log))},
-    y: {...(logY && !empty ? logAxis(of[y]) : {type: "linear"}), rangemode: signed ? "normal" : "tozero"},
+    y: logY && !empty ? within([...of[y], ...(brushed?.[name]?.[y] ?? [])], true)
+      : {type: "linear", rangemode: signed ? "normal" : "tozero"},
     shapes, hover: "x",
   });
   box.setAttribute("aria-label", `Residual of ${store.ui.record} ${VIEWS[name].title(units())}${empty ? ": none in this record" : ` in ${unit}`}`);
