@@ -200,6 +200,8 @@ class Laboratory:
                     }
                 self.step("set by hand", names_of(state))
                 self.parameter_of(body)["value"] = body["value"]
+            case "settle":
+                self.step("In few numbers", names_of(state))
             case "cancel":
                 state["job"] = None
                 if state["ranking"]:

@@ -133,6 +133,17 @@ def test_an_effect_is_added_undone_redone_and_gone_back_from(begun):
     assert asked == ["add", "undo", "redo", "go"]
 
 
+def test_where_nothing_is_missing_the_model_is_taken_in_few_numbers(begun):
+    lab, page = begun
+    assert page.get_by_test_id("settle").is_hidden()
+    lab.state["ranking"] |= {"settled": {"train_um": 0.012, "validation_um": 0.0123}}
+    lab.push()
+    page.get_by_role("button", name="Take it in few numbers: 0.0123 µm").click()
+    page.get_by_test_id("step-s1").wait_for()
+    assert steps(page) == ["Base model", "In few numbers"]
+    page.get_by_test_id("settle").wait_for(state="hidden")
+
+
 def test_a_step_that_is_bettered_in_place_is_drawn_anew(begun):
     lab, page = begun
     until(page, "document.getElementById('command').data?.length > 0")

@@ -39,7 +39,7 @@ export function beginCards() {
   watch((server, ui) => ui.preview, (effect) => {
     for (const [name, {node}] of nodes) node.classList.toggle("previewed", name === effect);
   });
-  watch((server) => [server.ranking?.verdict, server.ranking?.status, server.ranking?.lines, server.job?.what, server.current, server.records.length], drawVerdict);
+  watch((server) => [server.ranking?.verdict, server.ranking?.settled, server.ranking?.status, server.ranking?.lines, server.job?.what, server.current, server.records.length], drawVerdict);
 }
 
 /** Cards in the order in which they stand: while they are refitted by error, at the end as the server ranks them. */
@@ -206,4 +206,8 @@ function drawVerdict() {
   const cancelled = store.server.records.length && !store.server.job && (!ranking || ["cancelled", "failed"].includes(ranking.status));
   byId("rank").hidden = !cancelled;
   byId("unknown").hidden = !(ranking?.status === "done");
+  byId("settle").hidden = !ranking?.settled;
+  if (ranking?.settled) {
+    byId("settle").textContent = `Take it in few numbers: ${withUnit(ranking.settled.validation_um, units().y)}`;
+  }
 }

@@ -30,4 +30,5 @@ beginPayoff();
 beginKeys();
 byId("rank").addEventListener("click", () => act("/api/rank"));
 byId("unknown").addEventListener("click", () => act("/api/unknown"));
+byId("settle").addEventListener("click", () => act("/api/settle"));
 begin();
