@@ -75,7 +75,7 @@ function drawNow(box, data, {x = {}, y = {}, y2 = null, shapes = [], margin = {}
     margin: {l: 46, r: 10, t: 6, b: 20, ...margin},
     hoverlabel: {font: {size: 11, color: colour("ink")}, bgcolor: colour("paper"), bordercolor: colour("edge")},
     hoverdistance: 30,
-    xaxis: {...axis, ...x}, yaxis: {...axis, nticks: 5, autorange: true, ...y},
+    xaxis: {...axis, tickangle: 0, nticks: 5, ...x}, yaxis: {...axis, nticks: 5, autorange: true, ...y},
     ...(y2 ? {yaxis2: {...axis, ...y2}} : {}),
   };
   follow(box);
