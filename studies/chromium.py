@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from rdpi_gym.support.errors import InputError
 
@@ -73,13 +73,21 @@ class LabProcess:
             raise InputError("rdpi lab printed no address; what it said stands above")
         self.address = found[0]
 
+    def __enter__(self) -> Self:
+        """Let it run as long as it is needed."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End it where it still runs."""
+        self.stop()
+
     def journal(self) -> list[dict[str, Any]]:
         """Return what the journal of the session holds."""
         text = (self.session / "journal.jsonl").read_text(encoding="utf-8")
         return [json.loads(line) for line in text.splitlines()]
 
     def stop(self) -> None:
-        """Ask the server to end."""
+        """Ask the server to end; one that is dead stays so."""
         self._process.terminate()
         self._ended()
 
@@ -125,13 +133,21 @@ class LabPage:
         self.tab.on("pageerror", lambda error: self.said.append(str(error)))
         self.tab.on("request", self._request)
 
+    def __enter__(self) -> Self:
+        """Show it as long as it is needed."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the page."""
+        self.tab.close()
+
     def _request(self, request: Any) -> None:
         if not _OWN.match(request.url):
             self.asked.append(request.url)
 
     def open(self, lab: LabProcess) -> None:
         """Go to the address of a laboratory, and wait until the page is there."""
-        self.tab.goto(lab.address)
+        self.tab.goto(lab.address, wait_until="commit")
         self.tab.get_by_test_id("bring").wait_for(state="attached")
 
     def until(self, told: str, look_ms: int = _LOOK_MS) -> float:

@@ -36,9 +36,7 @@ def _run(asked: Namespace) -> None:
 
 
 def _exercise(browser: Any, session: Path, out: Path) -> None:
-    lab = LabProcess(session)
-    page = LabPage(browser)
-    try:
+    with LabProcess(session) as lab, LabPage(browser) as page:
         page.open(lab)
         page.tab.get_by_test_id(f"example-{EXERCISE}").wait_for()
         _keep(page, out / "1-bring.png")
@@ -72,15 +70,10 @@ def _exercise(browser: Any, session: Path, out: Path) -> None:
         page.until_told("s.payoff")
         page.tab.get_by_test_id("payoff-result").scroll_into_view_if_needed()
         _keep(page, out / "8-what-it-buys.png")
-    finally:
-        lab.stop()
-        page.tab.close()
 
 
 def _measured(browser: Any, session: Path, out: Path) -> None:
-    lab = LabProcess(session)
-    page = LabPage(browser, dark=True)
-    try:
+    with LabProcess(session) as lab, LabPage(browser, dark=True) as page:
         page.open(lab)
         page.click(f"example-{MEASURED}")
         page.until_steps(1)
@@ -89,9 +82,6 @@ def _measured(browser: Any, session: Path, out: Path) -> None:
         page.tab.get_by_test_id("left").scroll_into_view_if_needed()
         page.tab.mouse.wheel(0, 2000)
         _keep(page, out / "10-what-is-left.png")
-    finally:
-        lab.stop()
-        page.tab.close()
 
 
 def _brush(page: LabPage, first: float, last: float) -> None:

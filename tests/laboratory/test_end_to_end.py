@@ -43,16 +43,11 @@ def browser():
 
 
 def test_two_hidden_effects_are_found_and_taken_home(browser, files, tmp_path):
-    lab = LabProcess(tmp_path / "session")
-    page = LabPage(browser)
-    try:
+    with LabProcess(tmp_path / "session") as lab, LabPage(browser) as page:
         page.open(lab)
         _walk(page, lab, files, tmp_path)
-    finally:
-        lab.stop()
     assert page.said == []
     assert page.asked == []
-    page.tab.close()
 
 
 def _walk(page, lab, files, folder):
@@ -98,8 +93,19 @@ def _run(notebook):
 
 
 def test_what_goes_wrong_is_a_sentence_and_loses_nothing(browser, files, tmp_path):
-    lab = LabProcess(tmp_path / "session")
-    page = LabPage(browser)
+    session = tmp_path / "session"
+    with LabPage(browser) as page:
+        with LabProcess(session) as lab:
+            before = _spoiled(page, lab, files)
+        with LabProcess(session) as again:
+            page.open(again)
+            page.until_steps(1)
+            assert page.tab.locator("#staircase .step").first.inner_text() == before
+        assert page.asked == []
+
+
+def _spoiled(page, lab, files):
+    """Give a file that is none and a unit that there is not, kill the server; return the step."""
     page.open(lab)
     page.drop(files)
     page.until_steps(1)
@@ -118,12 +124,4 @@ def test_what_goes_wrong_is_a_sentence_and_loses_nothing(browser, files, tmp_pat
     before = page.tab.locator("#staircase .step").first.inner_text()
     lab.die()
     page.until("document.getElementById('alert-text').textContent.includes('rdpi lab --session')")
-    again = LabProcess(tmp_path / "session")
-    try:
-        page.open(again)
-        page.until_steps(1)
-        assert page.tab.locator("#staircase .step").first.inner_text() == before
-        assert page.asked == []
-    finally:
-        again.stop()
-        page.tab.close()
+    return before
