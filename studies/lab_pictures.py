@@ -59,17 +59,14 @@ def _exercise(browser: Any, session: Path, out: Path) -> None:
                 page.until_tried()
         page.until_ranked()
         _keep(page, out / "6-the-noise.png")
-        _hold(page)
-        _keep(page, out / "7-a-parameter.png")
-        page.tab.mouse.up()
-        page.until_steps(4)
-        page.click("undo")
-        page.until_steps(3)
         page.click("kind-triangle")
         page.click("simulate")
         page.until_told("s.payoff")
         page.tab.get_by_test_id("payoff-result").scroll_into_view_if_needed()
         _keep(page, out / "8-what-it-buys.png")
+        page.tab.mouse.wheel(0, -5000)
+        _hold(page)
+        _keep(page, out / "7-a-parameter.png")
 
 
 def _measured(browser: Any, session: Path, out: Path) -> None:
@@ -97,9 +94,9 @@ def _brush(page: LabPage, first: float, last: float) -> None:
 
 def _hold(page: LabPage) -> None:
     """Take the first slider with the mouse, and move it a little."""
-    box = page.tab.locator("input[type=range]").first.bounding_box()
+    slider = page.tab.locator("input[type=range]:visible").first
+    box, place = slider.bounding_box(), slider.evaluate("s => s.value / s.max")
     middle = box["y"] + 0.5 * box["height"]
-    place = page.tab.locator("input[type=range]").first.evaluate("s => s.value / s.max")
     at = box["x"] + 8 + place * (box["width"] - 16)
     page.tab.mouse.move(at, middle)
     page.tab.mouse.down()

@@ -50,7 +50,7 @@ _DRAGS = 12
 _CHOOSING_MS = 10_000  # a user looks for the file
 _AHEAD = -15
 _DRAG = """async ([at]) => {
-  const slider = document.querySelector("input[type=range]");
+  const slider = [...document.querySelectorAll("input[type=range]")].find((s) => s.offsetParent);
   const path = () => document.querySelector("#residual .scatterlayer path.js-line")?.getAttribute("d");
   const before = path();
   const began = performance.now();
