@@ -146,6 +146,11 @@ class LabPage:
             self.asked.append(request.url)
 
     def open(self, lab: LabProcess) -> None:
+        """Go to the address of a laboratory, and wait until its page takes files."""
+        self.arrive(lab)
+        self.until("document.body.classList.contains('loaded')")
+
+    def arrive(self, lab: LabProcess) -> None:
         """Go to the address of a laboratory, and wait until the page is there."""
         self.tab.goto(lab.address, wait_until="commit")
         self.tab.get_by_test_id("bring").wait_for(state="attached")

@@ -112,7 +112,7 @@ def _round(browser: Any, file: Path, session: Path) -> dict[str, float]:
     found = {}
     began = time.monotonic()
     with LabProcess(session) as lab, LabPage(browser) as page:
-        page.open(lab)
+        page.arrive(lab)
         found["command to page"] = time.monotonic() - began
         page.tab.get_by_test_id("drop").wait_for()
         found["command to a place to drop"] = time.monotonic() - began

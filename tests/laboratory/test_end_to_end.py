@@ -62,7 +62,8 @@ def _walk(page, lab, files, folder):
     events = lab.journal()
     steps = [event["step"] for event in events if event["do"] == "step"]
     noise = [event["noise_um"] for event in events if event["do"] == "said"][-1]
-    assert steps[-1]["validation_um"] < 1.1 * noise < 0.5 * steps[0]["validation_um"]
+    # what the page calls the noise: up to 15 % above its floor
+    assert steps[-1]["validation_um"] < 1.15 * noise < 0.5 * steps[0]["validation_um"]
     page.click("undo")
     page.until_steps(2)
     page.click("redo")
