@@ -115,6 +115,16 @@ def test_cards_sort_themselves_as_errors_arrive(begun):
     assert order(page) == ["lag", "hum", "creep"]
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_an_audit_finds_no_barrier(begun, scheme):
+    audit = pytest.importorskip("axe_playwright_python.sync_playwright", reason="extra: test")
+    _, page = begun
+    page.emulate_media(color_scheme=scheme)
+    found = audit.Axe().run(page).response["violations"]
+    page.emulate_media(color_scheme="light")
+    assert [(each["impact"], each["id"], each["nodes"][0]["html"]) for each in found] == []
+
+
 def test_an_effect_is_added_undone_redone_and_gone_back_from(begun):
     lab, page = begun
     assert steps(page) == ["Base model"]
