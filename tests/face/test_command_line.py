@@ -13,7 +13,8 @@ from rdpi_gym.plant import PlantModel
 
 FOLDER = Path(cli.__file__).parent
 # What a command may know besides `import rdpi_gym as rg`.
-KNOWN = ("rdpi_gym.cli", "rdpi_gym.support", "rdpi_gym.face.options")
+# the laboratory stands on the face, as commands do
+KNOWN = ("rdpi_gym.cli", "rdpi_gym.support", "rdpi_gym.face.options", "rdpi_gym.laboratory")
 
 
 def read(path):
