@@ -122,7 +122,7 @@ function within(values, log) {
   const [low, high] = [Math.min(...known), Math.max(...known)];
   if (log) return {...logAxis(known), range: [Math.log10(low) - 0.05, Math.log10(high) + 0.05], autorange: false};
   const margin = 0.02 * (high - low) || 1;
-  return {type: "linear", range: [low - margin, high + margin], autorange: false};
+  return {type: "linear", range: [low - margin, high + margin], autorange: false, nticks: 4};
 }
 
 function drawView(name) {
