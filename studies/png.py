@@ -37,9 +37,7 @@ def small_png(picture: bytes) -> bytes:
     nearest = np.argmin(distance, axis=1).astype(np.uint8)
     few = Image.frombytes("P", (width, height), nearest[place.ravel()].tobytes())
     few.putpalette(common.astype(np.uint8).tobytes())
-    stream = io.BytesIO()
-    few.save(stream, "PNG", optimize=True)
-    return stream.getvalue()
+    return _written(few)
 
 
 def screen_png(picture: bytes) -> bytes:
@@ -59,6 +57,10 @@ def screen_png(picture: bytes) -> bytes:
     """
     whole = Image.open(io.BytesIO(picture)).convert("RGB")
     few = whole.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    return _written(few)
+
+
+def _written(picture: Image.Image) -> bytes:
     stream = io.BytesIO()
-    few.save(stream, "PNG", optimize=True)
+    picture.save(stream, "PNG", optimize=True)
     return stream.getvalue()

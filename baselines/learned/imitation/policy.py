@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines.adaptive_dual_loop import AdaptiveDualLoop, CorrectedAdaptive
-from baselines.learned.imitation.student import ARRAYS, SCALES, Student
+from baselines.learned.imitation.student import ARRAYS, SCALES, Float32, Student
 from baselines.learned.imitation.taught import WEIGHTED, seen_by
 from baselines.learned.kept import DESCRIPTION, Trained, check_whole, read_as, write_policy
 from baselines.learned.seen import checked_seen
@@ -97,15 +98,9 @@ class StudentPolicy(Trained):
             The folder cannot be written, or holds something else.
         """
         weights = io.BytesIO()
-        halved = {
-            name: each if name in SCALES else each.astype(np.float16)
-            for name, each in self.student.arrays.items()
-        }
         kept = {
-            name: short
-            if np.array_equal(short, self.student.arrays[name])
-            else self.student.arrays[name]
-            for name, short in halved.items()
+            name: each if name in SCALES else _shortest(each)
+            for name, each in self.student.arrays.items()
         }
         np.savez(weights, **kept)  # type: ignore[arg-type]  # arrays by name
         document = {
@@ -151,6 +146,12 @@ class StudentPolicy(Trained):
                 dict(document["training"]),
                 checked_seen(document.get("seen")),
             )
+
+
+def _shortest(weights: Float32) -> NDArray[np.floating[Any]]:
+    """Return weights in half precision where that holds them."""
+    half = weights.astype(np.float16)
+    return half if np.array_equal(half, weights) else weights
 
 
 def _arrays(path: Path, sha256: str) -> dict[str, Any]:
