@@ -1,0 +1,205 @@
+"""A program as an FMU for co-simulation: its C, compiled and as sources, in one deterministic archive."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from io import BytesIO
+from pathlib import Path
+
+from rdpi_gym.firmware.fmu_description import (
+    FmiVersion,
+    build_description,
+    model_description,
+    model_identifier,
+    variables,
+)
+from rdpi_gym.firmware.program import Program
+from rdpi_gym.firmware.templating import filled, template
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
+
+_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared")
+_COMPILE_S = 300.0
+_EARLIEST = (
+    1980,
+    1,
+    1,
+    0,
+    0,
+    0,
+)  # of a zip archive: that of every file, so that archives are equal
+
+
+def write_fmu(
+    program: Program, sources: Mapping[str, str], out: Path, fmi: FmiVersion = "3.0"
+) -> Path:
+    """Write an FMU for co-simulation, compiled for this machine, with the sources for others.
+
+    Every communication step is a whole multiple of the sampling time; inputs are held for it, and the
+    outputs after it are those of its last sample. Two archives of one program are equal byte by byte
+    where the compiler is the same.
+
+    Parameters
+    ----------
+    program
+        Plant or controller.
+    sources
+        Its generated C: at least ``rdpi_plant.c`` and ``rdpi_plant.h``, or those of a controller.
+    out
+        Where to write; its folder is made.
+    fmi
+        Version of the standard.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    InputError
+        There is no C compiler, it refuses the code, or the file cannot be written.
+    """
+    texts, token = fmu_sources(program, sources, fmi)
+    units = [name for name in texts if name.endswith(".c")]
+    folder, suffix = binary_place(fmi)
+    tool = f"rdpi-gym {version('rdpi-gym')}"
+    files = {
+        "modelDescription.xml": model_description(program, fmi, token, units, tool),
+        f"binaries/{folder}/{model_identifier(program)}{suffix}": _compiled(texts, units, suffix),
+        **{f"sources/{name}": text.encode() for name, text in texts.items()},
+    }
+    if fmi == "3.0":
+        files["sources/buildDescription.xml"] = build_description(program, units)
+    return write_atomic(out, _archive(files))
+
+
+def fmu_sources(
+    program: Program, sources: Mapping[str, str], fmi: FmiVersion = "3.0"
+) -> tuple[dict[str, str], str]:
+    """Return the files that an FMU is compiled from, by name, and the token that stands for them.
+
+    Parameters
+    ----------
+    program
+        Plant or controller.
+    sources
+        Its generated C; other files are left out.
+    fmi
+        Version of the standard.
+    """
+    kind = program.kind
+    texts = {name: sources[name] for name in (f"rdpi_{kind}.c", f"rdpi_{kind}.h")}
+    own = f"rdpi_fmi{fmi[0]}"
+    for name in (f"{own}.c", f"{own}.h", "rdpi_fmu.h", f"rdpi_fmu_{kind}.h"):
+        texts[name] = template(f"fmu/{name}")
+    inputs = [one for one in variables(program) if one.causality == "input"]
+    values = {
+        "KIND": kind,
+        "INPUTS": str(len(inputs)),
+        "TS": repr(float(program.ts_s)),
+        "REST": repr(float(program.rest_V)),
+        "START": repr(inputs[0].start),
+    }
+    model = template("fmu/rdpi_fmu_model.h")
+    content = [*texts.items(), ("", filled(model, frozenset(), TOKEN="", **values))]
+    digest = hashlib.sha256(repr(content).encode()).digest()
+    token = f"{{{uuid.UUID(bytes=digest[:16])}}}"
+    texts["rdpi_fmu_model.h"] = filled(model, frozenset(), TOKEN=token, **values)
+    return texts, token
+
+
+def binary_place(
+    fmi: FmiVersion, system: str = sys.platform, machine: str | None = None, bits: int | None = None
+) -> tuple[str, str]:
+    """Return the folder of a machine's binaries, in ``binaries/``, and the ending of their names.
+
+    Parameters
+    ----------
+    fmi
+        Version of the standard.
+    system, machine, bits
+        As ``sys.platform``, ``platform.machine()`` and the width of an address have them; this
+        machine's where they are None.
+
+    Raises
+    ------
+    InputError
+        The standard has no name for it.
+
+    Examples
+    --------
+    >>> binary_place("2.0", "linux", "x86_64", 64), binary_place("3.0", "darwin", "arm64", 64)
+    (('linux64', '.so'), ('aarch64-darwin', '.dylib'))
+    >>> binary_place("3.0", "win32", "AMD64", 64)
+    ('x86_64-windows', '.dll')
+    """
+    name = (platform.machine() if machine is None else machine).lower()
+    wide = sys.maxsize > 2**32 if bits is None else bits == 64
+    systems = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("win", ".dll")}
+    intel = {"amd64", "x86_64", "x86", "i386", "i586", "i686"}
+    if system not in systems or name not in {*intel, "arm64", "aarch64"}:
+        raise InputError(f"FMI has no name for binaries of {system} on {name}; use the C instead")
+    short, suffix = systems[system]
+    if fmi == "2.0":
+        return f"{short}{64 if wide else 32}", suffix
+    architecture = ("x86_64" if wide else "x86") if name in intel else "aarch64"
+    return f"{architecture}-{'windows' if short == 'win' else short}", suffix
+
+
+def _compiled(texts: Mapping[str, str], units: Sequence[str], suffix: str) -> bytes:
+    """Return the shared library of some files of C."""
+    with tempfile.TemporaryDirectory(prefix="rdpi-fmu-") as name:
+        folder = Path(name)
+        for file, text in texts.items():
+            (folder / file).write_text(text, encoding="utf-8", newline="\n")
+        library = f"model{suffix}"
+        command = [*_compiler(), *_FLAGS, *units, "-o", library]
+        if suffix == ".dll":
+            command += ["-static-libgcc"]  # the compiler's own library is on no other machine
+        else:
+            command += ["-fPIC", "-lm"]
+        try:
+            run = subprocess.run(
+                command, cwd=folder, capture_output=True, text=True, errors="replace",
+                stdin=subprocess.DEVNULL, timeout=_COMPILE_S, check=False,
+            )  # fmt: skip
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise InputError(f"{command[0]} cannot compile the FMU: {error}") from error
+        if run.returncode or not (folder / library).is_file():
+            said = " ".join(run.stderr.split()) or f"exit status {run.returncode}"
+            raise InputError(f"{command[0]} cannot compile the FMU: {said}")
+        return (folder / library).read_bytes()
+
+
+def _compiler() -> list[str]:
+    asked = os.environ.get("CC", "").split()
+    for command in [asked] if asked else [["cc"], ["gcc"], ["clang"]]:
+        if path := shutil.which(command[0]):
+            return [path, *command[1:]]
+    missing = asked[0] if asked else "gcc or clang"
+    raise InputError(f"an FMU is compiled, and there is no {missing} here; install a C compiler")
+
+
+def _archive(files: Mapping[str, bytes]) -> bytes:
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, content in files.items():
+            entry = zipfile.ZipInfo(name, _EARLIEST)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = (
+                3  # of Unix, whose rights are the next line's, wherever it is written
+            )
+            entry.external_attr = (0o100755 if name.startswith("binaries/") else 0o100644) << 16
+            archive.writestr(entry, content)
+    return stream.getvalue()
