@@ -17,7 +17,7 @@ FLOORS = (
     ("rdpi_gym.identification", "rdpi_gym.envs"),
     ("rdpi_gym.virtual_lab", "rdpi_gym.diagnosis", "rdpi_gym.torch_plant"),
     ("rdpi_gym.report", "baselines"),
-    ("benchmarks",),
+    ("benchmarks", "rdpi_gym.firmware"),
     ("rdpi_gym.face",),
     ("rdpi_gym",),
     ("rdpi_gym.laboratory",),
