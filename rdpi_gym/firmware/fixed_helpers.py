@@ -1,0 +1,60 @@
+"""C functions of the fixed-point controllers: rounding, limits and products that no int32 input overflows.
+
+Negative numbers are never shifted: what that does, C99 leaves to the compiler.
+"""
+
+from __future__ import annotations
+
+import re
+
+_HELPERS = {
+    "rdpi_magnitude": """\
+/* |x|, for x above INT64_MIN. */
+static uint64_t rdpi_magnitude(int64_t x)
+{
+    return (uint64_t)((x < 0) ? -x : x);
+}
+""",
+    "rdpi_rounded": """\
+/* x / 2^shift to the nearest, halves away from zero; |x| at most 2^62, shift from 1 to 62. */
+static int64_t rdpi_rounded(int64_t x, uint32_t shift)
+{
+    const uint64_t half = (uint64_t)1 << (shift - 1u);
+    const int64_t whole = (int64_t)((rdpi_magnitude(x) + half) >> shift);
+    return (x < 0) ? -whole : whole;
+}
+""",
+    "rdpi_limited": """\
+static int64_t rdpi_limited(int64_t x, int64_t low, int64_t high)
+{
+    return (x < low) ? low : ((x > high) ? high : x);
+}
+""",
+    "rdpi_part": """\
+/* x * part / 2^shift; |x| at most 2^60, part from 0 to 2^30, shift from 30 to 62. */
+static int64_t rdpi_part(int64_t x, int32_t part, uint32_t shift)
+{
+    const uint64_t size = rdpi_magnitude(x), factor = (uint64_t)part;
+    const uint64_t upper = (size >> 32) * factor, lower = (size & 0xFFFFFFFFu) * factor;
+    const int64_t whole = (int64_t)(((upper << 2) + (lower >> 30)) >> (shift - 30u));
+    return (x < 0) ? -whole : whole;
+}
+""",
+}
+
+
+def helpers_for(text: str) -> str:
+    """Return the C functions that a text calls, and those that they call, callees first.
+
+    Examples
+    --------
+    >>> helpers_for("return x;")
+    ''
+    >>> [line.split("(")[0] for line in helpers_for("rdpi_rounded(x, 3u)").splitlines() if "static" in line]
+    ['static uint64_t rdpi_magnitude', 'static int64_t rdpi_rounded']
+    """
+    needed = [text]
+    for name, function in reversed(_HELPERS.items()):
+        if any(re.search(rf"\b{name}\b", each) for each in needed):
+            needed.insert(1, function)
+    return "\n".join(needed[1:])

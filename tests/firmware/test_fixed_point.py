@@ -1,0 +1,246 @@
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from baselines import make_controller
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.firmware.fixed_point import TOLERANCE, fixed_point_body
+from rdpi_gym.plant import named_plant
+from rdpi_gym.support.errors import InputError
+
+COMPILER = shutil.which("gcc")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no gcc to compile fixed point with")
+STRICT = [
+    "-std=c99",
+    "-O1",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wsign-conversion",
+    "-Wshadow",
+    "-Werror",
+]
+SANITIZED = ["-fsanitize=undefined", "-fno-sanitize-recover=all"]
+# Each where its own loop decays: where it does not, neither does rounding.
+CASES = [
+    ("P10", "none", 5e-5),
+    ("P10", "classical-reference-rate", 5e-5),
+    ("P10", "classical-static", 5e-5),
+    ("P10", "classical-literal", 1e-3),
+    ("P10", "classical-low-passed", 5e-5),
+    ("P10", "inversion-free-literal", 1e-3),
+    ("P10", "inversion-free-reference-rate", 5e-5),
+    ("P10", "inversion-free-low-passed", 5e-5),
+    ("P10", "static-inverse-multiplicative", 5e-5),
+    ("P10", "pi", 5e-5),
+    ("P10", "pi-classical-reference-rate", 5e-5),
+    ("P5", "pi-inversion-free-low-passed", 1e-4),
+]
+HARNESS = """
+#include <stdint.h>
+#include <stdio.h>
+typedef int32_t rdpi_real;
+typedef struct {{ {parameters} }} rdpi_controller_parameters;
+typedef struct {{ {memory} }} rdpi_controller_memory;
+static const rdpi_controller_parameters numbers = {{ {numbers} }};
+static const rdpi_controller_memory rest = {{ {rest} }};
+{functions}
+static rdpi_real rdpi_run(const rdpi_controller_parameters *p, rdpi_controller_memory *m,
+                          rdpi_real reference_um, const rdpi_real *ahead_um, rdpi_real measured_um,
+                          rdpi_real applied_V)
+{{
+    (void)p; (void)m; (void)reference_um; (void)ahead_um; (void)measured_um; (void)applied_V;
+{step}}}
+int main(void)
+{{
+    int32_t row[3], last = {first};
+    rdpi_controller_memory m = rest;
+    int begins = 1;
+    while (fread(row, sizeof row[0], 3u, stdin) == 3u) {{
+        if (begins != 0) {{ {begin} }}
+        begins = 0;
+        last = rdpi_run(&numbers, &m, row[0], &row[1], row[2], last);
+        if (last < {low} || last > {high}) {{ return 2; }}
+        (void)fwrite(&last, sizeof last, 1u, stdout);
+    }}
+    return 0;
+}}
+"""
+
+
+def harness(body):
+    def fields(parts, values):
+        return " ".join(f"{part.type} {part.name}[{len(values(part))}];" for part in parts)
+
+    def starts(parts, values):
+        return ", ".join("{" + ", ".join(map(str, values(part))) + "}" for part in parts)
+
+    memory = list(body.memory)
+    return HARNESS.format(
+        parameters=fields(body.tables, lambda table: table.values) or "int32_t none;",
+        memory=fields(memory, lambda part: part.rest) or "int32_t none;",
+        numbers=starts(body.tables, lambda table: table.values),
+        rest=starts(memory, lambda part: part.rest) or "0",
+        begin=" ".join(f"m.{part.name}[0] = row[0];" for part in memory if part.from_reference),
+        functions=body.functions, step=body.step, low=body.low, high=body.high, first=body.rest,
+    )  # fmt: skip
+
+
+def built(body, folder, flags=SANITIZED):
+    source, program = folder / "fixed.c", folder / "fixed"
+    source.write_text(harness(body))
+    command = [COMPILER, *STRICT, *flags, str(source), "-o", str(program)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return program
+
+
+def answered(program, reference, measured):
+    rows = np.stack([reference[:-1], reference[1:], measured], axis=1).astype("<i4")
+    done = subprocess.run([program], input=rows.tobytes(), capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()
+    return np.frombuffer(done.stdout, dtype="<i4")
+
+
+def controller_of(plant, name, ts_s, **options):
+    model = named_plant(plant)
+    layout = ObservationLayout.for_plant(model, ts_s=ts_s, preview=1, **options)
+    return make_controller(name, model, layout)
+
+
+def record(layout, samples, lanes, seed):
+    """References within reach that swing, walk and jump, and measurements that follow with an error."""
+    draw = np.random.default_rng(seed)
+    t = np.arange(samples + 1)[:, None]
+    swing = np.sin(
+        2.0 * np.pi * t / draw.uniform(30.0, 900.0, lanes) + draw.uniform(0.0, 6.0, lanes)
+    )
+    walk = np.cumsum(draw.normal(0.0, 0.02, (samples + 1, lanes)), axis=0)
+    jumps = draw.uniform(-1.0, 1.0, (samples // 97 + 2, lanes))[t[:, 0] // 97]
+    place = np.clip(0.6 * swing + 0.2 * jumps + 0.3 * np.sin(walk), -1.0, 1.0)
+    error = 0.03 * draw.normal(size=(samples, lanes)) + 0.1 * np.sin(t[:-1] / 400.0)
+    reference = layout.centre_um + layout.scale_um * place
+    return reference, reference[:-1] - layout.scale_um * error
+
+
+def commands_V(controller, reference, measured):
+    layout = controller.layout
+    state, u = controller.start(reference[0]), np.empty_like(measured)
+    shown = np.zeros((reference.shape[1], layout.size))
+    for k in range(len(measured)):
+        shown[:, -2] = (measured[k] - layout.centre_um) / layout.scale_um
+        u[k] = controller.next_command(shown, reference[k : k + 2], state)
+        shown[:, -1] = u[k]
+    return u
+
+
+@needs_compiler
+@pytest.mark.parametrize(("plant", "name", "ts_s"), CASES)
+def test_codes_follow_the_controller_in_double(plant, name, ts_s, tmp_path):
+    controller = controller_of(plant, name, ts_s)
+    assert controller.warning() is None or name.startswith("pi")
+    body = fixed_point_body(controller)
+    program = built(body, tmp_path)
+    reference, measured = record(controller.layout, 20_000, 6, seed=1)
+    wanted = commands_V(controller, reference, measured)
+    low, high = controller.limits[:2]
+    for lane in range(reference.shape[1]):
+        codes = answered(
+            program,
+            body.displacement_codes(reference[:, lane]),
+            body.displacement_codes(measured[:, lane]),
+        )
+        away = np.abs(body.commands_V(codes) - wanted[:, lane]).max() / (high - low)
+        assert away < TOLERANCE, f"{away:.3g}"
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("plant", "name", "ts_s"), [*CASES, ("P10", "inversion-free-literal", 5e-5)]
+)
+def test_no_input_overflows_or_leaves_the_range(plant, name, ts_s, tmp_path):
+    body = fixed_point_body(controller_of(plant, name, ts_s))
+    program = built(body, tmp_path)
+    draw = np.random.default_rng(2)
+    whole = draw.integers(-(2**31), 2**31, (40_001, 2))
+    ends = draw.choice([-(2**31), 2**31 - 1, 0, body.reach, -body.reach], (40_001, 2))
+    for values in (whole, ends, np.where(draw.random((40_001, 2)) < 0.9, ends, whole)):
+        codes = answered(program, values[:, 0], values[1:, 1])
+        assert len(codes) == 40_000
+        assert codes.min() >= body.low
+        assert codes.max() <= body.high
+
+
+@needs_compiler
+def test_beyond_the_ends_a_command_stays_at_them(tmp_path):
+    body = fixed_point_body(controller_of("P10", "classical-reference-rate", 5e-5))
+    program = built(body, tmp_path)
+    far = np.concatenate([np.zeros(2), np.full(50, 1e9), np.full(50, -1e9)])
+    codes = answered(program, body.displacement_codes(far), np.zeros(len(far) - 1, dtype=int))
+    assert codes[10:50].tolist() == [body.high] * 40
+    assert codes[60:].tolist() == [body.low] * 41
+    assert body.commands_V([body.low, body.high]).tolist() == list(
+        named_plant("P10").command_range_V
+    )
+
+
+@needs_compiler
+def test_the_integral_does_not_drift_or_wind_up(tmp_path):
+    controller = controller_of("P10", "pi", 5e-5)
+    body = fixed_point_body(controller)
+    program = built(body, tmp_path)
+    codes = np.zeros(200_001, dtype=int)
+    error = np.zeros(200_000, dtype=int)
+    error[:100_000] = 3  # codes: a nanometre's part that rounding would swallow in 32 bits
+    error[100_000:] = -3
+    answer = answered(program, codes, -error)
+    gain = controller.gains.integral_V_um_s * controller.layout.ts_s
+    wanted = gain * 100_000 * 3 * body.displacement_scale_um / 2**31
+    assert body.commands_V(answer[99_999]) == pytest.approx(wanted, rel=1e-5)
+    assert abs(int(answer[-1])) < 10
+    wound = answered(program, codes, np.repeat([-(2**31), 2**31 - 1], 100_000))
+    assert wound[99_999] == body.high
+    assert wound[100_001] < body.high
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    "name", ["none", "pi-classical-low-passed", "inversion-free-reference-rate"]
+)
+def test_increments_limit_the_change(name, tmp_path):
+    controller = controller_of("P10", name, 5e-5, action="increment", action_scale_V=0.05)
+    body = fixed_point_body(controller)
+    program = built(body, tmp_path)
+    reference, measured = record(controller.layout, 4000, 1, seed=3)
+    codes = answered(
+        program, body.displacement_codes(reference[:, 0]), body.displacement_codes(measured[:, 0])
+    )
+    wanted = commands_V(controller, reference, measured)[:, 0]
+    low, high = controller.limits[:2]
+    assert np.abs(body.commands_V(codes) - wanted).max() < 1e-5 * (high - low)
+
+
+def test_codes_and_back():
+    body = fixed_point_body(controller_of("P10", "none", 5e-5))
+    centre, amplitude = named_plant("P10").reference_um
+    assert body.displacement_codes([centre, centre + amplitude]).tolist() == [0, body.reach]
+    assert body.displacement_codes([np.inf, -np.inf]).tolist() == [2**31 - 1, -(2**31)]
+    shown = np.linspace(centre - amplitude, centre + amplitude, 7)
+    assert body.displacements_um(body.displacement_codes(shown)) == pytest.approx(shown, abs=1e-7)
+
+
+def test_what_has_none_is_named():
+    with pytest.raises(InputError, match="no fixed point for core-inverse: there is one for none"):
+        fixed_point_body(controller_of("P10", "core-inverse", 5e-5))
+    with pytest.raises(InputError, match="no fixed point for pi"):
+        fixed_point_body(controller_of("P10", "pi-core-inverse", 5e-5))
+    with pytest.raises(InputError, match="what the rate adds to the thresholds is"):
+        fixed_point_body(controller_of("P10", "classical-literal", 1e-9))
+
+
+def test_a_loop_that_does_not_decay_is_said():
+    body = fixed_point_body(controller_of("P10", "inversion-free-literal", 5e-5))
+    assert "pole magnitude 5.2" in body.notes[0]
