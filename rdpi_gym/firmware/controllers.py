@@ -1,0 +1,244 @@
+"""Controllers as C: what one runs at a sample, traced from its own Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.base import Baseline
+from baselines.lookup import GUARDED, LEARNED, make_controller
+from baselines.registry import CONTROLLERS
+from baselines.tuning import Tunable
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.firmware.intercepting import Interception
+from rdpi_gym.firmware.kernels import Functions
+from rdpi_gym.firmware.program import Memory, Program
+from rdpi_gym.firmware.tables import Tables, named_arrays
+from rdpi_gym.firmware.tape import Tape, lines, recorded
+from rdpi_gym.firmware.tracing import Inputs, Recording, Remembered, Traced
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
+
+# First references (µm) at which the memory at rest is looked at, in scales about the centre.
+_FIRST = (0.0, 1.0, -1.0, 0.3, -0.71828)
+
+
+class PhysicalLayout(ObservationLayout):
+    """A layout that shows micrometres and volts as they are: nothing is scaled, so nothing rounds.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> layout = PhysicalLayout.for_plant(named_plant("P5"), ts_s=1e-4, preview=1)
+    >>> layout.measured_um(np.array([[1.0, 2.0, 3.0, 4.0]])).tolist()
+    [3.0]
+    """
+
+    def reference_um(self, observation: NDArray[np.floating]) -> Array:
+        """See :meth:`ObservationLayout.reference_um`."""
+        return observation[..., : self.preview + 1]  # type: ignore[return-value]
+
+    def measured_um(self, observation: NDArray[np.floating]) -> Array:
+        """See :meth:`ObservationLayout.measured_um`."""
+        return observation[..., self.preview + 1]  # type: ignore[return-value]
+
+    def command_V(self, observation: NDArray[np.floating]) -> Array:
+        """See :meth:`ObservationLayout.command_V`."""
+        return observation[..., self.preview + 2]  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class ControllerTwin:
+    """A controller in Python, fed with what the C is fed with.
+
+    Parameters
+    ----------
+    made
+        The controller.
+    """
+
+    made: Baseline
+
+    def controller(self, reference_um: Array, measured_um: Array) -> Array:
+        """See :class:`~rdpi_gym.firmware.program.Twin`."""
+        lanes = reference_um.shape[1]
+        if lanes == 1:  # a single lane is summed in another order than several
+            both = np.repeat(reference_um, 2, axis=1), np.repeat(measured_um, 2, axis=1)
+            return self.controller(*both)[:, :1]
+        made, layout = self.made, self.made.layout
+        state = made.start(reference_um[0])
+        applied = np.full(lanes, made.limits.rest_V)
+        u = np.empty_like(measured_um)
+        for k, measured in enumerate(measured_um):
+            window = reference_um[k : k + layout.preview + 1]
+            shown = observed(layout, window, measured, applied)
+            pair = np.ascontiguousarray(window[:2])
+            applied = u[k] = made.next_command(shown, pair, state)
+        return u
+
+    def plant(self, command_V: Array) -> Array:
+        """A controller has none."""
+        raise InputError("a controller has no plant's twin")
+
+
+def observed(layout: ObservationLayout, reference_um: Any, measured_um: Any, applied_V: Any) -> Any:
+    """Return observations ``(B, D)`` of what was measured and commanded.
+
+    Parameters
+    ----------
+    layout
+        Where they show it: as it is in a :class:`PhysicalLayout`, else scaled.
+    reference_um
+        ``(preview + 1, B)``.
+    measured_um, applied_V
+        ``(B,)``.
+    """
+    columns = np.concatenate([reference_um, measured_um[None], applied_V[None]]).T
+    if isinstance(layout, PhysicalLayout):
+        return columns
+    low, high = layout.command_range_V
+    place = 2.0 * (columns[:, -1:] - low) / (high - low) - 1.0
+    return np.concatenate([(columns[:, :-1] - layout.centre_um) / layout.scale_um, place], axis=1)
+
+
+def controller_program(
+    name: str,
+    belief: PlantModel[Any],
+    ts_s: float,
+    preview: int | None = None,
+    settings: Mapping[str, float] | None = None,
+) -> Program:
+    """Return a controller's sample as C.
+
+    Parameters
+    ----------
+    name
+        A key of :data:`baselines.registry.CONTROLLERS`, or ``learned:`` or ``guarded:`` with a policy.
+    belief
+        What it knows of the plant.
+    ts_s
+        Sampling time (s).
+    preview
+        Samples of the reference after r(k) that each step is given; None: as many as it makes use of.
+    settings
+        Of its knobs; None: the committed ones.
+
+    Raises
+    ------
+    InputError
+        It is unknown, plans over the whole reference, or does what has no C.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> print(controller_program("none", named_plant("P5"), ts_s=1e-4).step)
+    rdpi_real t0 = ahead_um[0] * RDPI_C(0.980...);
+    """
+    made = _made(name, belief, ts_s, preview, settings)
+    if hasattr(made, "plan"):
+        raise InputError(
+            f"{name} plans over the whole reference, which a controller that runs sample by sample does not have"
+        )
+    return traced_program(made, name)
+
+
+def traced_program(made: Baseline, title: str) -> Program:
+    """Return the sample of a controller that was made, as C; see :func:`controller_program`."""
+    layout = made.layout
+    functions, tables = Functions(), Tables(named_arrays(made))
+    ends: list[Recording] = []
+    interception = Interception(made, functions, Recording(Tape(), tables))
+    rest, by_reference = _affine_start(made)
+
+    def run(tape: Tape) -> None:
+        recording = Recording(tape, tables)
+        interception.recording = recording
+        ends.append(recording)
+        state = Traced(
+            Remembered(recording, "state", len(rest)), np.arange(len(rest), dtype=np.int64)[:, None]
+        )
+        parts = [("reference_um", None), ("ahead_um", layout.preview), ("measured_um", None)]
+        given = Inputs(recording, [*parts, ("applied_V", None)])
+        column = Traced(given, np.arange(layout.preview + 3, dtype=np.int64)[:, None])
+        window = column[: layout.preview + 1]
+        physical = isinstance(layout, PhysicalLayout)
+        shown = column.T if physical else observed(layout, window, column[-2], column[-1])
+        command = made.next_command(shown, window[:2], state)
+        if not isinstance(command, Traced):
+            command = np.asarray(command) + 0.0 * column[0]
+        text = command.store.element(int(command.places.flat[0]))
+        tape.write(f"return {text};", keeps=True)
+
+    with interception.active():
+        items = recorded(run)
+    body = "\n".join(lines(items))
+    called = f"{functions.text}\n{body}"
+    inexact = [*dict.fromkeys([*(why for end in ends for why in end.inexact), *sorted(functions.inexact)])]
+    mathematics = {*functions.mathematics, *(each for end in ends for each in end.mathematics)}
+    return Program(
+        kind="controller",
+        title=title,
+        model=made.belief.name,
+        ts_s=layout.ts_s,
+        preview=layout.preview,
+        command_range_V=(made.limits.low_V, made.limits.high_V),
+        rest_V=made.limits.rest_V,
+        centre_um=layout.centre_um,
+        scale_um=layout.scale_um,
+        tables=[table for table in tables.all if f"p->{table.name}" in called],
+        memory=[Memory("state", rest, by_reference)] if len(rest) else [],
+        functions=functions.text,
+        step=body,
+        mathematics=frozenset(each for each in mathematics if f"RDPI_{each}(" in called),
+        twin=ControllerTwin(made),
+        exact=not inexact,
+        inexact_because="; ".join(inexact),
+    )
+
+
+def _made(
+    name: str,
+    belief: PlantModel[Any],
+    ts_s: float,
+    preview: int | None,
+    settings: Mapping[str, float] | None,
+) -> Baseline:
+    learned = name.startswith((LEARNED, GUARDED))
+    if not learned and name not in CONTROLLERS:
+        raise InputError(f"{quoted(name)} is no controller of this package; rdpi list names them")
+    kind = ObservationLayout if learned else PhysicalLayout
+
+    def make(samples: int) -> Baseline:
+        layout = kind.for_plant(belief, ts_s, preview=samples)
+        factory = CONTROLLERS.get(name)
+        if settings is not None:
+            if not (isinstance(factory, type) and issubclass(factory, Tunable)):
+                raise InputError(f"{name} has no settings")
+            return factory(belief, layout, settings)
+        made = make_controller(name, belief, layout)
+        assert isinstance(made, Baseline)
+        return made
+
+    if preview is not None:
+        return make(preview)
+    samples = made_with = 1
+    made = make(made_with)
+    while (samples := made.needed_preview) > made_with:
+        made, made_with = make(samples), samples
+    return made
+
+
+def _affine_start(made: Baseline) -> tuple[Array, Array]:
+    """Return the memory at rest of a first reference of 0 µm, and what each µm adds."""
+    layout = made.layout
+    references = np.array([0.0, 1.0, *(layout.centre_um + layout.scale_um * x for x in _FIRST)])
+    started = made.start(references)
+    rest = started[:, 0].copy()
+    by_reference = np.where(np.isnan(rest), 0.0, started[:, 1] - rest)
+    return rest, by_reference

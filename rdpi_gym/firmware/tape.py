@@ -1,0 +1,374 @@
+"""What a trace writes down: statements of C, and a fork wherever the traced code decides by a number."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from rdpi_gym.support.errors import InputError
+
+LOCAL = re.compile(r"\bt\d+\b")
+"""Names of local variables in the text of C."""
+# Ends of code that forks lead to: each is traced for itself.
+_MOST_ENDS = 48
+# Longest line that an expression is moved into.
+_LINE = 110
+
+
+@dataclass(frozen=True)
+class Statement:
+    """Lines of C.
+
+    Parameters
+    ----------
+    text
+        They.
+    declares
+        The local variable that they declare; empty: none.
+    writes
+        Local variables that they may write.
+    keeps
+        Whether they matter beside those: memory is written, or the function returns.
+    """
+
+    text: str
+    declares: str = ""
+    writes: frozenset[str] = frozenset()
+    keeps: bool = False
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Local variables in the text."""
+        return frozenset(LOCAL.findall(self.text))
+
+    def renamed(self, names: dict[str, str]) -> Statement:
+        """Return it with other names of variables."""
+        return Statement(
+            _renamed(self.text, names),
+            names.get(self.declares, self.declares),
+            frozenset(names.get(name, name) for name in self.writes),
+            self.keeps,
+        )
+
+
+@dataclass(frozen=True)
+class Fork:
+    """If and else.
+
+    Parameters
+    ----------
+    condition
+        Text of C.
+    then, otherwise
+        What is done where it is true, and where it is not.
+    """
+
+    condition: str
+    then: tuple[Statement | Fork, ...]
+    otherwise: tuple[Statement | Fork, ...]
+
+    def renamed(self, names: dict[str, str]) -> Fork:
+        """Return it with other names of variables."""
+        return Fork(
+            _renamed(self.condition, names),
+            tuple(item.renamed(names) for item in self.then),
+            tuple(item.renamed(names) for item in self.otherwise),
+        )
+
+
+Item = Statement | Fork
+
+
+@dataclass(frozen=True)
+class _Decision:
+    condition: str
+
+
+class Tape:
+    """One run of the traced code, with the answers to its first decisions given.
+
+    Parameters
+    ----------
+    answers
+        They; every further decision is answered by true.
+
+    Examples
+    --------
+    >>> tape = Tape()
+    >>> tape.write("m->state[0] = RDPI_C(0.0);", keeps=True)
+    >>> tape.decide("t1")
+    True
+    """
+
+    def __init__(self, answers: Sequence[bool] = ()) -> None:
+        self._answers = answers
+        self._given = 0
+        self._count = itertools.count()
+        self._known: dict[str, bool] = {}
+        self.events: list[Statement | _Decision] = []
+
+    def fresh(self) -> str:
+        """Return a name that no variable has."""
+        return f"t{next(self._count)}"
+
+    def write(
+        self, text: str, declares: str = "", writes: Sequence[str] = (), keeps: bool = False
+    ) -> None:
+        """Write a statement; see :class:`Statement`."""
+        changed = set(writes) - {declares}
+        self._known = {
+            condition: answer
+            for condition, answer in self._known.items()
+            if not changed & set(LOCAL.findall(condition))
+        }
+        self.events.append(Statement(text, declares, frozenset(writes), keeps))
+
+    def decide(self, condition: str) -> bool:
+        """Return what this run takes a condition for."""
+        if condition in self._known:
+            return self._known[condition]
+        answer = self._answers[self._given] if self._given < len(self._answers) else True
+        self._given += 1
+        self.events.append(_Decision(condition))
+        if LOCAL.search(condition):
+            self._known[condition] = answer
+        return answer
+
+
+def recorded(run: Callable[[Tape], None]) -> tuple[Item, ...]:
+    """Return what code writes on a tape, run once for each end that its decisions lead to.
+
+    What both sides of a fork end with is written once, behind it; what nothing reads is left out.
+
+    Parameters
+    ----------
+    run
+        Does the same whenever it is given the same answers.
+
+    Raises
+    ------
+    InputError
+        There are too many ends.
+
+    Examples
+    --------
+    >>> def run(tape):
+    ...     if tape.decide("t0"):
+    ...         tape.write("m->state[0] = RDPI_C(1.0);", keeps=True)
+    ...     tape.write("return t0;", keeps=True)
+    >>> print("\\n".join(lines(recorded(run))))
+    if (t0) {
+        m->state[0] = RDPI_C(1.0);
+    }
+    return t0;
+    """
+    ends = itertools.count(1)
+    items = _grown(run, (), 0, ends, itertools.count())
+    return _tidied(_living(items))
+
+
+def lines(items: Sequence[Item], indent: str = "") -> Iterator[str]:
+    """Yield the lines of C."""
+    for item in items:
+        if isinstance(item, Statement):
+            for line in item.text.splitlines():
+                yield f"{indent}{line}".rstrip()
+            continue
+        inner = indent + "    "
+        if not item.then:
+            yield f"{indent}if (!{_within(item.condition)}) {{"
+            yield from lines(item.otherwise, inner)
+        else:
+            yield f"{indent}if ({_bare(item.condition)}) {{"
+            yield from lines(item.then, inner)
+            if item.otherwise:
+                yield f"{indent}}} else {{"
+                yield from lines(item.otherwise, inner)
+        yield f"{indent}}}"
+
+
+def _grown(
+    run: Callable[[Tape], None],
+    answers: tuple[bool, ...],
+    seen: int,
+    ends: Iterator[int],
+    copies: Iterator[int],
+) -> tuple[Item, ...]:
+    tape = Tape(answers)
+    run(tape)
+    events = tape.events[seen:]
+    at = next((i for i, event in enumerate(events) if isinstance(event, _Decision)), None)
+    if at is None:
+        if next(ends) > _MOST_ENDS:
+            raise InputError(
+                f"the controller decides by numbers that are known only as it runs, in more than {_MOST_ENDS} ways; write the decision as np.where"
+            )
+        return tuple(event for event in events if isinstance(event, Statement))
+    decision = events[at]
+    assert isinstance(decision, _Decision)
+    common = tuple(event for event in events[:at] if isinstance(event, Statement))
+    behind = seen + at + 1
+    then = _grown(run, (*answers, True), behind, ends, copies)
+    otherwise = _grown(run, (*answers, False), behind, ends, copies)
+    # both runs count their variables alike: those of one side get names of their own
+    own = f"{next(copies)}".zfill(3)
+    names = {name: f"{name}9{own}" for name in _declared(otherwise)}
+    otherwise = tuple(item.renamed(names) for item in otherwise)
+    shared = _shared_end(then, otherwise)
+    then, end = _split(then, shared)
+    otherwise, _ = _split(otherwise, shared)
+    fork = () if then == otherwise else (Fork(decision.condition, then, otherwise),)
+    return (*common, *fork, *end)
+
+
+def _split(items: tuple[Item, ...], last: int) -> tuple[tuple[Item, ...], tuple[Item, ...]]:
+    at = len(items) - last
+    return items[:at], items[at:]
+
+
+def _declared(items: Sequence[Item]) -> set[str]:
+    found: set[str] = set()
+    for item in items:
+        if isinstance(item, Statement):
+            found |= {item.declares} - {""}
+        else:
+            found |= _declared(item.then) | _declared(item.otherwise)
+    return found
+
+
+def _shared_end(one: Sequence[Item], other: Sequence[Item]) -> int:
+    """Number of statements that both end with, but for the names of what these declare."""
+    best, alike, back = 0, dict[str, str](), dict[str, str]()
+    declared: set[str] = set()
+    for count, (a, b) in enumerate(zip(reversed(one), reversed(other), strict=False), start=1):
+        if not (isinstance(a, Statement) and isinstance(b, Statement)):
+            break
+        if LOCAL.sub("t", a.text) != LOCAL.sub("t", b.text):
+            break
+        pairs = zip(LOCAL.findall(a.text), LOCAL.findall(b.text), strict=True)
+        if any(alike.setdefault(x, y) != y or back.setdefault(y, x) != x for x, y in pairs):
+            break
+        declared |= {a.declares}
+        if all(x == y or x in declared for x, y in alike.items()):
+            best = count
+    return best
+
+
+def _living(items: tuple[Item, ...]) -> tuple[Item, ...]:
+    """Return the statements without those that nothing comes of."""
+    needed: set[str] = set()
+    while True:
+        before = len(needed)
+        kept = _reached(items, needed)
+        if len(needed) == before:
+            return kept
+
+
+def _reached(items: tuple[Item, ...], needed: set[str]) -> tuple[Item, ...]:
+    found: list[Item] = []
+    for item in items:
+        if isinstance(item, Statement):
+            if item.keeps or item.writes & needed or item.declares in needed:
+                needed |= item.names
+                found.append(item)
+            continue
+        then, otherwise = _reached(item.then, needed), _reached(item.otherwise, needed)
+        if then or otherwise:
+            needed |= set(LOCAL.findall(item.condition))
+            found.append(replace(item, then=then, otherwise=otherwise))
+    return tuple(found)
+
+
+def _tidied(items: tuple[Item, ...]) -> tuple[Item, ...]:
+    """Return the code with expressions in the line that alone reads them, its variables counted anew."""
+    moved = _inlined(items, _uses(items))
+    names: dict[str, str] = {}
+    for line in lines(moved):
+        for name in LOCAL.findall(line):
+            names.setdefault(name, f"t{len(names)}")
+    return tuple(item.renamed(names) for item in moved)
+
+
+def _uses(items: Sequence[Item]) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for line in lines(items):
+        for name in LOCAL.findall(line):
+            found[name] = found.get(name, 0) + 1
+    return found
+
+
+_SCALAR = re.compile(r"(?:rdpi_real|int32_t) (t\d+) = (.*);", re.DOTALL)
+
+
+def _inlined(items: Sequence[Item], uses: dict[str, int]) -> tuple[Item, ...]:
+    found: list[Item] = []
+    for item in items:
+        now = item
+        while found and (merged := _merged(found[-1], now, uses)) is not None:
+            found.pop()
+            now = merged
+        if isinstance(now, Fork):
+            then, otherwise = _inlined(now.then, uses), _inlined(now.otherwise, uses)
+            now = replace(now, then=then, otherwise=otherwise)
+        found.append(now)
+    return tuple(found)
+
+
+def _merged(before: Item, item: Item, uses: dict[str, int]) -> Item | None:
+    """Return an item with the expression of the statement before it inside; None where that cannot be."""
+    if not isinstance(before, Statement) or before.keeps or len(before.writes) > 1:
+        return None
+    said = _SCALAR.fullmatch(before.text)
+    if said is None or uses[said[1]] != 2:
+        return None
+    name, expression = said[1], _within(said[2])
+    if isinstance(item, Fork):
+        if not re.search(rf"\b{name}\b", item.condition):
+            return None
+        return replace(item, condition=_put(item.condition, name, expression))
+    if "\n" in item.text or re.search(rf"&{name}\b", item.text):
+        return None
+    if not re.search(rf"\b{name}\b", item.text):
+        return None
+    text = _put(item.text, name, expression)
+    return replace(item, text=text) if len(text) <= _LINE else None
+
+
+def _put(text: str, name: str, expression: str) -> str:
+    """Return a text with an expression in place of a name, in parentheses where it needs them."""
+    found = re.search(rf"(= |return |\(|, )?\b{name}\b(?=([;,)]?))", text)
+    assert found is not None
+    whole = found[1] is not None and found[2] and (found[1], found[2]) != ("= ", ")")
+    put = _bare(expression) if whole else expression
+    return f"{text[: found.start()]}{found[1] or ''}{put}{text[found.end() :]}"
+
+
+def _renamed(text: str, names: dict[str, str]) -> str:
+    return LOCAL.sub(lambda found: names.get(found[0], found[0]), text)
+
+
+def _within(expression: str) -> str:
+    """Return an expression as part of another one."""
+    called = re.match(r"\w+(?=\()", expression)
+    if re.fullmatch(r"[\w.>\[\]-]+", expression) or _enclosed(
+        expression[called.end() :] if called else expression
+    ):
+        return expression
+    return f"({expression})"
+
+
+def _bare(expression: str) -> str:
+    return expression[1:-1] if _enclosed(expression) else expression
+
+
+def _enclosed(expression: str) -> bool:
+    if not (expression.startswith("(") and expression.endswith(")")):
+        return False
+    depth = 0
+    for at, character in enumerate(expression):
+        depth += (character == "(") - (character == ")")
+        if depth == 0 and at < len(expression) - 1:
+            return False
+    return True
