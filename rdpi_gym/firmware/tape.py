@@ -228,29 +228,25 @@ def _split(items: tuple[Item, ...], last: int) -> tuple[tuple[Item, ...], tuple[
     return items[:at], items[at:]
 
 
+_DECLARED = re.compile(r"\b(?:rdpi_real|int32_t) (t\d+)\b")
+
+
 def _declared(items: Sequence[Item]) -> set[str]:
-    found: set[str] = set()
-    for item in items:
-        if isinstance(item, Statement):
-            found |= {item.declares} - {""}
-        else:
-            found |= _declared(item.then) | _declared(item.otherwise)
-    return found
+    return {name for line in lines(items) for name in _DECLARED.findall(line)}
 
 
 def _shared_end(one: Sequence[Item], other: Sequence[Item]) -> int:
-    """Number of statements that both end with, but for the names of what these declare."""
+    """Number of items that both end with, but for the names of what these declare."""
     best, alike, back = 0, dict[str, str](), dict[str, str]()
     declared: set[str] = set()
-    for count, (a, b) in enumerate(zip(reversed(one), reversed(other), strict=False), start=1):
-        if not (isinstance(a, Statement) and isinstance(b, Statement)):
+    for count, both in enumerate(zip(reversed(one), reversed(other), strict=False), start=1):
+        a, b = ("\n".join(lines([item])) for item in both)
+        if LOCAL.sub("t", a) != LOCAL.sub("t", b):
             break
-        if LOCAL.sub("t", a.text) != LOCAL.sub("t", b.text):
-            break
-        pairs = zip(LOCAL.findall(a.text), LOCAL.findall(b.text), strict=True)
+        pairs = zip(LOCAL.findall(a), LOCAL.findall(b), strict=True)
         if any(alike.setdefault(x, y) != y or back.setdefault(y, x) != x for x, y in pairs):
             break
-        declared |= {a.declares}
+        declared |= _declared(both[:1])
         if all(x == y or x in declared for x, y in alike.items()):
             best = count
     return best

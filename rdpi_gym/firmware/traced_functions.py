@@ -445,12 +445,31 @@ def _folded(one: str, all_of: bool) -> Callable[..., Traced]:
             raise InputError(f"{here()} reduces an array of no elements")
         if len(along) == 1:
             return along[0] if along.ndim > 1 else along.reshape(())
+        if along.size == len(along) and len(along) > 3:
+            return _reduced(along.reshape(-1), one).reshape(along.shape[1:])
         found = copy_of(along[0:1])
         for i in range(1, len(along)):
             compute(array.kind, one.format, found, along[i : i + 1], out=found, cast=False)
         return found.reshape(along.shape[1:])
 
     return reduce
+
+
+def _reduced(array: Traced, one: str) -> Traced:
+    """Write a loop that reduces an array to a number."""
+    recording, kind = array.recording, array.kind
+    texts = read_by_loops(recording, [(array[1:], (1, 1, len(array) - 1))], cast=False)
+    if texts is None:
+        return _reduced(copy_of(array), one)
+    found = copy_of(array[:1])
+    (name,) = found.store.names
+    lines = [
+        f"for (int32_t k = 0; k < {len(array) - 1}; ++k) {{",
+        f"    {name} = {one.format(name, texts[0])};",
+        "}",
+    ]
+    recording.tape.write("\n".join(lines), writes=[name])
+    return Traced(Local(recording, name, 1, kind), np.zeros((), dtype=np.int64))
 
 
 _any, _all = _folded("{} || {}", True), _folded("{} && {}", True)

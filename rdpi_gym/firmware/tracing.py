@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import FrameType
 from typing import Any, ClassVar, TypeAlias
 
@@ -533,7 +533,9 @@ def _loop(
 
 
 def read_by_loops(
-    recording: Recording, operands: Sequence[tuple[Operand, Sequence[int]]]
+    recording: Recording,
+    operands: Sequence[tuple[Operand, Sequence[int]]],
+    cast: bool = True,
 ) -> list[str] | None:
     """Return the text of an element of each operand by the indices i, j, k of loops over three axes.
 
@@ -543,6 +545,8 @@ def read_by_loops(
         Where it is read.
     operands
         Each with the shape in which its elements lie along those axes, 1 where it does not move.
+    cast
+        Whether flags and counts are made real numbers.
 
     Returns
     -------
@@ -550,8 +554,8 @@ def read_by_loops(
     """
     texts = []
     for operand, shape in operands:
-        read = _read(operand, np.shape(operand) if not isinstance(operand, Traced) else operand.shape, recording, True)
-        text = _stepping(_Read(read.text, read.indexed, read.places.reshape(shape)), range(3))
+        read = _read(operand, shape_of(operand), recording, cast)
+        text = _stepping(replace(read, places=read.places.reshape(shape)), range(3))
         if text is None:
             return None
         texts.append(text)
@@ -602,6 +606,9 @@ def _written_loop(
 ) -> str | None:
     """Return the loops over all axes; None where an operand's places are no steps along them."""
     everything = (target, *reads)
+    if (split := _split(everything)) is not None:
+        everything = split
+        target, reads = split[0], split[1:]
     axes = [axis for axis, n in enumerate(target.places.shape) if n > 1]
     steps = [_steps(each.places, axes) for each in everything]
     if any(step is None for step in steps):
@@ -622,6 +629,20 @@ def _written_loop(
         inner = [f"    {line}" for line in lines]
         lines = [f"for (int32_t {index} = 0; {index} < {count}; ++{index}) {{", *inner, "}"]
     return "\n".join(lines)
+
+
+def _split(everything: Sequence[_Read]) -> tuple[_Read, ...] | None:
+    """Return operands along one axis along two, where that makes even steps of an uneven one."""
+    count = max(each.places.size for each in everything)
+    flat = [replace(each, places=each.places.ravel()) for each in everything]
+    if all(_steps(each.places, [0]) is not None for each in flat):
+        return None
+    for inner in range(count // 2, 1, -1):
+        if count % inner == 0:
+            two = tuple(replace(x, places=x.places.reshape(-1, inner)) for x in flat)
+            if all(_steps(each.places, [0, 1]) is not None for each in two):
+                return two
+    return None
 
 
 def _index_writer(first: int, stride: tuple[int, ...]) -> Callable[[int], str]:
