@@ -115,19 +115,13 @@ static bool rdpi_fmu_begin(rdpi_fmu_memory *memory, double start_s, char *messag
 /* Run the samples of one communication step, or none and say why not. */
 static bool rdpi_fmu_run(rdpi_fmu_memory *memory, double now_s, double step_s, char *message)
 {
-    const double end_s = now_s + step_s;
     /* an importer's times are rounded */
-    const double rounding_s = 1e-6 * RDPI_FMU_TS_S + 2e-15 * rdpi_fmu_distance(end_s, 0.0);
+    const double rounding_s
+        = 1e-6 * RDPI_FMU_TS_S + 2e-15 * rdpi_fmu_distance(memory->time_s, -step_s);
     double samples = step_s / RDPI_FMU_TS_S;
     uint64_t left;
 
     if (!rdpi_fmu_is(memory, RDPI_FMU_STEPPING, message)) {
-        return false;
-    }
-    if (!(rdpi_fmu_distance(now_s, memory->time_s) <= 1e-3 * RDPI_FMU_TS_S + rounding_s)) {
-        (void)snprintf(message, RDPI_FMU_MESSAGE,
-                       "begins at %.12g s, but the last communication step ended at %.12g s", now_s,
-                       memory->time_s);
         return false;
     }
     left = samples > 0.5 && samples < 1e15 ? (uint64_t)(samples + 0.5) : 0u;
@@ -138,6 +132,12 @@ static bool rdpi_fmu_run(rdpi_fmu_memory *memory, double now_s, double step_s, c
                        step_s, RDPI_FMU_TS_S);
         return false;
     }
+    if (!(rdpi_fmu_distance(now_s, memory->time_s) <= 1e-3 * RDPI_FMU_TS_S + rounding_s)) {
+        (void)snprintf(message, RDPI_FMU_MESSAGE,
+                       "begins at %.12g s, but the last communication step ended at %.12g s", now_s,
+                       memory->time_s);
+        return false;
+    }
     for (memory->flags = 0u; left > 0u; left--) {
         if (memory->begun == 0u) {
             rdpi_fmu_first(&memory->model, memory->input);
@@ -145,7 +145,7 @@ static bool rdpi_fmu_run(rdpi_fmu_memory *memory, double now_s, double step_s, c
         }
         memory->output = rdpi_fmu_sample(&memory->model, memory->input, &memory->flags);
     }
-    memory->time_s = end_s;
+    memory->time_s = now_s + step_s;
     return true;
 }
 
