@@ -134,6 +134,9 @@ def _preprocessed(text: str, precision: int) -> str:
             if constant:
                 constants[constant[1]] = constant[2]
     joined = "\n".join(kept)
+    lengths = dict(re.findall(r"\b(\w+)\[(\d+)\];", joined))
+    whole = r"sizeof m->(\w+) / sizeof m->\1\[0\]"
+    joined = re.sub(whole, lambda found: lengths.get(found[1], found[0]), joined)
     return re.sub(r"\b[A-Z]\w+\b", lambda found: constants.get(found[0], found[0]), joined)
 
 
@@ -257,7 +260,7 @@ def _closed(tokens: list[str], at: int) -> int:
 def _loop(head: list[str], bounds: Mapping[str, int]) -> tuple[str, int, int]:
     """Return a loop's variable, how often it turns at most, and the variable's largest value."""
     pattern = re.fullmatch(
-        r"(?:int32_t )?(\w+) = (.+) ; (\w+) (<=?|>=?) (.+) ; (.+)", " ".join(head)
+        r"(?:u?int32_t )?(\w+) = (.+) ; (\w+) (<=?|>=?) (.+) ; (.+)", " ".join(head)
     )
     if pattern is None:
         raise InputError(f"a loop whose turns cannot be counted: for ({' '.join(head)})")
@@ -283,8 +286,8 @@ def _largest(text: str, bounds: Mapping[str, int], sign: int) -> int:
     for word in text.replace("(", " ").replace(")", " ").split():
         if word in "+-":
             factor = 1 if word == "+" else -1
-        elif word.isdigit():
-            total, factor = total + factor * int(word), 1
+        elif word.rstrip("u").isdigit():
+            total, factor = total + factor * int(word.rstrip("u")), 1
         elif word in bounds:
             reaches = bounds[word] if (sign == 1) == (factor == 1) else 0
             total, factor = total + factor * reaches, 1

@@ -10,8 +10,8 @@ static int32_t rdpi_is_usable(rdpi_real um)
 {
     return rdpi_is_near(um, @CENTRE@, @FAR@);
 }
-
 @END_REAL@
+
 void rdpi_controller_init(rdpi_controller_state *s, const rdpi_controller_parameters *p, rdpi_real reference_um)
 {
     (void)p;

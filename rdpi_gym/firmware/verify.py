@@ -1,0 +1,286 @@
+"""An exported folder against Python: its vectors, random records, and inputs that are no numbers."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from rdpi_gym.firmware.compiling import build, compiler, run
+from rdpi_gym.firmware.making import package_again
+from rdpi_gym.firmware.package import DESCRIPTION, FORMAT, VERSION, Package
+from rdpi_gym.firmware.source import Source, header_text, source_text
+from rdpi_gym.firmware.templating import template
+from rdpi_gym.firmware.vectors import Vectors, vectors
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_json
+from rdpi_gym.support.progress import Progress, silent
+
+ALLOWED = {64: 1e-13, 32: 1e-5, 31: 1e-6}
+"""Largest difference from Python, in strokes or ranges of the command, by precision."""
+_NAMES = {64: "double", 32: "float", 31: "Q31"}
+_AT_ONCE = 1000  # lanes
+
+
+@dataclass(frozen=True)
+class Row:
+    """One comparison.
+
+    Parameters
+    ----------
+    what
+        ``vectors``, ``records`` or ``wild inputs``.
+    precision
+        ``double``, ``float`` or ``Q31``.
+    samples
+        How many were compared.
+    largest, allowed
+        Difference from Python, in strokes (plant) or ranges of the command (controller); of wild
+        inputs, how far the answer left the range.
+    passed
+        Whether all is well.
+    """
+
+    what: str
+    precision: str
+    samples: int
+    largest: float
+    allowed: float
+    passed: bool
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What :func:`verify` found; it prints as a table.
+
+    Parameters
+    ----------
+    title
+        What was verified.
+    rows
+        The comparisons.
+    remarks
+        What else is to be said, a sentence each.
+    """
+
+    title: str
+    rows: tuple[Row, ...]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether every comparison did."""
+        return all(row.passed for row in self.rows)
+
+    def __str__(self) -> str:
+        head = ("", "precision", "samples", "largest difference", "allowed", "")
+        cells = [head] + [
+            (
+                row.what,
+                row.precision,
+                f"{row.samples:,}",
+                f"{row.largest:.2g}",
+                f"{row.allowed:.0e}" if row.allowed else "0",
+                "ok" if row.passed else "FAILED",
+            )
+            for row in self.rows
+        ]
+        widths = [max(len(line[k]) for line in cells) for k in range(len(head))]
+        lines = [
+            "  ".join(
+                cell.rjust(width) if k in (2, 3, 4) else cell.ljust(width)
+                for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+            ).rstrip()
+            for line in cells
+        ]
+        return "\n".join([self.title, *lines, *self.remarks])
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def verify(
+    folder: Path,
+    records: int = 1000,
+    samples: int = 1000,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Verification:
+    """Compile an exported folder's code, run it, and compare with Python.
+
+    The code is run: verify only what you exported, or trust.
+
+    Parameters
+    ----------
+    folder
+        Written by an export.
+    records, samples
+        Random records, and samples of each.
+    seed
+        Of the records.
+    progress
+        Called as ``progress(stage, done, total)``.
+
+    Returns
+    -------
+    Verification
+        Of its vectors, of the records and of wild inputs, in every precision.
+
+    Raises
+    ------
+    InputError
+        No export, no C compiler, code that does not compile or does not run.
+    """
+    say = progress or silent
+    for name, value in {"records": records, "samples": samples}.items():
+        if value < 1:
+            raise InputError(f"{name} is {value}; give 1 or more")
+    if seed < 0:
+        raise InputError(f"seed is {seed}; give 0 or above")
+    folder = Path(folder).absolute()
+    package = package_again(
+        read_json(folder / DESCRIPTION, FORMAT, VERSION), str(folder / DESCRIPTION)
+    )
+    source = package.source
+    needed = (f"{source.name}.h", f"{source.name}.c", "main.c", "rdpi_vectors.h")
+    for missing in (name for name in needed if not (folder / name).is_file()):
+        raise InputError(f"{folder} has no {missing}; export it anew")
+    compiler()
+    rows: list[Row] = []
+    with TemporaryDirectory(prefix="rdpi-verify-") as made:
+        place = Path(made)
+        programs = {}
+        for done, precision in enumerate(source.precisions):
+            say("compiling", done, len(source.precisions))
+            programs[precision] = _Program(folder, place, source, precision)
+        rows += [each.vectors() for each in programs.values()]
+        largest = dict.fromkeys(programs, 0.0)
+        at = 0
+        while at < records:
+            say("comparing", at, records)
+            lanes = min(_AT_ONCE, records - at)
+            expected = vectors(source, samples, lanes, seed * 1000 + at // _AT_ONCE + 1)
+            for precision, program in programs.items():
+                difference = program.difference(expected)
+                largest[precision] = max(largest[precision], difference)
+            at += lanes
+        for precision, difference in largest.items():
+            allowed = 0.0 if precision == 64 and source.program.exact else ALLOWED[precision]
+            rows.append(
+                Row("records", _NAMES[precision], records * samples, difference, allowed, difference <= allowed)
+            )  # fmt: skip
+        say("comparing", records, records)
+        rows += [each.wild(min(records, 100), samples, seed) for each in programs.values()]
+    return Verification(_title(source), tuple(rows), tuple(_remarks(package, folder)))
+
+
+def _title(source: Source) -> str:
+    program = source.program
+    unit = "strokes" if program.kind == "plant" else "ranges of the command"
+    return f"{program.kind} {program.title}, every {program.ts_s:g} s, against Python, in {unit}"
+
+
+def _remarks(package: Package, folder: Path) -> Iterator[str]:
+    source = package.source
+    if not source.program.exact:
+        yield f"Not bit by bit: {source.program.inexact_because}."
+    for name, text in (
+        (f"{source.name}.h", header_text(source)),
+        (f"{source.name}.c", source_text(source)),
+    ):
+        if (folder / name).read_text(encoding="utf-8", errors="replace") != text:
+            yield f"{name} is not what this release would write: it was changed, or is of another release."
+
+
+class _Program:
+    """The folder's code in one precision, compiled."""
+
+    def __init__(self, folder: Path, place: Path, source: Source, precision: int) -> None:
+        self._place, self._source, self._precision = place, source, precision
+        code = place / f"{source.name}.c"
+        for name in (f"{source.name}.c", f"{source.name}.h", "main.c", "rdpi_vectors.h"):
+            shutil.copyfile(folder / name, place / name)
+        driver = place / "batch.c"
+        driver.write_text(template(f"batch_{source.program.kind}.c"), encoding="utf-8")
+        self._main = build([code, place / "main.c"], place / f"main_{precision}", precision, place)
+        self._batch = build([code, driver], place / f"batch_{precision}", precision, place)
+
+    def vectors(self) -> Row:
+        """Run the vectors of the folder."""
+        done = run([str(self._main)], self._place)
+        pattern = r"(\d+) vectors: largest difference (\S+) of the \w+ \(allowed (\S+)\)"
+        found = re.search(pattern, done.stdout)
+        if found is None:
+            raise InputError(f"main.c ends with status {done.returncode} and says no result")
+        largest = float(found[2].replace("-nan", "nan"))
+        return Row(
+            "vectors", _NAMES[self._precision], int(found[1]), largest, float(found[3]), done.returncode == 0
+        )  # fmt: skip
+
+    def difference(self, expected: Vectors) -> float:
+        """Return the largest difference from Python, as a fraction."""
+        found = self._answers(list(expected.inputs.values()), len(expected.expected), wild=False)
+        if not np.isfinite(found).all():
+            return float("inf")
+        program = self._source.program
+        unit = program.command_range_V[1] - program.command_range_V[0]
+        if program.kind == "plant":
+            unit = float(np.ptp(expected.expected)) or 1.0
+        return float(np.abs(found - expected.expected).max() / unit)
+
+    def wild(self, lanes: int, samples: int, seed: int) -> Row:
+        """Let anything come in, and see whether what goes out stays in the range."""
+        rng = np.random.default_rng([seed, 7])
+        program = self._source.program
+        low, high = program.command_range_V
+        if program.kind == "plant":
+            inputs = [_wild(rng, (samples, lanes), 0.5 * (low + high), high - low)]
+        else:
+            inputs = [
+                _wild(rng, (samples + ahead, lanes), program.centre_um, program.scale_um)
+                for ahead in (program.preview, 0)
+            ]
+        found = self._answers(inputs, samples, wild=True)
+        what, name = "wild inputs", _NAMES[self._precision]
+        if program.kind == "plant":
+            out = 0.0 if np.isfinite(found).all() else float("inf")
+            return Row(what, name, found.size, out, 0.0, out == 0.0)
+        if self._precision == 32:  # the ends themselves are rounded
+            low, high = float(np.float32(low)), float(np.float32(high))
+        if self._precision == 31 and self._source.fixed is not None:
+            low, high = self._source.fixed.commands_V(
+                [self._source.fixed.low, self._source.fixed.high]
+            ).tolist()
+        inside = (found >= low) & (found <= high)
+        beyond = np.where(np.isfinite(found), np.maximum(low - found, found - high), np.inf)
+        out = 0.0 if inside.all() else float(beyond.max() / (high - low))
+        return Row(what, name, found.size, out, 0.0, bool(inside.all()))
+
+    def _answers(self, inputs: list[Array], samples: int, *, wild: bool) -> Array:
+        lanes = inputs[0].shape[1]
+        block = np.concatenate(inputs).T  # one lane after the other
+        given, taken = self._place / "in", self._place / "out"
+        given.write_bytes(np.ascontiguousarray(block).tobytes())
+        words = [str(self._batch), str(given), str(taken), str(lanes), str(samples), str(int(wild))]
+        done = run(words, self._place)
+        if done.returncode:
+            raise InputError(
+                f"{self._source.name}.c ends with status {done.returncode} in {_NAMES[self._precision]}"
+            )
+        return np.fromfile(taken).reshape(lanes, samples).T
+
+
+_STRANGE = (np.nan, np.inf, -np.inf, 1e300, -1e300, 1e30, -1e30, 5e-324, -0.0)
+
+
+def _wild(rng: np.random.Generator, shape: tuple[int, int], centre: float, scale: float) -> Array:
+    """Return signals (µm or V) of which some samples are no numbers, and some are huge."""
+    found = centre + scale * rng.standard_normal(shape) * 10.0 ** rng.integers(-3, 5, shape)
+    strange = rng.choice(_STRANGE, shape)
+    return np.where(rng.random(shape) < 0.05, strange, found)
