@@ -1,0 +1,166 @@
+"""Boards that QEMU emulates, and what compiles for them and runs on them."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rdpi_gym.support.errors import InputError
+
+HERE = Path(__file__).parent
+COMPILER, EMULATOR = "arm-none-eabi-gcc", "qemu-system-arm"
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion",
+          "-Werror")  # fmt: skip
+# An instruction takes 2^6 ns of the emulator's time, more than a tick of any timer.
+_SHIFT = 6
+_LIMIT_S = 120
+
+
+@dataclass(frozen=True)
+class Board:
+    """One of QEMU's boards.
+
+    Parameters
+    ----------
+    core
+        Its processor, for people.
+    machine
+        QEMU's name of it.
+    flags
+        What the compiler is told of its processor.
+    code, data
+        Sizes of its memories, as the linker takes them.
+    clock_hz
+        Of its system timer.
+    """
+
+    core: str
+    machine: str
+    flags: Sequence[str]
+    code: str
+    data: str
+    clock_hz: int
+
+    def instructions(self, ticks: float) -> float:
+        """Return the instructions that its system timer counted.
+
+        Examples
+        --------
+        >>> BOARDS["M4F"].instructions(3200)
+        2000.0
+        """
+        return ticks * 1e9 / self.clock_hz / 2**_SHIFT
+
+
+BOARDS: Mapping[str, Board] = {
+    "M4F": Board(
+        "Cortex-M4F", "mps2-an386",
+        ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"), "4M", "4M", 25_000_000,
+    ),
+    "M0+": Board(
+        "Cortex-M0+", "microbit", ("-mcpu=cortex-m0plus", "-mthumb"), "256K", "16K", 16_000_000
+    ),
+}  # fmt: skip
+"""By a short name; the emulator has the Cortex-M0, whose instructions are those of the M0+."""
+
+
+def missing() -> str | None:
+    """Return the name of a tool that is not installed, else None."""
+    return next((tool for tool in (COMPILER, EMULATOR) if shutil.which(tool) is None), None)
+
+
+def object_of(board: Board, source: Path, target: Path, options: Sequence[str] = ()) -> Path:
+    """Compile one file without a warning, and return the object.
+
+    Raises
+    ------
+    InputError
+        The compiler refuses it.
+    """
+    return _compiled(board, [*STRICT, *options, "-c", str(source)], target)
+
+
+def program_of(
+    board: Board, sources: Sequence[Path], target: Path, options: Sequence[str] = ()
+) -> Path:
+    """Compile and link what the board runs, and return it.
+
+    Raises
+    ------
+    InputError
+        The compiler or the linker refuses it.
+    """
+    sizes = (f"-Wl,--defsym=code_size={board.code}", f"-Wl,--defsym=data_size={board.data}")
+    own = ["--specs=rdimon.specs", "-T", str(HERE / "link.ld"), *sizes, str(HERE / "start.c")]
+    return _compiled(board, [*options, *own, *map(str, sources), "-lm"], target)
+
+
+def linked_alone(board: Board, thing: Path, entries: Sequence[str], target: Path) -> Path:
+    """Link an object with what its functions need of libraries, and nothing else.
+
+    Raises
+    ------
+    InputError
+        The linker refuses it.
+    """
+    wanted = [f"-Wl,-u,{entry}" for entry in entries]
+    alone = ["-nostartfiles", "-Wl,--gc-sections", f"-Wl,-e,{entries[0]}", *wanted]
+    return _compiled(board, [*alone, str(thing), "-lm"], target)
+
+
+def ran(board: Board, program: Path) -> str:
+    """Run a program on the emulated board and return what it prints.
+
+    Raises
+    ------
+    InputError
+        It does not end with status 0.
+    """
+    done = _ran(
+        [
+            EMULATOR, "-M", board.machine, "-nographic", "-monitor", "none", "-serial", "none",
+            "-semihosting-config", "enable=on,target=native", "-icount", f"shift={_SHIFT}",
+            "-kernel", str(program),
+        ]
+    )  # fmt: skip
+    if done.returncode:
+        said = f"{done.stdout} {done.stderr}".strip()[-500:]
+        raise InputError(f"{program.name} on {board.core} ends with {done.returncode}: {said}")
+    return done.stdout
+
+
+def sizes(binary: Path) -> dict[str, int]:
+    """Return the bytes of code, of constants, and of what is written, of an object or a program."""
+    done = _ran(["arm-none-eabi-size", "-A", str(binary)])
+    found = {"code": 0, "constants": 0, "written": 0}
+    for line in done.stdout.splitlines():
+        words = line.split()
+        for kind, starts in (
+            ("code", ".text"),
+            ("constants", ".rodata"),
+            ("written", (".data", ".bss")),
+        ):
+            if len(words) == 3 and words[0].startswith(starts):
+                found[kind] += int(words[1])
+    return found
+
+
+def _ran(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=_LIMIT_S,
+        stdin=subprocess.DEVNULL,
+    )
+
+
+def _compiled(board: Board, arguments: Sequence[str], target: Path) -> Path:
+    done = _ran([COMPILER, *board.flags, *arguments, "-o", str(target)])
+    if done.returncode:
+        raise InputError(f"{target.name} for {board.core}: {done.stderr.strip()[:500]}")
+    return target
