@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import platform
-import shutil
-import subprocess
 import sys
 import tempfile
 import uuid
@@ -15,7 +12,9 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
+from typing import get_args
 
+from rdpi_gym.firmware.compiling import STRICT, compiler, run
 from rdpi_gym.firmware.fmu_description import (
     FmiVersion,
     build_description,
@@ -27,17 +26,10 @@ from rdpi_gym.firmware.program import Program
 from rdpi_gym.firmware.templating import filled, template
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.words import quoted
 
-_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared")
-_COMPILE_S = 300.0
-_EARLIEST = (
-    1980,
-    1,
-    1,
-    0,
-    0,
-    0,
-)  # of a zip archive: that of every file, so that archives are equal
+# Of a zip archive: the date of every file in it, so that archives are equal.
+_EARLIEST = (1980, 1, 1, 0, 0, 0)
 
 
 def write_fmu(
@@ -68,8 +60,19 @@ def write_fmu(
     Raises
     ------
     InputError
-        There is no C compiler, it refuses the code, or the file cannot be written.
+        No such version; there is no C compiler, it refuses the code, or the file cannot be written.
+
+    Examples
+    --------
+    >>> from rdpi_gym.firmware.plants import plant_program
+    >>> from rdpi_gym.plant import named_plant
+    >>> write_fmu(plant_program(named_plant("P5"), 1e-4), {}, Path("p5.fmu"), "1.0")
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: FMI '1.0' is not written; choose 2.0 or 3.0
     """
+    if fmi not in get_args(FmiVersion):
+        raise InputError(f"FMI {quoted(fmi)} is not written; choose 2.0 or 3.0")
     texts, token = fmu_sources(program, sources, fmi)
     units = [name for name in texts if name.endswith(".c")]
     folder, suffix = binary_place(fmi)
@@ -159,36 +162,23 @@ def binary_place(
 
 def _compiled(texts: Mapping[str, str], units: Sequence[str], suffix: str) -> bytes:
     """Return the shared library of some files of C."""
+    words = compiler()
     with tempfile.TemporaryDirectory(prefix="rdpi-fmu-") as name:
         folder = Path(name)
         for file, text in texts.items():
             (folder / file).write_text(text, encoding="utf-8", newline="\n")
         library = f"model{suffix}"
-        command = [*_compiler(), *_FLAGS, *units, "-o", library]
-        if suffix == ".dll":
-            command += ["-static-libgcc"]  # the compiler's own library is on no other machine
-        else:
-            command += ["-fPIC", "-lm"]
-        try:
-            run = subprocess.run(
-                command, cwd=folder, capture_output=True, text=True, errors="replace",
-                stdin=subprocess.DEVNULL, timeout=_COMPILE_S, check=False,
-            )  # fmt: skip
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise InputError(f"{command[0]} cannot compile the FMU: {error}") from error
-        if run.returncode or not (folder / library).is_file():
-            said = " ".join(run.stderr.split()) or f"exit status {run.returncode}"
-            raise InputError(f"{command[0]} cannot compile the FMU: {said}")
+        # Windows: the compiler's own library is on no other machine
+        own = ["-static-libgcc"] if suffix == ".dll" else ["-fPIC"]
+        done = run(
+            [*words, *STRICT, *own, "-fvisibility=hidden", "-shared", *units, "-o", library, "-lm"],
+            folder,
+        )
+        if done.returncode:
+            lines = [line for line in done.stderr.splitlines() if "error" in line]
+            said = lines[0].strip() if lines else f"exit status {done.returncode}"
+            raise InputError(f"{words[0]} refuses the code of the FMU: {said}")
         return (folder / library).read_bytes()
-
-
-def _compiler() -> list[str]:
-    asked = os.environ.get("CC", "").split()
-    for command in [asked] if asked else [["cc"], ["gcc"], ["clang"]]:
-        if path := shutil.which(command[0]):
-            return [path, *command[1:]]
-    missing = asked[0] if asked else "gcc or clang"
-    raise InputError(f"an FMU is compiled, and there is no {missing} here; install a C compiler")
 
 
 def _archive(files: Mapping[str, bytes]) -> bytes:

@@ -76,6 +76,13 @@ def variables(program: Program) -> list[Variable]:
     program
         Controller: inputs ``reference_um``, ``measured_um``, ``reference_ahead_1_um`` ...; output
         ``command_V``. Plant: input ``command_V``, output ``displacement_um``. Either has flags.
+
+    Examples
+    --------
+    >>> from rdpi_gym.firmware.plants import plant_program
+    >>> from rdpi_gym.plant import named_plant
+    >>> [one.name for one in variables(plant_program(named_plant("P5"), 1e-4))]
+    ['time', 'ts_s', 'displacement_um', 'clamped', 'out_of_range', 'command_V']
     """
     low, high = (float(end) for end in program.command_range_V)
     found = [
@@ -109,6 +116,13 @@ def model_identifier(program: Program) -> str:
 
     Only letters and digits of ASCII are kept of the names; what it begins with makes it no word of C
     and no name that a system keeps for itself.
+
+    Examples
+    --------
+    >>> from rdpi_gym.firmware.plants import plant_program
+    >>> from rdpi_gym.plant import named_plant
+    >>> model_identifier(plant_program(named_plant("P5"), 1e-4))
+    'rdpi_plant_P5'
     """
     title = [program.title] if program.kind == "controller" else []
     words = re.findall("[A-Za-z0-9]+", " ".join([*title, program.model]))

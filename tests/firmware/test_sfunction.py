@@ -15,7 +15,15 @@ from rdpi_gym.firmware.source import Source, header_text, source_text
 from rdpi_gym.plant import named_plant
 
 SIMULINK = Path(__file__).parent / "simulink"
-STRICT = "-std=c99 -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Werror".split()
+STRICT = [
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Werror",
+]
 TS = 1e-4
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 pytestmark = pytest.mark.skipif(not COMPILERS, reason="there is neither gcc nor clang")
