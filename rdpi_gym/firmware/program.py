@@ -1,0 +1,136 @@
+"""What a piece of generated code is made of, before it is written: memory, tables, C text, its twin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+
+from rdpi_gym.support.arrays import Array
+
+Kind = Literal["controller", "plant"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Numbers that the code reads and never writes: one field of its struct of parameters.
+
+    Parameters
+    ----------
+    name
+        Identifier of C, lower case.
+    values
+        float64[N], N at least 1.
+    """
+
+    name: str
+    values: Array
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Numbers that the code keeps from sample to sample: one field of its struct of memory.
+
+    Parameters
+    ----------
+    name
+        Identifier of C, lower case.
+    rest : float64[N]
+        Where an episode begins whose first reference is 0 µm; NaN where the first sample sets it.
+    by_reference : float64[N]
+        What each µm of the first reference adds to it; zero for a plant.
+    """
+
+    name: str
+    rest: Array
+    by_reference: Array
+
+
+class Twin(Protocol):
+    """The same thing in Python: what the code is held against."""
+
+    def controller(self, reference_um: Array, measured_um: Array) -> Array:
+        """Return commands (V), float64[T, B], from rest.
+
+        Parameters
+        ----------
+        reference_um
+            float64[T + preview, B]: r(0) on; sample k is answered with r(k) ... r(k + preview).
+        measured_um
+            float64[T, B].
+        """
+
+    def plant(self, command_V: Array) -> Array:
+        """Return displacements (µm), float64[T, B], of commands (V) of that shape, from rest."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """One sample of a controller or of a plant as C, for one lane.
+
+    The body of ``step`` stands in a function that sees ``p``, the const struct of tables, and ``m``,
+    the struct of memory, which it changes; of a controller ``reference_um`` is r(k), ``ahead_um[j]``
+    r(k+1+j), ``measured_um`` and ``applied_V`` what was measured and commanded at k; of a plant
+    ``command_V``. It ends with a ``return``, for a controller of u(k+1) (V), for a plant of the
+    displacement (µm). Every number is an ``rdpi_real``, every literal ``RDPI_C(1.5)``, every
+    function of the mathematics ``RDPI_EXP`` and so on, so that one text serves both precisions.
+
+    Parameters
+    ----------
+    kind
+        Which of the two.
+    title
+        What it is, for people: the controller's name, or that of the plant. Not trusted.
+    model
+        Name of the model it is made of. Not trusted.
+    ts_s
+        Sampling time (s).
+    preview
+        Samples of the reference after r(k) that a step is given, at least 1; 0 for a plant.
+    command_range_V
+        Lowest and highest command (V).
+    rest_V
+        Command (V) at which it begins.
+    centre_um, scale_um
+        Centre and amplitude (µm) of the references that suit it.
+    tables, memory
+        In the order of their structs.
+    functions
+        C text of static functions that `step` calls, callees first.
+    step
+        C text of the body.
+    mathematics
+        Functions of ``<math.h>`` that are called, by the name of their macro ("EXP").
+    begin
+        C text of the body of ``void begin(p, m, reference_um)``, which sets the memory where that is
+        not affine in the first reference; empty: it is, and `memory` says all.
+    exact
+        Whether it is equal to the Python kernels bit by bit in double; else why not.
+    """
+
+    kind: Kind
+    title: str
+    model: str
+    ts_s: float
+    preview: int
+    command_range_V: tuple[float, float]
+    rest_V: float
+    centre_um: float
+    scale_um: float
+    tables: Sequence[Table]
+    memory: Sequence[Memory]
+    functions: str
+    step: str
+    mathematics: frozenset[str]
+    twin: Twin
+    begin: str = ""
+    exact: bool = True
+    inexact_because: str = ""
+    notes: Sequence[str] = field(default_factory=tuple)
+
+    @property
+    def memory_numbers(self) -> int:
+        """How many numbers it remembers."""
+        return int(np.sum([len(part.rest) for part in self.memory], dtype=int))
