@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from rdpi_gym.face.comparison import Comparison, ModelComparison, compare
     from rdpi_gym.face.data import Dataset, load
     from rdpi_gym.face.experiment import PlannedExperiment, plan_experiment
+    from rdpi_gym.face.firmware import Exported, export_c, export_fmu, verify
     from rdpi_gym.face.fitting import FitResult, fit
     from rdpi_gym.face.fitting_core import CoreFit, KindChoice, choose_kind, fit_core
     from rdpi_gym.face.inspection import Inspection, Refit, Response, inspect, respond
@@ -59,6 +60,7 @@ _HOME = {
     "comparison": ("Comparison", "ModelComparison", "compare"),
     "data": ("Dataset", "load"),
     "experiment": ("PlannedExperiment", "plan_experiment"),
+    "firmware": ("Exported", "export_c", "export_fmu", "verify"),
     "fitting": ("FitResult", "fit"),
     "fitting_core": ("CoreFit", "KindChoice", "choose_kind", "fit_core"),
     "inspection": ("Inspection", "Refit", "Response", "inspect", "respond"),
@@ -82,6 +84,7 @@ __all__ = [
     "CoreFit",
     "Dataset",
     "Evaluation",
+    "Exported",
     "FitResult",
     "InputError",
     "Inspection",
@@ -111,6 +114,8 @@ __all__ = [
     "effects",
     "environments",
     "export",
+    "export_c",
+    "export_fmu",
     "fit",
     "fit_core",
     "inspect",
@@ -133,6 +138,7 @@ __all__ = [
     "train",
     "training_options",
     "tune",
+    "verify",
 ]
 
 register(

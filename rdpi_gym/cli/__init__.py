@@ -7,6 +7,7 @@ from importlib import import_module
 
 import typer
 
+from rdpi_gym.cli.export import export
 from rdpi_gym.cli.options import expanded
 from rdpi_gym.support.command import run_command
 
@@ -26,7 +27,7 @@ COMMANDS = (
     "collect",
     "train",
     "tune",
-    "export",
+    "verify",
 )
 
 app = typer.Typer(
@@ -46,6 +47,7 @@ def rdpi() -> None:
 
 for _name in COMMANDS:
     app.command(name=_name)(expanded(getattr(import_module(f"rdpi_gym.cli.{_name}"), _name)))
+app.add_typer(export, name="export")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,17 +1,67 @@
-"""`rdpi export`: writes a trained policy as an ONNX file."""
+"""`rdpi export`: a trained policy as ONNX; a plant or a controller as C or as an FMU."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
+from typer.core import TyperGroup
 
 import rdpi_gym as rg
+from rdpi_gym.cli.options import as_typed
 from rdpi_gym.support.command_line import check_folder
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
+
+ModelArgument: TypeAlias = Annotated[
+    str,
+    typer.Argument(metavar="MODEL", show_default=False, help="A plant file, or a plant's name."),
+]
+ControllerOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--controller",
+        metavar="NAME|learned:FOLDER",
+        help="A controller that believes in the plant; by default the plant itself is exported.",
+    ),
+]
+TsOption: TypeAlias = Annotated[
+    float, typer.Option("--ts", metavar="SECONDS", help="Sampling time (s).")
+]
+PreviewOption: TypeAlias = Annotated[
+    int | None,
+    typer.Option(
+        "--preview",
+        metavar="N",
+        help="Samples of the reference that a step is shown ahead; by default as many as are used.",
+    ),
+]
+_TYPED = {"ts_s": "--ts", "preview": "--preview"}
 
 
-def export(
+class _Kinds(TyperGroup):
+    """Says what there is where something else was typed, such as the policy alone."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and args[0] not in self.commands:
+            raise InputError(
+                f"export {quoted(args[0])}: say what is written, onnx, c or fmu, as in "
+                "rdpi export onnx POLICY, or rdpi export c MODEL"
+            )
+        return super().resolve_command(ctx, args)
+
+
+export = typer.Typer(cls=_Kinds, no_args_is_help=False, rich_markup_mode=None, add_completion=False)
+
+
+@export.callback()
+def _export() -> None:
+    """Write a trained policy as ONNX, or a plant or a controller as C or as an FMU."""
+
+
+@export.command(name="onnx")
+def export_onnx(
     policy: Annotated[
         str, typer.Argument(metavar="POLICY", show_default=False, help="Folder, or shipped name.")
     ],
@@ -22,3 +72,41 @@ def export(
     """Write a trained policy as an ONNX file: stacked observation in, action out."""
     check_folder(out.parent)
     print(f"policy: {rg.export(policy, out)}")
+
+
+@export.command(name="c")
+def export_c(
+    model: ModelArgument,
+    controller: ControllerOption = None,
+    ts: TsOption = 5e-5,
+    preview: PreviewOption = None,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder that is written; an earlier export is replaced."
+        ),
+    ] = Path("firmware"),
+) -> None:
+    """Write a controller or a plant as C99, with vectors that test it, examples and a page to read."""
+    check_folder(out)
+    with as_typed(_TYPED):
+        done = rg.export_c(model, out, controller=controller, ts_s=ts, preview=preview)
+    print(done)
+
+
+@export.command(name="fmu")
+def export_fmu(
+    model: ModelArgument,
+    controller: ControllerOption = None,
+    ts: TsOption = 5e-5,
+    preview: PreviewOption = None,
+    fmi: Annotated[Literal["2", "3"], typer.Option("--fmi", help="Version of the standard.")] = "3",
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE.fmu", help="File that is written.")
+    ] = Path("stage.fmu"),
+) -> None:
+    """Write a plant or a controller as an FMU for co-simulation, with no Python inside."""
+    check_folder(out.parent)
+    with as_typed(_TYPED):
+        done = rg.export_fmu(model, out, controller=controller, ts_s=ts, preview=preview, fmi=fmi)
+    print(done)

@@ -134,7 +134,7 @@ def _preprocessed(text: str, precision: int) -> str:
             if constant:
                 constants[constant[1]] = constant[2]
     joined = "\n".join(kept)
-    lengths = dict(re.findall(r"\b(\w+)\[(\d+)\];", joined))
+    lengths = dict(re.findall(r"^ +\w+_t (\w+)\[(\d+)\];", joined, re.MULTILINE))
     whole = r"sizeof m->(\w+) / sizeof m->\1\[0\]"
     joined = re.sub(whole, lambda found: lengths.get(found[1], found[0]), joined)
     return re.sub(r"\b[A-Z]\w+\b", lambda found: constants.get(found[0], found[0]), joined)

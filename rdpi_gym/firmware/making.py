@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from baselines.lookup import GUARDED, LEARNED
-from baselines.registry import CONTROLLERS, known_controller
+from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.controllers import ControllerTwin, controller_program
 from rdpi_gym.firmware.fixed_point import FixedPoint, fixed_point_body
@@ -22,7 +22,7 @@ from rdpi_gym.firmware.source import Source
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.plant.packing import check_ts
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.words import guess, quoted, some
+from rdpi_gym.support.words import quoted, some
 
 _WALK = 400
 """Commands of the slow walk that says what a range reaches."""
@@ -63,10 +63,9 @@ def program_of(
     if not controller.startswith((LEARNED, GUARDED)):
         kind = known_controller(controller)
         if hasattr(getattr(kind, "func", kind), "plan"):
-            near = guess(controller, (n for n in CONTROLLERS if n != controller))
             raise InputError(
                 f"{controller} plans over the whole reference before an episode, which code that runs "
-                f"sample by sample does not have; {near or 'name another, such as pi-classical-static'}"
+                "sample by sample does not have; name another, such as pi-classical-reference-rate"
             )
     if preview is not None:
         # the layout's own words, before anything is traced
@@ -100,10 +99,9 @@ def package_of(
         return Package(Source(program), recipe)
     recipe |= {"controller": controller, "preview": program.preview}
     fixed, why = _fixed(program)
-    warnings = [] if why is None else [why]
-    if isinstance(program.twin, ControllerTwin) and (said := program.twin.made.warning()):
-        warnings.insert(0, said)
-    return Package(Source(program, reach_um(model, ts_s), fixed), recipe, tuple(warnings))
+    said = program.twin.made.warning() if isinstance(program.twin, ControllerTwin) else None
+    notes, warnings = (() if each is None else (each,) for each in (why, said))
+    return Package(Source(program, reach_um(model, ts_s), fixed), recipe, warnings, notes)
 
 
 def package_again(document: Mapping[str, Any], source: str) -> Package:

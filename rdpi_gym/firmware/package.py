@@ -35,11 +35,14 @@ class Package:
         What ``program.json`` says: enough to make the program again.
     warnings
         What to beware of, a sentence each.
+    notes
+        What is good to know, for the page.
     """
 
     source: Source
     recipe: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def files(self) -> dict[str, str]:
         """Return the texts by their names in the folder, ``program.json`` left out."""
@@ -71,7 +74,7 @@ class Package:
             },
         }
         code = texts[f"{name}.h"] + texts[f"{name}.c"]
-        texts["README.md"] = manual_text(source, code, self.warnings)
+        texts["README.md"] = manual_text(source, code, (*self.warnings, *self.notes))
         return texts
 
 

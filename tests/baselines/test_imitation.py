@@ -167,7 +167,7 @@ def test_train_and_bench_through_the_command_line(tmp_path, monkeypatch, capsys)
         assert main([*command, *words]) == 2
         error = capsys.readouterr().err
         assert said.lower() in error.lower()
-    assert main(["export", "run/policy", "--out", "p.onnx"]) == 2
+    assert main(["export", "onnx", "run/policy", "--out", "p.onnx"]) == 2
     assert "only networks are exported" in capsys.readouterr().err
 
 

@@ -18,7 +18,7 @@ import torch
 from baselines.learned.network import Network
 from baselines.learned.onnx_export import METADATA, export_onnx
 from baselines.learned.policy import Policy
-from rdpi_gym.cli.export import export
+from rdpi_gym.cli.export import export_onnx as export_command
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
@@ -42,7 +42,7 @@ def session(path):
 
 def rdpi_export(*words):
     app = typer.Typer()
-    app.command(name="export")(export)
+    app.command(name="onnx")(export_command)
     app(args=list(words), standalone_mode=False)
 
 

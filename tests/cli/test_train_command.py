@@ -85,7 +85,7 @@ def test_the_native_ppo_leaves_a_policy_that_is_a_controller(tmp_path, capsys):
     words = ["train", "native-ppo", "--hyperparameters", "small.yml"]
     assert main([*words, "--out", "run", "--threads", "2"]) == 0
     assert "RMSE" in capsys.readouterr().out
-    assert main(["export", "run/policy", "--out", "policy.onnx"]) == 0
+    assert main(["export", "onnx", "run/policy", "--out", "policy.onnx"]) == 0
     (tmp_path / "small.yml").write_text(f"{YAML}  gamma: 0.9\n")
     capsys.readouterr()
     assert main([*words, "--out", "other"]) == 2

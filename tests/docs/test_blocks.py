@@ -159,7 +159,7 @@ SAMPLES = {
 }
 EXTRAS = {
     "torch": "torch", "stable_baselines3": "stable_baselines3", "rdpi train": "stable_baselines3",
-    "onnxruntime": "onnxruntime", "rdpi export": "onnxscript", "learned:": "torch",
+    "onnxruntime": "onnxruntime", "rdpi export onnx": "onnxscript", "learned:": "torch",
     "baselines.learned": "torch",
 }  # fmt: skip
 
