@@ -112,7 +112,8 @@ def _preprocessed(text: str, precision: int) -> str:
     """Return what is compiled, without comments; constants that are defined in place."""
     text = re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL)
     kept: list[str] = []
-    open_at: list[bool] = []
+    open_at: list[bool] = []  # of every condition that is not closed: whether this branch is it
+    taken: list[bool] = []  # and whether one of its branches was
     constants: dict[str, str] = {}
     for line in text.splitlines():
         word = re.match(r"\s*#\s*(\w+)\s*(.*)", line)
@@ -123,12 +124,14 @@ def _preprocessed(text: str, precision: int) -> str:
         directive, rest = word[1], word[2].strip()
         if directive in ("if", "ifdef", "ifndef"):
             open_at.append(_holds(directive, rest, precision))
-        elif directive == "else":
-            open_at[-1] = not open_at[-1]
-        elif directive == "elif":
-            open_at[-1] = not open_at[-1] and _holds("if", rest, precision)
+            taken.append(open_at[-1])
+        elif directive in ("else", "elif"):
+            holds = directive == "else" or _holds("if", rest, precision)
+            open_at[-1] = not taken[-1] and holds
+            taken[-1] |= open_at[-1]
         elif directive == "endif":
             open_at.pop()
+            taken.pop()
         elif directive == "define" and all(open_at):
             constant = re.fullmatch(r"(\w+)\s+(\d+)", rest)
             if constant:
@@ -137,7 +140,7 @@ def _preprocessed(text: str, precision: int) -> str:
     lengths = dict(re.findall(r"^ +\w+_t (\w+)\[(\d+)\];", joined, re.MULTILINE))
     whole = r"sizeof m->(\w+) / sizeof m->\1\[0\]"
     joined = re.sub(whole, lambda found: lengths.get(found[1], found[0]), joined)
-    return re.sub(r"\b[A-Z]\w+\b", lambda found: constants.get(found[0], found[0]), joined)
+    return re.sub(r"\b[A-Z]\w*\b", lambda found: constants.get(found[0], found[0]), joined)
 
 
 def _holds(directive: str, condition: str, precision: int) -> bool:

@@ -1,0 +1,153 @@
+"""`verify`: what agrees, what does not, and what cannot be verified."""
+
+import json
+import shutil
+
+import pytest
+
+from rdpi_gym.firmware.making import package_again, package_of, program_of
+from rdpi_gym.firmware.package import write_package
+from rdpi_gym.firmware.verify import verify
+from rdpi_gym.plant import named_plant
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.support.errors import InputError
+from tests.firmware.hand_made import needs_compiler
+
+pytestmark = needs_compiler
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    package = package_of(named_plant("P5"), 1e-4, "pi-classical-static")
+    return write_package(package, tmp_path_factory.mktemp("export") / "firmware")
+
+
+@pytest.fixture
+def folder(exported, tmp_path):
+    return shutil.copytree(exported, tmp_path / "firmware")
+
+
+def test_it_agrees_in_every_precision(folder):
+    found = verify(folder, records=30, samples=200)
+    assert found.passed
+    assert [(row.what, row.precision) for row in found.rows] == [
+        (what, precision)
+        for what in ("vectors", "records", "wild inputs")
+        for precision in ("double", "float", "Q31")
+    ]
+    assert [row.samples for row in found.rows[:4]] == [2000, 2000, 2000, 6000]
+    assert "ok" in str(found)
+    assert "FAILED" not in str(found)
+
+
+def test_a_plant_agrees(tmp_path):
+    folder = write_package(package_of(named_plant("P5"), 1e-4), tmp_path / "plant")
+    assert verify(folder, records=10, samples=200).passed
+
+
+def test_records_hang_on_the_seed(folder):
+    largest = {verify(folder, records=3, samples=50, seed=s).rows[4].largest for s in (1, 1, 2)}
+    assert len(largest) == 2
+
+
+def test_code_that_was_changed_is_found_and_named(folder):
+    path = folder / "rdpi_controller.c"
+    text = path.read_text()
+    path.write_text(text.replace("reference_um - measured_um", "reference_um + measured_um"))
+    found = verify(folder, records=5, samples=100)
+    assert not found.passed
+    assert "FAILED" in str(found)
+    assert any("rdpi_controller.c is not what this release would write" in r for r in found.remarks)
+
+
+def test_an_answer_out_of_range_is_found(folder):
+    path = folder / "rdpi_controller.c"
+    path.write_text(
+        path.read_text().replace("return command_V;", "return command_V * RDPI_CONTROLLER_HIGH_V;")
+    )
+    assert not any(
+        row.passed
+        for row in verify(folder, records=5, samples=100).rows
+        if row.what == "wild inputs" and row.precision != "Q31"
+    )
+
+
+def test_code_that_does_not_compile_is_one_line(folder):
+    (folder / "rdpi_controller.c").write_text("int broken(")
+    with pytest.raises(InputError, match="refuses the code"):
+        verify(folder)
+
+
+def test_code_that_crashes_is_one_line(folder):
+    path = folder / "rdpi_controller.c"
+    path.write_text(
+        "#include <stdlib.h>\n"
+        + path.read_text().replace("s->applied_V = RDPI", "abort();\n    s->applied_V = RDPI")
+    )
+    with pytest.raises(InputError, match="status -6"):
+        verify(folder)
+
+
+def test_no_compiler_is_one_line(folder, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setenv("CC", "mycc -O3")
+    with pytest.raises(InputError, match=r"mycc -O3, which is not there.*install gcc or clang"):
+        verify(folder)
+
+
+def changed(folder, **keys):
+    path = folder / "program.json"
+    document = json.loads(path.read_text()) | keys
+    path.write_text(json.dumps({k: v for k, v in document.items() if v != "gone"}))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"controller": "os:system"}, "'os:system' is no controller"),
+        ({"controller": 3}, "neither a plant nor a controller"),
+        ({"kind": "virus"}, "neither a plant nor a controller"),
+        ({"code": "x"}, "unknown key 'code'"),
+        ({"model": "gone"}, "has no model"),
+        ({"model": {"name": "x"}}, "needs the keys"),
+        ({"ts_s": "gone"}, "ts_s is nan"),
+        ({"ts_s": -1}, "ts_s is -1"),
+        ({"preview": "many"}, "preview is 'many'"),
+        ({"version": 99}, "version 99"),
+    ],
+)  # fmt: skip
+def test_a_description_that_no_export_wrote(folder, keys, message):
+    with pytest.raises(InputError, match=message):
+        verify(changed(folder, **keys))
+
+
+def test_a_folder_that_lacks_a_file(folder, tmp_path):
+    (folder / "main.c").unlink()
+    with pytest.raises(InputError, match=r"has no main\.c"):
+        verify(folder)
+    with pytest.raises(InputError, match="does not exist"):
+        verify(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="records is 0"):
+        verify(folder, records=0)
+
+
+def test_what_is_described_is_made_again():
+    package = package_of(named_plant("P5"), 1e-4, "pi-extended-inverse", 7)
+    again = package_again(json.loads(json.dumps(package.recipe)), "program.json")
+    assert again.files() == package.files()
+
+
+@pytest.mark.parametrize("name", ["repetitive", "iterative-learning", "preview-inversion"])
+def test_a_controller_that_plans_is_refused(name):
+    with pytest.raises(InputError, match=f"{name} plans over the whole reference"):
+        program_of(named_plant("P5"), 1e-4, name)
+
+
+def test_effects_are_part_of_a_plant():
+    from dataclasses import replace
+
+    model = replace(named_plant("P5"), effects=(CATALOGUE["creep"](),))
+    assert (
+        program_of(model, 1e-4).memory_numbers > program_of(named_plant("P5"), 1e-4).memory_numbers
+    )
