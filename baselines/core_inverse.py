@@ -9,18 +9,18 @@ from rdpi_gym.plant import pack
 from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.support.arrays import Array
 
-# Commands that are tried at once, and how often: the bracket shrinks to (1/512)^2 of the range.
-_TRIED, _ROUNDS = 513, 2
+# Halvings of the bracket, and how often it is laid anew: it shrinks to (1/512)^2 of the range.
+_HALVINGS, _ROUNDS = 9, 2
 
 
 class CoreInverse(Feedforward):
     """The command at which one step of the belief's core gives the reference, found by search.
 
-    It runs the core's own kernel on copies of its memory, 513 commands at a time, and keeps the
-    bracket in which the displacement passes the reference; the last one is linear. Any core that
-    rises with the newest command is inverted, up to the command's limits. Where the rate of the
-    command itself would turn that round (a rate-dependent model at a short sampling time), the
-    core is given the rate of the reference over its largest gain.
+    It runs the core's own kernel on copies of its memory, a fixed number of times, and halves the
+    bracket in which the displacement passes the reference; in the last one it goes along the chord.
+    Any core that rises with the newest command is inverted, up to the command's limits. Where the
+    rate of the command itself would turn that round (a rate-dependent model at a short sampling
+    time), the core is given the rate of the reference over its largest gain.
 
     Examples
     --------
@@ -45,27 +45,38 @@ class CoreInverse(Feedforward):
         return plays_V
 
     def _fill(self, reference_um: Array, parameters: Array, state: Array, u: Array) -> None:
-        core, lanes = self.belief.hysteresis, reference_um.shape[1]
         target = reference_um - self.belief.offset_um
-        own_rate = core.rises_at(self.layout.ts_s)
+        own_rate = self.belief.hysteresis.rises_at(self.layout.ts_s)
         reference_rate = self._reference_rate(reference_um, state)
-        many = np.repeat(parameters, _TRIED, axis=1)
-        shares = np.linspace(0.0, 1.0, _TRIED)
-        lane = np.arange(lanes)
         for t in range(len(target)):
+            rate = None if own_rate else reference_rate[t]
             low, high = self._reach(state[0])
             for _ in range(_ROUNDS):
-                tried = low[:, None] + (high - low)[:, None] * shares
-                rate = None if own_rate else np.repeat(reference_rate[t], _TRIED)
-                y = self._stepped(tried.ravel(), rate, many, state[:-1].repeat(_TRIED, axis=1))
-                y = y.reshape(lanes, _TRIED)
-                passed = np.clip(np.sum(y <= target[t][:, None], axis=1), 1, _TRIED - 1)
-                low, high = tried[lane, passed - 1], tried[lane, passed]
-                before, after = y[lane, passed - 1], y[lane, passed]
+                low, high = self._bracket(low, high, target[t], rate, parameters, state)
+            before = self._stepped(low, rate, parameters, state[:-1].copy())
+            after = self._stepped(high, rate, parameters, state[:-1].copy())
             rise = np.where(after > before, after - before, 1.0)
             u[t] = low + (high - low) * np.clip((target[t] - before) / rise, 0.0, 1.0)
-            rate = None if own_rate else reference_rate[t]
             self._stepped(u[t], rate, parameters, state[:-1])
+
+    def _bracket(
+        self,
+        low: Array,
+        high: Array,
+        target: Array,
+        rate: Array | None,
+        parameters: Array,
+        state: Array,
+    ) -> tuple[Array, Array]:
+        """Neighbours among 513 even commands (V) from `low` to `high`: up to the first the target is not passed."""
+        below, above = np.zeros_like(low), np.full_like(low, 1.0)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (below + above)
+            tried = low + (high - low) * middle
+            y = self._stepped(tried, rate, parameters, state[:-1].copy())
+            below[:] = np.where(y <= target, middle, below)
+            above[:] = np.where(y <= target, above, middle)
+        return low + (high - low) * below, low + (high - low) * above
 
     def _reach(self, last_V: Array) -> tuple[Array, Array]:
         """Lowest and highest command (V) that may follow the last ones."""

@@ -136,7 +136,8 @@ class Feedforward(Baseline):
 
     def start(self, reference_um: Array) -> Array:
         """Return the memory at rest; see :meth:`baselines.base.Baseline.start`."""
-        state = np.repeat(self._rest[:, None], len(reference_um), axis=1)
+        state = np.empty((len(self._rest), len(reference_um)))
+        state[:-1] = self._rest[:-1, None]
         state[-1] = reference_um
         return state
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ from rdpi_gym.firmware.kernels import Functions
 from rdpi_gym.firmware.program import Memory, Program
 from rdpi_gym.firmware.tables import Tables, named_arrays
 from rdpi_gym.firmware.tape import Tape, lines, recorded
-from rdpi_gym.firmware.tracing import Inputs, Recording, Remembered, Traced
+from rdpi_gym.firmware.tracing import Inputs, Recording, Remembered, Traced, constant
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -151,36 +151,39 @@ def controller_program(
 def traced_program(made: Baseline, title: str) -> Program:
     """Return the sample of a controller that was made, as C; see :func:`controller_program`."""
     layout = made.layout
-    functions, tables = Functions(), Tables(named_arrays(made))
-    ends: list[Recording] = []
-    interception = Interception(made, functions, Recording(Tape(), tables))
-    rest, by_reference = _affine_start(made)
+    tracer = _Tracer(made)
+    rest, by_reference, is_affine = _affine_start(made)
+    count = len(rest)
 
-    def run(tape: Tape) -> None:
-        recording = Recording(tape, tables)
-        interception.recording = recording
-        ends.append(recording)
-        state = Traced(
-            Remembered(recording, "state", len(rest)), np.arange(len(rest), dtype=np.int64)[:, None]
+    def step(recording: Recording) -> None:
+        given = Inputs(
+            recording,
+            [
+                ("reference_um", None),
+                ("ahead_um", layout.preview),
+                ("measured_um", None),
+                ("applied_V", None),
+            ],
         )
-        parts = [("reference_um", None), ("ahead_um", layout.preview), ("measured_um", None)]
-        given = Inputs(recording, [*parts, ("applied_V", None)])
         column = Traced(given, np.arange(layout.preview + 3, dtype=np.int64)[:, None])
         window = column[: layout.preview + 1]
         physical = isinstance(layout, PhysicalLayout)
         shown = column.T if physical else observed(layout, window, column[-2], column[-1])
-        command = made.next_command(shown, window[:2], state)
-        if not isinstance(command, Traced):
-            command = np.asarray(command) + 0.0 * column[0]
-        text = command.store.element(int(command.places.flat[0]))
-        tape.write(f"return {text};", keeps=True)
+        command = made.next_command(shown, window[:2], _memory(recording, count))
+        if not isinstance(command, Traced):  # the same whatever is measured
+            value = constant(command[0])
+        else:
+            value = command.store.element(int(command.places.flat[0]))
+        recording.tape.write(f"return {value};", keeps=True)
 
-    with interception.active():
-        items = recorded(run)
-    body = "\n".join(lines(items))
-    called = f"{functions.text}\n{body}"
-    inexact = [*dict.fromkeys([*(why for end in ends for why in end.inexact), *sorted(functions.inexact)])]
-    mathematics = {*functions.mathematics, *(each for end in ends for each in end.mathematics)}
+    def begin(recording: Recording) -> None:
+        given = Inputs(recording, [("reference_um", None)])
+        reference = Traced(given, np.zeros(1, dtype=np.int64))
+        _memory(recording, count)[:] = made.start(reference)
+
+    body = tracer.text(step)
+    begins = "" if is_affine else tracer.text(begin)
+    called = f"{tracer.functions.text}\n{body}\n{begins}"
     return Program(
         kind="controller",
         title=title,
@@ -191,15 +194,53 @@ def traced_program(made: Baseline, title: str) -> Program:
         rest_V=made.limits.rest_V,
         centre_um=layout.centre_um,
         scale_um=layout.scale_um,
-        tables=[table for table in tables.all if f"p->{table.name}" in called],
-        memory=[Memory("state", rest, by_reference)] if len(rest) else [],
-        functions=functions.text,
+        tables=[table for table in tracer.tables.all if f"p->{table.name}" in called],
+        memory=[Memory("state", rest, by_reference)] if count else [],
+        functions=tracer.functions.text,
         step=body,
-        mathematics=frozenset(each for each in mathematics if f"RDPI_{each}(" in called),
+        begin=begins,
+        mathematics=frozenset(each for each in tracer.mathematics if f"RDPI_{each}(" in called),
         twin=ControllerTwin(made),
-        exact=not inexact,
-        inexact_because="; ".join(inexact),
+        exact=not tracer.inexact,
+        inexact_because="; ".join(tracer.inexact),
     )
+
+
+class _Tracer:
+    """Traces pieces of one controller, which share their kernels and tables."""
+
+    def __init__(self, made: Baseline) -> None:
+        self.functions, self.tables = Functions(), Tables(named_arrays(made))
+        self._interception = Interception(made, self.functions, Recording(Tape(), self.tables))
+        self._runs: list[Recording] = []
+
+    def text(self, piece: Callable[[Recording], None]) -> str:
+        """Return the C of a piece of code."""
+
+        def run(tape: Tape) -> None:
+            recording = Recording(tape, self.tables)
+            self._runs.append(recording)
+            self._interception.recording = recording
+            piece(recording)
+
+        with self._interception.active():
+            return "\n".join(lines(recorded(run)))
+
+    @property
+    def inexact(self) -> list[str]:
+        """Why it is not equal to Python bit by bit, if it is not."""
+        own = dict.fromkeys(why for run in self._runs for why in run.inexact)
+        return [*own, *sorted(self.functions.inexact)]
+
+    @property
+    def mathematics(self) -> set[str]:
+        """Functions of the mathematics that are called."""
+        own = {each for run in self._runs for each in run.mathematics}
+        return own | self.functions.mathematics
+
+
+def _memory(recording: Recording, count: int) -> Traced:
+    return Traced(Remembered(recording, "state", count), np.arange(count, dtype=np.int64)[:, None])
 
 
 def _made(
@@ -234,11 +275,12 @@ def _made(
     return made
 
 
-def _affine_start(made: Baseline) -> tuple[Array, Array]:
-    """Return the memory at rest of a first reference of 0 µm, and what each µm adds."""
+def _affine_start(made: Baseline) -> tuple[Array, Array, bool]:
+    """Return the memory at rest of a first reference of 0 µm, what each µm adds, and whether that is all."""
     layout = made.layout
     references = np.array([0.0, 1.0, *(layout.centre_um + layout.scale_um * x for x in _FIRST)])
     started = made.start(references)
     rest = started[:, 0].copy()
     by_reference = np.where(np.isnan(rest), 0.0, started[:, 1] - rest)
-    return rest, by_reference
+    affine = rest[:, None] + by_reference[:, None] * references
+    return rest, by_reference, bool(np.array_equal(affine, started, equal_nan=True))

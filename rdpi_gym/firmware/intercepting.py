@@ -98,7 +98,7 @@ class Interception:
 
     def _collect(self, root: object) -> None:
         rooms = {*ROOMS, *(kind.__module__.split(".")[0] for kind in type(root).__mro__[:-2])}
-        numpy, torch = _NumPy(self), _Torch(self)
+        numpy, making, torch = _NumPy(self), _ArrayMaking(self), _Torch(self)
         for name, module in list(sys.modules.items()):
             if name.split(".")[0] not in rooms or name.startswith("rdpi_gym.firmware"):
                 continue
@@ -106,7 +106,9 @@ class Interception:
                 if isinstance(value, CPUDispatcher):
                     self._swap(module, attribute, value, self.recorder(value))
                 elif value is np:
-                    self._swap(module, attribute, value, numpy)
+                    # what the plant makes arrays of is known
+                    own = numpy if name.startswith("rdpi_gym.") else making
+                    self._swap(module, attribute, value, own)
                 elif isinstance(value, ModuleType) and value.__name__ == "torch":
                     self._swap(module, attribute, value, torch)
                 elif isinstance(value, type) and value.__module__ == name:
@@ -204,28 +206,13 @@ class Recorder:
 
 
 class _NumPy:
-    """NumPy, but that what makes arrays makes traced ones, and takes traced ones as they are."""
+    """NumPy, but that what makes arrays of arrays takes traced ones as they are."""
 
     def __init__(self, interception: Interception) -> None:
         self._interception = interception
 
     def __getattr__(self, name: str) -> Any:
         return getattr(np, name)
-
-    def zeros(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
-        return self._made("zeros", shape, dtype, 0, options)
-
-    def ones(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
-        return self._made("ones", shape, dtype, 1, options)
-
-    def empty(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
-        return self._made("empty", shape, dtype, None, options)
-
-    def full(self, shape: Any, fill_value: Any, dtype: Any = None, **options: Any) -> Any:
-        if not self._interception.is_ours:
-            return np.full(shape, fill_value, dtype, **options)
-        kind = dtype if dtype is not None else getattr(fill_value, "dtype", type(fill_value))
-        return self._made("full", shape, kind, fill_value, options)
 
     def asarray(self, a: Any, dtype: Any = None, **options: Any) -> Any:
         if isinstance(a, Traced):
@@ -249,6 +236,25 @@ class _NumPy:
             parts = [_at_least(each, 0) for each in a]
             return np.stack(parts)
         return np.array(a, dtype, **options)
+
+
+class _ArrayMaking(_NumPy):
+    """The same, and what makes arrays makes traced ones."""
+
+    def zeros(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
+        return self._made("zeros", shape, dtype, 0, options)
+
+    def ones(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
+        return self._made("ones", shape, dtype, 1, options)
+
+    def empty(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
+        return self._made("empty", shape, dtype, None, options)
+
+    def full(self, shape: Any, fill_value: Any, dtype: Any = None, **options: Any) -> Any:
+        if not self._interception.is_ours:
+            return np.full(shape, fill_value, dtype, **options)
+        kind = dtype if dtype is not None else getattr(fill_value, "dtype", type(fill_value))
+        return self._made("full", shape, kind, fill_value, options)
 
     def _made(self, name: str, shape: Any, dtype: Any, value: Any, options: Any) -> Any:
         if not self._interception.is_ours or options:

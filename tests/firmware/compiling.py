@@ -33,11 +33,16 @@ typedef {real} rdpi_real;
 #define RDPI_OVER(x, d) ((x) / (d))
 #define RDPI_INFINITY ((rdpi_real)INFINITY)
 #define RDPI_NAN ((rdpi_real)NAN)
+#define RDPI_WIDE(x, y) {wide}
 {macros}
 static inline rdpi_real rdpi_abs(rdpi_real x) {{ return x < RDPI_C(0.0) ? -x : x; }}
 static inline int32_t rdpi_is_nan(rdpi_real x) {{ return x != x; }}
 static inline rdpi_real rdpi_min(rdpi_real a, rdpi_real b) {{ return b < a ? b : a; }}
+static inline int32_t rdpi_min_int(int32_t a, int32_t b) {{ return b < a ? b : a; }}
+static inline int32_t rdpi_max_int(int32_t a, int32_t b) {{ return b > a ? b : a; }}
 static inline rdpi_real rdpi_max(rdpi_real a, rdpi_real b) {{ return b > a ? b : a; }}
+static inline int32_t rdpi_min_int(int32_t a, int32_t b) {{ return b < a ? b : a; }}
+static inline int32_t rdpi_max_int(int32_t a, int32_t b) {{ return b > a ? b : a; }}
 static inline rdpi_real rdpi_copysign(rdpi_real x, rdpi_real s) {{
     return ((x < RDPI_C(0.0)) != (s < RDPI_C(0.0))) ? -x : x;
 }}
@@ -47,16 +52,24 @@ _FUNCTIONS = (
 )
 
 
-def source(program: Program, single: bool = False) -> str:
-    """Return all of the C of one program, with a function ``run_all`` over records."""
+def head(single: bool = False) -> str:
+    """Return what the package writer puts before every program, all of it."""
     end = "f" if single else ""
     macros = "\n".join(
         f"#define RDPI_{each} {each.lower()}{end}" for each in _FUNCTIONS.split()
     )
     macros += f"\n#define RDPI_FABS fabs{end}\n#define RDPI_COPYSIGN copysign{end}"
-    head = _HEAD.format(
-        real="float" if single else "double", literal="x##f" if single else "x", macros=macros
+    macros += f"\n#define RDPI_WIDE(d, f) {'f' if single else 'd'}"
+    return _HEAD.format(
+        real="float" if single else "double",
+        literal="x##f" if single else "x",
+        wide="y" if single else "x",
+        macros=macros,
     )
+
+
+def source(program: Program, single: bool = False) -> str:
+    """Return all of the C of one program, with a function ``run_all`` over records."""
     fields = [f"rdpi_real {t.name}[{len(t.values)}];" for t in program.tables] or ["char none;"]
     memory = [f"rdpi_real {m.name}[{len(m.rest)}];" for m in program.memory] or ["char none;"]
     values = ", ".join(
@@ -71,7 +84,7 @@ def source(program: Program, single: bool = False) -> str:
             "static void rdpi_begin(const rdpi_parameters *p, rdpi_memory *m, rdpi_real reference_um) {\n"
             f"(void)p; (void)m; (void)reference_um;\n{begin}\n}}\n"
         )
-    return f"""{head}
+    return f"""{head(single)}
 typedef struct {{ {' '.join(fields)} }} rdpi_parameters;
 typedef struct {{ {' '.join(memory)} }} rdpi_memory;
 static const rdpi_parameters own = {{ {values} }};
@@ -99,25 +112,30 @@ void run_all(int32_t samples, const double *reference, const double *measured, d
 
 
 def compiled(program: Program, folder: Path, single: bool = False) -> ctypes.CDLL:
-    """Return the compiled library."""
+    """Return the compiled library of a program."""
+    return library(source(program, single), folder, f"program{int(single)}")
+
+
+def library(text: str, folder: Path, name: str = "text") -> ctypes.CDLL:
+    """Return the compiled library of a text of C."""
     assert GCC is not None
-    path, library = folder / "program.c", folder / f"program{int(single)}.so"
-    path.write_text(source(program, single))
+    path, made = folder / f"{name}.c", folder / f"{name}.so"
+    path.write_text(text)
     command = [GCC, "-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", *WARNINGS]
     done = subprocess.run(
-        [*command, str(path), "-o", str(library), "-lm"], capture_output=True, text=True
+        [*command, str(path), "-o", str(made), "-lm"], capture_output=True, text=True
     )
-    assert done.returncode == 0, f"{done.stderr[:4000]}\n{program.step[:3000]}"
-    return ctypes.CDLL(str(library))
+    assert done.returncode == 0, done.stderr[:4000]
+    return ctypes.CDLL(str(made))
 
 
 def answers(
     program: Program, reference_um: np.ndarray, measured_um: np.ndarray, folder: Path, single: bool = False
 ) -> np.ndarray:
     """Return the commands of the compiled program, lane by lane, ``(T, B)``."""
-    library = compiled(program, folder, single)
+    found = compiled(program, folder, single)
     numbers = ctypes.POINTER(ctypes.c_double)
-    library.run_all.argtypes = [ctypes.c_int32, numbers, numbers, numbers, ctypes.c_double, numbers]
+    found.run_all.argtypes = [ctypes.c_int32, numbers, numbers, numbers, ctypes.c_double, numbers]
     u = np.empty_like(measured_um)
     for lane in range(measured_um.shape[1]):
         first = reference_um[0, lane]
@@ -126,6 +144,6 @@ def answers(
         )
         own, r, y = np.empty(len(u)), reference_um[:, lane].copy(), measured_um[:, lane].copy()
         arrays = [each.ctypes.data_as(numbers) for each in (r, y, memory, own)]
-        library.run_all(len(u), *arrays[:3], program.rest_V, arrays[3])
+        found.run_all(len(u), *arrays[:3], program.rest_V, arrays[3])
         u[:, lane] = own
     return u
