@@ -141,7 +141,7 @@ def reach_um(model: PlantModel[Any], ts_s: float) -> tuple[float, float]:
     --------
     >>> from rdpi_gym.plant import named_plant
     >>> [round(each, 1) for each in reach_um(named_plant("P5"), 1e-4)]
-    [-28.0, 28.0]
+    [-28.5, 28.5]
     """
     low, high = model.command_range_V
     rest = min(max(0.0, low), high)
