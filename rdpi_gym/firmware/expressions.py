@@ -244,6 +244,9 @@ class Expressions(Scope):
         if isinstance(function, ast.Attribute):
             if isinstance(function.value, ast.Name) and function.value.id in ("np", "math"):
                 return self._library(function.value.id, function.attr, node, target)
+            text = ast.unparse(function)
+            if text.startswith(("np.", "math.")):
+                raise InputError(f"{text} has no C")
             return self._method(function, node, target)
         if not isinstance(function, ast.Name):
             raise InputError(f"{ast.unparse(node)!r} has no C")

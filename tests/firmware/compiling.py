@@ -38,8 +38,6 @@ typedef {real} rdpi_real;
 static inline rdpi_real rdpi_abs(rdpi_real x) {{ return x < RDPI_C(0.0) ? -x : x; }}
 static inline int32_t rdpi_is_nan(rdpi_real x) {{ return x != x; }}
 static inline rdpi_real rdpi_min(rdpi_real a, rdpi_real b) {{ return b < a ? b : a; }}
-static inline int32_t rdpi_min_int(int32_t a, int32_t b) {{ return b < a ? b : a; }}
-static inline int32_t rdpi_max_int(int32_t a, int32_t b) {{ return b > a ? b : a; }}
 static inline rdpi_real rdpi_max(rdpi_real a, rdpi_real b) {{ return b > a ? b : a; }}
 static inline int32_t rdpi_min_int(int32_t a, int32_t b) {{ return b < a ? b : a; }}
 static inline int32_t rdpi_max_int(int32_t a, int32_t b) {{ return b > a ? b : a; }}
@@ -59,7 +57,6 @@ def head(single: bool = False) -> str:
         f"#define RDPI_{each} {each.lower()}{end}" for each in _FUNCTIONS.split()
     )
     macros += f"\n#define RDPI_FABS fabs{end}\n#define RDPI_COPYSIGN copysign{end}"
-    macros += f"\n#define RDPI_WIDE(d, f) {'f' if single else 'd'}"
     return _HEAD.format(
         real="float" if single else "double",
         literal="x##f" if single else "x",
