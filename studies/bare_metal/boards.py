@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from rdpi_gym.support.errors import InputError
@@ -67,9 +68,15 @@ BOARDS: Mapping[str, Board] = {
 """By a short name; the emulator has the Cortex-M0, whose instructions are those of the M0+."""
 
 
+@cache
 def missing() -> str | None:
-    """Return the name of a tool that is not installed, else None."""
-    return next((tool for tool in (COMPILER, EMULATOR) if shutil.which(tool) is None), None)
+    """Return what has to be installed before anything is compiled and run, else None."""
+    for tool in (COMPILER, EMULATOR):
+        if shutil.which(tool) is None:
+            return tool
+    # Without the C library the compiler answers with the name alone.
+    specs = _ran([COMPILER, "-print-file-name=rdimon.specs"]).stdout.strip()
+    return None if Path(specs).is_absolute() else "libnewlib-arm-none-eabi"
 
 
 def object_of(board: Board, source: Path, target: Path, options: Sequence[str] = ()) -> Path:
@@ -117,7 +124,7 @@ def ran(board: Board, program: Path) -> str:
     Raises
     ------
     InputError
-        It does not end with status 0.
+        It does not end, or not with status 0.
     """
     done = _ran(
         [
@@ -133,30 +140,25 @@ def ran(board: Board, program: Path) -> str:
 
 
 def sizes(binary: Path) -> dict[str, int]:
-    """Return the bytes of code, of constants, and of what is written, of an object or a program."""
+    """Return the bytes of code and of constants of an object or a program."""
     done = _ran(["arm-none-eabi-size", "-A", str(binary)])
-    found = {"code": 0, "constants": 0, "written": 0}
+    found = {"code": 0, "constants": 0}
     for line in done.stdout.splitlines():
-        words = line.split()
-        for kind, starts in (
-            ("code", ".text"),
-            ("constants", ".rodata"),
-            ("written", (".data", ".bss")),
-        ):
-            if len(words) == 3 and words[0].startswith(starts):
-                found[kind] += int(words[1])
+        name, size, *_ = [*line.split(), "", ""]
+        for kind, start in (("code", ".text"), ("constants", ".rodata")):
+            if name.startswith(start):
+                found[kind] += int(size)
     return found
 
 
 def _ran(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=_LIMIT_S,
-        stdin=subprocess.DEVNULL,
-    )
+    try:
+        return subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=_LIMIT_S,
+            stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired as error:
+        raise InputError(f"{command[0]} does not end within {_LIMIT_S} s") from error
 
 
 def _compiled(board: Board, arguments: Sequence[str], target: Path) -> Path:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rdpi_gym.firmware.source import Source, header_text, source_text
-from rdpi_gym.firmware.vectors import vectors, vectors_text
+from rdpi_gym.firmware.vectors import SAMPLES, vectors, vectors_text
 from rdpi_gym.support.errors import InputError
 from studies.bare_metal.boards import HERE, Board, linked_alone, object_of, program_of, ran, sizes
 
@@ -44,11 +44,12 @@ class Cost:
     away: float
 
 
-def write_sources(source: Source, folder: Path) -> None:
+def write_sources(source: Source, folder: Path, samples: int = SAMPLES) -> None:
     """Write header, source and vectors of generated code."""
+    made = vectors(source, samples)
     (folder / f"{source.name}.h").write_text(header_text(source), encoding="ascii")
     (folder / f"{source.name}.c").write_text(source_text(source), encoding="ascii")
-    (folder / "rdpi_vectors.h").write_text(vectors_text(source, vectors(source)), encoding="ascii")
+    (folder / "rdpi_vectors.h").write_text(vectors_text(source, made), encoding="ascii")
 
 
 def cost(
@@ -73,9 +74,10 @@ def cost(
         The compiler refuses it, or the emulator does not count a known loop rightly.
     """
     program = source.program
-    low, high = source.reached_um if program.kind == "plant" else program.command_range_V
+    low, high = program.command_range_V
+    span = 2.0 * program.scale_um if program.kind == "plant" else high - low
     options = (
-        optimised, "-ffp-contract=off", f"-DRDPI_PRECISION={precision}", f"-DRDPI_SPAN={high - low!r}",
+        optimised, "-ffp-contract=off", f"-DRDPI_PRECISION={precision}", f"-DRDPI_SPAN={span!r}",
         f"-I{folder}",
     )  # fmt: skip
     generated = folder / f"{source.name}.c"
@@ -88,7 +90,7 @@ def cost(
     )
     said = {line.split()[0]: line.split()[1:] for line in ran(board, whole).splitlines()}
     loop = board.instructions(float(said["loop"][0]))
-    if abs(loop - _LOOP) > 5:
+    if abs(loop / _LOOP - 1.0) > 0.01:
         raise InputError(f"{board.core}: a loop of {_LOOP} instructions is counted as {loop:g}")
     steps, most, count = map(float, said["steps"])
     own, all_of_it = sizes(thing), sizes(linked)

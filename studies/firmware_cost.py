@@ -1,0 +1,221 @@
+"""What generated code costs on a microcontroller: bytes, instructions of a step, distance from Python.
+
+    python -m studies.firmware_cost
+
+Controllers and plants are exported, compiled for a Cortex-M4F and a Cortex-M0+ at -O2 and -Os in
+double, float and, where they have it, Q31, and run over the vectors of their folder in QEMU, whose
+clock goes by instructions. A loop of known length is counted along.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+import tempfile
+from argparse import Namespace
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from rdpi_gym.firmware.controllers import ControllerTwin, controller_program
+from rdpi_gym.firmware.fixed_point import fixed_point_body
+from rdpi_gym.firmware.plants import plant_program
+from rdpi_gym.firmware.program import Program
+from rdpi_gym.firmware.source import Source
+from rdpi_gym.firmware.vectors import SAMPLES
+from rdpi_gym.plant import P10, PlantModel
+from rdpi_gym.plant.effects import load_effect
+from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
+from studies.bare_metal.boards import BOARDS, COMPILER, EMULATOR, missing
+from studies.bare_metal.counted import cost, write_sources
+
+RESULTS = Path(__file__).parent / "results"
+TS_S = 5e-5
+ASKED = {"code_bytes": 4096, "state_bytes": 512, "most_instructions": 1500}
+"""What a compensator of ten plays in float on the M4F has to stay below."""
+_CONTROLLERS = (
+    "none", "classical-reference-rate", "classical-low-passed", "inversion-free-reference-rate",
+    "static-inverse-multiplicative", "pi", "pi-classical-reference-rate", "core-inverse",
+    "integral-resonant", "smith-predictor", "lqg-preview", "adaptive-feedforward",
+    "model-predictive",
+)  # fmt: skip
+_OPTIONS = ("-O2", "-Os")
+# A network's steps are so much longer.
+_LONGER = 20
+_PRECISIONS = {64: "double", 32: "float", 31: "Q31"}
+
+
+def stage() -> PlantModel[Any]:
+    """Return P10 with an actuator's lag, a resonance, creep and a delay."""
+    effects = [
+        load_effect("creep")(),
+        load_effect("resonance")(f0_hz=739.0, damping=0.03),
+        load_effect("sensor_lag")(1.5e-4),
+        load_effect("delay")(delay_s=1e-4),
+    ]
+    return dataclasses.replace(P10, name="P10 with four effects", effects=tuple(effects))
+
+
+def cases() -> Mapping[str, Callable[[], Program]]:
+    """Return what is exported, by what the table calls it.
+
+    Examples
+    --------
+    >>> "pi-classical-reference-rate" in cases()
+    True
+    """
+
+    def controller(name: str, model: PlantModel[Any]) -> Callable[[], Program]:
+        return lambda: controller_program(name, model, TS_S)
+
+    found = {name: controller(name, P10) for name in _CONTROLLERS}
+    found["extended-inverse, four effects"] = controller("extended-inverse", stage())
+    found["learned:imitation-stage, 100 µs"] = lambda: controller_program(
+        "learned:imitation-stage", P10, 2.0 * TS_S
+    )
+    found["plant P10"] = lambda: plant_program(P10, TS_S)
+    found["plant, four effects"] = lambda: plant_program(stage(), TS_S)
+    return found
+
+
+def measure(
+    names: Sequence[str] | None = None, samples: int = SAMPLES
+) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Return the costs, and why there are none by case.
+
+    Parameters
+    ----------
+    names
+        Keys of :func:`cases`; None: all.
+    samples
+        Of each one's vectors; of a network's a twentieth.
+
+    Raises
+    ------
+    InputError
+        A tool is not installed.
+    """
+    tool = missing()
+    if tool is not None:
+        raise InputError(f"{tool} is not installed; apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm")  # fmt: skip
+    rows: list[dict[str, Any]] = []
+    without: dict[str, str] = {}
+    known = cases()
+    for name in known if names is None else names:
+        print(name, file=sys.stderr)
+        try:
+            source = _source(known[name]())
+        except InputError as error:
+            without[name] = str(error)
+            continue
+        with tempfile.TemporaryDirectory() as place:
+            folder = Path(place)
+            write_sources(source, folder, samples // _LONGER if "learned:" in name else samples)
+            for board in BOARDS:
+                for precision in source.precisions:
+                    for option in _OPTIONS:
+                        what = {"program": name, "core": board, "numbers": _PRECISIONS[precision], "option": option}  # fmt: skip
+                        try:
+                            found = cost(source, folder, BOARDS[board], precision, option)
+                        except InputError as error:
+                            without[", ".join(what.values())] = str(error)
+                            continue
+                        rows.append({**what, **dataclasses.asdict(found)})
+    return pd.DataFrame(rows), without
+
+
+def _source(program: Program) -> Source:
+    fixed = None
+    if isinstance(program.twin, ControllerTwin):
+        try:
+            fixed = fixed_point_body(program.twin.made)
+        except InputError:
+            fixed = None
+    return Source(program, None, fixed)
+
+
+def as_markdown(table: pd.DataFrame, without: Mapping[str, str], samples: int) -> str:
+    """Return the tables with what was measured and how."""
+    lines = ["# What generated code costs on a microcontroller", ""]
+    ten_plays = table[
+        (table["core"] == "M4F")
+        & (table["numbers"] == "float")
+        & (table["program"] == "classical-reference-rate")
+    ]
+    if not ten_plays.empty:
+        most = ten_plays.max(numeric_only=True)
+        said = (f"{most[key]:.0f} {_ASKED[key]} of {limit} allowed" for key, limit in ASKED.items())
+        lines += [
+            f"A classical compensator of ten plays in float on a Cortex-M4F: {', '.join(said)}.",
+            "",
+        ]
+    lines += [
+        "Written by `python -m studies.firmware_cost`: each program is compiled by "
+        f"{_version(COMPILER)} without a warning and runs {samples} vectors as its folder has them in "
+        f"{_version(EMULATOR)}, whose clock goes by instructions; a loop of 2,000 is counted along. "
+        "Instructions are of a step with its acknowledgement, the mean and the most; cycles are more. "
+        "Code and constants are of the object, linked is with what they need of the compiler's "
+        "libraries (software floating point, mathematics); state is an instance, with the memory that "
+        "waits to be acknowledged. `away` is the largest difference from Python as a fraction of the "
+        "command range, of a plant's stroke; 0: bit-equal. The M0+ has no floating-point unit, the M4F "
+        f"one for float. Sampling time {TS_S:g} s. A network runs a twentieth of the vectors.",
+        "",
+    ]
+    for board, kind in BOARDS.items():
+        rows = table[(table["core"] == board) & (table["option"] == "-O2")]
+        shown = rows.drop(columns=["core", "option"]).rename(columns=_WORDS)
+        for name in ("instructions", "at most"):
+            shown[name] = shown[name].round().astype(int)
+        lines += [f"## {kind.core}, -O2", "", frame_table(shown), ""]
+    if without:
+        lines += ["## Without", "", *(f"- {name}: {why}" for name, why in without.items()), ""]
+    return "\n".join(lines)
+
+
+_WORDS = {
+    "code_bytes": "bytes of code", "constant_bytes": "of constants", "linked_bytes": "linked",
+    "state_bytes": "bytes of state", "instructions": "instructions", "most_instructions": "at most",
+}  # fmt: skip
+
+_ASKED = {
+    "code_bytes": "bytes of code", "state_bytes": "bytes of state",
+    "most_instructions": "instructions a step",
+}  # fmt: skip
+
+
+def _version(tool: str) -> str:
+    said = subprocess.run([tool, "--version"], capture_output=True, text=True, check=True).stdout
+    return said.splitlines()[0]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print the table, and write it as CSV and Markdown."""
+    options = Options("firmware_cost", __doc__, out=RESULTS)
+    options.add_number("--samples", SAMPLES, "of the vectors", least=_LONGER)
+    options.add_argument(
+        "--only", nargs="+", metavar="PROGRAM", help="rows of the table; all by default"
+    )
+    return options.run(arguments, _measure_all)
+
+
+def _measure_all(chosen: Namespace) -> None:
+    unknown = [name for name in chosen.only or () if name not in cases()]
+    if unknown:
+        raise InputError(f"--only {unknown[0]} is no row; known are {', '.join(cases())}")
+    table, without = measure(chosen.only, chosen.samples)
+    if table.empty:
+        raise InputError("; ".join(f"{name}: {why}" for name, why in without.items()))
+    text = as_markdown(table, without, chosen.samples)
+    csv = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    write_atomic(chosen.out / "firmware_cost.csv", csv)
+    print(text, f"written to {write_atomic(chosen.out / 'firmware_cost.md', text)}", sep="\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

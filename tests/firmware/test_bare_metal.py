@@ -1,0 +1,66 @@
+import pytest
+
+from rdpi_gym.firmware.controllers import controller_program
+from rdpi_gym.firmware.fixed_point import fixed_point_body
+from rdpi_gym.firmware.plants import plant_program
+from rdpi_gym.firmware.source import Source
+from rdpi_gym.plant import named_plant
+from rdpi_gym.support.errors import InputError
+from studies.bare_metal.boards import BOARDS, missing, object_of
+from studies.bare_metal.counted import cost, write_sources
+from studies.firmware_cost import ASKED
+
+needs_tools = pytest.mark.skipif(
+    missing() is not None, reason=f"{missing()} is not installed: nothing runs on emulated boards"
+)
+AWAY = {64: 0.0, 32: 1e-5, 31: 1e-6}
+
+
+@pytest.fixture(scope="module")
+def costs(tmp_path_factory):
+    """What ten plays cost, by core and precision."""
+    folder = tmp_path_factory.mktemp("compensator")
+    program = controller_program("classical-reference-rate", named_plant("P10"), 5e-5)
+    source = Source(program, None, fixed_point_body(program.twin.made))
+    write_sources(source, folder)
+    return {
+        (core, precision): cost(source, folder, board, precision)
+        for core, board in BOARDS.items()
+        for precision in AWAY
+    }
+
+
+@needs_tools
+@pytest.mark.parametrize("precision", AWAY)
+@pytest.mark.parametrize("core", BOARDS)
+def test_the_vectors_come_out_on_the_board(core, precision, costs):
+    found = costs[core, precision]
+    assert found.away <= AWAY[precision]
+    assert 0 < found.instructions <= found.most_instructions
+    assert found.linked_bytes >= found.code_bytes
+
+
+@needs_tools
+def test_ten_plays_in_float_cost_what_is_asked_at_most(costs):
+    found = costs["M4F", 32]
+    assert all(getattr(found, name) < limit for name, limit in ASKED.items()), found
+
+
+@needs_tools
+def test_whole_numbers_are_cheaper_than_floats_where_no_unit_computes_those(costs):
+    assert costs["M0+", 31].instructions < 0.5 * costs["M0+", 32].instructions
+
+
+@needs_tools
+def test_a_plant_runs_too(tmp_path):
+    source = Source(plant_program(named_plant("P5"), 1e-4))
+    write_sources(source, tmp_path, 200)
+    assert cost(source, tmp_path, BOARDS["M4F"], 64).away == 0.0
+
+
+@needs_tools
+def test_what_the_compiler_refuses_is_said(tmp_path):
+    broken = tmp_path / "broken.c"
+    broken.write_text("int main(void) { return missing; }\n")
+    with pytest.raises(InputError, match=r"Cortex-M4F: .*broken\.c"):
+        object_of(BOARDS["M4F"], broken, tmp_path / "broken.o")
