@@ -8,15 +8,19 @@ from rdpi_gym.firmware.counting import Operations, count
 from rdpi_gym.firmware.fixed_point import FixedPoint
 from rdpi_gym.firmware.source import Source, safe
 from rdpi_gym.firmware.templating import filled, template
+from rdpi_gym.firmware.vectors import ROUGH, allowed
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import table
 from rdpi_gym.support.words import number
 
 _NAMES = {64: "double", 32: "float", 31: "Q31"}
+_UNITS = {"controller": "the range of commands", "plant": "the stroke"}
 _BYTES = {"int32_t": 4, "uint32_t": 4, "int64_t": 8}
 
 
-def manual_text(source: Source, code: str, warnings: Sequence[str] = ()) -> str:
+def manual_text(
+    source: Source, code: str, warnings: Sequence[str] = (), amplified: float = 1.0
+) -> str:
     """Return the page.
 
     Parameters
@@ -27,16 +31,26 @@ def manual_text(source: Source, code: str, warnings: Sequence[str] = ()) -> str:
         Its header and its source, from which operations are counted.
     warnings
         What to beware of, a sentence each.
+    amplified
+        How much it makes of roundings.
     """
     program = source.program
     kind = program.kind
     low, high = program.command_range_V
+    limits = {p: f"{each:.0e}" for p, each in allowed(amplified).items()}
     exact = "equal to Python bit by bit in `double`, compiled without contraction"
     if not program.exact:
-        exact = f"within 1e-13 of the stroke of Python in `double` ({_plain(program.inexact_because).rstrip('.')})"
+        why = _plain(program.inexact_because).rstrip(".")
+        exact = f"within {limits[64]} of {_UNITS[kind]} of Python in `double` ({why})"
     notes = [*warnings, *program.notes]
     if source.fixed is not None:
         notes += source.fixed.notes
+    if amplified > ROUGH:
+        notes.insert(
+            0,
+            f"It makes {amplified:.0e} times as much of every rounding, being outside its stability limit or "
+            "estimating as it runs: prefer double, and look at what it does in float before it drives a stage.",
+        )
     reach = source.reach_um
     return filled(
         template(f"package/README_{kind}.md"),
@@ -51,6 +65,8 @@ def manual_text(source: Source, code: str, warnings: Sequence[str] = ()) -> str:
         REST=f"{program.rest_V:g}",
         REACH="" if reach is None else f" (slowly, {reach[0]:.4g} to {reach[1]:.4g} µm)",
         EXACT=exact,
+        FLOAT=limits[32],
+        WHOLE=limits[31],
         MEMORY=_memory(source),
         OPERATIONS=_operations(source, code),
         SCALES="" if source.fixed is None else _scales(source.fixed),

@@ -11,7 +11,7 @@ from rdpi_gym.firmware.manual import manual_text
 from rdpi_gym.firmware.sfunction import sfunction_text
 from rdpi_gym.firmware.source import Source, header_text, safe, source_text
 from rdpi_gym.firmware.templating import filled, template
-from rdpi_gym.firmware.vectors import SAMPLES, vectors, vectors_text
+from rdpi_gym.firmware.vectors import SAMPLES, allowed, amplification, vectors, vectors_text
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_atomic, write_json
 from rdpi_gym.support.folders import replaced_folder
@@ -47,6 +47,8 @@ class Package:
     def files(self) -> dict[str, str]:
         """Return the texts by their names in the folder, ``program.json`` left out."""
         source = self.source
+        made = vectors(source)
+        amplified = amplification(source, made)
         name, kind = source.name, source.program.kind
         values = {
             "NAME": name,
@@ -57,6 +59,7 @@ class Package:
             "MATH": " -lm" if source.has_mathematics else "",
             "MATH_LIBRARY": "m" if source.has_mathematics else "",
             "SAMPLES": str(SAMPLES),
+            **{f"ALLOWED_{_WORDS[p]}": f"{each:.0e}" for p, each in allowed(amplified).items()},
             "CENTRE": repr(float(source.program.centre_um)),
             "THIRD": repr(float(source.program.scale_um / 3.0)),
         }
@@ -68,13 +71,13 @@ class Package:
             f"{name}.h": header_text(source),
             f"{name}.c": source_text(source),
             f"{name}_sfunction.c": sfunction_text(source.program),
-            "rdpi_vectors.h": vectors_text(source, vectors(source)),
+            "rdpi_vectors.h": vectors_text(source, made),
             **{
                 to: filled(template(f"package/{of}"), parts, **values) for to, of in c_files.items()
             },
         }
         code = texts[f"{name}.h"] + texts[f"{name}.c"]
-        texts["README.md"] = manual_text(source, code, (*self.warnings, *self.notes))
+        texts["README.md"] = manual_text(source, code, (*self.warnings, *self.notes), amplified)
         return texts
 
 
@@ -108,6 +111,7 @@ def write_package(package: Package, out: Path) -> Path:
     return out
 
 
+_WORDS = {64: "DOUBLE", 32: "FLOAT", 31: "WHOLE"}
 _OTHER = tuple(
     f"rdpi_{kind}{end}" for kind in ("controller", "plant") for end in (".h", ".c", "_sfunction.c")
 )

@@ -6,11 +6,11 @@
 #include "rdpi_vectors.h"
 
 #if RDPI_PRECISION == 64
-#define RDPI_ALLOWED 1e-13
+#define RDPI_ALLOWED @ALLOWED_DOUBLE@
 #elif RDPI_PRECISION == 32
-#define RDPI_ALLOWED 1e-5
+#define RDPI_ALLOWED @ALLOWED_FLOAT@
 #else
-#define RDPI_ALLOWED 1e-6
+#define RDPI_ALLOWED @ALLOWED_WHOLE@
 #endif
 
 static rdpi_controller_state state;

@@ -6,9 +6,9 @@
 #include "rdpi_vectors.h"
 
 #if RDPI_PRECISION == 64
-#define RDPI_ALLOWED 1e-13
+#define RDPI_ALLOWED @ALLOWED_DOUBLE@
 #else
-#define RDPI_ALLOWED 1e-5
+#define RDPI_ALLOWED @ALLOWED_FLOAT@
 #endif
 
 static rdpi_plant_state state;
