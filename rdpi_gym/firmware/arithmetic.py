@@ -157,6 +157,8 @@ class Arithmetic:
             return self._divided(left, right)
         if name in ("Mod", "FloorDiv", "LShift", "RShift"):
             return self._whole(name, left, right, kind)
+        if isinstance(right, Known) and name in ("Add", "Sub") and abs(right.value) == math.inf:
+            return Known(right.value if name == "Add" else -right.value)  # the other one is finite
         kind = "int" if kind == "bool" else kind
         return Number(f"({text_of(left, kind)} {sign} {text_of(right, kind)})", kind)
 
@@ -230,6 +232,10 @@ class Arithmetic:
         """Return the smaller (``min``) or the larger (``max``) of two numbers, of equal ones the first."""
         if isinstance(left, Known) and isinstance(right, Known):
             return Known((min if name == "min" else max)(left.value, right.value))
+        never = math.inf if name == "min" else -math.inf
+        for one, other in ((left, right), (right, left)):
+            if isinstance(one, Known) and one.value == never:
+                return other
         kind = joined(kind_of(left), kind_of(right))
         end = "" if kind == "real" else "_int"
         return Number(

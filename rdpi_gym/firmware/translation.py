@@ -169,7 +169,7 @@ class Body(Expressions):
         short = {"Add": "+=", "Sub": "-=", "Mult": "*="}
         if operation in short and operand is not None and joined(kind, kind_of(operand)) == kind:
             self._line(f"{goal} {short[operation]} {bare(text_of(operand, kind))};")
-        else:
+        elif text_of(value, kind) != goal:
             self._line(f"{goal} = {bare(text_of(value, kind))};")
 
     def _bind(
@@ -201,15 +201,19 @@ class Body(Expressions):
         if isinstance(test, Known):
             return self._statements(node.body if test.value else node.orelse)
         self._materialise([*node.body, *node.orelse], node)
+        opened = len(self.lines)
         self._line(f"if ({bare(test.text)}) {{")
         ends = self._block(node.body)
+        also = False
         if node.orelse:
             self._line("} else {")
             also = self._block(node.orelse)
-            self._line("}")
-            return ends and also
+        written = len(self.lines) - opened - (2 if node.orelse else 1)
+        if written == 0:
+            del self.lines[opened:]  # neither branch does anything
+            return False
         self._line("}")
-        return False
+        return ends and also
 
     def _block(self, body: Sequence[ast.stmt]) -> bool:
         """Write statements that run as the code decides: what they bind anew ends with them."""

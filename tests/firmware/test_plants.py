@@ -103,5 +103,5 @@ def test_what_counts_samples_says_how_long_a_float_counts():
 
 def test_the_twin_begins_each_lane_at_rest():
     twin = plant_program(named_plant("P5"), TS_S).twin
-    u = _commands(200)[:, None]
+    u = _commands(1000)[:, None]
     assert (twin.plant(np.hstack([u, u])) == twin.plant(u)).all()
