@@ -20,10 +20,7 @@ from typing import Any
 
 import pandas as pd
 
-from rdpi_gym.firmware.controllers import ControllerTwin, controller_program
-from rdpi_gym.firmware.fixed_point import fixed_point_body
-from rdpi_gym.firmware.plants import plant_program
-from rdpi_gym.firmware.program import Program
+from rdpi_gym.firmware.making import package_of
 from rdpi_gym.firmware.source import Source
 from rdpi_gym.firmware.vectors import SAMPLES
 from rdpi_gym.plant import P10, PlantModel
@@ -62,7 +59,7 @@ def stage() -> PlantModel[Any]:
     return dataclasses.replace(P10, name="P10 with four effects", effects=tuple(effects))
 
 
-def cases() -> Mapping[str, Callable[[], Program]]:
+def cases() -> Mapping[str, Callable[[], Source]]:
     """Return what is exported, by what the table calls it.
 
     Examples
@@ -71,16 +68,14 @@ def cases() -> Mapping[str, Callable[[], Program]]:
     True
     """
 
-    def controller(name: str, model: PlantModel[Any]) -> Callable[[], Program]:
-        return lambda: controller_program(name, model, TS_S)
+    def made(model: PlantModel[Any], name: str | None, ts_s: float = TS_S) -> Callable[[], Source]:
+        return lambda: package_of(model, ts_s, name).source
 
-    found = {name: controller(name, P10) for name in _CONTROLLERS}
-    found["extended-inverse, four effects"] = controller("extended-inverse", stage())
-    found["learned:imitation-stage, 100 µs"] = lambda: controller_program(
-        "learned:imitation-stage", P10, 2.0 * TS_S
-    )
-    found["plant P10"] = lambda: plant_program(P10, TS_S)
-    found["plant, four effects"] = lambda: plant_program(stage(), TS_S)
+    found = {name: made(P10, name) for name in _CONTROLLERS}
+    found["extended-inverse, four effects"] = made(stage(), "extended-inverse")
+    found["learned:imitation-stage, 100 µs"] = made(P10, "learned:imitation-stage", 2.0 * TS_S)
+    found["plant P10"] = made(P10, None)
+    found["plant, four effects"] = made(stage(), None)
     return found
 
 
@@ -110,7 +105,7 @@ def measure(
     for name in known if names is None else names:
         print(name, file=sys.stderr)
         try:
-            source = _source(known[name]())
+            source = known[name]()
         except InputError as error:
             without[name] = str(error)
             continue
@@ -128,16 +123,6 @@ def measure(
                             continue
                         rows.append({**what, **dataclasses.asdict(found)})
     return pd.DataFrame(rows), without
-
-
-def _source(program: Program) -> Source:
-    fixed = None
-    if isinstance(program.twin, ControllerTwin):
-        try:
-            fixed = fixed_point_body(program.twin.made)
-        except InputError:
-            fixed = None
-    return Source(program, None, fixed)
 
 
 def as_markdown(table: pd.DataFrame, without: Mapping[str, str], samples: int) -> str:

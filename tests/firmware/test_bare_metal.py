@@ -1,12 +1,9 @@
 import pytest
 
-from rdpi_gym.firmware.controllers import controller_program
-from rdpi_gym.firmware.fixed_point import fixed_point_body
-from rdpi_gym.firmware.plants import plant_program
-from rdpi_gym.firmware.source import Source
+from rdpi_gym.firmware.making import package_of
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
-from studies.bare_metal.boards import BOARDS, missing, object_of
+from studies.bare_metal.boards import BOARDS, missing, object_of, program_of, ran
 from studies.bare_metal.counted import cost, write_sources
 from studies.firmware_cost import ASKED
 
@@ -20,8 +17,7 @@ AWAY = {64: 0.0, 32: 1e-5, 31: 1e-6}
 def costs(tmp_path_factory):
     """What ten plays cost, by core and precision."""
     folder = tmp_path_factory.mktemp("compensator")
-    program = controller_program("classical-reference-rate", named_plant("P10"), 5e-5)
-    source = Source(program, None, fixed_point_body(program.twin.made))
+    source = package_of(named_plant("P10"), 5e-5, "classical-reference-rate").source
     write_sources(source, folder)
     return {
         (core, precision): cost(source, folder, board, precision)
@@ -53,9 +49,22 @@ def test_whole_numbers_are_cheaper_than_floats_where_no_unit_computes_those(cost
 
 @needs_tools
 def test_a_plant_runs_too(tmp_path):
-    source = Source(plant_program(named_plant("P5"), 1e-4))
+    source = package_of(named_plant("P5"), 1e-4).source
     write_sources(source, tmp_path, 200)
     assert cost(source, tmp_path, BOARDS["M4F"], 64).away == 0.0
+
+
+@needs_tools
+@pytest.mark.parametrize(("core", "precision"), [("M4F", 32), ("M0+", 31)])
+def test_an_exported_main_runs_on_the_board(core, precision, tmp_path):
+    package = package_of(named_plant("P5"), 1e-4, "pi-inversion-free-reference-rate")
+    for name, text in package.files().items():
+        if "/" not in name:
+            (tmp_path / name).write_text(text)
+    sources = [tmp_path / "main.c", tmp_path / "rdpi_controller.c"]
+    options = ["-O2", "-std=gnu99", f"-DRDPI_PRECISION={precision}", f"-I{tmp_path}"]
+    program = program_of(BOARDS[core], sources, tmp_path / "main.elf", options)
+    assert "2000 vectors: largest difference" in ran(BOARDS[core], program)
 
 
 @needs_tools
