@@ -168,14 +168,20 @@ def _compiled(texts: Mapping[str, str], units: Sequence[str], suffix: str) -> by
         for file, text in texts.items():
             (folder / file).write_text(text, encoding="utf-8", newline="\n")
         library = f"model{suffix}"
-        # Windows: the compiler's own library is on no other machine
-        own = ["-static-libgcc"] if suffix == ".dll" else ["-fPIC"]
+        own = {
+            ".so": [
+                "-fPIC",
+                "-Wl,-z,defs",
+            ],  # a name that nothing defines is an error here, not later
+            ".dylib": ["-fPIC"],
+            ".dll": ["-static-libgcc"],  # the compiler's own library is on no other machine
+        }[suffix]
         done = run(
             [*words, *STRICT, *own, "-fvisibility=hidden", "-shared", *units, "-o", library, "-lm"],
             folder,
         )
         if done.returncode:
-            lines = [line for line in done.stderr.splitlines() if "error" in line]
+            lines = [x for x in done.stderr.splitlines() if "error" in x or "undefined" in x]
             said = lines[0].strip() if lines else f"exit status {done.returncode}"
             raise InputError(f"{words[0]} refuses the code of the FMU: {said}")
         return (folder / library).read_bytes()
