@@ -25,15 +25,15 @@ _LARGEST = 1e30  # a displacement (µm) above it is no answer
 # What a text may ask for, callees first. Ours have no library behind them; of equal numbers the first
 # is taken, as numba does.
 _HELPERS: Mapping[str, str] = {
-    "rdpi_min": "static rdpi_real rdpi_min(rdpi_real a, rdpi_real b)\n{\n    return b < a ? b : a;\n}\n",
-    "rdpi_max": "static rdpi_real rdpi_max(rdpi_real a, rdpi_real b)\n{\n    return b > a ? b : a;\n}\n",
-    "rdpi_min_int": "static int32_t rdpi_min_int(int32_t a, int32_t b)\n{\n    return b < a ? b : a;\n}\n",
-    "rdpi_max_int": "static int32_t rdpi_max_int(int32_t a, int32_t b)\n{\n    return b > a ? b : a;\n}\n",
+    "rdpi_min": "static rdpi_real rdpi_min(rdpi_real a, rdpi_real b)\n{\n    return (b < a) ? b : a;\n}\n",
+    "rdpi_max": "static rdpi_real rdpi_max(rdpi_real a, rdpi_real b)\n{\n    return (b > a) ? b : a;\n}\n",
+    "rdpi_min_int": "static int32_t rdpi_min_int(int32_t a, int32_t b)\n{\n    return (b < a) ? b : a;\n}\n",
+    "rdpi_max_int": "static int32_t rdpi_max_int(int32_t a, int32_t b)\n{\n    return (b > a) ? b : a;\n}\n",
     # 0 - (-0) is +0: the magnitude of a zero has no sign
     "rdpi_abs": (
-        "static rdpi_real rdpi_abs(rdpi_real x)\n{\n    return x <= RDPI_C(0.0) ? RDPI_C(0.0) - x : x;\n}\n"
+        "static rdpi_real rdpi_abs(rdpi_real x)\n{\n    return (x <= RDPI_C(0.0)) ? (RDPI_C(0.0) - x) : x;\n}\n"
     ),
-    "rdpi_is_nan": "static int32_t rdpi_is_nan(rdpi_real x)\n{\n    return x != x ? 1 : 0;\n}\n",
+    "rdpi_is_nan": "static int32_t rdpi_is_nan(rdpi_real x)\n{\n    return (x != x) ? 1 : 0;\n}\n",
     "rdpi_copysign": """\
 #if RDPI_PRECISION == 64
 typedef uint64_t rdpi_bits;
@@ -557,20 +557,23 @@ def _wall(source: Source) -> str:
             FAR=literal(FARTHEST * (high - low)),
             LARGEST=literal(_LARGEST),
         )
-    read = identifiers(program.step)
-    usable = ["reference_um", *(["measured_um"] if "measured_um" in read else [])]
+    takes = _takes_reference(source)
+    check = (
+        "    if (rdpi_is_usable(measured_um) == 0) {\n        usable = 0;\n    }"
+        if "measured_um" in identifiers(program.step)
+        else ""
+    )
     return filled(
         text,
-        frozenset({"REAL", "FIRST"} if _takes_reference(source) else {"REAL"}),
+        frozenset({"REAL", "FIRST"} if takes else {"REAL"}),
         CENTRE=literal(program.centre_um),
+        CHECK_MEASURED=check,
         FAR=literal(FARTHEST * program.scale_um),
+        FIRST="    rdpi_real first_um = reference_um;\n" if takes else "",
         LARGEST=literal(_LARGEST),
         REACH=_reach(source),
-        REST_ARGUMENT=", reference_um" if _takes_reference(source) else "",
-        UNUSED_FIRST=(
-            "" if source.fixed is None or _takes_reference(source) else "    (void)reference_um;"
-        ),
-        USABLE=" && ".join(f"rdpi_is_usable({each})" for each in usable),
+        REST_ARGUMENT=", first_um" if takes else "",
+        UNUSED_FIRST="" if source.fixed is None or takes else "    (void)reference_um;",
     )
 
 
