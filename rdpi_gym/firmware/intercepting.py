@@ -160,19 +160,19 @@ class Recorder:
         interception = self._interception
         recording, functions = interception.recording, interception.functions
         values: list[Value] = []
-        kept = False
         written: list[str] = []
+        copies: list[tuple[Traced, Traced]] = []
         for each in arguments:
-            if isinstance(each, Traced):
-                value = each.value()
-                if isinstance(value, Block) and each.store.writable:
-                    kept |= "m->" in value.text
-                    written += [name for name in each.store.names if name in value.text]
-                    if not kept and not written:
-                        raise InputError(f"{here()} hands over an array that is no block")
-                values.append(value)
-            else:
+            if not isinstance(each, Traced):
                 values.append(known_value(each, recording.tables))
+                continue
+            given = each
+            if each.ndim and not each.is_dense:
+                given = copy_of(each)
+                copies += [(each, given)] if each.store.writable else []
+            values.append(given.value())
+            written += given.store.names if each.ndim else []
+        kept = any(isinstance(value, Block) and "m->" in value.text for value in values)
         locals_: dict[str, tuple[str, Kind, int]] = {}
 
         def local(kind: Kind, size: int) -> str:
@@ -190,6 +190,8 @@ class Recorder:
                 raise InputError(f"{place}: {error}") from error
         if called.statement is not None:
             recording.tape.write(called.statement, writes=written, keeps=kept)
+        for each, given in copies:
+            assign(each, given)
         if isinstance(called.value, Block):
             name, kind, size = locals_[called.value.text]
             places = np.arange(size, dtype=np.int64).reshape(called.value.shape)
@@ -199,6 +201,8 @@ class Recorder:
             recording.tape.write(
                 f"{C_TYPES[kind]} {name} = {called.value.text};", name, [name, *written], kept
             )
+            for each, given in copies:
+                assign(each, given)
             return Traced(Local(recording, name, 1, kind), np.zeros((), dtype=np.int64))
         if isinstance(called.value, Known):
             return called.value.value  # type: ignore[return-value]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterator, Sequence
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from types import FrameType
 from typing import TypeAlias
 
 from rdpi_gym.support.errors import InputError
@@ -190,6 +192,24 @@ def recorded(run: Callable[[Tape], None]) -> tuple[Item, ...]:
     return _tidied(_living(items))
 
 
+_OURS = ("/rdpi_gym/firmware/", "/numpy/", "/numba/", "/torch/")
+
+
+def placed(frames: Iterable[tuple[FrameType, int]]) -> str:
+    """Return file and line of the last of frames that is of the traced code."""
+    found = "the controller"
+    for frame, line in frames:
+        name = frame.f_code.co_filename.replace("\\", "/")
+        if not name.startswith("<") and not any(part in name for part in _OURS):
+            found = f"{'/'.join(name.split('/')[-2:])}:{line}"
+    return found
+
+
+def place_of(error: BaseException) -> str:
+    """Return file and line of the traced code in which an error came up."""
+    return placed(traceback.walk_tb(error.__traceback__))
+
+
 def lines(items: Sequence[Item], indent: str = "") -> Iterator[str]:
     """Yield the lines of C."""
     for item in items:
@@ -221,7 +241,14 @@ def _grown(
     copies: Iterator[int],
 ) -> tuple[Item, ...]:
     tape = Tape(answers)
-    run(tape)
+    try:
+        run(tape)
+    except InputError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        if isinstance(error.__cause__, InputError):  # NumPy's word for it
+            raise error.__cause__ from error
+        raise InputError(f"{place_of(error)}: {error}, which has no C") from error
     events = tape.events[seen:]
     at = next((i for i, event in enumerate(events) if isinstance(event, _Decision)), None)
     if at is None:
@@ -335,9 +362,7 @@ def _rolled(items: tuple[Item, ...]) -> tuple[Item, ...]:
     return tuple(found)
 
 
-def _repetition(
-    items: tuple[Item, ...], plain: Sequence[str], at: int
-) -> tuple[Loop | None, int]:
+def _repetition(items: tuple[Item, ...], plain: Sequence[str], at: int) -> tuple[Loop | None, int]:
     """Return what begins at a place as a loop, and the length of its piece; `plain`: texts without names."""
     for length in range(3, min(_LONGEST, (len(items) - at) // _FEWEST) + 1):
         rest = plain[at + length : at + _FEWEST * length]

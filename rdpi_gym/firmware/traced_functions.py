@@ -111,7 +111,9 @@ def apply_ufunc(
         return f"{test} ? ({expression(*texts)}) : {before}"
 
     # the flag stays a flag
-    return _mixed(kind, guarded, (where, old, *inputs), (False, *[cast] * (1 + len(inputs))), target)
+    return _mixed(
+        kind, guarded, (where, old, *inputs), (False, *[cast] * (1 + len(inputs))), target
+    )
 
 
 def _expression(
@@ -167,9 +169,7 @@ def _expression(
     raise InputError(f"{here()}: np.{ufunc.__name__} has no C")
 
 
-def _power(
-    inputs: Sequence[Any], recording: Recording
-) -> tuple[Kind, Callable[..., str], bool]:
+def _power(inputs: Sequence[Any], recording: Recording) -> tuple[Kind, Callable[..., str], bool]:
     exponent = inputs[1]
     if not isinstance(exponent, Traced) and np.size(exponent) == 1:
         number = float(np.asarray(exponent).ravel()[0])
@@ -230,7 +230,9 @@ def _clip(
         ufunc, bound = (np.minimum, high) if low is None else (np.maximum, low)
         assert bound is not None
         return apply_ufunc(ufunc, "__call__", (a, bound), {"out": out})
-    return compute("real", lambda x, l, h: f"rdpi_min(rdpi_max({x}, {l}), {h})", a, low, high, out=out)
+    return compute(
+        "real", lambda x, l, h: f"rdpi_min(rdpi_max({x}, {l}), {h})", a, low, high, out=out
+    )
 
 
 def _matmul(a: Operand, b: Operand, out: Traced | None = None) -> Traced:

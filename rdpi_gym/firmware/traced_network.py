@@ -58,7 +58,9 @@ def _relu(x: Traced, inplace: bool = False) -> Traced:
 
 def _elu(x: Traced, alpha: float = 1.0, inplace: bool = False) -> Traced:
     below = x.recording.uses("EXPM1")
-    return compute("real", lambda v, a: f"({v} > RDPI_C(0.0)) ? {v} : ({a} * {below}({v}))", x, alpha)
+    return compute(
+        "real", lambda v, a: f"({v} > RDPI_C(0.0)) ? {v} : ({a} * {below}({v}))", x, alpha
+    )
 
 
 def _silu(x: Traced, inplace: bool = False) -> Traced:

@@ -10,16 +10,16 @@ reshaping are done by NumPy itself, on the places of the elements.
 from __future__ import annotations
 
 import sys
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import FrameType
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rdpi_gym.firmware.tables import Tables
-from rdpi_gym.firmware.tape import Tape
+from rdpi_gym.firmware.tape import Tape, placed
 from rdpi_gym.firmware.values import C_TYPES, Block, Kind, Known, Number, Value, literal
 from rdpi_gym.support.errors import InputError
 
@@ -358,13 +358,17 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
             raise InputError(f"{here()} rounds a number that is known only as it runs")
         return compute("real", lambda x: x, self)
 
+    @property
+    def is_dense(self) -> bool:
+        """Whether its elements lie one behind the other in their order, in what can be pointed at."""
+        dense = _counted((self.size,)) + self._first
+        return self.store.writable and np.array_equal(self.places.ravel(), dense)
+
     def value(self) -> Value:
-        """Return what stands for it in a call of a function of C: a number, or a block without gaps."""
+        """Return what stands for it in a call of a function of C: a number, or a block; it is dense."""
         if self.ndim == 0:
             return Number(self.store.element(int(self.places)), self.kind)
-        dense = np.array_equal(self.places.ravel(), _counted((self.size,)) + self._first)
-        source = self if dense and self.store.writable else copy_of(self)
-        return Block(source.store.pointer(source._first), self.shape, self.kind)
+        return Block(self.store.pointer(self._first), self.shape, self.kind)
 
     @property
     def _first(self) -> int:
@@ -692,19 +696,9 @@ def _collapsed(
     return found, [[column[i] for column in columns] for i in range(len(strides))]
 
 
-_OURS = ("/rdpi_gym/firmware/", "/numpy/", "/numba/", "/torch/")
-
-
 def here() -> str:
     """Return file and line of the traced code that runs, for errors."""
-    frame: FrameType | None = sys._getframe(1)
-    while frame is not None:
-        name = frame.f_code.co_filename.replace("\\", "/")
-        if not name.startswith("<") and not any(part in name for part in _OURS):
-            short = "/".join(name.split("/")[-2:])
-            return f"{short}:{frame.f_lineno}"
-        frame = frame.f_back
-    return "the controller"
+    return placed(reversed(list(traceback.walk_stack(sys._getframe(1)))))
 
 
 def known_value(value: Any, tables: Tables) -> Value:

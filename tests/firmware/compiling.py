@@ -45,17 +45,13 @@ static inline rdpi_real rdpi_copysign(rdpi_real x, rdpi_real s) {{
     return ((x < RDPI_C(0.0)) != (s < RDPI_C(0.0))) ? -x : x;
 }}
 """
-_FUNCTIONS = (
-    "EXP LOG SIN COS TANH POW SQRT EXPM1 LOG1P FLOOR CEIL FMOD ATAN2 ATAN TAN HYPOT ASIN ACOS SINH COSH"
-)
+_FUNCTIONS = "EXP LOG SIN COS TANH POW SQRT EXPM1 LOG1P FLOOR CEIL FMOD ATAN2 ATAN TAN HYPOT ASIN ACOS SINH COSH"
 
 
 def head(single: bool = False) -> str:
     """Return what the package writer puts before every program, all of it."""
     end = "f" if single else ""
-    macros = "\n".join(
-        f"#define RDPI_{each} {each.lower()}{end}" for each in _FUNCTIONS.split()
-    )
+    macros = "\n".join(f"#define RDPI_{each} {each.lower()}{end}" for each in _FUNCTIONS.split())
     macros += f"\n#define RDPI_FABS fabs{end}\n#define RDPI_COPYSIGN copysign{end}"
     return _HEAD.format(
         real="float" if single else "double",
@@ -69,11 +65,23 @@ def source(program: Program, single: bool = False) -> str:
     """Return all of the C of one program, with a function ``run_all`` over records."""
     fields = [f"rdpi_real {t.name}[{len(t.values)}];" for t in program.tables] or ["char none;"]
     memory = [f"rdpi_real {m.name}[{len(m.rest)}];" for m in program.memory] or ["char none;"]
-    values = ", ".join(
-        "{" + ", ".join(f"RDPI_C({float(x)!r})" if np.isfinite(x) else ("RDPI_INFINITY" if x > 0 else "-RDPI_INFINITY") for x in t.values) + "}"
-        for t in program.tables
-    ) or "0"
-    unused = "(void)p; (void)m; (void)reference_um; (void)ahead_um; (void)measured_um; (void)applied_V;"
+    values = (
+        ", ".join(
+            "{"
+            + ", ".join(
+                f"RDPI_C({float(x)!r})"
+                if np.isfinite(x)
+                else ("RDPI_INFINITY" if x > 0 else "-RDPI_INFINITY")
+                for x in t.values
+            )
+            + "}"
+            for t in program.tables
+        )
+        or "0"
+    )
+    unused = (
+        "(void)p; (void)m; (void)reference_um; (void)ahead_um; (void)measured_um; (void)applied_V;"
+    )
     begin = getattr(program, "begin", "")
     begins = ""
     if begin:
@@ -82,8 +90,8 @@ def source(program: Program, single: bool = False) -> str:
             f"(void)p; (void)m; (void)reference_um;\n{begin}\n}}\n"
         )
     return f"""{head(single)}
-typedef struct {{ {' '.join(fields)} }} rdpi_parameters;
-typedef struct {{ {' '.join(memory)} }} rdpi_memory;
+typedef struct {{ {" ".join(fields)} }} rdpi_parameters;
+typedef struct {{ {" ".join(memory)} }} rdpi_memory;
 static const rdpi_parameters own = {{ {values} }};
 {program.functions}
 static rdpi_real rdpi_run(const rdpi_parameters *p, rdpi_memory *m, rdpi_real reference_um,
@@ -127,7 +135,11 @@ def library(text: str, folder: Path, name: str = "text") -> ctypes.CDLL:
 
 
 def answers(
-    program: Program, reference_um: np.ndarray, measured_um: np.ndarray, folder: Path, single: bool = False
+    program: Program,
+    reference_um: np.ndarray,
+    measured_um: np.ndarray,
+    folder: Path,
+    single: bool = False,
 ) -> np.ndarray:
     """Return the commands of the compiled program, lane by lane, ``(T, B)``."""
     found = compiled(program, folder, single)

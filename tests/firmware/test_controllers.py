@@ -1,0 +1,238 @@
+"""Every controller's C, traced from its own Python, gives the commands that the Python gives."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numba.core.registry import CPUDispatcher
+
+from baselines.base import Baseline
+from baselines.extended import ExtendedInverse
+from baselines.inverses.catalogue import inverse_of
+from baselines.registry import CONTROLLERS
+from rdpi_gym.firmware import controllers
+from rdpi_gym.firmware.controllers import PhysicalLayout, controller_program, traced_program
+from rdpi_gym.firmware.program import Program
+from rdpi_gym.plant import CORES, P5, P10, PlantModel
+from rdpi_gym.plant.effects import CATALOGUE, Effect, load_effect
+from rdpi_gym.plant.parameters import DataScale
+from rdpi_gym.support.errors import InputError
+from tests.firmware.compiling import answers, needs_gcc
+
+TS_S, SAMPLES, LANES = 1e-4, 300, 2
+PLANS = ("iterative-learning", "preview-inversion", "repetitive")
+# a correction is solved for from sums in another order, sample by sample: differences add up
+ADAPTS = ("adaptive", "hybrid", "imitation")
+RESONANT = replace(
+    P10,
+    effects=(
+        load_effect("creep")(),
+        load_effect("resonance")(f0_hz=700.0, damping=0.02),
+        load_effect("delay")(delay_s=2.5e-4),
+    ),
+)
+
+
+def records(program: Program, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """References that swing, rest and jump, and a measurement that is off by noise and a step."""
+    rng = np.random.default_rng(seed)
+    rows = SAMPLES + program.preview
+    t = program.ts_s * np.arange(rows)[:, None]
+    swing = np.sin(2 * np.pi * rng.uniform(5.0, 80.0, LANES) * t + rng.uniform(0.0, 6.0, LANES))
+    reference = program.centre_um + program.scale_um * rng.uniform(0.3, 1.0, LANES) * swing
+    reference[120:160] = reference[120]
+    reference[200:] += 0.2 * program.scale_um
+    measured = reference[:SAMPLES] + 0.01 * program.scale_um * rng.normal(size=(SAMPLES, LANES))
+    measured[150:] += 0.05 * program.scale_um
+    return reference, measured
+
+
+def off_by(program: Program, folder: Path, single: bool = False) -> float:
+    """Largest difference of the C from Python, as share of the command range."""
+    reference, measured = records(program)
+    commands = answers(program, reference, measured, folder, single)
+    low, high = program.command_range_V
+    return float(np.max(np.abs(commands - program.twin.controller(reference, measured)))) / (
+        high - low
+    )
+
+
+def allowed(program: Program) -> float:
+    if program.exact:
+        return 0.0
+    return 1e-10 if program.title.startswith(ADAPTS) else 1e-13
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", [name for name in CONTROLLERS if name not in PLANS])
+def test_every_controller_gives_the_commands_of_its_python(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("control", reason="python-control is not installed") if (
+        name == "h-infinity"
+    ) else None
+    program = controller_program(name, P10, TS_S)
+    assert off_by(program, tmp_path) <= allowed(program)
+    assert program.exact or program.inexact_because
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    "name",
+    [
+        "extended-inverse",
+        "pi-extended-inverse",
+        "dual-loop",
+        "model-predictive",
+        "adaptive-inverse",
+    ],
+)
+def test_a_belief_with_effects_is_made_use_of(name: str, tmp_path: Path) -> None:
+    program = controller_program(name, RESONANT, TS_S)
+    assert program.preview > 1
+    assert off_by(program, tmp_path) <= allowed(program)
+
+
+def _one_form_of_each_inverse() -> list[Any]:
+    found: dict[object, Effect] = {}
+    for kind in (*CATALOGUE.values(), load_effect("unknown")):
+        for form in kind.forms:
+            key = inverse_of(form) or (
+                kind.name if kind.name in ("rate_law", "congruency") else None
+            )
+            if key is not None:
+                found.setdefault((key, kind.name), form())
+    return [pytest.param(each, id=each.full_name()) for each in found.values()]
+
+
+@needs_gcc
+@pytest.mark.parametrize("effect", _one_form_of_each_inverse())
+def test_every_kind_of_inverse_has_its_c(effect: Effect, tmp_path: Path) -> None:
+    program = controller_program("extended-inverse", replace(P10, effects=(effect,)), TS_S)
+    assert off_by(program, tmp_path) <= 1e-13
+
+
+def _cores() -> list[Any]:
+    scale = DataScale(0.0, 30.0, 20.0, fastest_V_s=400.0, shortest_s=1e-3, longest_s=4.0)
+    return [pytest.param(kind.comb(scale), id=name) for name, kind in CORES.items()]
+
+
+@needs_gcc
+@pytest.mark.parametrize("core", _cores())
+def test_any_core_is_inverted_by_the_same_search(core: Any, tmp_path: Path) -> None:
+    plant: PlantModel[Any] = PlantModel(core, "own", (-30.0, 30.0), (0.0, 5.0), offset_um=2.0)
+    program = controller_program("core-inverse", plant, 1e-3)
+    assert off_by(program, tmp_path) <= 1e-13
+    assert program.step.count("n < 9") == 2
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    "name",
+    [
+        "learned:ppo-increment",
+        "learned:ppo-correction",
+        "learned:imitation-stage",
+        "guarded:ppo-increment",
+    ],
+)
+def test_a_learned_policy_gives_its_commands_to_single_precision(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("torch", reason="torch is not installed")
+    program = controller_program(name, P10, TS_S)
+    assert off_by(program, tmp_path) <= 1e-5
+    assert "float32" in program.inexact_because
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", ["pi-classical-reference-rate", "core-inverse", "pi-preview"])
+def test_in_single_precision_it_is_off_by_a_hundred_thousandth(name: str, tmp_path: Path) -> None:
+    program = controller_program(name, P10, TS_S)
+    assert off_by(program, tmp_path, single=True) <= 1e-5
+
+
+@needs_gcc
+def test_a_memory_at_rest_that_is_no_line_in_the_reference_is_begun_in_c(tmp_path: Path) -> None:
+    bent = replace(P10, effects=(load_effect("asymmetry")(coefficient=0.05, span_um=40.0),))
+    program = controller_program("extended-inverse", bent, TS_S)
+    assert "m->state" in program.begin
+    assert off_by(program, tmp_path) <= 1e-13
+    assert controller_program("extended-inverse", P10, TS_S).begin == ""
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_what_plans_over_the_whole_reference_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match=f"^{name} plans over the whole reference"):
+        controller_program(name, P10, TS_S)
+
+
+def test_what_is_unknown_or_has_no_such_setting_is_refused() -> None:
+    with pytest.raises(InputError, match="is no controller of this package"):
+        controller_program("os:system", P10, TS_S)
+    with pytest.raises(InputError, match="none has no settings"):
+        controller_program("none", P10, TS_S, settings={"gain": 1.0})
+    with pytest.raises(InputError, match="has no setting 'leed'"):
+        controller_program("dual-loop", P10, TS_S, settings={"leed": 1.0})
+
+
+def test_a_preview_that_is_given_is_what_its_steps_get() -> None:
+    assert controller_program("adaptive-feedforward", P10, TS_S, preview=9).preview == 9
+    assert controller_program("classical-static", P10, TS_S).preview == 1
+
+
+def _seen() -> list[tuple[int, str, int]]:
+    return [
+        (id(module), name, id(value))
+        for module in list(sys.modules.values())
+        if module.__name__.split(".")[0] in ("baselines", "rdpi_gym")
+        for name, value in vars(module).items()
+        if value is np or isinstance(value, CPUDispatcher)
+    ]
+
+
+class Odd(ExtendedInverse):
+    """A controller that decides as nothing in C can."""
+
+    def next_command(self, observation: Any, reference_um: Any, state: Any) -> Any:
+        return np.fft.fft(reference_um[0])
+
+
+def test_what_modules_see_is_put_back_after_a_trace_even_a_failed_one() -> None:
+    controller_program("pi-classical-static", P10, TS_S)
+    before = _seen()
+    controller_program("extended-inverse", RESONANT, TS_S)
+    made = Odd(P10, PhysicalLayout.for_plant(P10, TS_S, preview=1))
+    with pytest.raises(InputError, match=r"^firmware/test_controllers\.py:\d+: np\.fft has no C"):
+        traced_program(made, "odd")
+    assert _seen() == before
+    assert isinstance(P10.hysteresis.block, CPUDispatcher)
+
+
+def test_another_thread_runs_controllers_while_one_is_traced() -> None:
+    layout = PhysicalLayout.for_plant(P5, TS_S, preview=1)
+    made = ExtendedInverse(P5, layout)
+    reference = 10.0 * np.sin(np.arange(50.0) / 9.0)[:, None]
+    wanted = made.command_block(reference)
+    found: list[np.ndarray] = []
+
+    class Halfway(ExtendedInverse):
+        def next_command(self, observation: Any, reference_um: Any, state: Any) -> Any:
+            other = threading.Thread(target=lambda: found.append(made.command_block(reference)))
+            other.start()
+            other.join()
+            return super().next_command(observation, reference_um, state)
+
+    traced_program(Halfway(P5, layout), "halfway")
+    assert found
+    assert all(np.array_equal(each, wanted) for each in found)
+
+
+def test_titles_and_models_are_kept_and_the_memory_is_counted() -> None:
+    program = controller_program("classical-static", P10, TS_S)
+    assert (program.kind, program.title, program.model) == ("controller", "classical-static", "P10")
+    assert program.memory_numbers == P10.hysteresis.n + 3
+    assert isinstance(controllers.ControllerTwin, type)
+    assert issubclass(type(program.twin.made), Baseline)  # type: ignore[attr-defined]
