@@ -13,6 +13,21 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import table
 from rdpi_gym.support.words import number
 
+DEVIATIONS = {
+    "2.2": "a step that has no effect for these numbers",
+    "2.5": "macros for callers",
+    "10.1": "whole numbers are shifted",
+    "10.3": "tables hold counts as numbers",
+    "10.7": "products are wider than their factors",
+    "10.8": "products are wider than their factors",
+    "12.1": "precedence of operators as in the Python that was translated",
+    "12.3": "several declarations in a line",
+    "14.4": "flags are whole numbers",
+    "15.5": "an input that is no number ends a step at once",
+    "17.8": "an argument is changed, as in the Python that was translated",
+    "18.4": "a pointer leads into a table",
+}
+"""Rules of MISRA C:2012 that the code does not keep, all of them required or advisory, and why."""
 _NAMES = {64: "double", 32: "float", 31: "Q31"}
 _UNITS = {"controller": "the range of commands", "plant": "the stroke"}
 _BYTES = {"int32_t": 4, "uint32_t": 4, "int64_t": 8}
@@ -70,6 +85,7 @@ def manual_text(
         MEMORY=_memory(source),
         OPERATIONS=_operations(source, code),
         SCALES="" if source.fixed is None else _scales(source.fixed),
+        DEVIATIONS="; ".join(f"{rule}, {why}" for rule, why in DEVIATIONS.items()),
         NOTES="\n".join(f"- {_plain(note)}" for note in notes) or "- None.",
     )
 

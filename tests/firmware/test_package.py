@@ -8,7 +8,7 @@ import pytest
 
 from rdpi_gym.firmware import package as packages
 from rdpi_gym.firmware.making import package_of
-from rdpi_gym.firmware.manual import state_bytes
+from rdpi_gym.firmware.manual import DEVIATIONS, state_bytes
 from rdpi_gym.firmware.package import Package, write_package
 from rdpi_gym.firmware.source import Source
 from rdpi_gym.plant import named_plant
@@ -74,6 +74,26 @@ def test_cppcheck_finds_nothing(exported):
             [*words, f"-DRDPI_PRECISION={precision}", *files], capture_output=True, text=True, check=False
         )  # fmt: skip
         assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_misra_rules_are_kept_but_for_those_that_the_page_lists(exported):
+    if not shutil.which("cppcheck"):
+        pytest.skip("no cppcheck here")
+    package, folder = exported
+    name = package.source.name
+    words = ["cppcheck", "-q", "--addon=misra", "--enable=style", "--std=c99", f"-I{folder}"]
+    for precision in package.source.precisions:
+        done = subprocess.run(
+            [*words, f"-DRDPI_PRECISION={precision}", str(folder / f"{name}.c")],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if "addon" in done.stderr and "misra-c2012" not in done.stderr:
+            pytest.skip("this cppcheck has no MISRA addon")
+        found = set(re.findall(r"misra-c2012-([\d.]+)", done.stderr))
+        assert "2.5" in found  # it looked
+        assert found <= set(DEVIATIONS)
+    page = (folder / "README.md").read_text(encoding="utf-8")
+    assert all(f"{rule}, " in page for rule in DEVIATIONS)
 
 
 @needs_gcc
