@@ -33,8 +33,9 @@ _UNITS: Mapping[str, Mapping[str, str]] = {
     "um": {"m": "1", "factor": "1e-06"},
 }
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_LONGEST_NAME = 48
-_LONGEST_TEXT = 200
+_LONGEST_IDENTIFIER = 48
+_LONGEST_NAME = 200
+_LONGEST_DESCRIPTION = 1000
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def model_identifier(program: Program) -> str:
     """
     title = [program.title] if program.kind == "controller" else []
     words = re.findall("[A-Za-z0-9]+", " ".join([*title, program.model]))
-    return f"rdpi_{program.kind}_{'_'.join(words)}"[:_LONGEST_NAME].rstrip("_")
+    return f"rdpi_{program.kind}_{'_'.join(words)}"[:_LONGEST_IDENTIFIER].rstrip("_")
 
 
 def model_description(
@@ -153,9 +154,9 @@ def model_description(
         "fmiModelDescription",
         {
             "fmiVersion": fmi,
-            "modelName": _text(_name(program)) or identifier,
+            "modelName": _text(_name(program), _LONGEST_NAME) or identifier,
             "instantiationToken" if third else "guid": token,
-            "description": _description(program),
+            "description": _text(_description(program), _LONGEST_DESCRIPTION),
             "generationTool": tool,
             "variableNamingConvention": "structured",
             **({} if third else {"numberOfEventIndicators": "0"}),
@@ -279,19 +280,20 @@ def _description(program: Program) -> str:
         if program.kind == "plant"
         else "Controller of a piezo actuator with hysteresis"
     )
-    return (
+    time = (
         f"{what}, sampled every {program.ts_s:g} s. A communication step is a whole multiple of that; "
-        "inputs are held for it"
+        "inputs are held for it."
     )
+    return " ".join([time, *program.notes])
 
 
 def _name(program: Program) -> str:
     return program.model if program.kind == "plant" else f"{program.title}, {program.model}"
 
 
-def _text(text: str) -> str:
+def _text(text: str, longest: int) -> str:
     """Return what XML can hold of a text, shortened."""
-    return _NO_XML.sub("�", printable(text))[:_LONGEST_TEXT]
+    return _NO_XML.sub("�", printable(text))[:longest]
 
 
 def _xml(root: ElementTree.Element) -> bytes:

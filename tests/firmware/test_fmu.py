@@ -15,12 +15,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.firmware.controllers import controller_program
 from rdpi_gym.firmware.fmu import binary_place, fmu_sources, write_fmu
 from rdpi_gym.firmware.fmu_description import model_description, model_identifier, variables
 from rdpi_gym.firmware.plants import plant_program
 from rdpi_gym.firmware.source import Source, header_text, source_text
-from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
 
 fmpy = pytest.importorskip("fmpy")
@@ -58,7 +58,7 @@ def without_a_choice_of_compiler():
 
 @pytest.fixture(scope="module")
 def programs():
-    belief = named_plant("P10")
+    belief = named_task("Stage").nominal()
     return {
         "plant": plant_program(belief, TS),
         "controller": controller_program("pi-classical-reference-rate", belief, TS, preview=2),
@@ -229,6 +229,18 @@ def test_the_sources_compile_without_a_warning_and_are_the_standards(written, fm
             )
 
 
+@pytest.mark.skipif(not shutil.which("cppcheck"), reason="cppcheck is not installed")
+@both_versions
+def test_cppcheck_finds_nothing(written, fmi):
+    checks = ["--std=c99", "--enable=warning,performance,portability", "--error-exitcode=1", "-q"]
+    for kind in KINDS:
+        folder = written[kind, fmi].folder / "sources"
+        own = [f"rdpi_{kind}.c", f"rdpi_fmi{fmi[0]}.c"]
+        command = ["cppcheck", *checks, "--suppress=missingIncludeSystem", *own]
+        run = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+
+
 @both_versions
 @both_kinds
 def test_another_machine_finds_all_sources_listed(written, kind, fmi):
@@ -302,7 +314,7 @@ def test_a_loop_of_two_is_the_loop_of_python(written, fmi):
     plant, controller = (begun(slave(written[kind, fmi], fmi), fmi) for kind in KINDS)
     program = written["controller", fmi].program
     steps = np.arange(N + program.preview)
-    r = program.centre_um + program.scale_um * np.sin(0.07 * steps)
+    r = program.centre_um + program.scale_um * np.sin(0.02 * steps)
     u, y = np.empty(N + 1), np.empty(N)
     u[:1] = controller.get([2])
     for k in range(N):
