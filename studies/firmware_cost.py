@@ -24,7 +24,7 @@ from rdpi_gym.firmware.making import package_of
 from rdpi_gym.firmware.source import Source
 from rdpi_gym.firmware.vectors import SAMPLES
 from rdpi_gym.plant import P10, PlantModel
-from rdpi_gym.plant.effects import load_effect
+from rdpi_gym.plant.effects import Effect, load_effect
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
@@ -49,14 +49,15 @@ _PRECISIONS = {64: "double", 32: "float", 31: "Q31"}
 
 
 def stage() -> PlantModel[Any]:
-    """Return P10 with an actuator's lag, a resonance, creep and a delay."""
-    effects = [
-        load_effect("creep")(),
-        load_effect("resonance")(f0_hz=739.0, damping=0.03),
-        load_effect("sensor_lag")(1.5e-4),
-        load_effect("delay")(delay_s=1e-4),
-    ]
-    return dataclasses.replace(P10, name="P10 with four effects", effects=tuple(effects))
+    """Return P10 with creep, a resonance, a sensor's lag and a delay."""
+    effect: Callable[[str], Callable[..., Effect]] = load_effect
+    effects = (
+        effect("creep")(),
+        effect("resonance")(f0_hz=739.0, damping=0.03),
+        effect("sensor_lag")(1.5e-4),
+        effect("delay")(delay_s=1e-4),
+    )
+    return dataclasses.replace(P10, name="P10 with four effects", effects=effects)
 
 
 def cases() -> Mapping[str, Callable[[], Source]]:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from baselines import make_controller
+from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.compiling import STRICT, compiler, run
 from rdpi_gym.firmware.making import package_of
@@ -88,11 +88,13 @@ def _compiled_ns(folder: Path, precision: int, rounds: int) -> float:
 
 
 def _python_ns(name: str, rounds: int) -> float:
-    layout = ObservationLayout.for_plant(P10, ts_s=TS_S, preview=1)
-    needed = make_controller(name, P10, layout).needed_preview
-    layout = ObservationLayout.for_plant(P10, ts_s=TS_S, preview=needed)
-    controller = make_controller(name, P10, layout)
-    shown = np.random.default_rng(0).uniform(-0.5, 0.5, (_PYTHON_STEPS, layout.size))
+    made, ahead = known_controller(name), 1
+    while True:
+        controller = made(P10, ObservationLayout.for_plant(P10, ts_s=TS_S, preview=ahead))
+        if controller.needed_preview <= ahead:
+            break
+        ahead = controller.needed_preview
+    shown = np.random.default_rng(0).uniform(-0.5, 0.5, (_PYTHON_STEPS, controller.layout.size))
     state = None
     times = []
     for _ in range(rounds + 1):

@@ -30,6 +30,29 @@ static int64_t rdpi_limited(int64_t x, int64_t low, int64_t high)
     return (x < low) ? low : ((x > high) ? high : x);
 }
 """,
+    "rdpi_size": """\
+/* |x| rounded, at most that of the farthest threshold. */
+static uint32_t rdpi_size(int64_t x, uint32_t shift)
+{
+    const uint64_t size = rdpi_magnitude(rdpi_rounded(x, shift));
+    return (size < UINT32_MAX) ? (uint32_t)size : UINT32_MAX;
+}
+""",
+    "rdpi_slid": """\
+/* A play x moved along to where it is no farther away than threshold + shift. */
+static int32_t rdpi_slid(int32_t x, int32_t along, uint32_t threshold, uint32_t shift)
+{
+    const uint32_t farthest = (shift < UINT32_MAX - threshold) ? threshold + shift : UINT32_MAX;
+    if (x > along) {
+        if ((uint32_t)x - (uint32_t)along > farthest) {
+            x = (int32_t)((int64_t)along + (int64_t)farthest);
+        }
+    } else if ((uint32_t)along - (uint32_t)x > farthest) {
+        x = (int32_t)((int64_t)along - (int64_t)farthest);
+    }
+    return x;
+}
+""",
     "rdpi_part": """\
 /* x * part / 2^shift; |x| at most 2^60, part from 0 to 2^30, shift from 30 to 62. */
 static int64_t rdpi_part(int64_t x, int32_t part, uint32_t shift)

@@ -49,6 +49,7 @@ _BITS, _INTEGRAL_BITS, _RATE_BITS = 30, 24, 16
 _INTEGRAL_END_BITS = 61
 # Displacements may be so much farther from their centre than references, and than what is reached.
 _HEADROOM, _BEYOND_REACH = 2.0, 1.5
+_WEIGHED = "total += (int64_t)p->weights[i] * m->plays[i];"
 _FEEDFORWARDS: frozenset[type[Baseline]] = frozenset(
     {
         StaticGain, InversionFreeLiteral, InversionFreeReferenceRate, InversionFreeLowPassed,
@@ -278,7 +279,7 @@ class _Writer:
         self.plays(model.thresholds_V, forward.start(np.zeros(1))[2:-1, 0], self.volts)
         weights = [-weight / a0 * self.volts for weight in model.weights[1:]]
         self.sum(1.0 / a0, weights, (self.centre_um - forward.belief.offset_um) / a0)
-        self.lines += _over_plays("total += (int64_t)p->weights[i] * m->plays[i];")
+        self.lines += _over_plays(_WEIGHED)
         if own:
             rate = self.own_rate(per_sample, model.rate_pole(self.ts_s))
             self.limit("forward_command", remember=True, between=rate.keep)
@@ -287,7 +288,7 @@ class _Writer:
             rate = self.reference_rate(per_sample / model.A * self.microns / self.volts)
             self.limit("forward_command", remember=False)
             self.lines += [*rate.find, *rate.keep]
-        self.lines += _over_plays(*_slide("total", bool(rate.find)))
+        self.lines += _over_plays(_slide("(int32_t)total", bool(rate.find)))
 
     def classical(self, forward: ClassicalInverse) -> None:
         """Write the inverse: plays that slide along the reference, then their sum."""
@@ -309,9 +310,7 @@ class _Writer:
         self.lines += [
             *rate.find,
             *([] if own else rate.keep),
-            *_over_plays(
-                *_slide("ahead_um[0]", bool(rate.find)), "total += (int64_t)p->weights[i] * x;"
-            ),
+            *_over_plays(_slide("ahead_um[0]", bool(rate.find)), _WEIGHED),
         ]
         self.limit("forward_command", remember=own, between=rate.keep if own else ())
 
@@ -406,7 +405,7 @@ class _Writer:
         self.memory.append(FixedMemory("reference", "int32_t", (0,), from_reference=True))
         change = "((int64_t)ahead_um[0] - m->reference[0]) * p->rate_gain[0]"
         return _Rate(
-            [f"const int64_t shift = (int64_t)rdpi_magnitude(rdpi_rounded({change}, {shift}u));"],
+            [f"const uint32_t shift = rdpi_size({change}, {shift}u);"],
             ["m->reference[0] = ahead_um[0];"],
         )
 
@@ -425,12 +424,12 @@ class _Writer:
             (part,), shift = _coefficients([1.0 - pole], "the pole of the rate", 30)
             self.table("rate_part", [part])
             keep = f"m->rate[0] += rdpi_part({change} - m->rate[0], p->rate_part[0], {shift}u);"
-        size = f"rdpi_magnitude(rdpi_rounded(m->rate[0], {_RATE_BITS}u))"
-        return _Rate([f"const int64_t shift = (int64_t){size};"], [keep])
+        return _Rate([f"const uint32_t shift = rdpi_size(m->rate[0], {_RATE_BITS}u);"], [keep])
 
 
 def _codes(fractions: ArrayLike) -> NDArray[np.int32]:
-    return np.clip(np.rint(np.asarray(fractions) * _ONE), -_ONE, _LARGEST).astype(np.int32)
+    whole = np.rint(np.asarray(fractions, dtype=np.float64) * _ONE)
+    return np.asarray(np.clip(whole, -_ONE, _LARGEST), dtype=np.int32)
 
 
 def _coefficients(values: Sequence[float], what: str, least_shift: int) -> tuple[list[int], int]:
@@ -449,10 +448,6 @@ def _over_plays(*statements: str) -> list[str]:
     return [head, *(f"    {line}" for line in statements), "}"]
 
 
-def _slide(along: str, moving: bool) -> list[str]:
-    threshold = "(int64_t)p->thresholds[i]" + (" + shift" if moving else "")
-    return [
-        f"const int64_t threshold = {threshold};",
-        f"const int64_t x = rdpi_limited(m->plays[i], {along} - threshold, {along} + threshold);",
-        "m->plays[i] = (int32_t)x;",
-    ]
+def _slide(along: str, moving: bool) -> str:
+    shift = "shift" if moving else "0u"
+    return f"m->plays[i] = rdpi_slid(m->plays[i], {along}, p->thresholds[i], {shift});"

@@ -1,5 +1,6 @@
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -172,6 +173,27 @@ def test_no_input_overflows_or_leaves_the_range(plant, name, ts_s, tmp_path):
         assert len(codes) == 40_000
         assert codes.min() >= body.low
         assert codes.max() <= body.high
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    "name", ["pi-classical-low-passed", "inversion-free-reference-rate", "none"]
+)
+def test_a_stage_that_is_pushed_one_way_follows_too(name, tmp_path):
+    pushed = replace(
+        named_plant("P10"), command_range_V=(10.0, 100.0), reference_um=(60.0, 35.0), offset_um=-7.0
+    )
+    layout = ObservationLayout.for_plant(pushed, ts_s=5e-5, preview=1)
+    controller = make_controller(name, pushed, layout)
+    body = fixed_point_body(controller)
+    program = built(body, tmp_path)
+    assert body.commands_V([body.low, body.rest, body.high]) == pytest.approx([10.0, 10.0, 100.0])
+    reference, measured = record(layout, 20_000, 1, seed=4)
+    codes = answered(
+        program, body.displacement_codes(reference[:, 0]), body.displacement_codes(measured[:, 0])
+    )
+    wanted = commands_V(controller, reference, measured)[:, 0]
+    assert np.abs(body.commands_V(codes) - wanted).max() < TOLERANCE * 90.0
 
 
 @needs_compiler
