@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,7 @@ def package_of(
     }
     if program.kind == "plant":
         return Package(Source(program), recipe)
-    recipe |= {"controller": controller, "preview": program.preview}
+    recipe |= {"controller": _found_anywhere(controller or ""), "preview": program.preview}
     fixed, why = _fixed(program)
     said = program.twin.made.warning() if isinstance(program.twin, ControllerTwin) else None
     notes, warnings = (() if each is None else (each,) for each in (why, said))
@@ -158,14 +159,22 @@ def reach_um(model: PlantModel[Any], ts_s: float) -> tuple[float, float]:
 
 def _fixed(program: Program) -> tuple[FixedPoint | None, str | None]:
     """Return the form on whole numbers, or why there is none."""
-    if not isinstance(program.twin, ControllerTwin):
-        return None, None
+    if not isinstance(program.twin, ControllerTwin) or not hasattr(program.twin.made, "name"):
+        return None, None  # a plant, or a policy
     try:
         return fixed_point_body(program.twin.made), None
     except InputError as error:
         return None, f"No form on whole numbers: {error}"
     except NotImplementedError:
         return None, None
+
+
+def _found_anywhere(controller: str) -> str:
+    """Return a controller's name, the folder of a policy written from the root."""
+    prefix, sign, folder = controller.rpartition(":")
+    return (
+        f"{prefix}{sign}{Path(folder).absolute()}" if sign and Path(folder).is_dir() else controller
+    )
 
 
 def _object(value: Any, source: str) -> Mapping[str, Any]:

@@ -52,7 +52,7 @@ def manual_text(
     program = source.program
     kind = program.kind
     low, high = program.command_range_V
-    limits = {p: f"{each:.0e}" for p, each in allowed(amplified).items()}
+    limits = {p: f"{each:.0e}" for p, each in allowed(amplified, single=source.is_single).items()}
     exact = "equal to Python bit by bit in `double`, compiled without contraction"
     if not program.exact:
         why = _plain(program.inexact_because).rstrip(".")

@@ -59,7 +59,10 @@ class Package:
             "MATH": " -lm" if source.has_mathematics else "",
             "MATH_LIBRARY": "m" if source.has_mathematics else "",
             "SAMPLES": str(SAMPLES),
-            **{f"ALLOWED_{_WORDS[p]}": f"{each:.0e}" for p, each in allowed(amplified).items()},
+            **{
+                f"ALLOWED_{_WORDS[p]}": f"{each:.0e}"
+                for p, each in allowed(amplified, single=source.is_single).items()
+            },
             "CENTRE": repr(float(source.program.centre_um)),
             "THIRD": repr(float(source.program.scale_um / 3.0)),
         }

@@ -105,6 +105,11 @@ class Source:
         return (centre - far, centre + far) if self.reach_um is None else self.reach_um
 
     @property
+    def is_single(self) -> bool:
+        """Whether Python itself has numbers of single precision in it, as a network's."""
+        return "float32" in self.program.inexact_because
+
+    @property
     def has_mathematics(self) -> bool:
         """Whether a call of the library of mathematics is compiled in."""
         return bool(_asked(self._text) & {f"RDPI_{name}" for name in MATHEMATICS})

@@ -101,22 +101,27 @@ def amplification(source: Source, made: Vectors, seed: int = _SEED) -> float:
     return float(np.abs(found - made.expected).max() / unit_of(source, made) / _LAST_BIT)
 
 
-def allowed(amplified: float) -> dict[int, float]:
+def allowed(amplified: float, *, single: bool = False) -> dict[int, float]:
     """Return the largest difference from Python that is a matter of rounding, by precision.
 
     Parameters
     ----------
     amplified
         :func:`amplification`; it counts where it is large.
+    single
+        Whether Python itself has numbers of single precision in it.
 
     Examples
     --------
     >>> allowed(3.0) == ALLOWED, allowed(1e5)[32]
     (True, 0.0596...)
     """
+    usual, epsilon = dict(ALLOWED), dict(_EPSILON)
+    if single:
+        usual[64], epsilon[64] = usual[32], epsilon[32]
     if not amplified > ROUGH:
-        return dict(ALLOWED)
-    return {p: min(max(each, 10.0 * amplified * _EPSILON[p]), 1.0) for p, each in ALLOWED.items()}
+        return usual
+    return {p: min(max(each, 10.0 * amplified * epsilon[p]), 1.0) for p, each in usual.items()}
 
 
 def unit_of(source: Source, made: Vectors) -> float:

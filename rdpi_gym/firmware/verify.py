@@ -17,7 +17,6 @@ from rdpi_gym.firmware.package import DESCRIPTION, FORMAT, VERSION, Package
 from rdpi_gym.firmware.source import Source, header_text, source_text
 from rdpi_gym.firmware.templating import template
 from rdpi_gym.firmware.vectors import (
-    ALLOWED,
     ROUGH,
     Vectors,
     allowed,
@@ -190,9 +189,9 @@ def verify(
             at += lanes
         for precision, difference in largest.items():
             exact = precision == 64 and source.program.exact
-            limit = 0.0 if exact else allowed(amplified)[precision]
+            limit = 0.0 if exact else allowed(amplified, single=source.is_single)[precision]
             name, count = _NAMES[precision], records * samples
-            usual = 0.0 if exact else ALLOWED[precision]
+            usual = 0.0 if exact else allowed(1.0, single=source.is_single)[precision]
             rows.append(Row("records", name, count, difference, limit, difference <= limit, usual))
         say("comparing", records, records)
         rows += [each.wild(min(records, 100), samples, seed) for each in programs.values()]
@@ -247,7 +246,8 @@ class _Program:
         largest, limit = float(found[2]), float(found[3])
         passed = done.returncode == 0 and largest <= limit
         name = _NAMES[self._precision]
-        return Row("vectors", name, int(found[1]), largest, limit, passed, ALLOWED[self._precision])
+        usual = allowed(1.0, single=self._source.is_single)[self._precision]
+        return Row("vectors", name, int(found[1]), largest, limit, passed, usual)
 
     def difference(self, expected: Vectors) -> float:
         """Return the largest difference from Python, as a fraction."""
