@@ -169,7 +169,8 @@ def traced_program(made: Baseline, title: str) -> Program:
         window = column[: layout.preview + 1]
         physical = isinstance(layout, PhysicalLayout)
         shown = column.T if physical else observed(layout, window, column[-2], column[-1])
-        command = made.next_command(shown, window[:2], _memory(recording, count))
+        traced: Any = shown, window[:2], _memory(recording, count)
+        command: Any = made.next_command(*traced)
         if not isinstance(command, Traced):  # the same whatever is measured
             value = constant(command[0])
         else:
@@ -178,7 +179,7 @@ def traced_program(made: Baseline, title: str) -> Program:
 
     def begin(recording: Recording) -> None:
         given = Inputs(recording, [("reference_um", None)])
-        reference = Traced(given, np.zeros(1, dtype=np.int64))
+        reference: Any = Traced(given, np.zeros(1, dtype=np.int64))
         _memory(recording, count)[:] = made.start(reference)
 
     body = tracer.text(step)

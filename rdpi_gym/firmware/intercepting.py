@@ -137,6 +137,7 @@ class Recorder:
         self._interception, self._kernel = interception, kernel
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """Write the call, or run the kernel itself."""
         if named:
             bound = inspect.signature(self._kernel.py_func).bind(*arguments, **named)
             bound.apply_defaults()
@@ -156,7 +157,7 @@ class Recorder:
     def __hash__(self) -> int:
         return hash(self._kernel)
 
-    def _recorded(self, arguments: Sequence[Any]) -> Traced | None:
+    def _recorded(self, arguments: Sequence[Any]) -> Any:
         interception = self._interception
         recording, functions = interception.recording, interception.functions
         values: list[Value] = []
@@ -205,7 +206,7 @@ class Recorder:
                 assign(each, given)
             return Traced(Local(recording, name, 1, kind), np.zeros((), dtype=np.int64))
         if isinstance(called.value, Known):
-            return called.value.value  # type: ignore[return-value]
+            return called.value.value
         return None
 
 

@@ -3,105 +3,17 @@
 from __future__ import annotations
 
 import itertools
-import re
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from types import FrameType
-from typing import TypeAlias
 
+from rdpi_gym.firmware.statements import LOCAL, Fork, Item, Statement, declared, lines
+from rdpi_gym.firmware.tidying import tidied
 from rdpi_gym.support.errors import InputError
 
-LOCAL = re.compile(r"\bt\d+\b")
-"""Names of local variables in the text of C."""
 # Ends of code that forks lead to: each is traced for itself.
 _MOST_ENDS = 48
-# Longest line that an expression is moved into.
-_LINE = 110
-
-
-@dataclass(frozen=True)
-class Statement:
-    """Lines of C.
-
-    Parameters
-    ----------
-    text
-        They.
-    declares
-        The local variable that they declare; empty: none.
-    writes
-        Local variables that they may write.
-    keeps
-        Whether they matter beside those: memory is written, or the function returns.
-    """
-
-    text: str
-    declares: str = ""
-    writes: frozenset[str] = frozenset()
-    keeps: bool = False
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Local variables in the text."""
-        return frozenset(LOCAL.findall(self.text))
-
-    def renamed(self, names: dict[str, str]) -> Statement:
-        """Return it with other names of variables."""
-        return Statement(
-            _renamed(self.text, names),
-            names.get(self.declares, self.declares),
-            frozenset(names.get(name, name) for name in self.writes),
-            self.keeps,
-        )
-
-
-@dataclass(frozen=True)
-class Fork:
-    """If and else.
-
-    Parameters
-    ----------
-    condition
-        Text of C.
-    then, otherwise
-        What is done where it is true, and where it is not.
-    """
-
-    condition: str
-    then: tuple[Item, ...]
-    otherwise: tuple[Item, ...]
-
-    def renamed(self, names: dict[str, str]) -> Fork:
-        """Return it with other names of variables."""
-        return Fork(
-            _renamed(self.condition, names),
-            tuple(item.renamed(names) for item in self.then),
-            tuple(item.renamed(names) for item in self.otherwise),
-        )
-
-
-@dataclass(frozen=True)
-class Loop:
-    """What is done several times, one after the other.
-
-    Parameters
-    ----------
-    count
-        How often.
-    items
-        What.
-    """
-
-    count: int
-    items: tuple[Item, ...]
-
-    def renamed(self, names: dict[str, str]) -> Loop:
-        """Return it with other names of variables."""
-        return Loop(self.count, tuple(item.renamed(names) for item in self.items))
-
-
-Item: TypeAlias = Statement | Fork | Loop
 
 
 @dataclass(frozen=True)
@@ -161,7 +73,7 @@ class Tape:
 
 
 def recorded(run: Callable[[Tape], None]) -> tuple[Item, ...]:
-    """Return what code writes on a tape, run once for each end that its decisions lead to.
+    r"""Return what code writes on a tape, run once for each end that its decisions lead to.
 
     What both sides of a fork end with is written once, behind it; what nothing reads is left out.
 
@@ -181,7 +93,7 @@ def recorded(run: Callable[[Tape], None]) -> tuple[Item, ...]:
     ...     if tape.decide("t0"):
     ...         tape.write("m->state[0] = RDPI_C(1.0);", keeps=True)
     ...     tape.write("return t0;", keeps=True)
-    >>> print("\\n".join(lines(recorded(run))))
+    >>> print("\n".join(lines(recorded(run))))
     if (t0) {
         m->state[0] = RDPI_C(1.0);
     }
@@ -189,7 +101,7 @@ def recorded(run: Callable[[Tape], None]) -> tuple[Item, ...]:
     """
     ends = itertools.count(1)
     items = _grown(run, (), 0, ends, itertools.count())
-    return _tidied(_living(items))
+    return tidied(_living(items))
 
 
 _OURS = ("/rdpi_gym/firmware/", "/numpy/", "/numba/", "/torch/")
@@ -208,29 +120,6 @@ def placed(frames: Iterable[tuple[FrameType, int]]) -> str:
 def place_of(error: BaseException) -> str:
     """Return file and line of the traced code in which an error came up."""
     return placed(traceback.walk_tb(error.__traceback__))
-
-
-def lines(items: Sequence[Item], indent: str = "") -> Iterator[str]:
-    """Yield the lines of C."""
-    for item in items:
-        if isinstance(item, Statement):
-            for line in item.text.splitlines():
-                yield f"{indent}{line}".rstrip()
-            continue
-        inner = indent + "    "
-        if isinstance(item, Loop):
-            yield f"{indent}for (int32_t n = 0; n < {item.count}; ++n) {{"
-            yield from lines(item.items, inner)
-        elif not item.then:
-            yield f"{indent}if (!{_within(item.condition)}) {{"
-            yield from lines(item.otherwise, inner)
-        else:
-            yield f"{indent}if ({_bare(item.condition)}) {{"
-            yield from lines(item.then, inner)
-            if item.otherwise:
-                yield f"{indent}}} else {{"
-                yield from lines(item.otherwise, inner)
-        yield f"{indent}}}"
 
 
 def _grown(
@@ -265,7 +154,7 @@ def _grown(
     otherwise = _grown(run, (*answers, False), behind, ends, copies)
     # both runs count their variables alike: those of one side get names of their own
     own = f"{next(copies)}".zfill(3)
-    names = {name: f"{name}9{own}" for name in _declared(otherwise)}
+    names = {name: f"{name}9{own}" for name in declared(otherwise)}
     otherwise = tuple(item.renamed(names) for item in otherwise)
     shared = _shared_end(then, otherwise)
     then, end = _split(then, shared)
@@ -279,17 +168,10 @@ def _split(items: tuple[Item, ...], last: int) -> tuple[tuple[Item, ...], tuple[
     return items[:at], items[at:]
 
 
-_DECLARED = re.compile(r"\b(?:rdpi_real|int32_t) (t\d+)\b")
-
-
-def _declared(items: Sequence[Item]) -> set[str]:
-    return {name for line in lines(items) for name in _DECLARED.findall(line)}
-
-
 def _shared_end(one: Sequence[Item], other: Sequence[Item]) -> int:
     """Number of items that both end with, but for the names of what these declare."""
     best, alike, back = 0, dict[str, str](), dict[str, str]()
-    declared: set[str] = set()
+    made: set[str] = set()
     for count, both in enumerate(zip(reversed(one), reversed(other), strict=False), start=1):
         a, b = ("\n".join(lines([item])) for item in both)
         if LOCAL.sub("t", a) != LOCAL.sub("t", b):
@@ -297,8 +179,8 @@ def _shared_end(one: Sequence[Item], other: Sequence[Item]) -> int:
         pairs = zip(LOCAL.findall(a), LOCAL.findall(b), strict=True)
         if any(alike.setdefault(x, y) != y or back.setdefault(y, x) != x for x, y in pairs):
             break
-        declared |= _declared(both[:1])
-        if all(x == y or x in declared for x, y in alike.items()):
+        made |= declared(both[:1])
+        if all(x == y or x in made for x, y in alike.items()):
             best = count
     return best
 
@@ -321,166 +203,9 @@ def _reached(items: tuple[Item, ...], needed: set[str]) -> tuple[Item, ...]:
                 needed |= item.names
                 found.append(item)
             continue
+        assert isinstance(item, Fork)  # loops are found later
         then, otherwise = _reached(item.then, needed), _reached(item.otherwise, needed)
         if then or otherwise:
             needed |= set(LOCAL.findall(item.condition))
             found.append(replace(item, then=then, otherwise=otherwise))
     return tuple(found)
-
-
-def _tidied(items: tuple[Item, ...]) -> tuple[Item, ...]:
-    """Return the code with repetitions as loops, expressions where they alone are read, names counted anew."""
-    rolled = _rolled(items)
-    moved = _inlined(rolled, _uses(rolled))
-    names: dict[str, str] = {}
-    for line in lines(moved):
-        for name in LOCAL.findall(line):
-            names.setdefault(name, f"t{len(names)}")
-    return tuple(item.renamed(names) for item in moved)
-
-
-# Fewest repetitions that become a loop, and the longest piece that is looked for.
-_FEWEST, _LONGEST = 4, 80
-
-
-def _rolled(items: tuple[Item, ...]) -> tuple[Item, ...]:
-    """Return the code with pieces that are repeated, but for names of what they declare, as loops."""
-    found: list[Item] = []
-    plain = [LOCAL.sub("t", "\n".join(lines([item]))) for item in items]
-    at = 0
-    while at < len(items):
-        item = items[at]
-        loop, length = _repetition(items, plain, at)
-        if loop is not None:
-            found.append(loop)
-            at += loop.count * length
-            continue
-        if isinstance(item, Fork):
-            item = replace(item, then=_rolled(item.then), otherwise=_rolled(item.otherwise))
-        found.append(item)
-        at += 1
-    return tuple(found)
-
-
-def _repetition(items: tuple[Item, ...], plain: Sequence[str], at: int) -> tuple[Loop | None, int]:
-    """Return what begins at a place as a loop, and the length of its piece; `plain`: texts without names."""
-    for length in range(3, min(_LONGEST, (len(items) - at) // _FEWEST) + 1):
-        rest = plain[at + length : at + _FEWEST * length]
-        if plain[at] != rest[0] or plain[at : at + (_FEWEST - 1) * length] != rest:
-            continue
-        first = items[at : at + length]
-        text, count = _piece(first), 1
-        while _piece(items[at + count * length : at + (count + 1) * length]) == text:
-            count += 1
-        end = at + count * length
-        if count < _FEWEST:
-            continue
-        own = _declared(items[at:end])
-        later = {name for line in lines(items[end:]) for name in LOCAL.findall(line)}
-        if not own & later:
-            return Loop(count, first), length
-    return None, 0
-
-
-def _piece(items: tuple[Item, ...]) -> str:
-    """Return the text of a piece in which what it declares is counted."""
-    text = "\n".join(lines(items))
-    names: dict[str, str] = {name: "" for name in _declared(items)}
-    for name in LOCAL.findall(text):
-        if names.get(name) == "":
-            names[name] = f"own{sum(1 for each in names.values() if each)}"
-    return _renamed(text, names)
-
-
-def _uses(items: Sequence[Item]) -> dict[str, int]:
-    found: dict[str, int] = {}
-    for line in lines(items):
-        for name in LOCAL.findall(line):
-            found[name] = found.get(name, 0) + 1
-    return found
-
-
-_SET = re.compile(r"(t\d+) = [^\n]*;")
-_SCALAR = re.compile(r"(?:rdpi_real|int32_t) (t\d+) = (.*);", re.DOTALL)
-
-
-def _inlined(items: Sequence[Item], uses: dict[str, int]) -> tuple[Item, ...]:
-    found: list[Item] = []
-    for item in items:
-        now = item
-        while found and (merged := _merged(found[-1], now, uses)) is not None:
-            found.pop()
-            now = merged
-        if isinstance(now, Loop):
-            now = replace(now, items=_inlined(now.items, uses))
-        elif isinstance(now, Fork):
-            then, otherwise = _inlined(now.then, uses), _inlined(now.otherwise, uses)
-            now = replace(now, then=then, otherwise=otherwise)
-        found.append(now)
-    return tuple(found)
-
-
-def _merged(before: Item, item: Item, uses: dict[str, int]) -> Item | None:
-    """Return an item with the expression of the statement before it inside; None where that cannot be."""
-    if not isinstance(before, Statement) or before.keeps or len(before.writes) > 1:
-        return None
-    if isinstance(item, Loop):
-        return None
-    if isinstance(item, Statement) and not before.writes and before.declares:
-        begun = _SET.fullmatch(item.text)  # declared, and set right behind
-        named = begun is not None and begun[1] == before.declares
-        if named and _SCALAR.fullmatch(before.text) and item.text.count(before.declares) == 1:
-            kind = before.text.split()[0]
-            return replace(item, text=f"{kind} {item.text}", declares=before.declares)
-    said = _SCALAR.fullmatch(before.text)
-    if said is None or uses[said[1]] != 2:
-        return None
-    name, expression = said[1], _within(said[2])
-    if isinstance(item, Fork):
-        if not re.search(rf"\b{name}\b", item.condition):
-            return None
-        return replace(item, condition=_put(item.condition, name, expression))
-    if "\n" in item.text or re.search(rf"&{name}\b", item.text):
-        return None
-    if not re.search(rf"\b{name}\b", item.text):
-        return None
-    text = _put(item.text, name, expression)
-    return replace(item, text=text) if len(text) <= _LINE else None
-
-
-def _put(text: str, name: str, expression: str) -> str:
-    """Return a text with an expression in place of a name, in parentheses where it needs them."""
-    found = re.search(rf"(= |return |\(|, )?\b{name}\b(?=([;,)]?))", text)
-    assert found is not None
-    whole = found[1] is not None and found[2] and (found[1], found[2]) != ("= ", ")")
-    put = _bare(expression) if whole else expression
-    return f"{text[: found.start()]}{found[1] or ''}{put}{text[found.end() :]}"
-
-
-def _renamed(text: str, names: dict[str, str]) -> str:
-    return LOCAL.sub(lambda found: names.get(found[0], found[0]), text)
-
-
-def _within(expression: str) -> str:
-    """Return an expression as part of another one."""
-    called = re.match(r"\w+(?=\()", expression)
-    if re.fullmatch(r"[\w.>\[\]-]+", expression) or _enclosed(
-        expression[called.end() :] if called else expression
-    ):
-        return expression
-    return f"({expression})"
-
-
-def _bare(expression: str) -> str:
-    return expression[1:-1] if _enclosed(expression) else expression
-
-
-def _enclosed(expression: str) -> bool:
-    if not (expression.startswith("(") and expression.endswith(")")):
-        return False
-    depth = 0
-    for at, character in enumerate(expression):
-        depth += (character == "(") - (character == ")")
-        if depth == 0 and at < len(expression) - 1:
-            return False
-    return True

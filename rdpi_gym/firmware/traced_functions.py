@@ -101,7 +101,7 @@ def apply_ufunc(
             f"{here()} puts numbers that are known only as it runs into a NumPy array; make it with np.empty_like"
         )
     if ufunc is np.matmul:
-        return _matmul(*inputs, out=target)
+        return _matmul(inputs[0], inputs[1], target)
     kind, expression, cast = _expression(ufunc, inputs, recording_of(*inputs, target))
     if where is True:
         return compute(kind, expression, *inputs, out=target, cast=cast)
@@ -231,7 +231,7 @@ def _clip(
         assert bound is not None
         return apply_ufunc(ufunc, "__call__", (a, bound), {"out": out})
     return compute(
-        "real", lambda x, l, h: f"rdpi_min(rdpi_max({x}, {l}), {h})", a, low, high, out=out
+        "real", lambda x, y, z: f"rdpi_min(rdpi_max({x}, {y}), {z})", a, low, high, out=out
     )
 
 

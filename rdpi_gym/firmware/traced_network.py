@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch.nn import functional
 
+from rdpi_gym.firmware.traced_functions import METHODS, apply_ufunc
 from rdpi_gym.firmware.tracing import Traced, compute, here
 from rdpi_gym.support.errors import InputError
 
@@ -44,16 +45,18 @@ class TracedTensor:
 
 
 def _linear(x: Traced, weight: torch.Tensor, bias: torch.Tensor | None = None) -> Traced:
-    found = x @ weight.detach().numpy().astype(np.float64).T
-    return found if bias is None else found + bias.detach().numpy().astype(np.float64)
+    found: Traced = x @ weight.detach().numpy().astype(np.float64).T
+    if bias is not None:
+        found = found + bias.detach().numpy().astype(np.float64)
+    return found
 
 
 def _tanh(x: Traced) -> Traced:
-    return np.tanh(x)  # type: ignore[call-overload,no-any-return]
+    return apply_ufunc(np.tanh, "__call__", (x,), {})
 
 
 def _relu(x: Traced, inplace: bool = False) -> Traced:
-    return np.maximum(x, 0.0)  # type: ignore[call-overload,no-any-return]
+    return apply_ufunc(np.maximum, "__call__", (x, 0.0), {})
 
 
 def _elu(x: Traced, alpha: float = 1.0, inplace: bool = False) -> Traced:
@@ -64,13 +67,16 @@ def _elu(x: Traced, alpha: float = 1.0, inplace: bool = False) -> Traced:
 
 
 def _silu(x: Traced, inplace: bool = False) -> Traced:
-    return x / (1.0 + np.exp(-x))  # type: ignore[call-overload,no-any-return]
+    grown: Traced = apply_ufunc(np.exp, "__call__", (-x,), {})
+    found: Traced = x / (1.0 + grown)
+    return found
 
 
 def _hardtanh(
     x: Traced, min_val: float = -1.0, max_val: float = 1.0, inplace: bool = False
 ) -> Traced:
-    return np.clip(x, min_val, max_val)  # type: ignore[call-overload,no-any-return]
+    found: Traced = METHODS["clip"](x, min_val, max_val)
+    return found
 
 
 _FUNCTIONS: dict[Callable[..., Any], Callable[..., Traced]] = {

@@ -202,7 +202,7 @@ class Inputs(Store):
 
 
 class Traced(np.lib.mixins.NDArrayOperatorsMixin):
-    """An array whose numbers are known only as the code runs; a view of a :class:`Store`.
+    r"""An array whose numbers are known only as the code runs; a view of a :class:`Store`.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
     ...     recording = Recording(tape, Tables())
     ...     memory = Traced(Remembered(recording, "state", 3), np.arange(3)[:, None])
     ...     memory[1:] += 2.0 * np.abs(memory[0])
-    >>> print("\\n".join(lines(recorded(run))))
+    >>> print("\n".join(lines(recorded(run))))
     rdpi_real t0 = RDPI_C(2.0) * rdpi_abs(m->state[0]);
     for (int32_t i = 0; i < 2; ++i) {
         m->state[1 + i] = m->state[1 + i] + t0;
@@ -283,7 +283,7 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
     def __float__(self) -> float:
         raise InputError(f"{here()} makes a Python number of one that is known only as it runs")
 
-    __int__ = __index__ = __complex__ = __float__  # type: ignore[assignment]
+    __int__ = __index__ = __complex__ = __float__
 
     def __array__(self, *_: Any, **__: Any) -> NDArray[Any]:
         raise InputError(f"{here()} puts numbers that are known only as it runs into a NumPy array")
@@ -530,9 +530,9 @@ def _loop(
     if written is not None:
         tape.write(written, writes=writes, keeps=keeps)
         return
-    for at in range(out.size):
-        texts = [read.text(read.places.ravel()[at]) for read in reads]
-        text = f"{target.text(out.places.ravel()[at])} = {expression(*texts)};"
+    for one in range(out.size):
+        texts = [read.text(read.places.ravel()[one]) for read in reads]
+        text = f"{target.text(out.places.ravel()[one])} = {expression(*texts)};"
         tape.write(text, writes=writes, keeps=keeps)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -190,7 +190,7 @@ def _traced(function: Law, tables: Tables) -> str:
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ctypes.CDLL]:
+def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     tables = Tables()
     bodies = {name: _traced(function, tables) for name, function in LAWS.items()}
     fields = " ".join(f"rdpi_real {each.name}[{len(each.values)}];" for each in tables.all)
@@ -204,7 +204,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ctypes.CDLL]:
     for name, body in bodies.items():
         text += [f"void {name}(memory *m);", f"void {name}(memory *m) {{"]
         text += ["    const tables *p = &own;", "    (void)p;", body, "}"]
-    yield compiling.library("\n".join(text) + "\n", tmp_path_factory.mktemp("laws"))
+    return compiling.library("\n".join(text) + "\n", tmp_path_factory.mktemp("laws"))
 
 
 @compiling.needs_gcc
