@@ -323,10 +323,10 @@ class _Writer:
         self.table("integral_gain", [factor])
         self.memory.append(FixedMemory("integral", "int64_t", (0,)))
         grows = f"rdpi_rounded(error * p->integral_gain[0], {shift - _INTEGRAL_BITS}u)"
-        end = f"((int64_t)1 << {_INTEGRAL_END_BITS})"
+        end = 2**_INTEGRAL_END_BITS
         self.lines += [
             "const int64_t error = (int64_t)reference_um - measured_um;",
-            f"const int64_t collected = rdpi_limited(m->integral[0] + {grows}, -{end}, {end});",
+            f"const int64_t collected = rdpi_limited(m->integral[0] + {grows}, -INT64_C({end}), INT64_C({end}));",
             f"total += rdpi_rounded(collected, {_INTEGRAL_BITS}u);",
         ]
         if proportional:
@@ -337,7 +337,7 @@ class _Writer:
         self.limit("command", remember=False)
         self.lines += [
             "/* Where the error drives further into the limit, nothing is collected. */",
-            "if ((wanted <= total || error <= 0) && (wanted >= total || error >= 0)) {",
+            "if (((wanted <= total) || (error <= 0)) && ((wanted >= total) || (error >= 0))) {",
             "    m->integral[0] = collected;",
             "}",
         ]
