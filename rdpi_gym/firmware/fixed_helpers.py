@@ -44,9 +44,11 @@ static uint32_t rdpi_size(int64_t x, uint32_t shift)
 /* A play x moved along to where it is no farther away than threshold + shift. */
 static int32_t rdpi_slid(int32_t x, int32_t along, uint32_t threshold, uint32_t shift)
 {
-    const uint32_t farthest =
-        (shift < (UINT32_MAX - threshold)) ? (threshold + shift) : UINT32_MAX;
+    uint32_t farthest = UINT32_MAX;
     int32_t slid = x;
+    if (shift < (UINT32_MAX - threshold)) {
+        farthest = threshold + shift;
+    }
     if (x > along) {
         if (((uint32_t)x - (uint32_t)along) > farthest) {
             slid = (int32_t)((int64_t)along + (int64_t)farthest);
@@ -67,8 +69,8 @@ static int64_t rdpi_part(int64_t x, int32_t part, uint32_t shift)
     const uint64_t factor = (uint64_t)part;
     const uint64_t upper = (size >> 32) * factor;
     const uint64_t lower = (size & 0xFFFFFFFFu) * factor;
-    const uint32_t rest = shift - 30u;
-    const uint64_t product = ((upper << 2) + (lower >> 30)) >> rest;
+    const uint32_t more = shift - 30u;
+    const uint64_t product = ((upper << 2) + (lower >> 30)) >> more;
     const int64_t whole = (int64_t)product;
     return (x < 0) ? -whole : whole;
 }
