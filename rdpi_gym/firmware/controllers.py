@@ -17,8 +17,10 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.intercepting import Interception
 from rdpi_gym.firmware.kernels import Functions
 from rdpi_gym.firmware.program import Memory, Program
+from rdpi_gym.firmware.statements import lines
 from rdpi_gym.firmware.tables import Tables, named_arrays
-from rdpi_gym.firmware.tape import Tape, lines, recorded
+from rdpi_gym.firmware.tape import Tape, recorded
+from rdpi_gym.firmware.traced_functions import NUMPY
 from rdpi_gym.firmware.tracing import Inputs, Recording, Remembered, Traced, constant
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
@@ -137,8 +139,9 @@ def controller_program(
     Examples
     --------
     >>> from rdpi_gym.plant import named_plant
-    >>> print(controller_program("none", named_plant("P5"), ts_s=1e-4).step)
-    rdpi_real t0 = ahead_um[0] * RDPI_C(0.980...);
+    >>> program = controller_program("pi-classical-static", named_plant("P10"), ts_s=1e-4)
+    >>> program.memory_numbers, program.preview
+    (15, 1)
     """
     made = _made(name, belief, ts_s, preview, settings)
     if hasattr(made, "plan"):
@@ -212,14 +215,16 @@ class _Tracer:
 
     def __init__(self, made: Baseline) -> None:
         self.functions, self.tables = Functions(), Tables(named_arrays(made))
-        self._interception = Interception(made, self.functions, Recording(Tape(), self.tables))
+        self._interception = Interception(
+            made, self.functions, Recording(Tape(), self.tables, NUMPY)
+        )
         self._runs: list[Recording] = []
 
     def text(self, piece: Callable[[Recording], None]) -> str:
         """Return the C of a piece of code."""
 
         def run(tape: Tape) -> None:
-            recording = Recording(tape, self.tables)
+            recording = Recording(tape, self.tables, NUMPY)
             self._runs.append(recording)
             self._interception.recording = recording
             piece(recording)

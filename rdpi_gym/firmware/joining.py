@@ -152,7 +152,7 @@ def _only_element(name: str, body: str) -> str | None:
     ]
     if len(elements) != 1 or len(sets) != 1 or any(at <= sets[0] for at in reads):
         return None
-    return elements.pop()
+    return str(elements.pop())
 
 
 def _moved(body: str) -> str:

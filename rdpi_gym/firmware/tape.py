@@ -89,6 +89,7 @@ def recorded(run: Callable[[Tape], None]) -> tuple[Item, ...]:
 
     Examples
     --------
+    >>> from rdpi_gym.firmware.statements import lines
     >>> def run(tape):
     ...     if tape.decide("t0"):
     ...         tape.write("m->state[0] = RDPI_C(1.0);", keeps=True)

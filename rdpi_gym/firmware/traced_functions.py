@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -362,7 +362,7 @@ def _diff(
         a = _concatenate([first, a], axis=axis)
     assert isinstance(a, Traced)
     along = a.view(np.moveaxis(a.places, axis, 0))
-    found = along[1:] - along[:-1]
+    found: Traced = along[1:] - along[:-1]
     return found.view(np.moveaxis(found.places, 0, axis))
 
 
@@ -490,7 +490,8 @@ def _flatnonzero(a: Traced) -> Any:
 
 def _mean(a: Traced, axis: int | None = None, **_: Any) -> Traced:
     count = a.size if axis is None else a.shape[axis]
-    return _sum(a, axis) / float(count)
+    found: Traced = _sum(a, axis) / float(count)
+    return found
 
 
 FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
@@ -555,3 +556,13 @@ METHODS: dict[str, Callable[..., Any]] = {
     "squeeze": lambda a, axis=None: a.view(np.squeeze(a.places, axis)),
 }
 """Methods of arrays that are functions too."""
+
+
+class _NumPy:
+    functions: Mapping[Callable[..., Any], Callable[..., Any]] = FUNCTIONS
+    methods: Mapping[str, Callable[..., Any]] = METHODS
+    ufunc = staticmethod(apply_ufunc)
+
+
+NUMPY = _NumPy()
+"""All of it, for :class:`~rdpi_gym.firmware.tracing.Recording`."""

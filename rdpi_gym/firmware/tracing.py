@@ -13,7 +13,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,24 @@ _INDICES = "ijk"
 _MOST_SINGLE = 64
 
 
+class Library(Protocol):
+    """What NumPy's functions do with traced arrays; :data:`~rdpi_gym.firmware.traced_functions.NUMPY`.
+
+    Attributes
+    ----------
+    functions, methods
+        By the function, and by the name of an array's method.
+    """
+
+    functions: Mapping[Callable[..., Any], Callable[..., Any]]
+    methods: Mapping[str, Callable[..., Any]]
+
+    def ufunc(
+        self, ufunc: np.ufunc, method: str, inputs: Sequence[Any], options: dict[str, Any]
+    ) -> Traced:
+        """Write an elementwise function."""
+
+
 class Recording:
     """All that one run of a trace shares: the tape, the tables, what it is not exact in.
 
@@ -45,10 +63,12 @@ class Recording:
         Where statements go.
     tables
         Constant arrays.
+    library
+        What NumPy's functions do.
     """
 
-    def __init__(self, tape: Tape, tables: Tables) -> None:
-        self.tape, self.tables = tape, tables
+    def __init__(self, tape: Tape, tables: Tables, library: Library) -> None:
+        self.tape, self.tables, self.library = tape, tables, library
         self.mathematics: set[str] = set()
         self.inexact: dict[str, None] = {}
 
@@ -213,9 +233,11 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
 
     Examples
     --------
-    >>> from rdpi_gym.firmware.tape import Tape, lines, recorded
+    >>> from rdpi_gym.firmware.statements import lines
+    >>> from rdpi_gym.firmware.tape import Tape, recorded
+    >>> from rdpi_gym.firmware.traced_functions import NUMPY
     >>> def run(tape):
-    ...     recording = Recording(tape, Tables())
+    ...     recording = Recording(tape, Tables(), NUMPY)
     ...     memory = Traced(Remembered(recording, "state", 3), np.arange(3)[:, None])
     ...     memory[1:] += 2.0 * np.abs(memory[0])
     >>> print("\n".join(lines(recorded(run))))
@@ -289,26 +311,21 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
         raise InputError(f"{here()} puts numbers that are known only as it runs into a NumPy array")
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        from rdpi_gym.firmware.traced_functions import apply_ufunc
-
-        return apply_ufunc(ufunc, method, inputs, options)
+        return self.recording.library.ufunc(ufunc, method, inputs, options)
 
     def __array_function__(
         self, function: Callable[..., Any], types: Any, given: Any, options: Mapping[str, Any]
     ) -> Any:
-        from rdpi_gym.firmware.traced_functions import FUNCTIONS
-
-        known = FUNCTIONS.get(function)
+        known = self.recording.library.functions.get(function)
         if known is None:
             raise InputError(f"{here()}: np.{function.__name__} has no C")
         return known(*given, **options)
 
     def __getattr__(self, name: str) -> Any:
-        from rdpi_gym.firmware.traced_functions import METHODS
-
-        if name in METHODS:
-            return lambda *given, **options: METHODS[name](self, *given, **options)
-        raise AttributeError(name)
+        known = self.recording.library.methods.get(name)
+        if known is None:
+            raise AttributeError(name)
+        return lambda *given, **options: known(self, *given, **options)
 
     def __getitem__(self, key: Any) -> Traced:
         key, copies = self._resolved(key)

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rdpi_gym.firmware.statements import lines
 from rdpi_gym.firmware.tables import Tables
-from rdpi_gym.firmware.tape import Tape, lines, recorded
+from rdpi_gym.firmware.tape import Tape, recorded
+from rdpi_gym.firmware.traced_functions import NUMPY
 from rdpi_gym.firmware.tracing import Inputs, Recording, Remembered, Traced
 from rdpi_gym.support.errors import InputError
 from tests.firmware import compiling
@@ -181,7 +183,7 @@ def steps_that_are_repeated(x: Any) -> Any:
 
 def _traced(function: Law, tables: Tables) -> str:
     def run(tape: Tape) -> None:
-        recording = Recording(tape, tables)
+        recording = Recording(tape, tables, NUMPY)
         found = function(Traced(Remembered(recording, "state", ROWS), np.arange(ROWS)[:, None]))
         out = Traced(Remembered(recording, "out", OUT), np.arange(found.size))
         out[:] = found.ravel()
@@ -272,7 +274,7 @@ def test_too_many_decisions_are_refused() -> None:
 
 def test_inputs_that_are_read_in_a_loop_are_read_where_they_are() -> None:
     def run(tape: Tape) -> None:
-        recording = Recording(tape, Tables())
+        recording = Recording(tape, Tables(), NUMPY)
         given = Inputs(recording, [("now", None), ("ahead", 5), ("then", None)])
         shown = Traced(given, np.arange(7))
         memory = Traced(Remembered(recording, "state", 5), np.arange(5))
