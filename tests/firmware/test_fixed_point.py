@@ -145,7 +145,7 @@ def test_codes_follow_the_controller_in_double(plant, name, ts_s, tmp_path):
     assert controller.warning() is None or name.startswith("pi")
     body = fixed_point_body(controller)
     program = built(body, tmp_path)
-    reference, measured = record(controller.layout, 20_000, 6, seed=1)
+    reference, measured = record(controller.layout, 10_000, 12, seed=1)
     wanted = commands_V(controller, reference, measured)
     low, high = controller.limits[:2]
     for lane in range(reference.shape[1]):
