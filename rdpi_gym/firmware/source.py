@@ -418,6 +418,15 @@ def _macros(asked: set[str], own: str) -> list[str]:
             "#define RDPI_OVER(x, d) ((x) * (RDPI_C(1.0) / (d)))",
             "#endif",
         ]
+    if "RDPI_WIDE" in asked:
+        lines += [
+            "/* What a float cannot hold: the first in double, the second in float. */",
+            "#if RDPI_PRECISION == 64",
+            "#define RDPI_WIDE(x, f) (x)",
+            "#else",
+            "#define RDPI_WIDE(x, f) (f)",
+            "#endif",
+        ]
     called = [each for each in MATHEMATICS if f"RDPI_{each}" in asked]
     for suffix, opening in (("", "#if RDPI_PRECISION == 64"), ("f", "#else")) if called else ():
         lines.append(opening)
