@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from rdpi_gym.firmware.counting import Operations, count
 from rdpi_gym.firmware.fixed_point import FixedPoint
+from rdpi_gym.firmware.roundings import Roundings
 from rdpi_gym.firmware.source import Source, safe
 from rdpi_gym.firmware.templating import filled, template
-from rdpi_gym.firmware.vectors import ROUGH, allowed
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import table
 from rdpi_gym.support.words import number
@@ -29,12 +29,13 @@ DEVIATIONS = {
 }
 """Rules of MISRA C:2012 that the code does not keep, all of them required or advisory, and why."""
 _NAMES = {64: "double", 32: "float", 31: "Q31"}
+_FOLLOWS = 1e-2
 _UNITS = {"controller": "the range of commands", "plant": "the stroke"}
 _BYTES = {"int32_t": 4, "uint32_t": 4, "int64_t": 8}
 
 
 def manual_text(
-    source: Source, code: str, warnings: Sequence[str] = (), amplified: float = 1.0
+    source: Source, code: str, warnings: Sequence[str] = (), roundings: Roundings | None = None
 ) -> str:
     """Return the page.
 
@@ -46,13 +47,14 @@ def manual_text(
         Its header and its source, from which operations are counted.
     warnings
         What to beware of, a sentence each.
-    amplified
-        How much it makes of roundings.
+    roundings
+        What it makes of them; None: nothing.
     """
     program = source.program
     kind = program.kind
     low, high = program.command_range_V
-    limits = {p: f"{each:.0e}" for p, each in allowed(amplified, single=source.is_single).items()}
+    roundings = roundings or Roundings()
+    limits = {p: f"{each:.0e}" for p, each in roundings.allowed.items()}
     exact = "equal to Python bit by bit in `double`, compiled without contraction"
     if not program.exact:
         why = _plain(program.inexact_because).rstrip(".")
@@ -60,11 +62,9 @@ def manual_text(
     notes = [*warnings, *program.notes]
     if source.fixed is not None:
         notes += source.fixed.notes
-    if amplified > ROUGH:
+    if roundings.warning is not None:
         notes.insert(
-            0,
-            f"It makes {amplified:.0e} times as much of every rounding, being outside its stability limit or "
-            "estimating as it runs: prefer double, and look at what it does in float before it drives a stage.",
+            0, f"{roundings.warning} Look at what it does in float before it drives a stage."
         )
     reach = source.reach_um
     return filled(
@@ -80,7 +80,11 @@ def manual_text(
         REST=f"{program.rest_V:g}",
         REACH="" if reach is None else f" (slowly, {reach[0]:.4g} to {reach[1]:.4g} µm)",
         EXACT=exact,
-        FLOAT=limits[32],
+        FLOAT=(
+            f"within {limits[32]} of {_UNITS[kind]}"
+            if roundings.allowed[32] < _FOLLOWS
+            else "it does not follow Python (see below): use `double`"
+        ),
         WHOLE=limits[31],
         MEMORY=_memory(source),
         OPERATIONS=_operations(source, code),

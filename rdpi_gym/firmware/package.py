@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from rdpi_gym.firmware.manual import manual_text
+from rdpi_gym.firmware.roundings import Roundings
 from rdpi_gym.firmware.sfunction import sfunction_text
 from rdpi_gym.firmware.source import Source, header_text, safe, source_text
 from rdpi_gym.firmware.templating import filled, template
-from rdpi_gym.firmware.vectors import SAMPLES, allowed, amplification, vectors, vectors_text
+from rdpi_gym.firmware.vectors import SAMPLES, vectors, vectors_text
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_atomic, write_json
 from rdpi_gym.support.folders import replaced_folder
@@ -48,7 +49,7 @@ class Package:
         """Return the texts by their names in the folder, ``program.json`` left out."""
         source = self.source
         made = vectors(source)
-        amplified = amplification(source, made)
+        roundings = Roundings.of(source, made)
         name, kind = source.name, source.program.kind
         values = {
             "NAME": name,
@@ -59,10 +60,7 @@ class Package:
             "MATH": " -lm" if source.has_mathematics else "",
             "MATH_LIBRARY": "m" if source.has_mathematics else "",
             "SAMPLES": str(SAMPLES),
-            **{
-                f"ALLOWED_{_WORDS[p]}": f"{each:.0e}"
-                for p, each in allowed(amplified, single=source.is_single).items()
-            },
+            **{f"ALLOWED_{_WORDS[p]}": f"{each:.0e}" for p, each in roundings.allowed.items()},
             "CENTRE": repr(float(source.program.centre_um)),
             "THIRD": repr(float(source.program.scale_um / 3.0)),
         }
@@ -80,7 +78,7 @@ class Package:
             },
         }
         code = texts[f"{name}.h"] + texts[f"{name}.c"]
-        texts["README.md"] = manual_text(source, code, (*self.warnings, *self.notes), amplified)
+        texts["README.md"] = manual_text(source, code, (*self.warnings, *self.notes), roundings)
         return texts
 
 

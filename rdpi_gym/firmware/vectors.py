@@ -12,12 +12,6 @@ from rdpi_gym.support.arrays import Array
 
 SAMPLES = 2000
 """Samples of the vectors in a folder."""
-ALLOWED = {64: 1e-13, 32: 1e-5, 31: 1e-6}
-"""Largest difference from Python, in strokes or ranges of the command, by precision."""
-ROUGH = 100.0
-"""From which amplification on a program makes so much of roundings that more has to be allowed."""
-_EPSILON = {64: 2.0**-53, 32: 2.0**-24, 31: 2.0**-32}
-_LAST_BIT = 2.0**-53
 _SEED = 15
 _BEYOND = 1.2  # of the reach
 _PIECE = 400  # samples
@@ -71,57 +65,6 @@ def vectors(source: Source, samples: int = SAMPLES, lanes: int = 1, seed: int = 
         )
     inputs = {"reference_um": reference, "measured_um": measured}
     return Vectors(inputs, program.twin.controller(reference, measured))
-
-
-def amplification(source: Source, made: Vectors, seed: int = _SEED) -> float:
-    """Return how much larger the answers' differences are than those of the inputs' last bits.
-
-    A loop outside its stability limit, and what estimates online, make much of every rounding; no two
-    ways of computing agree there, and none is nearer to the truth.
-
-    Parameters
-    ----------
-    source
-        The program.
-    made
-        Signals.
-    seed
-        Of the bits.
-
-    Returns
-    -------
-    float
-        Largest difference of an answer, in strokes or ranges of the command, in units of the relative
-        difference of the inputs.
-    """
-    rng = np.random.default_rng([seed, 1])
-    inputs = [x * (1.0 + _LAST_BIT * rng.uniform(-1.0, 1.0, x.shape)) for x in made.inputs.values()]
-    twin = source.program.twin
-    found = twin.plant(*inputs) if source.program.kind == "plant" else twin.controller(*inputs)
-    return float(np.abs(found - made.expected).max() / unit_of(source, made) / _LAST_BIT)
-
-
-def allowed(amplified: float, *, single: bool = False) -> dict[int, float]:
-    """Return the largest difference from Python that is a matter of rounding, by precision.
-
-    Parameters
-    ----------
-    amplified
-        :func:`amplification`; it counts where it is large.
-    single
-        Whether Python itself has numbers of single precision in it.
-
-    Examples
-    --------
-    >>> allowed(3.0) == ALLOWED, allowed(1e5)[32]
-    (True, 0.0596...)
-    """
-    usual, epsilon = dict(ALLOWED), dict(_EPSILON)
-    if single:
-        usual[64], epsilon[64] = usual[32], epsilon[32]
-    if not amplified > ROUGH:
-        return usual
-    return {p: min(max(each, 10.0 * amplified * epsilon[p]), 1.0) for p, each in usual.items()}
 
 
 def unit_of(source: Source, made: Vectors) -> float:

@@ -14,16 +14,10 @@ import numpy as np
 from rdpi_gym.firmware.compiling import build, compiler, run
 from rdpi_gym.firmware.making import package_again
 from rdpi_gym.firmware.package import DESCRIPTION, FORMAT, VERSION, Package
+from rdpi_gym.firmware.roundings import Roundings
 from rdpi_gym.firmware.source import Source, header_text, source_text
 from rdpi_gym.firmware.templating import template
-from rdpi_gym.firmware.vectors import (
-    ROUGH,
-    Vectors,
-    allowed,
-    amplification,
-    unit_of,
-    vectors,
-)
+from rdpi_gym.firmware.vectors import Vectors, unit_of, vectors
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json
@@ -177,25 +171,25 @@ def verify(
             programs[precision] = _Program(folder, place, source, precision)
         rows += [each.vectors() for each in programs.values()]
         largest = dict.fromkeys(programs, 0.0)
-        at, amplified = 0, 0.0
+        at, roundings = 0, Roundings(single=source.is_single)
         while at < records:
             say("comparing", at, records)
             lanes = min(_AT_ONCE, records - at)
             expected = vectors(source, samples, lanes, seed * 1000 + at // _AT_ONCE + 1)
-            amplified = max(amplified, amplification(source, expected))
+            roundings |= Roundings.of(source, expected)
             for precision, program in programs.items():
                 difference = program.difference(expected)
                 largest[precision] = max(largest[precision], difference)
             at += lanes
         for precision, difference in largest.items():
             exact = precision == 64 and source.program.exact
-            limit = 0.0 if exact else allowed(amplified, single=source.is_single)[precision]
+            limit = 0.0 if exact else roundings.allowed[precision]
             name, count = _NAMES[precision], records * samples
-            usual = 0.0 if exact else allowed(1.0, single=source.is_single)[precision]
+            usual = 0.0 if exact else roundings.usual[precision]
             rows.append(Row("records", name, count, difference, limit, difference <= limit, usual))
         say("comparing", records, records)
         rows += [each.wild(min(records, 100), samples, seed) for each in programs.values()]
-    return Verification(_title(source), tuple(rows), tuple(_remarks(package, folder, amplified)))
+    return Verification(_title(source), tuple(rows), tuple(_remarks(package, folder, roundings)))
 
 
 def _title(source: Source) -> str:
@@ -204,15 +198,12 @@ def _title(source: Source) -> str:
     return f"{program.kind} {program.title}, every {program.ts_s:g} s, against Python, in {unit}"
 
 
-def _remarks(package: Package, folder: Path, amplified: float) -> Iterator[str]:
+def _remarks(package: Package, folder: Path, roundings: Roundings) -> Iterator[str]:
     source = package.source
     if not source.program.exact:
         yield f"Not bit by bit: {source.program.inexact_because.rstrip('.')}."
-    if amplified > ROUGH:
-        yield (
-            f"It makes {amplified:.0e} times as much of every rounding, being outside its stability limit or "
-            "estimating as it runs: where the table says roundings, no two ways of computing agree."
-        )
+    if roundings.warning is not None:
+        yield roundings.warning
     for name, text in (
         (f"{source.name}.h", header_text(source)),
         (f"{source.name}.c", source_text(source)),
@@ -246,7 +237,7 @@ class _Program:
         largest, limit = float(found[2]), float(found[3])
         passed = done.returncode == 0 and largest <= limit
         name = _NAMES[self._precision]
-        usual = allowed(1.0, single=self._source.is_single)[self._precision]
+        usual = Roundings(single=self._source.is_single).usual[self._precision]
         return Row("vectors", name, int(found[1]), largest, limit, passed, usual)
 
     def difference(self, expected: Vectors) -> float:
