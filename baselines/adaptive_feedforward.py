@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from baselines.believed import ahead_by, answered, believed_inverse, hysteresis_inverse
 from baselines.least_squares import ForgettingLeastSquares
 from baselines.memory import Rows, shift_in
+from baselines.products import lane_products, product
 from baselines.ringing import BAND_HZ, RingingMonitor
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -228,7 +229,7 @@ class AdaptiveFeedforward(Tunable):
             of(state, "monitor"), reference_um - measured_um, reference_um
         )
         window = self.layout.reference_um(observation[:, : self.layout.preview + 1])
-        smooth, *derivatives = SPLINE @ window[:, self.window].T
+        smooth, *derivatives = product(SPLINE, window[:, self.window].T)
         static = self._static(smooth, state)
         shift_in(of(state, "measured"), measured_um)
         fit = of(state, "fit")
@@ -236,8 +237,8 @@ class AdaptiveFeedforward(Tunable):
         self._learn(state, counts if learns is None else counts & learns)
         self.fit.unlearn(fit, np.where(ringing, trust, 1.0))
         phi = np.vstack([*derivatives, static])
-        believed = self.fit.prior @ phi
-        correction = believed + trust * (np.einsum("fb,fb->b", self.fit.theta(fit), phi) - believed)
+        believed = product(self.fit.prior, phi)
+        correction = believed + trust * (lane_products(self.fit.theta(fit), phi) - believed)
         most = MOST * self.layout.scale_um
         wanted: Array = smooth + np.clip(correction, -most, most)
         shift_in(of(state, "wanted"), wanted)
@@ -280,8 +281,8 @@ class AdaptiveFeedforward(Tunable):
         """
         of = self.rows.of
         # The newest w has the reference time k + lead, the newest static row one more.
-        smooth, *derivatives = SPLINE @ of(state, "measured")
-        entered = SPLINE[0] @ of(state, "wanted")[: 2 * HALF + 1]
+        smooth, *derivatives = product(SPLINE, of(state, "measured"))
+        entered = product(SPLINE[0], of(state, "wanted")[: 2 * HALF + 1])
         static = of(state, "seen").reshape(*self._rings, -1)[0]
         return np.vstack([*derivatives, static]), entered - smooth
 

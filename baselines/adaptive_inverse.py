@@ -11,6 +11,7 @@ from baselines.believed import POWERS, ahead_by, believed_inverse
 from baselines.inverses.preview_filter import preview_weights
 from baselines.least_squares import ForgettingLeastSquares
 from baselines.memory import Rows, shift_in
+from baselines.products import product
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import RDPI, Plant, PlantModel
@@ -147,7 +148,7 @@ class AdaptiveInverse(Tunable):
         asked = of(state, "asked")
         shown = self.layout.reference_um(observation[:, : self.layout.preview + 1])
         shift_in(asked, shown[:, min(1 + self._later, self.layout.preview)])
-        wanted = self._weights @ asked
+        wanted = product(self._weights, asked)
         rate = np.abs((wanted - answered[0]) / (ts * self.model.A))
         answered[0] = wanted
         # The plays as the applied command left them, at the rate that it had.

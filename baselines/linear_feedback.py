@@ -17,6 +17,7 @@ from baselines.loops.certificates import Certificate, certify, harmful_mode_hz, 
 from baselines.loops.path import BeliefPath, belief_path, grid
 from baselines.loops.systems import LinearSystem, unit_delay, weighted
 from baselines.memory import Rows
+from baselines.products import product
 from baselines.ringing import BAND_HZ, RingingMonitor
 from baselines.tuning import Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -129,12 +130,13 @@ class LinearFeedback(Tunable):
         error = reference_um[0] - self.layout.measured_um(observation)
         error *= self._allowed(error, reference_um[0], state)
         last = rest[0].copy()
-        u = self.inverse.corrected_command(observation, system.c @ own + system.d * error, rest)
+        correction = product(system.c, own) + system.d * error
+        u = self.inverse.corrected_command(observation, correction, rest)
         low, high, step = self.limits
         above = (u >= high) | (u - last >= step)
         below = (u <= low) | (last - u >= step)
         stands = (above & (error > 0.0)) | (below & (error < 0.0))
-        own[:] = np.where(stands, own, system.a @ own + system.b[:, None] * error)
+        own[:] = np.where(stands, own, product(system.a, own) + system.b[:, None] * error)
         return u
 
     def _allowed(self, error_um: Array, reference_um: Array, state: Array) -> Array:

@@ -15,6 +15,7 @@ from baselines.horizon import second_differences
 from baselines.loops.path import belief_path
 from baselines.loops.systems import LinearSystem, Response
 from baselines.memory import Rows
+from baselines.products import product
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -121,13 +122,13 @@ class ModelPredictive(Tunable):
         """Correct by y(k), answer all that is shown; see :meth:`baselines.base.Baseline.next_command`."""
         of, model = self.rows.of, self.model
         x, last, disturbance = of(state, "state"), of(state, "wanted"), of(state, "disturbance")
-        expected = model.c @ x + model.d * last[1]
+        expected = product(model.c, x) + model.d * last[1]
         measured = self.layout.measured_um(observation)
         disturbance[0] += self._pass * (measured - expected - disturbance[0])
-        x[:] = model.a @ x + np.outer(model.b, last[1])
+        x[:] = product(model.a, x) + np.outer(model.b, last[1])
         shown = self.layout.reference_um(observation)[:, 1:].T - disturbance
         on_reference, on_state, on_last = self._gains
-        wanted = on_reference @ shown + on_state @ x + on_last @ last
+        wanted = product(on_reference, shown) + product(on_state, x) + product(on_last, last)
         last[0], last[1] = last[1].copy(), wanted
         return answered(self._inverse, observation, wanted, of(state, "inverse"))
 

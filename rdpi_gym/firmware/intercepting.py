@@ -161,24 +161,17 @@ class Recorder:
         interception = self._interception
         recording, functions = interception.recording, interception.functions
         values: list[Value] = []
-        written: list[str] = []
-        copies: list[tuple[Traced, Traced]] = []
-        for each in arguments:
-            if not isinstance(each, Traced):
+        given: dict[int, Traced] = {}
+        for k, each in enumerate(arguments):
+            if isinstance(each, Traced):
+                given[k] = each if each.is_dense or not each.ndim else copy_of(each)
+                values.append(given[k].value())
+            else:
                 values.append(known_value(each, recording.tables))
-                continue
-            given = each
-            if each.ndim and not each.is_dense:
-                given = copy_of(each)
-                copies += [(each, given)] if each.store.writable else []
-            values.append(given.value())
-            written += given.store.names if each.ndim else []
-        kept = any(isinstance(value, Block) and "m->" in value.text for value in values)
         locals_: dict[str, tuple[str, Kind, int]] = {}
 
         def local(kind: Kind, size: int) -> str:
             name = recording.local(kind, size)
-            written.append(name)
             pointer = f"&{name}" if size == 1 else name
             locals_[pointer] = name, kind, size
             return pointer
@@ -189,25 +182,26 @@ class Recorder:
                 called = functions.call(self._kernel, values, local)
             except InputError as error:
                 raise InputError(f"{place}: {error}") from error
+        changed = [given[k] for k in sorted(called.writes) if k in given]
+        written = [name for each in changed for name in each.store.names]
+        written += [name for name, _, _ in locals_.values()]
+        kept = any(not each.store.names for each in changed)
+        answer: Any = called.value.value if isinstance(called.value, Known) else None
         if called.statement is not None:
             recording.tape.write(called.statement, writes=written, keeps=kept)
-        for each, given in copies:
-            assign(each, given)
         if isinstance(called.value, Block):
             name, kind, size = locals_[called.value.text]
             places = np.arange(size, dtype=np.int64).reshape(called.value.shape)
-            return Traced(Local(recording, name, size, kind), places)
-        if isinstance(called.value, Number):
+            answer = Traced(Local(recording, name, size, kind), places)
+        elif isinstance(called.value, Number):
             name, kind = recording.tape.fresh(), called.value.kind
-            recording.tape.write(
-                f"{C_TYPES[kind]} {name} = {called.value.text};", name, [name, *written], kept
-            )
-            for each, given in copies:
-                assign(each, given)
-            return Traced(Local(recording, name, 1, kind), np.zeros((), dtype=np.int64))
-        if isinstance(called.value, Known):
-            return called.value.value
-        return None
+            text = f"{C_TYPES[kind]} {name} = {called.value.text};"
+            recording.tape.write(text, name, [name, *written], kept)
+            answer = Traced(Local(recording, name, 1, kind), np.zeros((), dtype=np.int64))
+        for k in sorted(called.writes):
+            if k in given and given[k] is not arguments[k]:  # written back from a copy
+                assign(arguments[k], given[k])
+        return answer
 
 
 class _NumPy:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from baselines.adaptive_dual_loop import CorrectedAdaptive
 from baselines.adaptive_feedforward import PLAYS, SLOW_S, SPLINE, spline_weights
 from baselines.learned.imitation.student import UNIT_UM, Student
+from baselines.products import lane_products, product
 from baselines.tuning import Settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -88,14 +89,14 @@ class TaughtAdaptive(CorrectedAdaptive):
         state: Array,
     ) -> Array:
         of, layout = self.rows.of, self.layout
-        course = COURSE @ ((ahead_um - layout.centre_um) / layout.scale_um).T
+        course = product(COURSE, ((ahead_um - layout.centre_um) / layout.scale_um).T)
         window = layout.reference_um(observation[:, : layout.preview + 1])
-        smooth = SPLINE[0] @ window[:, self.window].T
+        smooth = product(SPLINE[0], window[:, self.window].T)
         plays = (of(state, "plays") - smooth) / self.thresholds_um[:, None]
         slow = (of(state, "slow") - smooth) / layout.scale_um
         theta = self.fit.theta(of(state, "fit"))
         phi, z = self.compared(state)
-        left = (z - np.einsum("fb,fb->b", theta, phi)) / UNIT_UM
+        left = (z - lane_products(theta, phi)) / UNIT_UM
         known = (theta - self.fit.prior[:, None]) / self.fit.spread[:, None]
         own = (wanted_um - smooth) / layout.scale_um
         since = self._fades ** of(state, "count")

@@ -1,0 +1,73 @@
+"""Products of matrices and columns of lanes, each sum taken in order: a lane is the same in any company."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from rdpi_gym.support.arrays import Array
+
+
+def product(matrix: Array, columns: Array) -> Array:
+    """Return ``matrix @ columns``, terms added one after the other.
+
+    A library's product takes them in an order that hangs on the number of lanes, so that what a
+    controller does in one of them differs in the last digit.
+
+    Parameters
+    ----------
+    matrix : float64[R, K] or float64[K]
+        The same for all lanes.
+    columns : float64[K, B]
+
+    Returns
+    -------
+    float64[R, B] or float64[B]
+
+    Examples
+    --------
+    >>> product(np.array([1.0, 2.0]), np.array([[1.0, 10.0], [3.0, 30.0]])).tolist()
+    [7.0, 70.0]
+    """
+    if not matrix.size:  # a model without states
+        return np.zeros((*matrix.shape[:-1], columns.shape[1]))
+    if matrix.ndim == 1:
+        row: Array = _products(matrix[None], columns)[0]
+        return row
+    found: Array = _products(matrix, columns)
+    return found
+
+
+@njit(cache=True)
+def _products(matrix: Array, columns: Array) -> Array:
+    rows, terms = matrix.shape
+    out = np.zeros((rows, columns.shape[1]))
+    for r in range(rows):
+        for k in range(terms):
+            for b in range(columns.shape[1]):
+                out[r, b] += matrix[r, k] * columns[k, b]
+    return out
+
+
+@njit(cache=True)
+def lane_products(one: Array, other: Array) -> Array:
+    """Return Σ_k one[k] other[k] of every lane, terms added one after the other.
+
+    Parameters
+    ----------
+    one, other : float64[K, B]
+
+    Returns
+    -------
+    float64[B]
+
+    Examples
+    --------
+    >>> lane_products(np.array([[1.0], [2.0]]), np.array([[3.0], [4.0]])).tolist()
+    [11.0]
+    """
+    out = np.zeros(one.shape[1])
+    for k in range(one.shape[0]):
+        for b in range(one.shape[1]):
+            out[b] += one[k, b] * other[k, b]
+    return out
