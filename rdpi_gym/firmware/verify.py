@@ -188,7 +188,7 @@ def verify(
             usual = 0.0 if exact else roundings.usual[precision]
             rows.append(Row("records", name, count, difference, limit, difference <= limit, usual))
         say("comparing", records, records)
-        rows += [each.wild(min(records, 100), samples, seed) for each in programs.values()]
+        rows += [each.wild(min(records, _AT_ONCE), samples, seed) for each in programs.values()]
     return Verification(_title(source), tuple(rows), tuple(_remarks(package, folder, roundings)))
 
 

@@ -151,3 +151,23 @@ def test_effects_are_part_of_a_plant():
     assert (
         program_of(model, 1e-4).memory_numbers > program_of(named_plant("P5"), 1e-4).memory_numbers
     )
+
+
+def test_a_policy_that_ships_is_made_again_by_its_name(tmp_path):
+    pytest.importorskip("torch")
+    package = package_of(named_plant("P10"), 1e-4, "learned:ppo-increment")
+    folder = write_package(package, tmp_path / "policy")
+    found = verify(folder, records=5, samples=100)
+    assert found.passed
+    assert "float32" in str(found)
+
+
+def test_a_policy_in_a_folder_is_found_from_elsewhere(tmp_path, monkeypatch):
+    pytest.importorskip("torch")
+    from baselines.learned.policy import policy_folder
+
+    shutil.copytree(policy_folder("ppo-increment"), tmp_path / "mine")
+    monkeypatch.chdir(tmp_path)
+    recipe = package_of(named_plant("P10"), 1e-4, "learned:mine").recipe
+    monkeypatch.chdir("/")
+    assert package_again(dict(recipe), "program.json").source.program.kind == "controller"
