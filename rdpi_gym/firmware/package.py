@@ -20,8 +20,8 @@ from rdpi_gym.support.words import some
 
 FORMAT, VERSION = "rdpi-firmware", 1
 DESCRIPTION = "program.json"
-BUILD = "build"
-"""Folder of what the Makefile makes; an export that replaces another takes it away."""
+BUILD, EXAMPLES = "build", "examples"
+"""Folders: of what the Makefile makes, which an export that replaces another takes away; of loops."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ class Package:
             "THIRD": repr(float(source.program.scale_um / 3.0)),
         }
         parts = frozenset({"FIXED"} if source.fixed is not None else set())
-        c_files = {"main.c": f"main_{kind}.c", "examples/timer_interrupt.c": f"timer_{kind}.c",
-                   "examples/desktop.c": f"desktop_{kind}.c", "Makefile": "Makefile",
+        c_files = {"main.c": f"main_{kind}.c", f"{EXAMPLES}/timer_interrupt.c": f"timer_{kind}.c",
+                   f"{EXAMPLES}/desktop.c": f"desktop_{kind}.c", "Makefile": "Makefile",
                    "CMakeLists.txt": "CMakeLists.txt"}  # fmt: skip
         texts = {
             f"{name}.h": header_text(source),
