@@ -95,7 +95,8 @@ class Expressions(Scope):
     def _operated(self, name: str, node: ast.BinOp) -> Item:
         left, right = self._expression(node.left), self._expression(node.right)
         if isinstance(left, Known | Number) and isinstance(right, Known | Number):
-            if name == "Pow" and isinstance(left, Number) and not is_simple(left.text):
+            squares = name == "Pow" and isinstance(right, Known) and isinstance(right.value, int)
+            if squares and isinstance(left, Number) and not is_simple(left.text):
                 left = self._kept(left)
             return self._arithmetic.binary(name, left, right)
         if isinstance(left, View | Known | Number) and isinstance(right, View | Known | Number):
