@@ -175,9 +175,12 @@ class _Counter:
         token = tokens[at]
         if token == "{":
             total, at = Operations(), at + 1
+            inside = dict(bounds)
             while tokens[at] != "}":
-                more, at = self._statement(tokens, at, bounds)
-                total += more
+                bound = _whole(tokens, at, inside)
+                inside |= bound
+                more, at = self._statement(tokens, at, inside)
+                total += Operations() if bound else more
             return total, at + 1
         if token == "if":
             end = _closed(tokens, at + 1)
@@ -190,8 +193,8 @@ class _Counter:
         if token == "for":
             end = _closed(tokens, at + 1)
             variable, turns, last = _loop(tokens[at + 2 : end - 1], bounds)
-            inside, at = self._statement(tokens, end, {**bounds, variable: last})
-            return inside * turns, at
+            body, at = self._statement(tokens, end, {**bounds, variable: last})
+            return body * turns, at
         if token in ("while", "do", "switch", "goto"):
             raise InputError(f"a loop whose turns cannot be counted: {token}")
         end = tokens.index(";", at)
@@ -280,11 +283,26 @@ def _loop(head: list[str], bounds: Mapping[str, int]) -> tuple[str, int, int]:
     return variable, max(first - lowest + 1, 0), first
 
 
+def _whole(tokens: list[str], at: int, bounds: Mapping[str, int]) -> dict[str, int]:
+    """Return the largest value of a whole number that is stated here and never changed."""
+    if tokens[at : at + 2] != ["const", "int32_t"] or tokens[at + 3] != "=":
+        return {}
+    try:
+        return {
+            tokens[at + 2]: _largest(" ".join(tokens[at + 4 : tokens.index(";", at)]), bounds, 1)
+        }
+    except InputError:
+        return {}
+
+
 def _largest(text: str, bounds: Mapping[str, int], sign: int) -> int:
     """Return the largest (1) or the smallest (0) value of a bound: a sum of whole numbers and variables.
 
     A variable of an outer loop runs from 0 on.
     """
+    chosen = re.search(r"\? (\d+) : (\d+)", text)
+    if chosen:
+        return (max if sign else min)(int(chosen[1]), int(chosen[2]))
     total, factor = 0, 1
     for word in text.replace("(", " ").replace(")", " ").split():
         if word in "+-":

@@ -13,9 +13,10 @@ from rdpi_gym.firmware.vectors import Vectors, unit_of
 ALLOWED: Mapping[int, float] = {64: 1e-13, 32: 1e-5, 31: 1e-6}
 """Largest difference from Python, in strokes or ranges of the command, by precision."""
 ROUGH = 100.0
-"""From which growth on a program makes so much of roundings that more has to be allowed."""
+"""From which growth on it is said."""
 _EPSILON = {64: 2.0**-53, 32: 2.0**-24, 31: 2.0**-32}
 _SEED = 15
+_MOST = 100.0
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Roundings:
     Examples
     --------
     >>> Roundings(3.0).allowed == ALLOWED, Roundings(1e5).allowed[32]
-    (True, 0.0596...)
+    (True, 0.596...)
     """
 
     fine: float = 1.0
@@ -74,7 +75,7 @@ class Roundings:
         if self.single:
             growth[64], epsilon[64] = self.coarse, _EPSILON[32]
         return {
-            p: min(max(each, 10.0 * growth[p] * epsilon[p]), 1.0) if growth[p] > ROUGH else each
+            p: min(max(each, _margin(growth[p]) * epsilon[p]), 1.0)
             for p, each in self.usual.items()
         }
 
@@ -87,6 +88,11 @@ class Roundings:
             f"It makes {self.growth:.0e} times as much of every rounding, being outside its stability limit or "
             "estimating as it runs: no two ways of computing agree to the last digits."
         )
+
+
+def _margin(growth: float) -> float:
+    """What one try of roundings says of others: the more they grow, the less."""
+    return growth * min(growth, _MOST)
 
 
 def _growth(source: Source, made: Vectors, bit: float) -> float:

@@ -27,6 +27,8 @@ def counted(body, *, before="", precision=64):
         ("for (int32_t i = 0; i < 4; ++i) { for (int32_t j = 0; j <= i; ++j) { x += y; } }", Operations(16)),
         ("for (int32_t i = 9; i >= 1; --i) { x += y; }", Operations(9)),
         ("for (int32_t i = 0; i < 0; ++i) { x += y; }", Operations()),
+        ("for (int32_t i = 0; i < 4; ++i) { const int32_t now = i + 1; for (int32_t j = 0; j < now; ++j) { x += y; } }", Operations(16)),
+        ("for (int32_t i = 0; i < (due[0] ? 1 : 0); ++i) { x += y; }", Operations(1)),
         ("/* a * b */ return x;", Operations()),
     ],
 )  # fmt: skip

@@ -24,6 +24,8 @@ SUPPRESSED = [
     "constParameter",
     "missingIncludeSystem",
     "constVariablePointer",
+    "knownConditionTrueFalse",
+    "redundantAssignment",
 ]
 
 
