@@ -11,11 +11,12 @@ import inspect
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
 import numpy as np
+from numba.core.errors import NumbaError
 from numba.core.registry import CPUDispatcher
 
 from rdpi_gym.firmware.kernels import Functions
@@ -56,7 +57,8 @@ class Interception:
         self._thread = threading.get_ident()
         self._swapped: list[tuple[Callable[[Any], None], Any, Any]] = []
         self._recorders: dict[int, Recorder] = {}
-        self._collect(root)
+        with _LOCK:  # no other trace has anything swapped
+            self._collect(root)
 
     @contextmanager
     def active(self) -> Iterator[None]:
@@ -145,8 +147,14 @@ class Recorder:
         interception = self._interception
         if interception.records(arguments):
             return self._recorded(arguments)
-        with interception.paused() if interception.is_ours else nullcontext():
+        if interception.is_ours:
+            with interception.paused():
+                return self._kernel(*arguments)
+        try:
             return self._kernel(*arguments)
+        except NumbaError:  # compiled anew while its module sees recorders: once the trace is done
+            with _LOCK:
+                return self._kernel(*arguments)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._kernel, name)

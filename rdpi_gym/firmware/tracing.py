@@ -465,7 +465,7 @@ def compute(
 def assign(target: Traced, value: Operand) -> None:
     """Write ``target[...] = value``."""
     if not isinstance(value, Traced):
-        value = np.asarray(value)
+        value = np.asarray(value, dtype=np.bool_ if target.kind == "bool" else None)
     if value.ndim > target.ndim:  # leading axes of one
         value = value.reshape(value.shape[value.ndim - target.ndim :])
     if target.size and not _is_same(target, value):

@@ -191,10 +191,57 @@ def _traced(function: Law, tables: Tables) -> str:
     return "\n".join(lines(recorded(run), "    "))
 
 
+def random_law(seed: int) -> Law:
+    """Return code of a dozen operations on parts of an array that overlap, in place and not."""
+
+    def part(rng: np.random.Generator, x: Any, length: int) -> Any:
+        if rng.random() < 0.3:  # backwards
+            last = int(rng.integers(length - 1, ROWS))
+            return x[last : (last - length if last >= length else None) : -1]
+        first = int(rng.integers(0, ROWS - length + 1))
+        return x[first : first + length]
+
+    def run(x: Any) -> Any:
+        rng = np.random.default_rng(seed)
+        kept = x[:2].copy()
+        for _ in range(12):
+            length = int(rng.integers(1, 6))
+            to, one, other = (part(rng, x, length) for _ in range(3))
+            which = rng.integers(8)
+            if which == 0:
+                to[:] = one
+            elif which == 1:
+                to[:] = one.copy() - 0.5 * other
+            elif which == 2:
+                to *= 0.5
+            elif which == 3:
+                to[:] = np.where(one > other, one, -other)
+            elif which == 4:
+                kept = kept + one[0]
+                to += 1.0
+            elif which == 5:
+                to[:] = np.clip(other, -1.0, 1.0)
+                kept[1] = to[0]
+            elif which == 6:
+                two = np.abs(one) + other
+                to[:] = two
+                x[:length] = 0.25 * two
+            elif (one[0] > other[0]).any():
+                to -= 0.125
+            else:
+                kept[0] = one[0]
+        return np.vstack([x, kept])
+
+    return run
+
+
+RANDOM = {f"random_{seed}": random_law(seed) for seed in range(30)}
+
+
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     tables = Tables()
-    bodies = {name: _traced(function, tables) for name, function in LAWS.items()}
+    bodies = {name: _traced(each, tables) for name, each in (LAWS | RANDOM).items()}
     fields = " ".join(f"rdpi_real {each.name}[{len(each.values)}];" for each in tables.all)
     values = ", ".join("{" + ", ".join(map(repr, t.values.tolist())) + "}" for t in tables.all)
     text = [
@@ -210,14 +257,14 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 
 
 @compiling.needs_gcc
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", LAWS | RANDOM)
 def test_its_trace_gives_the_bits_that_numpy_gives(name: str, library: ctypes.CDLL) -> None:
     rng = np.random.default_rng(7)
     for _ in range(25):
         state = rng.normal(size=(ROWS, 1)).round(rng.integers(0, 4))
         numbers = np.concatenate([state.ravel(), np.full(OUT, np.nan)])
         with np.errstate(invalid="ignore"):
-            wanted = np.asarray(LAWS[name](state)).ravel()
+            wanted = np.asarray((LAWS | RANDOM)[name](state)).ravel()
         pointer = numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
         getattr(library, name)(pointer)
         np.testing.assert_array_equal(numbers[ROWS : ROWS + wanted.size], wanted)
