@@ -236,7 +236,7 @@ class _Tracer:
     def inexact(self) -> list[str]:
         """Why it is not equal to Python bit by bit, if it is not."""
         own = dict.fromkeys(why for run in self._runs for why in run.inexact)
-        return [*own, *sorted(self.functions.inexact)]
+        return [*own, *sorted(self.functions.inexact | self.functions.by_lanes)]
 
     @property
     def mathematics(self) -> set[str]:

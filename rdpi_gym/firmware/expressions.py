@@ -379,6 +379,8 @@ class Expressions(Scope):
             if name == "pow":
                 return self._arithmetic.binary("Pow", *scalars)
             return self._arithmetic.function(name, *scalars)
+        if kernel is elementary.expm1_lanes:
+            self._functions.by_lanes.add("many lanes at once take another exponential in Python")
         source = source_of(kernel)
         if returns_tuple(source.tree):
             return self._inlined(source, arguments)

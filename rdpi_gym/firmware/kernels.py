@@ -59,6 +59,8 @@ class Functions:
         With the functions of the mathematics that are called.
     inexact : set of str
         Why C is not equal bit by bit, where it is not.
+    by_lanes : set of str
+        Why it is so with Python's single lanes alone, where Python itself differs in many.
 
     Examples
     --------
@@ -76,6 +78,7 @@ class Functions:
     def __init__(self) -> None:
         self.arithmetic = Arithmetic()
         self.inexact: set[str] = set()
+        self.by_lanes: set[str] = set()
         self._made: dict[object, _Function] = {}
         self._texts: list[str] = []
         self._names: dict[str, int] = {}

@@ -43,6 +43,7 @@ class Calls(Protocol):
 
     arithmetic: Arithmetic
     inexact: set[str]
+    by_lanes: set[str]
 
     def call(self, kernel: Any, arguments: Sequence[Value], local: Any) -> Any:
         """As :meth:`rdpi_gym.firmware.kernels.Functions.call`."""
