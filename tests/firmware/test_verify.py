@@ -4,6 +4,8 @@ import json
 import shutil
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rdpi_gym.firmware.making import package_again, package_of, program_of
 from rdpi_gym.firmware.package import write_package
@@ -120,6 +122,27 @@ def changed(folder, **keys):
 def test_a_description_that_no_export_wrote(folder, keys, message):
     with pytest.raises(InputError, match=message):
         verify(changed(folder, **keys))
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=20),
+    lambda inside: (
+        st.lists(inside, max_size=3) | st.dictionaries(st.text(max_size=10), inside, max_size=3)
+    ),
+    max_leaves=5,
+)
+RECIPE = {"format": "rdpi-firmware", "version": 1, "kind": "controller", "controller": "none",
+          "model": named_plant("P5").to_dict(), "ts_s": 1e-4, "preview": 1, "exact": True}  # fmt: skip
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.sampled_from([*RECIPE, "surprise"]), JSON)
+def test_nothing_that_a_description_says_gets_past_the_line(key, value):
+    try:
+        made = package_again({**RECIPE, key: value}, "program.json")
+    except InputError:
+        return
+    assert made.source.program.kind in ("controller", "plant")
 
 
 def test_a_folder_that_lacks_a_file(folder, tmp_path):
