@@ -18,6 +18,8 @@ STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdoubl
 # An instruction takes 2^6 ns of the emulator's time, more than a tick of any timer.
 _SHIFT = 6
 _LIMIT_S = 120
+# What start.c ends with.
+_FAULT = 3
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,10 @@ def ran(board: Board, program: Path) -> str:
             "-kernel", str(program),
         ]
     )  # fmt: skip
+    if done.returncode == _FAULT:
+        raise InputError(
+            f"{program.name} on {board.core} ends in a fault; {board.data} of data may be too few"
+        )
     if done.returncode:
         said = f"{done.stdout} {done.stderr}".strip()[-500:]
         raise InputError(f"{program.name} on {board.core} ends with {done.returncode}: {said}")

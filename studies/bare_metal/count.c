@@ -16,6 +16,9 @@
 #define SYSTEM_TIMER ((volatile uint32_t *)0xE000E010u)
 #define LOWEST_24 0xFFFFFFu
 
+/* What is done for a step stays before it: the compiler moves nothing of it behind a reading of the timer. */
+#define DONE() __asm__ volatile("" : : : "memory")
+
 static uint32_t ticks_since(uint32_t before)
 {
     return (before - SYSTEM_TIMER[2]) & LOWEST_24;
@@ -40,9 +43,11 @@ int main(void)
 {
 #ifdef RDPI_COUNT_PLANT
     static rdpi_plant_state state;
+    static volatile rdpi_real given;
 #else
     static rdpi_controller_state state;
     static rdpi_real ahead[RDPI_CONTROLLER_PREVIEW];
+    static volatile rdpi_real reference, measured;
 #endif
     const uint32_t start = (SYSTEM_TIMER[1] = LOWEST_24, SYSTEM_TIMER[2] = 0u, SYSTEM_TIMER[0] = 5u, 0u);
     const uint32_t none = empty();
@@ -61,25 +66,29 @@ int main(void)
         uint32_t before, taken;
         double away;
 #ifdef RDPI_COUNT_PLANT
-        const rdpi_real command = (rdpi_real)rdpi_vector_command_V[k];
         rdpi_real found;
 
+        given = (rdpi_real)rdpi_vector_command_V[k];
+        DONE();
         before = SYSTEM_TIMER[2];
-        found = rdpi_plant_step(&state, &rdpi_plant_default, command);
+        found = rdpi_plant_step(&state, &rdpi_plant_default, given);
         taken = ticks_since(before);
+        DONE();
         away = (double)found - (double)rdpi_vector_expected_um[k];
 #else
-        const rdpi_real reference = rdpi_controller_from_um((double)rdpi_vector_reference_um[k]);
-        const rdpi_real measured = rdpi_controller_from_um((double)rdpi_vector_measured_um[k]);
         rdpi_real found;
 
+        reference = rdpi_controller_from_um((double)rdpi_vector_reference_um[k]);
+        measured = rdpi_controller_from_um((double)rdpi_vector_measured_um[k]);
         for (uint32_t j = 0u; j < RDPI_CONTROLLER_PREVIEW; ++j) {
             ahead[j] = rdpi_controller_from_um((double)rdpi_vector_reference_um[k + 1u + j]);
         }
+        DONE();
         before = SYSTEM_TIMER[2];
         found = rdpi_controller_step(&state, &rdpi_controller_default, reference, ahead, measured);
         rdpi_controller_acknowledge(&state, found);
         taken = ticks_since(before);
+        DONE();
         away = rdpi_controller_to_V(found) - (double)rdpi_vector_expected_V[k];
 #endif
         taken -= none;

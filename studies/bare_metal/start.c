@@ -17,13 +17,14 @@ void reset(void)
     _start();
 }
 
-/* A fault ends the run as an error: SYS_EXIT with a reason that is no orderly one. */
+/* A fault ends the run with status 3: SYS_EXIT_EXTENDED. */
 static void fault(void)
 {
-    register uint32_t operation __asm("r0") = 0x18u;
-    register uint32_t reason __asm("r1") = 0x20023u;
+    static const uint32_t why[2] = {0x20026u, 3u};
+    register uint32_t operation __asm("r0") = 0x20u;
+    register const uint32_t *block __asm("r1") = why;
 
-    __asm volatile("bkpt 0xAB" : : "r"(operation), "r"(reason) : "memory");
+    __asm volatile("bkpt 0xAB" : : "r"(operation), "r"(block) : "memory");
     for (;;) {
     }
 }

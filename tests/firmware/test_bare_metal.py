@@ -73,3 +73,13 @@ def test_what_the_compiler_refuses_is_said(tmp_path):
     broken.write_text("int main(void) { return missing; }\n")
     with pytest.raises(InputError, match=r"Cortex-M4F: .*broken\.c"):
         object_of(BOARDS["M4F"], broken, tmp_path / "broken.o")
+
+
+@needs_tools
+@pytest.mark.parametrize("core", BOARDS)
+def test_a_fault_is_said(core, tmp_path):
+    source = tmp_path / "far.c"
+    source.write_text("int main(void) { return *(volatile int *)0x60000001; }\n")
+    program = program_of(BOARDS[core], [source], tmp_path / "far.elf")
+    with pytest.raises(InputError, match=r"far\.elf on Cortex-M.* ends in a fault"):
+        ran(BOARDS[core], program)
