@@ -55,7 +55,7 @@ class Board:
         >>> BOARDS["M4F"].instructions(3200)
         2000.0
         """
-        return ticks * 1e9 / self.clock_hz / 2**_SHIFT
+        return ticks * 1e9 / self.clock_hz / (1 << _SHIFT)
 
 
 BOARDS: Mapping[str, Board] = {
