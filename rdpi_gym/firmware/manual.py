@@ -16,16 +16,14 @@ from rdpi_gym.support.words import number
 DEVIATIONS = {
     "2.2": "a step that has no effect for these numbers",
     "2.5": "macros for callers",
-    "10.1": "whole numbers are shifted",
     "10.3": "tables hold counts as numbers",
-    "10.7": "products are wider than their factors",
-    "10.8": "products are wider than their factors",
+    "10.8": "a sum of counts is made a number",
     "12.1": "precedence of operators as in the Python that was translated",
-    "12.3": "several declarations in a line",
     "14.4": "flags are whole numbers",
     "15.5": "an input that is no number ends a step at once",
     "17.8": "an argument is changed, as in the Python that was translated",
     "18.4": "a pointer leads into a table",
+    "19.2": "the sign of a number is taken from its bits",
 }
 """Rules of MISRA C:2012 that the code does not keep, all of them required or advisory, and why."""
 _NAMES = {64: "double", 32: "float", 31: "Q31"}

@@ -37,18 +37,21 @@ _HELPERS: Mapping[str, str] = {
     "rdpi_copysign": """\
 #if RDPI_PRECISION == 64
 typedef uint64_t rdpi_bits;
-#define RDPI_SIGN UINT64_C(0x8000000000000000)
+#define RDPI_SIGN ((rdpi_bits)1u << 63)
 #else
 typedef uint32_t rdpi_bits;
-#define RDPI_SIGN UINT32_C(0x80000000)
+#define RDPI_SIGN ((rdpi_bits)1u << 31)
 #endif
+
+typedef union {
+    rdpi_real number;
+    rdpi_bits bits;
+} rdpi_image;
 
 static rdpi_real rdpi_copysign(rdpi_real size, rdpi_real sign)
 {
-    union {
-        rdpi_real number;
-        rdpi_bits bits;
-    } a, b;
+    rdpi_image a;
+    rdpi_image b;
     a.number = size;
     b.number = sign;
     a.bits = (a.bits & ~RDPI_SIGN) | (b.bits & RDPI_SIGN);
