@@ -1,4 +1,12 @@
-"""Controllers as C: what one runs at a sample, traced from its own Python."""
+"""Controllers as C: what one runs at a sample, traced from its own Python.
+
+No twin of a controller is written by hand. Its ``next_command`` runs once on one lane of traced
+arrays (:mod:`rdpi_gym.firmware.tracing`), its kernels are translated from their source
+(:mod:`rdpi_gym.firmware.kernels`), and a decision by a number becomes if and else. So any controller
+is exported that works in columns of lanes, remembers all in its ``state``, and leaves what takes time
+to its ``__init__``. It is shown micrometres and volts, so that no scaling rounds; a learned policy
+the numbers that it was trained on.
+"""
 
 from __future__ import annotations
 
