@@ -48,7 +48,7 @@ def test_a_plant_agrees(tmp_path):
 
 
 def test_records_hang_on_the_seed(folder):
-    largest = {verify(folder, records=3, samples=50, seed=s).rows[4].largest for s in (1, 1, 2)}
+    largest = {verify(folder, records=3, samples=50, seed=s).rows[4].largest for s in (1, 2)}
     assert len(largest) == 2
 
 
