@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -14,28 +15,46 @@ from rdpi_gym.firmware.program import Table
 # How deep attributes of attributes are looked through for names.
 _DEEPEST = 6
 ROOMS = ("baselines", "rdpi_gym")
-# Words that cannot name a field of a struct.
+# Words that cannot name a field of a struct, in C or where C++ reads the header.
 _WORDS = frozenset(
     {
+        "and",
         "auto",
+        "bool",
         "break",
         "case",
+        "catch",
         "char",
+        "class",
         "const",
         "continue",
         "default",
+        "delete",
         "do",
         "double",
         "else",
         "enum",
+        "explicit",
+        "export",
         "extern",
+        "false",
         "float",
         "for",
+        "friend",
         "goto",
         "if",
         "inline",
         "int",
         "long",
+        "mutable",
+        "namespace",
+        "new",
+        "not",
+        "operator",
+        "or",
+        "private",
+        "protected",
+        "public",
         "register",
         "restrict",
         "return",
@@ -45,12 +64,21 @@ _WORDS = frozenset(
         "static",
         "struct",
         "switch",
+        "template",
+        "this",
+        "throw",
+        "true",
+        "try",
         "typedef",
+        "typename",
         "union",
         "unsigned",
+        "using",
+        "virtual",
         "void",
         "volatile",
         "while",
+        "xor",
     }
 )
 
@@ -129,9 +157,22 @@ def attributes(root: object) -> Iterator[tuple[object, str, Any]]:
 
 
 def named_arrays(root: object) -> list[tuple[str, NDArray[Any]]]:
-    """Return the arrays that an object holds, with the names of the attributes that hold them."""
-    found: list[tuple[str, NDArray[Any]]] = []
-    for _, name, value in attributes(root):
-        if isinstance(value, np.ndarray) and value.size > 1 and value.dtype.kind in "fiub":
-            found.append((name, value))
-    return found
+    """Return the arrays that an object holds, with the names of what holds them.
+
+    Of its attributes, of tuples among these, and of the modules of the classes that it is made of.
+    """
+    found: list[tuple[str, Any]] = []
+    kinds: dict[type, None] = dict.fromkeys(type(root).__mro__)
+    for holder, name, value in attributes(root):
+        kinds |= dict.fromkeys(type(holder).__mro__)
+        found.append((name, value))
+        if isinstance(value, tuple):
+            found += [(f"{name}_{i}", each) for i, each in enumerate(value)]
+    for module in dict.fromkeys(kind.__module__ for kind in kinds):
+        if module.split(".")[0] in ROOMS:
+            found += vars(sys.modules[module]).items()
+    return [
+        (name, value)
+        for name, value in found
+        if isinstance(value, np.ndarray) and value.size > 1 and value.dtype.kind in "fiub"
+    ]
