@@ -150,11 +150,15 @@ def _verified(case: Case, records: int, seed: int) -> dict[str, object]:
         **{name: by[name].largest if name in by else None for name in ("double", "float", "Q31")},
         "bit_by_bit": "yes" if by["double"].largest == 0.0 else "no",
         "wild_stays": "yes" if all(row.passed for row in wild) else "NO",
-        "verdict": "ok" if all(r.verdict == "ok" for r in found.rows) else (
-            "roundings" if found.passed else "FAILED"
-        ),
+        "verdict": _worst([row.verdict for row in found.rows]),
         "remark": program.inexact_because,
     }  # fmt: skip
+
+
+def _worst(verdicts: Sequence[str]) -> str:
+    """Return the worst of what is said of a program's comparisons."""
+    order = ("ok", "roundings", "decisions", "FAILED")
+    return max(verdicts, key=order.index)
 
 
 def as_markdown(table: pd.DataFrame, records: int, seed: int) -> str:
@@ -173,8 +177,9 @@ def as_markdown(table: pd.DataFrame, records: int, seed: int) -> str:
         f"random records of {SAMPLES:,} samples, plants over {max(records // _LONGER, 1):,} of {SAMPLES * _LONGER:,}, Ts "
         f"{TS_S:g} s; differences in strokes (plants) or ranges of "
         "the command (controllers). `roundings`: the loop makes so much of every rounding that two orders "
-        "of the same sum part, in Python too (outside its stability limit, or estimating as it runs).\n\n"
-        + "\n".join(sections)
+        "of the same sum part, in Python too (outside its stability limit, or estimating as it runs). `decisions`: in a precision that is "
+        "not Python's own, up to a hundredth of the records part where a decision hangs on the last bit, a command "
+        "just at its limit for one.\n\n" + "\n".join(sections)
     )
 
 

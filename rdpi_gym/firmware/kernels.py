@@ -132,7 +132,7 @@ class Functions:
     def _translated(self, kernel: Any, values: Sequence[Value]) -> _Function:
         source = source_of(kernel)
         if kernel.targetoptions.get("fastmath"):
-            self.inexact.add(f"{source.name} may sum in another order")
+            self.inexact.add("Python sums over vectors of plays, in another order")
         kinds: dict[str, Kind] = {}
         for _ in range(_TRIES):
             body = Body(self, source, values, kinds)
