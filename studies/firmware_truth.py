@@ -20,6 +20,7 @@ from typing import Any
 
 import pandas as pd
 
+from baselines.inverses.catalogue import INVERSES
 from baselines.registry import CONTROLLERS
 from rdpi_gym.envs.tasks.whole_stage import STAGE
 from rdpi_gym.firmware.making import package_of
@@ -83,6 +84,9 @@ def cases() -> Iterator[Case]:
                  "model-predictive", "adaptive-feedforward", "adaptive-dual-loop", "adaptive-inverse",
                  "hybrid"):  # fmt: skip
         yield Case("controller", f"{name} on a stage", stage, name)
+    for name in INVERSES:
+        believed = replace(P10, effects=(CATALOGUE[name](),))
+        yield Case("controller", f"extended-inverse, {name}", believed, "extended-inverse")
     for policy in _POLICIES:
         belief = stage if policy.endswith("stage") else P10
         yield Case("controller", f"learned:{policy}", belief, f"learned:{policy}")

@@ -467,6 +467,17 @@ def _own_text(
     lines += [f"static void rdpi_rest({name}_memory *m{first})", "{", *rest, "}", ""]
     if functions.strip():
         lines += [functions.strip(), ""]
+    begin = source.program.begin.strip("\n")
+    if begin:
+        used = identifiers(begin)
+        lines += [
+            f"static void rdpi_begin(const {name}_parameters *p, {name}_memory *m, rdpi_real reference_um)",
+            "{",
+            *(f"    (void){each};" for each in ("p", "m", "reference_um") if each not in used),
+            *(f"    {line}".rstrip() for line in begin.splitlines()),
+            "}",
+            "",
+        ]
     inputs = (
         ("reference_um", "ahead_um", "measured_um", "applied_V")
         if kind == "controller"
@@ -491,9 +502,8 @@ def _own_text(
 def _takes_reference(source: Source) -> bool:
     """Whether what is remembered at rest hangs on the first reference, in some precision."""
     fixed = () if source.fixed is None else source.fixed.memory
-    return any(part.from_reference for part in fixed) or any(
-        bool(np.any(part.by_reference)) for part in source.program.memory
-    )
+    begins = bool(source.program.begin) or any(part.from_reference for part in fixed)
+    return begins or any(bool(np.any(part.by_reference)) for part in source.program.memory)
 
 
 def _values(table: Table | FixedTable) -> list[str]:
@@ -583,6 +593,7 @@ def _wall(source: Source) -> str:
     return filled(
         text,
         frozenset({"REAL", "FIRST"} if takes else {"REAL"}),
+        BEGIN="    rdpi_begin(p, &s->memory[0], first_um);" if program.begin else "",
         CENTRE=literal(program.centre_um),
         CHECK_MEASURED=check,
         FAR=literal(FARTHEST * program.scale_um),

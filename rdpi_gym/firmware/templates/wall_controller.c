@@ -27,6 +27,7 @@ void rdpi_controller_init(rdpi_controller_state *s, const rdpi_controller_parame
     }
 @END_REAL@
     rdpi_rest(&s->memory[0]@REST_ARGUMENT@);
+@BEGIN@
     s->memory[1] = s->memory[0];
     s->applied_V = RDPI_CONTROLLER_REST_V;
     s->current = 0u;
