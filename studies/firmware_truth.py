@@ -205,7 +205,7 @@ def _measure_all(chosen: Namespace) -> None:
         chosen.out / "firmware_truth.csv",
         table.to_csv(index=False, float_format="%.3g", lineterminator="\n"),
     )
-    print(f"written to {write_atomic(chosen.out / 'truth.md', text)}")
+    print(f"written to {write_atomic(chosen.out / 'firmware_truth.md', text)}")
 
 
 if __name__ == "__main__":
