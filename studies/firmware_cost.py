@@ -21,8 +21,8 @@ from typing import Any
 import pandas as pd
 
 from rdpi_gym.firmware.making import package_of
-from rdpi_gym.firmware.source import Source
-from rdpi_gym.firmware.vectors import SAMPLES
+from rdpi_gym.firmware.writing.source import Source
+from rdpi_gym.firmware.writing.vectors import SAMPLES
 from rdpi_gym.plant import P10, PlantModel
 from rdpi_gym.plant.effects import Effect, load_effect
 from rdpi_gym.support.command_line import Options

@@ -24,7 +24,7 @@ from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.compiling import STRICT, compiler, run
 from rdpi_gym.firmware.making import package_of
-from rdpi_gym.firmware.vectors import SAMPLES
+from rdpi_gym.firmware.writing.vectors import SAMPLES
 from rdpi_gym.plant import P10
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError

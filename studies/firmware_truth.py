@@ -24,8 +24,8 @@ from baselines.inverses.catalogue import INVERSES
 from baselines.registry import CONTROLLERS
 from rdpi_gym.envs.tasks.whole_stage import STAGE
 from rdpi_gym.firmware.making import package_of
-from rdpi_gym.firmware.package import write_package
 from rdpi_gym.firmware.verify import verify
+from rdpi_gym.firmware.writing.package import write_package
 from rdpi_gym.plant import CORES, P10, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import forms_of

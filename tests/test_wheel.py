@@ -10,6 +10,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 KINDS = {".py", ".typed", ".json", ".pt", ".npz", ".yml", ".html", ".css", ".js"}
+# Templates of what an export writes; a Makefile has no suffix.
+TEMPLATES = {".c", ".h", ".md", ".txt", ""}
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +38,18 @@ def test_it_holds_code_beliefs_policies_and_a_page_and_each_within_its_limit(whe
     files = [f for f in zipfile.ZipFile(wheel).infolist() if ".dist-info/" not in f.filename]
     names = [file.filename for file in files]
     assert {name.split("/")[0] for name in names} == {"rdpi_gym", "baselines", "benchmarks"}
-    assert {Path(name).suffix for name in names} == KINDS
+    folder = "rdpi_gym/firmware/writing/templates/"
+    templates = {name for name in names if name.startswith(folder)}
+    assert {Path(name).suffix for name in names if name not in templates} == KINDS
+    assert {Path(name).suffix for name in templates} == TEMPLATES
     assert {n.split("/")[0] for n in names if n.endswith(".pt")} == {"baselines"}
     taken = {
         room: sum(file.compress_size for file in files if file.filename.startswith(room))
-        for room in ("rdpi_gym/laboratory/", "baselines/learned/policies/")
+        for room in ("rdpi_gym/laboratory/", "rdpi_gym/firmware/", "baselines/learned/policies/")
     }
     assert wheel.stat().st_size - sum(taken.values()) < 1.35e6
     assert taken["rdpi_gym/laboratory/"] < 0.12e6
+    assert taken["rdpi_gym/firmware/"] < 0.16e6
     assert taken["baselines/learned/policies/"] < 0.4e6
     pages = {Path(name).parent.name for name in names if name.endswith((".html", ".css", ".js"))}
     assert pages == {"page"}

@@ -9,11 +9,11 @@ from typing import Literal
 
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.firmware import verify as verifying
-from rdpi_gym.firmware.fmu import write_fmu
 from rdpi_gym.firmware.making import package_of
-from rdpi_gym.firmware.package import check_out, write_package
-from rdpi_gym.firmware.source import header_text, source_text
 from rdpi_gym.firmware.verify import Verification
+from rdpi_gym.firmware.writing.fmu import write_fmu
+from rdpi_gym.firmware.writing.package import check_out, write_package
+from rdpi_gym.firmware.writing.source import header_text, source_text
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.errors import InputError

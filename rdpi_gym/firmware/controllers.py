@@ -1,8 +1,8 @@
 """Controllers as C: what one runs at a sample, traced from its own Python.
 
 No twin of a controller is written by hand. Its ``next_command`` runs once on one lane of traced
-arrays (:mod:`rdpi_gym.firmware.tracing`), its kernels are translated from their source
-(:mod:`rdpi_gym.firmware.kernels`), and a decision by a number becomes if and else. So any controller
+arrays (:mod:`rdpi_gym.firmware.tracing.arrays`), its kernels are translated from their source
+(:mod:`rdpi_gym.firmware.translation.kernels`), and a decision by a number becomes if and else. So any controller
 is exported that works in columns of lanes, remembers all in its ``state``, and leaves what takes time
 to its ``__init__``. It is shown micrometres and volts, so that no scaling rounds; a learned policy
 the numbers that it was trained on.
@@ -22,14 +22,14 @@ from baselines.lookup import GUARDED, LEARNED, make_controller
 from baselines.registry import CONTROLLERS
 from baselines.tuning import Tunable
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.firmware.intercepting import Interception
-from rdpi_gym.firmware.kernels import Functions
 from rdpi_gym.firmware.program import Memory, Program
-from rdpi_gym.firmware.statements import lines
-from rdpi_gym.firmware.tables import Tables, named_arrays
-from rdpi_gym.firmware.tape import Tape, recorded
-from rdpi_gym.firmware.traced_functions import NUMPY
-from rdpi_gym.firmware.tracing import Inputs, Recording, Remembered, Traced, constant
+from rdpi_gym.firmware.tracing.arrays import Inputs, Recording, Remembered, Traced, constant
+from rdpi_gym.firmware.tracing.functions import NUMPY
+from rdpi_gym.firmware.tracing.intercepting import Interception
+from rdpi_gym.firmware.tracing.statements import lines
+from rdpi_gym.firmware.tracing.tables import Tables, named_arrays
+from rdpi_gym.firmware.tracing.tape import Tape, recorded
+from rdpi_gym.firmware.translation.kernels import Functions
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError

@@ -16,10 +16,10 @@ from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.controllers import ControllerTwin, controller_program
 from rdpi_gym.firmware.fixed_point import FixedPoint, fixed_point_body
-from rdpi_gym.firmware.package import Package
 from rdpi_gym.firmware.plants import plant_program
 from rdpi_gym.firmware.program import Program
-from rdpi_gym.firmware.source import Source
+from rdpi_gym.firmware.writing.package import Package
+from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.plant.packing import check_ts
 from rdpi_gym.support.errors import InputError

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from rdpi_gym.firmware.source import Source, header_text, source_text
-from rdpi_gym.firmware.vectors import SAMPLES, vectors, vectors_text
+from rdpi_gym.firmware.writing.source import Source, header_text, source_text
+from rdpi_gym.firmware.writing.vectors import SAMPLES, vectors, vectors_text
 from rdpi_gym.support.errors import InputError
 from studies.bare_metal.boards import HERE, Board, linked_alone, object_of, program_of, ran, sizes
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.firmware.program import Memory, Program, Table
-from rdpi_gym.firmware.source import Source, header_text, source_text
+from rdpi_gym.firmware.writing.source import Source, header_text, source_text
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]  # fmt: skip
 COMPILERS = [

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rdpi_gym.firmware.making import package_again, package_of, program_of
-from rdpi_gym.firmware.package import write_package
 from rdpi_gym.firmware.verify import verify
+from rdpi_gym.firmware.writing.package import write_package
 from rdpi_gym.plant import P10, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError

@@ -1,0 +1,568 @@
+"""NumPy's functions on traced arrays: each writes the C of what NumPy would do, in NumPy's order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rdpi_gym.firmware.tracing.arrays import (
+    Local,
+    Operand,
+    Recording,
+    Traced,
+    assign,
+    compute,
+    copy_of,
+    here,
+    kind_of,
+    read_by_loops,
+    recording_of,
+    shape_of,
+)
+from rdpi_gym.firmware.values import Kind
+from rdpi_gym.support.errors import InputError
+
+_ANOTHER_ORDER = "sums of a matrix product or of np.sum are taken in another order by NumPy"
+_OWN_FUNCTIONS = "NumPy has functions of its own for {}, off in the last digit"
+
+_INFIX: dict[np.ufunc, tuple[str, Kind]] = {
+    np.add: ("+", "real"),
+    np.subtract: ("-", "real"),
+    np.multiply: ("*", "real"),
+    np.less: ("<", "bool"),
+    np.less_equal: ("<=", "bool"),
+    np.greater: (">", "bool"),
+    np.greater_equal: (">=", "bool"),
+    np.equal: ("==", "bool"),
+    np.not_equal: ("!=", "bool"),
+}
+_LOGICAL: dict[np.ufunc, str] = {
+    np.logical_and: "&&",
+    np.bitwise_and: "&&",
+    np.logical_or: "||",
+    np.bitwise_or: "||",
+}
+_CALLS: dict[np.ufunc, str] = {
+    np.absolute: "rdpi_abs({})",
+    np.fabs: "rdpi_abs({})",
+    np.negative: "-{}",
+    np.positive: "{}",
+    np.square: "{0} * {0}",
+    np.minimum: "rdpi_min({}, {})",
+    np.maximum: "rdpi_max({}, {})",
+    np.fmin: "rdpi_min({}, {})",
+    np.fmax: "rdpi_max({}, {})",
+    np.copysign: "rdpi_copysign({}, {})",
+    np.sign: "({0} > RDPI_C(0.0)) ? RDPI_C(1.0) : (({0} < RDPI_C(0.0)) ? RDPI_C(-1.0) : {0})",
+}
+_TESTS: dict[np.ufunc, str] = {
+    np.isnan: "rdpi_is_nan({})",
+    np.isfinite: "rdpi_abs({}) < RDPI_INFINITY",
+}
+_EXACT_FUNCTIONS = {np.sqrt: "SQRT", np.floor: "FLOOR", np.ceil: "CEIL"}
+_FUNCTIONS = {
+    np.exp: "EXP",
+    np.expm1: "EXPM1",
+    np.log: "LOG",
+    np.log1p: "LOG1P",
+    np.sin: "SIN",
+    np.cos: "COS",
+    np.tanh: "TANH",
+}
+
+
+def apply_ufunc(
+    ufunc: np.ufunc, method: str, inputs: Sequence[Any], options: dict[str, Any]
+) -> Traced:
+    """Write an elementwise function of NumPy.
+
+    Raises
+    ------
+    InputError
+        It has no C, or is asked for in a way that has none.
+    """
+    out = options.pop("out", None)
+    where = options.pop("where", True)
+    options.pop("dtype", None)
+    options.pop("casting", None)
+    target = out[0] if isinstance(out, tuple) else out
+    if method == "reduce" and ufunc is np.add:
+        return _sum(inputs[0], **options)
+    if method == "accumulate" and ufunc is np.add:
+        return _cumsum(inputs[0], **options)
+    if method == "outer" and ufunc is np.multiply:
+        return _outer(*inputs)
+    if method != "__call__" or options:
+        raise InputError(f"{here()}: np.{ufunc.__name__}.{method} has no C")
+    if target is not None and not isinstance(target, Traced):
+        raise InputError(
+            f"{here()} puts numbers that are known only as it runs into a NumPy array; make it with np.empty_like"
+        )
+    if ufunc is np.matmul:
+        return _matmul(inputs[0], inputs[1], target)
+    kind, expression, cast = _expression(ufunc, inputs, recording_of(*inputs, target))
+    if where is True:
+        return compute(kind, expression, *inputs, out=target, cast=cast)
+    old = target if target is not None else np.zeros(())
+
+    def guarded(test: str, before: str, *texts: str) -> str:
+        return f"{test} ? ({expression(*texts)}) : {before}"
+
+    # the flag stays a flag
+    return _mixed(
+        kind, guarded, (where, old, *inputs), (False, *[cast] * (1 + len(inputs))), target
+    )
+
+
+def _expression(
+    ufunc: np.ufunc, inputs: Sequence[Any], recording: Recording
+) -> tuple[Kind, Callable[..., str], bool]:
+    """Return kind, text and whether flags become numbers first."""
+    flags = all(_kind(each) == "bool" for each in inputs)
+    if ufunc in _INFIX:
+        sign, kind = _INFIX[ufunc]
+        if flags and ufunc is np.multiply:
+            return "bool", lambda x, y: f"{x} && {y}", False
+        if flags and ufunc is np.add:
+            return "bool", lambda x, y: f"{x} || {y}", False
+        nothing = {"-": "RDPI_C(0.0)", "*": "RDPI_C(1.0)"}.get(sign)
+        return kind, lambda x, y: x if y == nothing else f"{x} {sign} {y}", True
+    if ufunc in _LOGICAL:
+        sign = _LOGICAL[ufunc]
+        if not flags:
+            raise InputError(f"{here()}: np.{ufunc.__name__} of numbers has no C, only of truths")
+        return "bool", lambda x, y: f"{x} {sign} {y}", False
+    if ufunc in (np.logical_not, np.invert) and flags:
+        return "bool", lambda x: f"!{x}", False
+    if ufunc in _TESTS:
+        return "bool", lambda *x: _TESTS[ufunc].format(*x), True
+    if ufunc in _CALLS:
+        return "real", lambda *x: _CALLS[ufunc].format(*x), True
+    if ufunc is np.divide:
+        number = None if isinstance(inputs[1], Traced) else np.asarray(inputs[1])
+        if number is not None and (number == number.flat[0]).all():
+            return "real", lambda x, y: f"RDPI_OVER({x}, {y})", True
+        return "real", lambda x, y: f"{x} / {y}", True
+    if ufunc in _EXACT_FUNCTIONS:
+        macro = recording.uses(_EXACT_FUNCTIONS[ufunc])
+        return "real", lambda x: f"{macro}({x})", True
+    if ufunc is np.power or ufunc is np.float_power:
+        return _power(inputs, recording)
+    if ufunc in _FUNCTIONS:
+        recording.is_inexact(_OWN_FUNCTIONS.format(ufunc.__name__))
+        macro = recording.uses(_FUNCTIONS[ufunc])
+        return "real", lambda x: f"{macro}({x})", True
+    if ufunc is np.arctanh:
+        recording.is_inexact(_OWN_FUNCTIONS.format(ufunc.__name__))
+        log1p = recording.uses("LOG1P")
+        return "real", lambda x: f"RDPI_C(0.5) * ({log1p}({x}) - {log1p}(-{x}))", True
+    if ufunc is np.arcsinh:
+        recording.is_inexact(_OWN_FUNCTIONS.format(ufunc.__name__))
+        log1p, root = recording.uses("LOG1P"), recording.uses("SQRT")
+        text = (
+            "rdpi_copysign({log1p}(rdpi_abs({x}) + {x} * {x} / "
+            "(RDPI_C(1.0) + {root}(RDPI_C(1.0) + {x} * {x}))), {x})"
+        )
+        return "real", lambda x: text.format(x=x, log1p=log1p, root=root), True
+    raise InputError(f"{here()}: np.{ufunc.__name__} has no C")
+
+
+def _power(inputs: Sequence[Any], recording: Recording) -> tuple[Kind, Callable[..., str], bool]:
+    exponent = inputs[1]
+    if not isinstance(exponent, Traced) and np.size(exponent) == 1:
+        number = float(np.asarray(exponent).ravel()[0])
+        if number == 2.0:
+            return "real", lambda x, y: f"{x} * {x}", True
+        if number == 1.0:
+            return "real", lambda x, y: x, True
+        if number == 0.5:
+            root = recording.uses("SQRT")
+            return "real", lambda x, y: f"{root}({x})", True
+    recording.is_inexact(_OWN_FUNCTIONS.format("powers"))
+    macro = recording.uses("POW")
+    return "real", lambda x, y: f"{macro}({x}, {y})", True
+
+
+def _kind(operand: Operand) -> Kind:
+    return operand.kind if isinstance(operand, Traced) else kind_of(np.asarray(operand).dtype)
+
+
+def _mixed(
+    kind: Kind,
+    expression: Callable[..., str],
+    operands: Sequence[Operand],
+    casts: Sequence[bool],
+    out: Traced | None = None,
+) -> Traced:
+    """Compute where some operands become numbers first, and some stay what they are."""
+    made = [
+        compute("real", lambda x: x, each)
+        if cast and isinstance(each, Traced) and each.kind != "real"
+        else (np.asarray(each, dtype=np.float64) if cast and not isinstance(each, Traced) else each)
+        for each, cast in zip(operands, casts, strict=True)
+    ]
+    return compute(kind, expression, *made, out=out, cast=False)
+
+
+def _where(condition: Operand, one: Operand, other: Operand) -> Traced:
+    if not isinstance(condition, Traced):
+        condition = np.asarray(condition, dtype=np.bool_)
+    flags = _kind(one) == _kind(other) == "bool"
+    return _mixed(
+        "bool" if flags else "real",
+        lambda test, x, y: f"{test} ? {x} : {y}",
+        (condition, one, other),
+        (False, not flags, not flags),
+    )
+
+
+def _clip(
+    a: Operand,
+    a_min: Operand | None = None,
+    a_max: Operand | None = None,
+    out: Traced | None = None,
+    **named: Any,
+) -> Traced:
+    low, high = named.pop("min", a_min), named.pop("max", a_max)
+    if low is None or high is None:
+        ufunc, bound = (np.minimum, high) if low is None else (np.maximum, low)
+        assert bound is not None
+        return apply_ufunc(ufunc, "__call__", (a, bound), {"out": out})
+    return compute(
+        "real", lambda x, y, z: f"rdpi_min(rdpi_max({x}, {y}), {z})", a, low, high, out=out
+    )
+
+
+def _matmul(a: Operand, b: Operand, out: Traced | None = None) -> Traced:
+    recording = recording_of(a, b)
+    left = a if isinstance(a, Traced) else np.asarray(a, dtype=np.float64)
+    right = b if isinstance(b, Traced) else np.asarray(b, dtype=np.float64)
+    shape = (*left.shape[:-1], *right.shape[1:])
+    rows = left.reshape(1, -1) if left.ndim == 1 else left
+    columns = right.reshape(-1, 1) if right.ndim == 1 else right
+    if rows.ndim != 2 or columns.ndim != 2:
+        raise InputError(f"{here()}: a product of stacks of matrices has no C")
+    if rows.shape[1] > 1:
+        recording.is_inexact(_ANOTHER_ORDER)
+    products = _products(recording, rows, columns)
+    found = products.reshape(shape)
+    if out is None:
+        return found
+    assign(out, found)
+    return out
+
+
+def _products(recording: Recording, rows: Any, columns: Any | None) -> Traced:
+    """Write a product of two matrices, or without the second sums over rows: terms in their order."""
+    height, inner = rows.shape
+    width = 1 if columns is None else columns.shape[1]
+    if inner == 0:
+        nothing = recording.array((height, width))
+        assign(nothing, 0.0)
+        return nothing
+    if height == width == 1:
+        name = recording.tape.fresh()
+        out = Traced(Local(recording, name, 1), np.zeros((1, 1), dtype=np.int64))
+    else:
+        out = recording.array((height, width))
+    if not _write_products(out, rows, columns):
+        rows, columns = (copy_of(x) if isinstance(x, Traced) else x for x in (rows, columns))
+        _write_products(out, rows, columns)
+    return out
+
+
+def _write_products(out: Traced, rows: Any, columns: Any | None) -> bool:
+    """Write ``out[i, j] = Σ_k rows[i, k] columns[k, j]``; false where no loop reads them in order."""
+    recording = out.recording
+    (height, inner), width = rows.shape, out.shape[1]
+    operands = [(out, (height, width, 1)), (rows, (height, 1, inner))]
+    if columns is not None:
+        operands.append((columns.T, (1, width, inner)))
+    read = read_by_loops(recording, operands)
+    if read is None:
+        return False
+    target, *factors = read
+    total = target if out.size == 1 else recording.tape.fresh()
+    lines = [
+        f"rdpi_real {total} = RDPI_C(0.0);",
+        f"for (int32_t k = 0; k < {inner}; ++k) {{",
+        f"    {total} += {' * '.join(factors)};",
+        "}",
+    ]
+    if total != target:
+        lines.append(f"{target} = {total};")
+    for index, count in (("j", width), ("i", height)):
+        if count > 1:
+            inside = [f"    {line}" for line in lines]
+            lines = [f"for (int32_t {index} = 0; {index} < {count}; ++{index}) {{", *inside, "}"]
+    declares = total if out.size == 1 else ""
+    recording.tape.write("\n".join(lines), declares, out.store.names)
+    return True
+
+
+def _einsum(subscripts: str, *operands: Any, **_: Any) -> Traced:
+    if subscripts.replace(" ", "") != "fb,fb->b" or len(operands) != 2:
+        raise InputError(f"{here()}: np.einsum of {subscripts!r} has no C; only of 'fb,fb->b'")
+    one, other = operands
+    if shape_of(one)[1] != 1:
+        raise InputError(f"{here()}: np.einsum over several lanes has no C")
+    recording = recording_of(one, other)
+    recording.is_inexact(_ANOTHER_ORDER)
+    return _products(recording, one.T, other).reshape(1)
+
+
+def _axis(array: Any, axis: int | None) -> tuple[Any, int]:
+    if axis is None:
+        return array.reshape(-1), 0
+    return array, axis % array.ndim
+
+
+def _sum(a: Traced, axis: int | None = None, keepdims: bool = False, **_: Any) -> Traced:
+    array, axis = _axis(a, axis)
+    count = array.shape[axis]
+    if axis == array.ndim - 1 and count > 1:
+        a.recording.is_inexact(_ANOTHER_ORDER)
+    rows = array.transpose(*[i for i in range(array.ndim) if i != axis], axis)
+    shape = rows.shape[:-1]
+    sums = _products(a.recording, _real(rows).reshape(-1, count), None)
+    found = sums.reshape(shape)
+    if keepdims:
+        found = found.reshape(tuple(1 if i == axis else n for i, n in enumerate(array.shape)))
+    return found
+
+
+def _real(array: Traced) -> Traced:
+    return array if array.kind == "real" else compute("real", lambda x: x, array)
+
+
+def _cumsum(a: Traced, axis: int | None = None, **_: Any) -> Traced:
+    array, axis = _axis(a, axis)
+    found = copy_of(_real(array))
+    along = _moved_first(found, axis)
+    for i in range(1, len(along)):
+        assign(along[i : i + 1], along[i - 1 : i] + along[i : i + 1])
+    return found
+
+
+def _moved_first(array: Traced, axis: int) -> Traced:
+    return array.view(np.moveaxis(array.places, axis, 0))
+
+
+def _diff(
+    a: Operand, n: int = 1, axis: int = -1, prepend: Operand | None = None, append: Any = None
+) -> Traced:
+    if n != 1 or append is not None:
+        raise InputError(f"{here()}: np.diff of this kind has no C")
+    if prepend is not None:
+        shape = list(shape_of(a))
+        shape[axis] = 1
+        first = prepend if isinstance(prepend, Traced) else np.broadcast_to(prepend, shape)
+        a = _concatenate([first, a], axis=axis)
+    assert isinstance(a, Traced)
+    along = a.view(np.moveaxis(a.places, axis, 0))
+    found: Traced = along[1:] - along[:-1]
+    return found.view(np.moveaxis(found.places, 0, axis))
+
+
+def _concatenate(arrays: Sequence[Any], axis: int | None = 0, **_: Any) -> Traced:
+    parts = [each if isinstance(each, Traced) else np.asarray(each) for each in arrays]
+    if axis is None:
+        parts, axis = [part.reshape(-1) for part in parts], 0
+    kinds = {_kind(part) for part in parts}
+    kind: Kind = kinds.pop() if len(kinds) == 1 else "real"
+    shape = list(parts[0].shape)
+    axis = axis % len(shape)
+    shape[axis] = sum(part.shape[axis] for part in parts)
+    out = recording_of(*parts).array(shape, kind)
+    first = 0
+    for part in parts:
+        key = [slice(None)] * len(shape)
+        key[axis] = slice(first, first + part.shape[axis])
+        assign(out[tuple(key)], part)
+        first += part.shape[axis]
+    return out
+
+
+def _stack(arrays: Sequence[Any], axis: int = 0, **_: Any) -> Traced:
+    parts = [_lifted(each, axis) for each in arrays]
+    return _concatenate(parts, axis=axis)
+
+
+def _lifted(array: Any, axis: int) -> Any:
+    if isinstance(array, Traced):
+        return array.view(np.expand_dims(array.places, axis))
+    return np.expand_dims(np.asarray(array), axis)
+
+
+def _vstack(arrays: Sequence[Any], **_: Any) -> Traced:
+    return _concatenate([_at_least(each, 2) for each in arrays])
+
+
+def _hstack(arrays: Sequence[Any], **_: Any) -> Traced:
+    return _concatenate(arrays, axis=0 if len(shape_of(arrays[0])) == 1 else 1)
+
+
+def _at_least(array: Any, ndim: int) -> Any:
+    array = array if isinstance(array, Traced) else np.asarray(array)
+    return array.reshape((1,) * max(ndim - array.ndim, 0) + array.shape)
+
+
+def _outer(a: Operand, b: Operand, out: Traced | None = None) -> Traced:
+    column = a.reshape(-1, 1) if isinstance(a, Traced) else np.asarray(a).reshape(-1, 1)
+    row = b.reshape(1, -1) if isinstance(b, Traced) else np.asarray(b).reshape(1, -1)
+    return compute("real", lambda x, y: f"{x} * {y}", column, row, out=out)
+
+
+def _repeat(a: Traced, repeats: int, axis: int | None = None) -> Traced:
+    return copy_of(a.view(np.repeat(a.places, repeats, axis=axis)))
+
+
+def _tile(a: Traced, reps: Any) -> Traced:
+    return copy_of(a.view(np.tile(a.places, reps)))
+
+
+def _split(ary: Traced, indices_or_sections: Any, axis: int = 0) -> list[Traced]:
+    return [ary.view(each) for each in np.split(ary.places, indices_or_sections, axis=axis)]
+
+
+def _like(a: Operand, value: float | None, dtype: Any = None, shape: Any = None) -> Traced:
+    kind = _kind(a) if dtype is None else kind_of(dtype)
+    found = recording_of(a).array(shape_of(a) if shape is None else shape, kind)
+    if value is not None:
+        assign(found, value)
+    return found
+
+
+def _folded(one: str, all_of: bool) -> Callable[..., Traced]:
+    """Return what reduces flags or numbers by a text from two."""
+
+    def reduce(a: Traced, axis: int | None = None, **_: Any) -> Traced:
+        array, axis = _axis(a, axis)
+        if all_of and array.kind != "bool":
+            array = compute("bool", lambda x: f"{x} != RDPI_C(0.0)", array)
+        along = _moved_first(array, axis)
+        if len(along) == 0:
+            raise InputError(f"{here()} reduces an array of no elements")
+        if len(along) == 1:
+            return along[0] if along.ndim > 1 else along.reshape(())
+        if along.size == len(along) and len(along) > 3:
+            return _reduced(along.reshape(-1), one).reshape(along.shape[1:])
+        found = copy_of(along[0:1])
+        for i in range(1, len(along)):
+            compute(array.kind, one.format, found, along[i : i + 1], out=found, cast=False)
+        return found.reshape(along.shape[1:])
+
+    return reduce
+
+
+def _reduced(array: Traced, one: str) -> Traced:
+    """Write a loop that reduces an array to a number."""
+    recording, kind = array.recording, array.kind
+    texts = read_by_loops(recording, [(array[1:], (1, 1, len(array) - 1))], cast=False)
+    if texts is None:
+        return _reduced(copy_of(array), one)
+    found = copy_of(array[:1])
+    (name,) = found.store.names
+    lines = [
+        f"for (int32_t k = 0; k < {len(array) - 1}; ++k) {{",
+        f"    {name} = {one.format(name, texts[0])};",
+        "}",
+    ]
+    recording.tape.write("\n".join(lines), writes=[name])
+    return Traced(Local(recording, name, 1, kind), np.zeros((), dtype=np.int64))
+
+
+_any, _all = _folded("{} || {}", True), _folded("{} && {}", True)
+_max, _min = _folded("rdpi_max({}, {})", False), _folded("rdpi_min({}, {})", False)
+
+
+def _nan_to_num(x: Traced, nan: float = 0.0, **_: Any) -> Traced:
+    return _where(np.isnan(x), nan, x)
+
+
+def _flatnonzero(a: Traced) -> Any:
+    if a.size != 1:
+        raise InputError(f"{here()} looks up where of several something holds, as it runs")
+    return np.arange(1 if bool(a) else 0)
+
+
+def _mean(a: Traced, axis: int | None = None, **_: Any) -> Traced:
+    count = a.size if axis is None else a.shape[axis]
+    found: Traced = _sum(a, axis) / float(count)
+    return found
+
+
+FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
+    np.where: _where,
+    np.clip: _clip,
+    np.sum: _sum,
+    np.mean: _mean,
+    np.cumsum: _cumsum,
+    np.diff: _diff,
+    np.einsum: _einsum,
+    np.dot: _matmul,
+    np.outer: _outer,
+    np.concatenate: _concatenate,
+    np.stack: _stack,
+    np.vstack: _vstack,
+    np.hstack: _hstack,
+    np.repeat: _repeat,
+    np.tile: _tile,
+    np.split: _split,
+    np.any: _any,
+    np.all: _all,
+    np.max: _max,
+    np.min: _min,
+    np.amax: _max,
+    np.amin: _min,
+    np.nan_to_num: _nan_to_num,
+    np.flatnonzero: _flatnonzero,
+    np.copy: lambda a, **_: copy_of(a),
+    np.empty_like: lambda a, dtype=None, shape=None, **_: _like(a, None, dtype, shape),
+    np.zeros_like: lambda a, dtype=None, shape=None, **_: _like(a, 0, dtype, shape),
+    np.ones_like: lambda a, dtype=None, shape=None, **_: _like(a, 1, dtype, shape),
+    np.full_like: lambda a, value, dtype=None, shape=None, **_: _like(a, value, dtype, shape),
+    np.broadcast_to: lambda a, shape, **_: a.view(np.broadcast_to(a.places, shape)),
+    np.atleast_1d: lambda a: _at_least(a, 1),
+    np.atleast_2d: lambda a: _at_least(a, 2),
+    np.ravel: lambda a, **_: a.ravel(),
+    np.reshape: lambda a, shape, **_: a.reshape(shape),
+    np.transpose: lambda a, axes=None: a.transpose(*(axes or ())),
+    np.moveaxis: lambda a, x, y: a.view(np.moveaxis(a.places, x, y)),
+    np.expand_dims: lambda a, axis: a.view(np.expand_dims(a.places, axis)),
+    np.squeeze: lambda a, axis=None: a.view(np.squeeze(a.places, axis)),
+    np.flip: lambda a, axis=None: a.view(np.flip(a.places, axis)),
+    np.shape: lambda a: a.shape,
+    np.ndim: lambda a: a.ndim,
+    np.size: lambda a, axis=None: a.size if axis is None else a.shape[axis],
+}
+"""What NumPy's functions do with traced arrays; its elementwise ones go to :func:`apply_ufunc`."""
+
+METHODS: dict[str, Callable[..., Any]] = {
+    "sum": _sum,
+    "mean": _mean,
+    "cumsum": _cumsum,
+    "any": _any,
+    "all": _all,
+    "max": _max,
+    "min": _min,
+    "clip": _clip,
+    "copy": copy_of,
+    "repeat": _repeat,
+    "dot": _matmul,
+    "fill": assign,
+    "squeeze": lambda a, axis=None: a.view(np.squeeze(a.places, axis)),
+}
+"""Methods of arrays that are functions too."""
+
+
+class _NumPy:
+    functions: Mapping[Callable[..., Any], Callable[..., Any]] = FUNCTIONS
+    methods: Mapping[str, Callable[..., Any]] = METHODS
+    ufunc = staticmethod(apply_ufunc)
+
+
+NUMPY = _NumPy()
+"""All of it, for :class:`~rdpi_gym.firmware.tracing.arrays.Recording`."""

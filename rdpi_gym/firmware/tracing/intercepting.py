@@ -1,0 +1,295 @@
+"""While a controller is traced: its kernels are written down as calls, its new arrays are traced ones.
+
+For that time the modules of this package see recorders in place of compiled kernels, and in place of
+NumPy one whose ``zeros``, ``empty``, ``full``, ``ones`` and ``asarray`` know traced arrays. Other
+threads, and calls without a traced array, get what was there before. All of it is put back at the end.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numba.core.errors import NumbaError
+from numba.core.registry import CPUDispatcher
+
+from rdpi_gym.firmware.tracing.arrays import (
+    Local,
+    Recording,
+    Traced,
+    assign,
+    copy_of,
+    here,
+    kind_of,
+    known_value,
+)
+from rdpi_gym.firmware.tracing.functions import _at_least
+from rdpi_gym.firmware.tracing.tables import ROOMS, attributes
+from rdpi_gym.firmware.translation.kernels import Functions
+from rdpi_gym.firmware.values import C_TYPES, Block, Kind, Known, Number, Value
+from rdpi_gym.support.errors import InputError
+
+# One trace at a time: it changes what modules see.
+_LOCK = threading.RLock()
+
+
+class Interception:
+    """What stands in for kernels and NumPy during a trace.
+
+    Parameters
+    ----------
+    root
+        The controller.
+    functions
+        Where kernels are translated.
+    recording
+        Where calls are written; may be replaced between runs.
+    """
+
+    def __init__(self, root: object, functions: Functions, recording: Recording) -> None:
+        self.functions, self.recording = functions, recording
+        self._thread = threading.get_ident()
+        self._swapped: list[tuple[Callable[[Any], None], Any, Any]] = []
+        self._recorders: dict[int, Recorder] = {}
+        with _LOCK:  # no other trace has anything swapped
+            self._collect(root)
+
+    @contextmanager
+    def active(self) -> Iterator[None]:
+        """Swap, and put back at the end."""
+        with _LOCK:
+            self._put(1)
+            try:
+                yield
+            finally:
+                self._put(0)
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Put back for a while."""
+        self._put(0)
+        try:
+            yield
+        finally:
+            self._put(1)
+
+    def records(self, arguments: Sequence[Any]) -> bool:
+        """Whether a call is one of the traced code, on traced arrays."""
+        return threading.get_ident() == self._thread and any(
+            isinstance(each, Traced) for each in arguments
+        )
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the traced code runs in this thread."""
+        return threading.get_ident() == self._thread
+
+    def recorder(self, kernel: Any) -> Recorder:
+        """Return what stands in for a kernel, always the same."""
+        return self._recorders.setdefault(id(kernel), Recorder(self, kernel))
+
+    def _put(self, which: int) -> None:
+        for put, *values in self._swapped:
+            put(values[which])
+
+    def _collect(self, root: object) -> None:
+        rooms = {*ROOMS, *(kind.__module__.split(".")[0] for kind in type(root).__mro__[:-2])}
+        numpy, making, torch = _NumPy(self), _ArrayMaking(self), _Torch(self)
+        for name, module in list(sys.modules.items()):
+            if name.split(".")[0] not in rooms or name.startswith("rdpi_gym.firmware"):
+                continue
+            for attribute, value in list(vars(module).items()):
+                if isinstance(value, CPUDispatcher):
+                    self._swap(module, attribute, value, self.recorder(value))
+                elif value is np:
+                    # what the plant makes arrays of is known
+                    own = numpy if name.startswith("rdpi_gym.") else making
+                    self._swap(module, attribute, value, own)
+                elif isinstance(value, ModuleType) and value.__name__ == "torch":
+                    self._swap(module, attribute, value, torch)
+                elif isinstance(value, type) and value.__module__ == name:
+                    self._collect_class(value)
+        for holder, attribute, value in attributes(root):
+            if isinstance(value, CPUDispatcher):
+                self._swap_item(vars(holder), attribute, value, self.recorder(value))
+
+    def _collect_class(self, kind: type) -> None:
+        for attribute, value in list(vars(kind).items()):
+            if isinstance(value, staticmethod) and isinstance(value.__func__, CPUDispatcher):
+                instead = staticmethod(self.recorder(value.__func__))
+                self._swap(kind, attribute, value, instead)
+
+    def _swap(self, holder: Any, name: str, value: Any, instead: Any) -> None:
+        self._swapped.append((lambda new: setattr(holder, name, new), value, instead))
+
+    def _swap_item(self, holder: dict[str, Any], name: str, value: Any, instead: Any) -> None:
+        self._swapped.append((lambda new: holder.__setitem__(name, new), value, instead))
+
+
+class Recorder:
+    """Stands in for a kernel: writes the call of its translation where an argument is traced."""
+
+    def __init__(self, interception: Interception, kernel: Any) -> None:
+        self._interception, self._kernel = interception, kernel
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """Write the call, or run the kernel itself."""
+        if named:
+            bound = inspect.signature(self._kernel.py_func).bind(*arguments, **named)
+            bound.apply_defaults()
+            arguments = bound.args
+        interception = self._interception
+        if interception.records(arguments):
+            return self._recorded(arguments)
+        if interception.is_ours:
+            with interception.paused():
+                return self._kernel(*arguments)
+        try:
+            return self._kernel(*arguments)
+        except NumbaError:  # compiled anew while its module sees recorders: once the trace is done
+            with _LOCK:
+                return self._kernel(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._kernel, name)
+
+    def __eq__(self, other: object) -> bool:
+        return other is self or other is self._kernel
+
+    def __hash__(self) -> int:
+        return hash(self._kernel)
+
+    def _recorded(self, arguments: Sequence[Any]) -> Any:
+        interception = self._interception
+        recording, functions = interception.recording, interception.functions
+        values: list[Value] = []
+        given: dict[int, Traced] = {}
+        for k, each in enumerate(arguments):
+            if isinstance(each, Traced):
+                given[k] = each if each.is_dense or not each.ndim else copy_of(each)
+                values.append(given[k].value())
+            else:
+                values.append(known_value(each, recording.tables))
+        locals_: dict[str, tuple[str, Kind, int]] = {}
+
+        def local(kind: Kind, size: int) -> str:
+            name = recording.local(kind, size)
+            pointer = f"&{name}" if size == 1 else name
+            locals_[pointer] = name, kind, size
+            return pointer
+
+        place = here()
+        with interception.paused():
+            try:
+                called = functions.call(self._kernel, values, local)
+            except InputError as error:
+                raise InputError(f"{place}: {error}") from error
+        changed = [given[k] for k in sorted(called.writes) if k in given]
+        written = [name for each in changed for name in each.store.names]
+        written += [name for name, _, _ in locals_.values()]
+        kept = any(not each.store.names for each in changed)
+        answer: Any = called.value.value if isinstance(called.value, Known) else None
+        if called.statement is not None:
+            recording.tape.write(called.statement, writes=written, keeps=kept)
+        if isinstance(called.value, Block):
+            name, kind, size = locals_[called.value.text]
+            places = np.arange(size, dtype=np.int64).reshape(called.value.shape)
+            answer = Traced(Local(recording, name, size, kind), places)
+        elif isinstance(called.value, Number):
+            name, kind = recording.tape.fresh(), called.value.kind
+            text = f"{C_TYPES[kind]} {name} = {called.value.text};"
+            recording.tape.write(text, name, [name, *written], kept)
+            answer = Traced(Local(recording, name, 1, kind), np.zeros((), dtype=np.int64))
+        for k in sorted(called.writes):
+            if k in given and given[k] is not arguments[k]:  # written back from a copy
+                assign(arguments[k], given[k])
+        return answer
+
+
+class _NumPy:
+    """NumPy, but that what makes arrays of arrays takes traced ones as they are."""
+
+    def __init__(self, interception: Interception) -> None:
+        self._interception = interception
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(np, name)
+
+    def asarray(self, a: Any, dtype: Any = None, **options: Any) -> Any:
+        if isinstance(a, Traced):
+            return a if dtype is None or np.dtype(dtype) == a.dtype else a.astype(dtype)
+        if _holds_traced(a):
+            return self.array(a, dtype)
+        return np.asarray(a, dtype, **options)
+
+    asanyarray = asarray
+
+    def ascontiguousarray(self, a: Any, dtype: Any = None, **options: Any) -> Any:
+        if isinstance(a, Traced):
+            return self.asarray(a, dtype)
+        return np.ascontiguousarray(a, dtype, **options)
+
+    def array(self, a: Any, dtype: Any = None, **options: Any) -> Any:
+        if isinstance(a, Traced):
+            found = self.asarray(a, dtype)
+            return copy_of(found) if found is a else found
+        if _holds_traced(a):
+            parts = [_at_least(each, 0) for each in a]
+            return np.stack(parts)
+        return np.array(a, dtype, **options)
+
+
+class _ArrayMaking(_NumPy):
+    """The same, and what makes arrays makes traced ones."""
+
+    def zeros(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
+        return self._made("zeros", shape, dtype, 0, options)
+
+    def ones(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
+        return self._made("ones", shape, dtype, 1, options)
+
+    def empty(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
+        return self._made("empty", shape, dtype, None, options)
+
+    def full(self, shape: Any, fill_value: Any, dtype: Any = None, **options: Any) -> Any:
+        if not self._interception.is_ours:
+            return np.full(shape, fill_value, dtype, **options)
+        kind = dtype if dtype is not None else getattr(fill_value, "dtype", type(fill_value))
+        return self._made("full", shape, kind, fill_value, options)
+
+    def _made(self, name: str, shape: Any, dtype: Any, value: Any, options: Any) -> Any:
+        if not self._interception.is_ours or options:
+            given = (shape, value) if name == "full" else (shape,)
+            return getattr(np, name)(*given, dtype=dtype, **options)
+        shape = (shape,) if np.ndim(shape) == 0 else tuple(shape)
+        found = self._interception.recording.array(shape, kind_of(dtype))
+        if value is not None:
+            assign(found, value)
+        return found
+
+
+class _Torch:
+    """Torch, but that an array that is traced becomes a traced tensor."""
+
+    def __init__(self, interception: Interception) -> None:
+        self._interception = interception
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(sys.modules["torch"], name)
+
+    def from_numpy(self, array: Any) -> Any:
+        if isinstance(array, Traced):
+            from rdpi_gym.firmware.tracing.network import TracedTensor
+
+            return TracedTensor(array)
+        return sys.modules["torch"].from_numpy(array)
+
+
+def _holds_traced(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and any(isinstance(each, Traced) for each in value)

@@ -1,0 +1,212 @@
+"""What a trace writes down: statements of C, and a fork wherever the traced code decides by a number."""
+
+from __future__ import annotations
+
+import itertools
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from types import FrameType
+
+from rdpi_gym.firmware.tracing.statements import LOCAL, Fork, Item, Statement, declared, lines
+from rdpi_gym.firmware.tracing.tidying import tidied
+from rdpi_gym.support.errors import InputError
+
+# Ends of code that forks lead to: each is traced for itself.
+_MOST_ENDS = 48
+
+
+@dataclass(frozen=True)
+class _Decision:
+    condition: str
+
+
+class Tape:
+    """One run of the traced code, with the answers to its first decisions given.
+
+    Parameters
+    ----------
+    answers
+        They; every further decision is answered by true.
+
+    Examples
+    --------
+    >>> tape = Tape()
+    >>> tape.write("m->state[0] = RDPI_C(0.0);", keeps=True)
+    >>> tape.decide("t1")
+    True
+    """
+
+    def __init__(self, answers: Sequence[bool] = ()) -> None:
+        self._answers = answers
+        self._given = 0
+        self._count = itertools.count()
+        self._known: dict[str, bool] = {}
+        self.events: list[Statement | _Decision] = []
+
+    def fresh(self) -> str:
+        """Return a name that no variable has."""
+        return f"t{next(self._count)}"
+
+    def write(
+        self, text: str, declares: str = "", writes: Sequence[str] = (), keeps: bool = False
+    ) -> None:
+        """Write a statement; see :class:`Statement`."""
+        changed = set(writes) - {declares}
+        self._known = {
+            condition: answer
+            for condition, answer in self._known.items()
+            if not changed & set(LOCAL.findall(condition))
+        }
+        self.events.append(Statement(text, declares, frozenset(writes), keeps))
+
+    def decide(self, condition: str) -> bool:
+        """Return what this run takes a condition for."""
+        if condition in self._known:
+            return self._known[condition]
+        answer = self._answers[self._given] if self._given < len(self._answers) else True
+        self._given += 1
+        self.events.append(_Decision(condition))
+        if LOCAL.search(condition):
+            self._known[condition] = answer
+        return answer
+
+
+def recorded(run: Callable[[Tape], None]) -> tuple[Item, ...]:
+    r"""Return what code writes on a tape, run once for each end that its decisions lead to.
+
+    What both sides of a fork end with is written once, behind it; what nothing reads is left out.
+
+    Parameters
+    ----------
+    run
+        Does the same whenever it is given the same answers.
+
+    Raises
+    ------
+    InputError
+        There are too many ends.
+
+    Examples
+    --------
+    >>> from rdpi_gym.firmware.tracing.statements import lines
+    >>> def run(tape):
+    ...     if tape.decide("t0"):
+    ...         tape.write("m->state[0] = RDPI_C(1.0);", keeps=True)
+    ...     tape.write("return t0;", keeps=True)
+    >>> print("\n".join(lines(recorded(run))))
+    if (t0) {
+        m->state[0] = RDPI_C(1.0);
+    }
+    return t0;
+    """
+    ends = itertools.count(1)
+    items = _grown(run, (), 0, ends, itertools.count())
+    return tidied(_living(items))
+
+
+_OURS = ("/rdpi_gym/firmware/", "/numpy/", "/numba/", "/torch/")
+
+
+def placed(frames: Iterable[tuple[FrameType, int]]) -> str:
+    """Return file and line of the last of frames that is of the traced code."""
+    found = "the controller"
+    for frame, line in frames:
+        name = frame.f_code.co_filename.replace("\\", "/")
+        if not name.startswith("<") and not any(part in name for part in _OURS):
+            found = f"{'/'.join(name.split('/')[-2:])}:{line}"
+    return found
+
+
+def place_of(error: BaseException) -> str:
+    """Return file and line of the traced code in which an error came up."""
+    return placed(traceback.walk_tb(error.__traceback__))
+
+
+def _grown(
+    run: Callable[[Tape], None],
+    answers: tuple[bool, ...],
+    seen: int,
+    ends: Iterator[int],
+    copies: Iterator[int],
+) -> tuple[Item, ...]:
+    tape = Tape(answers)
+    try:
+        run(tape)
+    except InputError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        if isinstance(error.__cause__, InputError):  # NumPy's word for it
+            raise error.__cause__ from error
+        raise InputError(f"{place_of(error)}: {error}, which has no C") from error
+    events = tape.events[seen:]
+    at = next((i for i, event in enumerate(events) if isinstance(event, _Decision)), None)
+    if at is None:
+        if next(ends) > _MOST_ENDS:
+            raise InputError(
+                f"the controller decides by numbers that are known only as it runs, in more than {_MOST_ENDS} ways; write the decision as np.where"
+            )
+        return tuple(event for event in events if isinstance(event, Statement))
+    decision = events[at]
+    assert isinstance(decision, _Decision)
+    common = tuple(event for event in events[:at] if isinstance(event, Statement))
+    behind = seen + at + 1
+    then = _grown(run, (*answers, True), behind, ends, copies)
+    otherwise = _grown(run, (*answers, False), behind, ends, copies)
+    # both runs count their variables alike: those of one side get names of their own
+    own = f"{next(copies)}".zfill(3)
+    names = {name: f"{name}9{own}" for name in declared(otherwise)}
+    otherwise = tuple(item.renamed(names) for item in otherwise)
+    shared = _shared_end(then, otherwise)
+    then, end = _split(then, shared)
+    otherwise, _ = _split(otherwise, shared)
+    fork = () if then == otherwise else (Fork(decision.condition, then, otherwise),)
+    return (*common, *fork, *end)
+
+
+def _split(items: tuple[Item, ...], last: int) -> tuple[tuple[Item, ...], tuple[Item, ...]]:
+    at = len(items) - last
+    return items[:at], items[at:]
+
+
+def _shared_end(one: Sequence[Item], other: Sequence[Item]) -> int:
+    """Number of items that both end with, but for the names of what these declare."""
+    best, alike, back = 0, dict[str, str](), dict[str, str]()
+    made: set[str] = set()
+    for count, both in enumerate(zip(reversed(one), reversed(other), strict=False), start=1):
+        a, b = ("\n".join(lines([item])) for item in both)
+        if LOCAL.sub("t", a) != LOCAL.sub("t", b):
+            break
+        pairs = zip(LOCAL.findall(a), LOCAL.findall(b), strict=True)
+        if any(alike.setdefault(x, y) != y or back.setdefault(y, x) != x for x, y in pairs):
+            break
+        made |= declared(both[:1])
+        if all(x == y or x in made for x, y in alike.items()):
+            best = count
+    return best
+
+
+def _living(items: tuple[Item, ...]) -> tuple[Item, ...]:
+    """Return the statements without those that nothing comes of."""
+    needed: set[str] = set()
+    while True:
+        before = len(needed)
+        kept = _reached(items, needed)
+        if len(needed) == before:
+            return kept
+
+
+def _reached(items: tuple[Item, ...], needed: set[str]) -> tuple[Item, ...]:
+    found: list[Item] = []
+    for item in items:
+        if isinstance(item, Statement):
+            if item.keeps or item.writes & needed or item.declares in needed:
+                needed |= item.names
+                found.append(item)
+            continue
+        assert isinstance(item, Fork)  # loops are found later
+        then, otherwise = _reached(item.then, needed), _reached(item.otherwise, needed)
+        if then or otherwise:
+            needed |= set(LOCAL.findall(item.condition))
+            found.append(replace(item, then=then, otherwise=otherwise))
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""From a program to files: source, vectors, the page, the FMU."""

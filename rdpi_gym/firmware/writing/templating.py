@@ -1,0 +1,40 @@
+"""Texts of the package with places to fill."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+
+
+def template(name: str) -> str:
+    """Return a file of ``rdpi_gym/firmware/writing/templates``."""
+    return (files("rdpi_gym.firmware.writing") / "templates" / name).read_text(encoding="utf-8")
+
+
+def filled(text: str, parts: set[str] | frozenset[str] = frozenset(), **values: str) -> str:
+    r"""Fill a text.
+
+    Parameters
+    ----------
+    text
+        ``@KEY@`` is filled with a value; a line that is filled with nothing goes. Lines from ``@IF_X@``
+        to ``@END_X@`` stay where ``X`` is a part.
+    parts
+        Those that stay.
+    **values
+        By key, in upper case.
+
+    Examples
+    --------
+    >>> filled("a @B@ c\n@GONE@\n@IF_MORE@\nmore\n@END_MORE@\nend\n", B="b", GONE="")
+    'a b c\nend\n'
+    """
+    for name in set(re.findall(r"@IF_(\w+)@", text)):
+        stay = r"\1" if name in parts else ""
+        text = re.sub(rf"@IF_{name}@\n(.*?)@END_{name}@\n", stay, text, flags=re.DOTALL)
+    lines = []
+    for line in text.splitlines():
+        new = re.sub(r"@([A-Z_]+)@", lambda found: values[found[1]], line)
+        if new.strip() or not re.search(r"@[A-Z_]+@", line):
+            lines.append(new)
+    return "\n".join(lines) + "\n"
