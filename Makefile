@@ -14,7 +14,7 @@ test: .venv/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest -n 2 --durations=40
+	$(BIN)/pytest -n 2 --dist loadfile --durations=60
 
 # Style, types, floors and the laws of the lower rooms: less than a minute once kernels are compiled.
 check: .venv/.dev
