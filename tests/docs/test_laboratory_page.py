@@ -48,10 +48,11 @@ def test_false_additions_are_said_where_the_verdict_is_right():
     cases = pd.read_csv(STUDY / "cases.csv")
     outside = cases[(cases["study"] == "outside") & (cases["variant"] == "plain")]
     added = outside.groupby("subject")["additions"].sum()
-    assert dict(added[added > 0]) == {"preisach": 51}
-    assert (outside.loc[outside["subject"] == "preisach", "additions"] > 0).sum() == 20
-    assert "51 on 20 of 60" in PAGE
-    assert "on each of the 20 plants with Preisach hysteresis" in PAGE
+    assert dict(added[added > 0]) == {"bouc-wen": 1, "preisach": 10}
+    spoiled = outside.loc[outside["additions"] > 0, "subject"].value_counts()
+    assert dict(spoiled) == {"preisach": 5, "bouc-wen": 1}
+    assert f"{added.sum()} on {spoiled.sum()} of {len(outside)}" in PAGE
+    assert "on each of the 5 plants with Preisach hysteresis" in PAGE
 
 
 def test_what_was_not_found_is_counted_rightly():
@@ -59,8 +60,12 @@ def test_what_was_not_found_is_counted_rightly():
     pairs = cases[(cases["study"] == "pairs") & (cases["variant"] == "plain")]
     missed = pairs[~pairs["found"].astype(bool)]
     lagging = missed["subject"].str.contains("actuator_lag")
-    assert f"{lagging.sum()} of the {len(missed)} pairs not found" in PAGE
-    assert set(missed.loc[lagging, "verdict"].dropna()) <= {"unexplained", "failed"}
+    assert (len(missed), lagging.sum()) == (5, 1)
+    assert "of the five pairs not found, four are of that sort" in PAGE
+    assert set(missed.loc[lagging, "verdict"]) == {"unexplained"}
+    assert set(missed.loc[~lagging, "verdict"]) == {"explained"}
+    ratios = missed.loc[~lagging, "ratio"]
+    assert f"{ratios.min():.2f} to {ratios.max():.2f} noise floors" in PAGE
 
 
 def test_the_figures_on_kinds_are_those_of_their_tables():
