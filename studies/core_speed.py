@@ -29,8 +29,8 @@ from rdpi_gym.plant.packing import empty_state
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
+from studies.tables import keep_table
 
 RESULTS = Path(__file__).parent / "results"
 LANES = (16, 64, 256)
@@ -202,9 +202,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _measure_all(chosen: Namespace) -> None:
     table = measure(chosen.rounds)
     text = as_markdown(table, chosen.rounds)
-    csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-    write_atomic(chosen.out / "core_speed.csv", csv)
-    print(text, f"written to {write_atomic(chosen.out / 'core_speed.md', text)}", sep="\n")
+    keep_table(chosen.out, "core_speed", table, text)
 
 
 if __name__ == "__main__":

@@ -28,10 +28,10 @@ from rdpi_gym.firmware.writing.vectors import SAMPLES
 from rdpi_gym.plant import P10
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from studies.bare_metal.boards import HERE
 from studies.bare_metal.counted import write_sources
+from studies.tables import keep_table
 
 RESULTS = Path(__file__).parent / "results"
 TS_S = 5e-5
@@ -135,9 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _measure_all(chosen: Namespace) -> None:
     table = measure(chosen.rounds)
     text = as_markdown(table, chosen.rounds)
-    csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-    write_atomic(chosen.out / "firmware_speed.csv", csv)
-    print(text, f"written to {write_atomic(chosen.out / 'firmware_speed.md', text)}", sep="\n")
+    keep_table(chosen.out, "firmware_speed", table, text)
 
 
 if __name__ == "__main__":

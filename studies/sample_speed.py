@@ -26,8 +26,8 @@ import pandas as pd
 from rdpi_gym.measurement import Record, load, write_csv
 from rdpi_gym.signals import SIGNALS, Signal, Sine, Triangle
 from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
+from studies.tables import keep_table
 
 RESULTS = Path(__file__).parent / "results"
 SAMPLES = 100_000
@@ -131,9 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _measure_all(chosen: Namespace) -> None:
     table = measure(chosen.rounds, SAMPLES)
     text = as_markdown(table, chosen.rounds)
-    csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-    write_atomic(chosen.out / "sample_speed.csv", csv)
-    print(text, f"written to {write_atomic(chosen.out / 'sample_speed.md', text)}", sep="\n")
+    keep_table(chosen.out, "sample_speed", table, text)
 
 
 if __name__ == "__main__":

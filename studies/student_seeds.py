@@ -21,9 +21,9 @@ from baselines.learned.train_imitation import train
 from rdpi_gym.face.tasks import score_tasks
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar
+from studies.tables import keep_table
 
 RESULTS = Path(__file__).parent / "results" / "agents"
 RUNS = Path("results/student-seeds")
@@ -107,9 +107,7 @@ def _measure_all(chosen: Namespace) -> None:
         raise InputError(f"{chosen.runs} is no folder; give one for the trainings")
     table = pd.concat([measure(task, chosen.seeds, chosen.plants, chosen.runs) for task in TASKS])
     text = as_markdown(table, chosen.seeds, chosen.plants)
-    csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-    write_atomic(chosen.out / "student_seeds.csv", csv)
-    print(text, f"written to {write_atomic(chosen.out / 'student_seeds.md', text)}", sep="\n")
+    keep_table(chosen.out, "student_seeds", table, text)
 
 
 if __name__ == "__main__":
