@@ -10,7 +10,7 @@ from rdpi_gym.support.files import write_atomic
 
 
 def keep_table(folder: Path, name: str, table: pd.DataFrame, text: str) -> None:
-    """Write a table as ``NAME.csv`` and its page as ``NAME.md``, and print the page.
+    """Write a table as CSV and its page as Markdown, both under one name, and print the page.
 
     Parameters
     ----------
