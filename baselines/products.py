@@ -31,11 +31,11 @@ def product(matrix: Array, columns: Array) -> Array:
     """
     if not matrix.size:  # a model without states
         return np.zeros((*matrix.shape[:-1], columns.shape[1]))
-    if matrix.ndim == 1:
-        row: Array = _products(matrix[None], columns)[0]
-        return row
-    found: Array = _products(matrix, columns)
-    return found
+    # One layout, so that one compiled kernel serves all: two that are kept by two processes at once
+    # may be mistaken for one another.
+    rows = np.require(np.atleast_2d(matrix), np.float64, ["C", "W"])
+    found: Array = _products(rows, np.ascontiguousarray(columns))
+    return found[0] if matrix.ndim == 1 else found
 
 
 @njit(cache=True)
