@@ -165,8 +165,6 @@ def _fixed(program: Program) -> tuple[FixedPoint | None, str | None]:
         return fixed_point_body(program.twin.made), None
     except InputError as error:
         return None, f"No form on whole numbers: {error}"
-    except NotImplementedError:
-        return None, None
 
 
 def _found_anywhere(controller: str) -> str:

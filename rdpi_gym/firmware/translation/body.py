@@ -103,9 +103,9 @@ class Body(Expressions):
                 self._store(target, value)
             return
         value = self._expression(source, targets[-1] if isinstance(targets[-1], ast.Name) else None)
-        if len(targets) > 1 and isinstance(value, Number) and not is_simple(value.text):
-            value = self._kept(value)
-        if len(targets) > 1 and isinstance(value, Number) and "[" in value.text:
+        # an element may be one of those that are written
+        changes = isinstance(value, Number) and ("[" in value.text or not is_simple(value.text))
+        if len(targets) > 1 and isinstance(value, Number) and changes:
             value = self._kept(value)
         for target in targets:
             self._store(target, value)

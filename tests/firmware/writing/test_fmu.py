@@ -22,6 +22,7 @@ from rdpi_gym.firmware.writing.fmu import binary_place, fmu_sources, write_fmu
 from rdpi_gym.firmware.writing.fmu_description import model_description, model_identifier, variables
 from rdpi_gym.firmware.writing.source import Source, header_text, source_text
 from rdpi_gym.support.errors import InputError
+from tests.firmware.hand_made import STRICT
 
 fmpy = pytest.importorskip("fmpy")
 
@@ -32,15 +33,6 @@ from fmpy.validation import validate_fmu  # noqa: E402
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 IMPORTER = Path(__file__).with_name("fmu_importer.c")
-STRICT = [
-    "-std=c99",
-    "-Wall",
-    "-Wextra",
-    "-Wpedantic",
-    "-Wconversion",
-    "-Wdouble-promotion",
-    "-Werror",
-]
 TS, N = 1e-4, 300
 VERSIONS = ("2.0", "3.0")
 KINDS = ("plant", "controller")

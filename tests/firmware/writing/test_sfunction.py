@@ -13,17 +13,9 @@ from rdpi_gym.firmware.plants import plant_program
 from rdpi_gym.firmware.writing.sfunction import sfunction_text
 from rdpi_gym.firmware.writing.source import Source, header_text, source_text
 from rdpi_gym.plant import named_plant
+from tests.firmware.hand_made import STRICT
 
 SIMULINK = Path(__file__).parent / "simulink"
-STRICT = [
-    "-std=c99",
-    "-Wall",
-    "-Wextra",
-    "-Wpedantic",
-    "-Wconversion",
-    "-Wdouble-promotion",
-    "-Werror",
-]
 TS = 1e-4
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 pytestmark = pytest.mark.skipif(not COMPILERS, reason="there is neither gcc nor clang")
