@@ -43,6 +43,11 @@ class AdaptiveDualLoop(DualLoop):
     mode and answers what is not learned. The estimate takes the correction for what it is, a part of
     what went in, so the two do not work against each other. The feedforward has its own settings.
 
+    Attributes
+    ----------
+    feedforward : CorrectedAdaptive
+        What is corrected.
+
     Examples
     --------
     >>> from rdpi_gym.plant import P10
@@ -56,9 +61,9 @@ class AdaptiveDualLoop(DualLoop):
     def __init__(
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
-        self._adaptive = self.adaptive(belief, layout)
+        self.feedforward = self.adaptive(belief, layout)
         super().__init__(belief, layout, settings)
-        self.plant_samples += self._adaptive.plant_samples
+        self.plant_samples += self.feedforward.plant_samples
 
     def adaptive(self, belief: PlantModel, layout: ObservationLayout) -> CorrectedAdaptive:
         """Return the feedforward; its settings are its own."""
@@ -72,4 +77,4 @@ class AdaptiveDualLoop(DualLoop):
 
     def inverse_and_path(self) -> tuple[CorrectedInverse, BeliefPath]:
         """Return the adaptive feedforward, and the belief's path: the correction passes all of it."""
-        return self._adaptive, belief_path(self.belief, self.layout.ts_s)
+        return self.feedforward, belief_path(self.belief, self.layout.ts_s)

@@ -200,7 +200,7 @@ class AdaptiveFeedforward(Tunable):
         self, observation: NDArray[np.floating[Any]], wanted_um: Array, state: Array
     ) -> Array:
         """Return u(k+1) (V), ``(B,)``, for a w (µm) that may differ from :meth:`wanted_um`; the estimate is told."""
-        self.rows.of(state, "wanted")[-1] = wanted_um
+        shift_in(self.rows.of(state, "wanted"), wanted_um)
         return answered(self.inverse, observation, wanted_um, self.rows.of(state, "inverse"))
 
     def wanted_um(
@@ -211,7 +211,7 @@ class AdaptiveFeedforward(Tunable):
         state: Array,
         learns: NDArray[np.bool_] | None = None,
     ) -> Array:
-        """Return w (µm), what the belief's inverse is to answer next, and move the memory on.
+        """Return w (µm), what the belief's inverse is to answer next, and move the memory on but for w itself.
 
         Parameters
         ----------
@@ -241,7 +241,6 @@ class AdaptiveFeedforward(Tunable):
         correction = believed + trust * (lane_products(self.fit.theta(fit), phi) - believed)
         most = MOST * self.layout.scale_um
         wanted: Array = smooth + np.clip(correction, -most, most)
-        shift_in(of(state, "wanted"), wanted)
         return wanted
 
     def _is_free(self, observation: NDArray[np.floating[Any]], state: Array) -> NDArray[np.bool_]:

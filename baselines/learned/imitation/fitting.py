@@ -7,21 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import nn
 
-from baselines.learned.imitation.student import (
-    CORRECTIONS,
-    ERRORS,
-    MOST_UM,
-    UNIT_UM,
-    Float32,
-    Student,
-)
+from baselines.learned.imitation.loop import Loop
+from baselines.learned.imitation.student import Float32, Student
 from baselines.learned.imitation.teacher import Visited
 from rdpi_gym.support.arrays import Array
 
-STRETCH = 125
-"""Samples over which gradients go back: twice the time in which a mode dies away."""
+STRETCH = 250
+"""Samples over which gradients go back: half the memory of the estimate."""
 WARM_UP = 500
 """Samples at an episode's begin that do not count: little is known of the plant yet."""
 BEFORE = 0.3
@@ -84,7 +78,7 @@ class Learner:
         """
         for group in self.optimiser.param_groups:
             group["lr"] = rate
-        loop = _Loop(self.tensors, self.weighted, visited)
+        loop = Loop(self.tensors, self.weighted, visited)
         weighting = torch.tensor(weights, dtype=torch.float32)
         samples = len(visited.seen)
         squares, count = torch.zeros(len(weights)), 0
@@ -120,58 +114,3 @@ class Learner:
             document["state"].setdefault(int(i), {})[key] = value.clone()
         self.optimiser.load_state_dict(document)
 
-
-class _Loop:
-    """The student and the responses of the true plants, stepped together on tensors."""
-
-    def __init__(self, tensors: Mapping[str, Tensor], weighted: int, visited: Visited) -> None:
-        self._p, self._weighted = tensors, weighted
-        self._seen = torch.from_numpy(visited.seen).transpose(1, 2)
-        self._error, self._before, self._left = map(
-            torch.from_numpy, (visited.error, visited.correction, visited.left)
-        )
-        response = visited.response
-        a, b, c, d = (
-            torch.tensor(part, dtype=torch.float32)
-            for part in (response.a, response.b, response.c, response.d)
-        )
-        self._a, self._b, self._c, self._d = a, b, c, d
-        lanes = len(d)
-        self._h = torch.zeros(lanes, tensors["hidden"].shape[1])
-        self._x = torch.zeros(lanes, a.shape[1])
-        self._errors = torch.zeros(lanes, ERRORS)
-        self._corrections = torch.zeros(lanes, CORRECTIONS)
-        self._moved = torch.zeros(lanes)
-        self._ones = torch.ones(lanes, 1)
-
-    def run(self, begin: int, end: int) -> Tensor:
-        """Return the errors that are left after the decisions of a stretch, ``[K, B]``."""
-        p, width = self._p, self._h.shape[1]
-        scaled = (self._seen[begin:end] - p["middle"]) / p["spread"]
-        given = torch.arcsinh(scaled) @ p["into"].T + p["bias"]
-        most, rows = MOST_UM / UNIT_UM, []
-        for i, k in enumerate(range(begin, end)):
-            error = self._error[k] - self._moved
-            self._errors = torch.cat([error[:, None], self._errors[:, :-1]], dim=1)
-            past = torch.cat([self._errors, self._corrections], dim=1)
-            from_seen = given[i] + torch.arcsinh(past) @ p["past"].T
-            back = torch.addmm(p["hidden_bias"], self._h, p["hidden"].T)
-            gates = torch.sigmoid(from_seen[:, : 2 * width] + back[:, : 2 * width])
-            reset, keep = gates.chunk(2, dim=1)
-            fresh = torch.tanh(from_seen[:, 2 * width :] + reset * back[:, 2 * width :])
-            self._h = fresh + keep * (self._h - fresh)
-            weights = torch.addmm(p["head_bias"], self._h, p["head"].T)
-            phi = torch.cat([scaled[i, :, : self._weighted], self._ones, self._errors], dim=1)
-            correction = most * torch.tanh((weights * phi).sum(dim=1) / most)
-            self._corrections = torch.cat([correction[:, None], self._corrections[:, :-1]], dim=1)
-            more = correction - self._before[k]
-            self._moved = (self._c * self._x).sum(dim=1) + self._d * more
-            moved = torch.bmm(self._a, self._x[:, :, None])[:, :, 0]
-            self._x = moved + self._b * more[:, None]
-            rows.append(self._left[k] - self._moved)
-        return torch.stack(rows)
-
-    def forget(self) -> None:
-        """Cut the gradients: what comes next does not go back beyond here."""
-        self._h, self._x, self._moved = self._h.detach(), self._x.detach(), self._moved.detach()
-        self._errors, self._corrections = self._errors.detach(), self._corrections.detach()

@@ -39,7 +39,7 @@ class Options:
     # Steps between evaluations, each with a checkpoint; None: a twentieth of all.
     hidden: int = 64
     # Width of the recurrent layer.
-    learning_rate: float = 1.5e-3
+    learning_rate: float = 3e-3
     # At the begin; it falls to 3 % along a cosine.
     held_out: int = 8
     # Validation plants.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,39 @@ WEIGHTED = len(COURSE) + len(PLAYS)
 SINCE_S = (0.01, 0.1)
 """Time constants (s) of what says how long an episode runs."""
 
-Witness = Callable[[Array, Array, Array], None]
-"""Told at every sample what was seen ``(inputs, B)``, the error and the correction (µm), ``(B,)``."""
+KNOWN = WEIGHTED + len(SLOW_S)
+"""First of the inputs that say what the estimate is; what it leaves and the base's own follow."""
+
+
+class Moment(NamedTuple):
+    """One decision of a student, and what the estimate beside it was.
+
+    Parameters
+    ----------
+    seen
+        ``(inputs, B)``.
+    error_um, correction_um
+        Measured error, and what the student answered (µm), ``(B,)``.
+    wanted_um
+        w, all that the belief's inverse is given (µm), ``(B,)``.
+    theta, answered
+        The estimate, and the φ of the reference that it multiplies, ``(F, B)``.
+    phi, left_um
+        φ of what was measured, which it learned from last, ``(F, B)``, and z - θ·φ (µm), ``(B,)``.
+    """
+
+    seen: Array
+    error_um: Array
+    correction_um: Array
+    wanted_um: Array
+    theta: Array
+    answered: Array
+    phi: Array
+    left_um: Array
+
+
+Witness = Callable[[Moment], None]
+"""Told of every decision."""
 
 
 class TaughtAdaptive(CorrectedAdaptive):
@@ -74,33 +105,34 @@ class TaughtAdaptive(CorrectedAdaptive):
         inside = state[: self._inside]
         measured = self.layout.measured_um(observation)
         ahead = self.layout.reference_um(observation[:, : PREVIEW + 1])
-        wanted = self.wanted_um(observation, measured, ahead[:, 0], inside)
-        seen, error = self._seen(observation, ahead, wanted, inside), ahead[:, 0] - measured
+        own = self.wanted_um(observation, measured, ahead[:, 0], inside)
+        theta = self.fit.theta(self.rows.of(inside, "fit"))
+        phi, z = self.compared(inside)
+        left = z - lane_products(theta, phi)
+        window = self.layout.reference_um(observation[:, : self.layout.preview + 1])
+        smooth, *derivatives = product(SPLINE, window[:, self.window].T)
+        seen, error = self._seen(ahead, smooth, own, left, inside), ahead[:, 0] - measured
         added = self.student.answer_um(seen, error, state[self._inside :])
+        wanted = own + correction_um + added
         if self._witness is not None:
-            self._witness(seen, error, added)
-        return self.driven(observation, wanted + correction_um + added, inside)
+            static = self.rows.of(inside, "seen").reshape(*self._rings, -1)[-1]
+            answered = np.vstack([*derivatives, static])
+            told = seen, error, added, wanted, theta.copy(), answered, phi, left
+            self._witness(Moment(*told))
+        return self.driven(observation, wanted, inside)
 
     def _seen(
-        self,
-        observation: NDArray[np.floating[Any]],
-        ahead_um: Array,
-        wanted_um: Array,
-        state: Array,
+        self, ahead_um: Array, smooth_um: Array, own_um: Array, left_um: Array, state: Array
     ) -> Array:
         of, layout = self.rows.of, self.layout
         course = product(COURSE, ((ahead_um - layout.centre_um) / layout.scale_um).T)
-        window = layout.reference_um(observation[:, : layout.preview + 1])
-        smooth = product(SPLINE[0], window[:, self.window].T)
-        plays = (of(state, "plays") - smooth) / self.thresholds_um[:, None]
-        slow = (of(state, "slow") - smooth) / layout.scale_um
+        plays = (of(state, "plays") - smooth_um) / self.thresholds_um[:, None]
+        slow = (of(state, "slow") - smooth_um) / layout.scale_um
         theta = self.fit.theta(of(state, "fit"))
-        phi, z = self.compared(state)
-        left = (z - lane_products(theta, phi)) / UNIT_UM
         known = (theta - self.fit.prior[:, None]) / self.fit.spread[:, None]
-        own = (wanted_um - smooth) / layout.scale_um
+        own = (own_um - smooth_um) / layout.scale_um
         since = self._fades ** of(state, "count")
-        return np.vstack([course, plays, slow, known, left, own, since])
+        return np.vstack([course, plays, slow, known, left_um / UNIT_UM, own, since])
 
 
 def seen_by(base: CorrectedAdaptive) -> int:
