@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,10 +91,8 @@ def belief_path(belief: PlantModel, ts_s: float) -> BeliefPath:
     ts_s
         Sampling time (s).
     """
-    linear = [e for e in belief.effects if type(e).block in (delay_block, linear_block)]
-    dynamics = gain(1.0)
-    for effect in linear:
-        dynamics = effect_system(effect, belief.hysteresis, ts_s) * dynamics
+    linear = [e for e in belief.effects if is_linear(e)]
+    dynamics = linear_part(linear, belief.hysteresis, ts_s)
     # the response turns by ω times the delay where ω is small
     slow = np.exp(1j * np.array([1e-4]))
     turned = -float(np.angle(dynamics.response(slow))[0]) / 1e-4
@@ -105,6 +104,26 @@ def belief_path(belief: PlantModel, ts_s: float) -> BeliefPath:
     ]
     mode = min(modes, key=lambda each: each.f0_hz, default=None)
     return BeliefPath(dynamics, sliding_system(belief.hysteresis, ts_s), mode, turned * ts_s)
+
+
+def is_linear(effect: Effect) -> bool:
+    """Whether an effect is a linear system of few states, or a delay."""
+    return type(effect).block in (delay_block, linear_block)
+
+
+def linear_part(effects: Sequence[Effect], core: Core, ts_s: float) -> LinearSystem:
+    """Return the linear ones of effects in a row, as a system.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import PAPER_IV_B
+    >>> linear_part([], PAPER_IV_B, 1e-4).order
+    0
+    """
+    system = gain(1.0)
+    for effect in filter(is_linear, effects):
+        system = effect_system(effect, core, ts_s) * system
+    return system
 
 
 def effect_system(effect: Effect, core: Core, ts_s: float) -> LinearSystem:

@@ -223,6 +223,9 @@ def test_a_policy_is_whole_or_refused_in_one_line(met, tmp_path):
     with pytest.raises(InputError, match="shown 8 samples"):
         short.predict(shown[:, :9])
     document = json.loads((folder / "policy.json").read_text())
+    (folder / "policy.json").write_text(json.dumps(document | {"version": 1}))
+    with pytest.raises(InputError, match=r"of an earlier release.*teach it again"):
+        StudentPolicy.load(folder)
     (folder / "policy.json").write_text(json.dumps(document | {"weighted": 3}))
     with pytest.raises(InputError, match="weighted is 3"):
         StudentPolicy.load(folder)

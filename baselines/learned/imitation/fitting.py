@@ -113,4 +113,3 @@ class Learner:
             i, _, key = name.partition(".")
             document["state"].setdefault(int(i), {})[key] = value.clone()
         self.optimiser.load_state_dict(document)
-

@@ -180,7 +180,16 @@ class _Around:
         """Cut the gradients."""
         for system in (self._before, self._behind, self._feedback):
             system.forget()
-        for name in ("_last", "_eta", "_xi", "_command", "_rate", "moved_um", "_gradient", "_theta"):
+        for name in (
+            "_last",
+            "_eta",
+            "_xi",
+            "_command",
+            "_rate",
+            "moved_um",
+            "_gradient",
+            "_theta",
+        ):
             setattr(self, name, getattr(self, name).detach())
         self._measured = [each.detach() for each in self._measured]
         self._entered = [each.detach() for each in self._entered]

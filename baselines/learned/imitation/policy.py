@@ -26,7 +26,7 @@ from rdpi_gym.support.folders import settled_folder
 from rdpi_gym.support.npz import open_npz
 from rdpi_gym.support.words import quoted
 
-FORMAT, VERSION = "rdpi-student", 1
+FORMAT, VERSION = "rdpi-student", 2
 WEIGHTS = "weights.npz"
 _LARGEST = 2**24  # bytes
 
@@ -129,6 +129,11 @@ class StudentPolicy(Trained):
         folder = settled_folder(folder)
         source = folder / DESCRIPTION
         document = read_json(source, FORMAT, VERSION)
+        if document["version"] < VERSION:
+            raise InputError(
+                f"{source} is of an earlier release, whose students saw another residual; teach it again: "
+                "its training.command says how"
+            )
         with read_as("student", source):
             layout = dict(document["layout"])
             low, high = layout.pop("command_range_V")

@@ -9,17 +9,15 @@ import numpy as np
 
 from baselines.adaptive_dual_loop import AdaptiveDualLoop
 from baselines.adaptive_feedforward import HALF, AdaptiveFeedforward
-from baselines.classical import ClassicalReferenceRate
 from baselines.classical_inverse_kernels import pack_inverse
+from baselines.feedforward import Feedforward
 from baselines.learned.imitation.student import Float32
 from baselines.learned.imitation.taught import Moment
 from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
-from baselines.loops.path import effect_system
-from baselines.loops.systems import LinearSystem, gain
+from baselines.loops.path import linear_part
+from baselines.loops.systems import LinearSystem
 from rdpi_gym.envs.tasks import Lanes
 from rdpi_gym.plant import RDPI, Plant, PlantModel
-from rdpi_gym.plant.effects.delay import delay_block
-from rdpi_gym.plant.effects.linear import linear_block
 from rdpi_gym.support.arrays import Array
 
 RENEWED = 25
@@ -79,7 +77,7 @@ class Inverse:
     plays_um: Float32
 
     @classmethod
-    def of(cls, inverse: ClassicalReferenceRate) -> Inverse:
+    def of(cls, inverse: Feedforward) -> Inverse:
         """Take over what an inverse runs with."""
         model, ts_s = inverse.model, inverse.layout.ts_s
         packed, n = pack_inverse([model], ts_s)[:, 0], model.n
@@ -254,6 +252,7 @@ def surroundings(
     }
     each = [truths[number] for number in lanes.numbers]
     offset = base.belief.offset_um
+    before, behind = zip(*(_parts(truth, ts_s) for truth in each), strict=True)
     return Surroundings(
         single(np.stack([moment.wanted_um for moment in moments]) - offset),
         single(lanes.references_um[0] - offset),
@@ -262,8 +261,8 @@ def surroundings(
         Inverse.of(adaptive.inverse),
         Plays.of([truth.hysteresis for truth in each], ts_s),
         Estimate.of(adaptive, moments),
-        Systems.of([_linear(truth, ts_s, before=True) for truth in each]),
-        Systems.of([_linear(truth, ts_s, before=False) for truth in each]),
+        Systems.of(before),
+        Systems.of(behind),
         Systems.of([base.feedback] * len(each)),
     )
 
@@ -273,22 +272,18 @@ def single(values: Array) -> Float32:
     return np.ascontiguousarray(values, dtype=np.float32)
 
 
-def _linear(truth: PlantModel, ts_s: float, before: bool) -> LinearSystem:
-    """Return the linear effects of a plant on one side of its plays, and its delays."""
-    system = gain(1.0)
-    for effect in truth.effects:
-        is_linear = type(effect).block in (delay_block, linear_block)
-        if is_linear and (effect.slot == "input") is before:
-            system = effect_system(effect, truth.hysteresis, ts_s) * system
-    return system
+def _parts(truth: PlantModel, ts_s: float) -> tuple[LinearSystem, LinearSystem]:
+    """Return the linear effects of a plant before its plays, and those behind."""
+    before = [effect for effect in truth.effects if effect.slot == "input"]
+    behind = [effect for effect in truth.effects if effect.slot != "input"]
+    core = truth.hysteresis
+    return linear_part(before, core, ts_s), linear_part(behind, core, ts_s)
 
 
 def _given(truths: Sequence[PlantModel], ts_s: float, commands_V: Array, rest_V: float) -> Array:
     """Return what the plays of true plants made of commands (µm), ``(K, B)``."""
     bare = [
-        replace(
-            truth, offset_um=0.0, effects=tuple(e for e in truth.effects if e.slot == "input")
-        )
+        replace(truth, offset_um=0.0, effects=tuple(e for e in truth.effects if e.slot == "input"))
         for truth in truths
     ]
     plant = Plant(bare, ts_s)

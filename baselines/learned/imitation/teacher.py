@@ -108,12 +108,16 @@ def visit(lanes: Lanes, policy: StudentPolicy) -> Visited:
         np.mean(np.abs(scored), axis=0),
         np.mean(np.abs(np.diff(command[first - 1 :], axis=0)), axis=0) / lanes.task.ts_s,
     )
-    seen = single(np.stack([moment.seen for moment in moments]))
-    errors = np.stack([moment.error_um for moment in moments])
-    corrections = np.stack([moment.correction_um for moment in moments])
-    displacements = map(single, (errors / UNIT_UM, corrections / UNIT_UM, error[1:] / UNIT_UM))
-    met_there = surroundings(lanes, controller, moments, command[1:])
-    return Visited(seen, *displacements, met_there, first - 1, score, met.largest)
+    return Visited(
+        single(np.stack([moment.seen for moment in moments])),
+        single(np.stack([moment.error_um for moment in moments]) / UNIT_UM),
+        single(np.stack([moment.correction_um for moment in moments]) / UNIT_UM),
+        single(error[1:] / UNIT_UM),
+        surroundings(lanes, controller, moments, command[1:]),
+        first - 1,
+        score,
+        met.largest,
+    )
 
 
 def taught_lanes(task: StageTask, split: Split, numbers: Sequence[int], seed: int | None) -> Lanes:
