@@ -1,8 +1,8 @@
-"""The students of other seeds beside the one that ships: how much of its score is luck.
+"""The students of five seeds on each task: how much of a score is luck, and whether trainings hold what they reach.
 
     python -m studies.student_seeds
 
-Each is taught as the shipped one was, from another seed, and scored on the same 100 plants of its
+Each is taught as those that ship are, which have seed 0, and scored on the same 100 plants of its
 task beside the best controller that is not learned. A training takes some minutes of a core; an
 interrupted one goes on.
 """
@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from baselines.learned.folder import CURVE
 from baselines.learned.imitation.options import Options as Teaching
 from baselines.learned.train_imitation import train
 from rdpi_gym.face.tasks import score_tasks
@@ -23,24 +24,28 @@ from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar
+from studies.agents.study import FULL
 from studies.tables import keep_table
 
 RESULTS = Path(__file__).parent / "results" / "agents"
 RUNS = Path("results/student-seeds")
-TASKS = ("Stage", "Resonance")
 RIVAL = "adaptive-dual-loop"
-TIMESTEPS = 28_800_000
+COLUMNS = (
+    "iqm_percent", "iqm_low", "iqm_high", "p90_percent", "failed", "command_variation_V_s"
+)  # fmt: skip
 
 
-def measure(task: str, seeds: int, plants: int, runs: Path) -> pd.DataFrame:
+def measure(task: str, timesteps: int, seeds: int, plants: int, runs: Path) -> pd.DataFrame:
     """Teach the students of a task and score them.
 
     Parameters
     ----------
     task
         Short name.
+    timesteps
+        Of a training.
     seeds
-        How many; seed 0 is the one that ships.
+        How many, from 0 on.
     plants
         Test draws.
     runs
@@ -49,32 +54,30 @@ def measure(task: str, seeds: int, plants: int, runs: Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a student and one of the rival: mean of the middle half and 90th percentile of the
-        error (%), plants on which it failed (%), error over the rival's.
+        One row a student and one of the rival: mean of the middle half of the error with its
+        interval, and 90th percentile (%), plants on which it failed (%), command variation (V/s), the
+        first over the rival's; last error of the training on validation draws over its least.
     """
-    policies = {f"seed 0 (imitation-{task.lower()})": f"learned:imitation-{task.lower()}"}
-    for seed in range(1, seeds):
-        taught = Teaching(
-            out=runs / f"{task}-{seed}", task=task, timesteps=TIMESTEPS, seed=seed, lanes=96
-        )
+    policies, held = {}, {}
+    for seed in range(seeds):
+        taught = Teaching(out=runs / f"{task}-{seed}", task=task, timesteps=timesteps, seed=seed)
         with progress_bar() as show:
             policies[f"seed {seed}"] = f"learned:{train(taught, show)}"
+        errors = pd.read_csv(taught.out / CURVE)["rmse_percent"]
+        held[f"seed {seed}"] = float(errors.iloc[-1] / errors.min())
     scores = score_tasks([*policies.values(), RIVAL], [task], plants, jobs=1)
     found = {str(row["controller"]): row for row in scores.ranking(task).to_dict("records")}
     rival = float(found[RIVAL]["iqm_percent"])
-    rows = []
-    for label, name in {**policies, RIVAL: RIVAL}.items():
-        row = found[name]
-        rows.append(
-            {
-                "task": task,
-                "student": label,
-                "iqm_percent": row["iqm_percent"],
-                "p90_percent": row["p90_percent"],
-                "failed_percent": row["failed"],
-                "over_rival": float(row["iqm_percent"]) / rival,
-            }
-        )
+    rows = [
+        {
+            "task": task,
+            "student": label,
+            **{column: found[name][column] for column in COLUMNS},
+            "over_rival": float(found[name]["iqm_percent"]) / rival,
+            "last_over_best": held.get(label),
+        }
+        for label, name in {**policies, RIVAL: RIVAL}.items()
+    ]
     return pd.DataFrame(rows)
 
 
@@ -85,18 +88,20 @@ def as_markdown(table: pd.DataFrame, seeds: int, plants: int) -> str:
         f"{task} {own['over_rival'].min():.2f} to {own['over_rival'].max():.2f}"
         for task, own in students.groupby("task", sort=False)
     )
+    steps = ", ".join(f"{task} {timesteps:,}" for task, timesteps in FULL.taught)
     return (
         f"# Students of {seeds} seeds\n\n"
-        f"Error over that of `{RIVAL}`, the best controller that is not learned: {said}.\n\n"
-        f"Written by `python -m studies.student_seeds --seeds {seeds} --plants {plants}`: trainings of {TIMESTEPS:,} steps, "
-        f"scored on {plants} test draws of their task.\n\n{frame_table(table)}\n"
+        f"Error over that of `{RIVAL}`, the best controller that is not learned: {said}. No training ends above "
+        f"{students['last_over_best'].max():.2f} times its least error on the validation draws.\n\n"
+        f"Written by `python -m studies.student_seeds --seeds {seeds} --plants {plants}`: trainings of so many steps, {steps}; "
+        f"scored on {plants} test draws of their task. Seed 0 ships.\n\n{frame_table(table)}\n"
     )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Teach, score, print the table and write it."""
     options = Options("student_seeds", __doc__, out=RESULTS)
-    options.add_number("--seeds", 5, "students of each task, the shipped one among them", least=2)
+    options.add_number("--seeds", 5, "students of each task")
     options.add_number("--plants", 100, "test draws of a task")
     options.add_folder("--runs", RUNS, "folder of the trainings")
     return options.run(arguments, _measure_all)
@@ -105,7 +110,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _measure_all(chosen: Namespace) -> None:
     if chosen.runs.exists() and not chosen.runs.is_dir():
         raise InputError(f"{chosen.runs} is no folder; give one for the trainings")
-    table = pd.concat([measure(task, chosen.seeds, chosen.plants, chosen.runs) for task in TASKS])
+    table = pd.concat(
+        [
+            measure(task, timesteps, chosen.seeds, chosen.plants, chosen.runs)
+            for task, timesteps in FULL.taught
+        ]
+    )
     text = as_markdown(table, chosen.seeds, chosen.plants)
     keep_table(chosen.out, "student_seeds", table, text)
 

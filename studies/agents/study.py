@@ -74,7 +74,7 @@ class Study:
     # Of the bootstrap.
     taught: tuple[tuple[str, int], ...] = (
         ("Stage", 28_800_000),
-        ("Resonance", 9_600_000),
+        ("Resonance", 28_800_000),
         ("Creep", 9_600_000),
         ("Lag", 9_600_000),
     )
