@@ -49,6 +49,10 @@ class ForgettingLeastSquares:
     ----------
     prior, spread : float64[F]
         As given.
+    kept : float
+        λ.
+    precision, pull : float64[F]
+        What the prior adds to R's diagonal and to b.
     rows : int
         Rows of its memory: the count of samples, R's lower triangle row by row, b and θ.
 
@@ -79,9 +83,9 @@ class ForgettingLeastSquares:
             )
         self.spread = deviation
         self._least = None if least is None else np.asarray(least, dtype=np.float64)
-        self._kept = math.exp(-ts_s / memory_s)
-        self._precision = (noise / deviation) ** 2
-        self._pull = self._precision * self.prior
+        self.kept = math.exp(-ts_s / memory_s)
+        self.precision = (noise / deviation) ** 2
+        self.pull = self.precision * self.prior
         self.size = len(self.prior)
         self.rows = 1 + self.size * (self.size + 1) // 2 + 2 * self.size
 
@@ -107,13 +111,13 @@ class ForgettingLeastSquares:
         counts
             ``(B,)``: where false the lane learns nothing, and forgets nothing.
         """
-        due = _take_in(memory, phi, z, counts, self._kept)
+        due = _take_in(memory, phi, z, counts, self.kept)
         if not due.any():
             return
         if self._least is None:
-            _solve(memory, due, self._precision, self._pull)
+            _solve(memory, due, self.precision, self.pull)
         else:
-            _project(memory, due, self._precision, self._pull, self._least)
+            _project(memory, due, self.precision, self.pull, self._least)
 
     def unlearn(self, memory: Array, share: Array) -> None:
         """Keep a share ``(B,)`` of what was learned and move θ to the prior alike, in place."""

@@ -60,7 +60,7 @@ class TaughtAdaptive(CorrectedAdaptive):
         self.student, self._witness = student, witness
         self._inside = self.rows.total
         since = np.array(SINCE_S)[:, None]
-        self._fades = np.exp(-layout.ts_s / since)
+        self.fades = np.exp(-layout.ts_s / since)
 
     def start(self, reference_um: Array) -> Array:
         """Return the memory at rest, the student's below that of the estimate."""
@@ -99,7 +99,7 @@ class TaughtAdaptive(CorrectedAdaptive):
         left = (z - lane_products(theta, phi)) / UNIT_UM
         known = (theta - self.fit.prior[:, None]) / self.fit.spread[:, None]
         own = (wanted_um - smooth) / layout.scale_um
-        since = self._fades ** of(state, "count")
+        since = self.fades ** of(state, "count")
         return np.vstack([course, plays, slow, known, left, own, since])
 
 
