@@ -66,8 +66,8 @@ GAIN_SPREAD, PLAY_SPREAD, OFFSET_SPREAD = 0.1, 0.2, 0.025
 of the scale."""
 MOST = 0.5
 """Largest correction as share of the scale."""
-# Observations are float32.
-_ROUNDING = 1e-5
+ROUNDING = 1e-5
+"""Of the command range: observations are float32."""
 
 
 class AdaptiveFeedforward(Tunable):
@@ -127,7 +127,7 @@ class AdaptiveFeedforward(Tunable):
         self.lead = max(1, min(self.wanted_lead, layout.preview - 1 - HALF))
         prior = np.convolve(series, ahead_by(delay - self.lead))[1:4].tolist()
         self.thresholds_um = scale * np.array(PLAYS)
-        self._slow = np.exp(-ts / np.array(SLOW_S))
+        self.slow = np.exp(-ts / np.array(SLOW_S))
         dynamics = self.settings["dynamics_s"] / ts
         spreads = [dynamics, dynamics**2, dynamics**3, GAIN_SPREAD, OFFSET_SPREAD * scale]
         plays = len(PLAYS) + len(PRODUCTS) + len(POWERS) + len(SLOW_S)
@@ -247,7 +247,7 @@ class AdaptiveFeedforward(Tunable):
         """Whether the last command was within its limits, so that the plant was driven by w."""
         low, high, step = self.limits
         applied, last = self.layout.command_V(observation), self.rows.of(state, "last_V")
-        room = _ROUNDING * (high - low)
+        room = ROUNDING * (high - low)
         within: NDArray[np.bool_] = (applied > low + room) & (applied < high - room)
         free: NDArray[np.bool_] = within & (np.abs(applied - last[0]) < step - room)
         last[0] = applied
@@ -257,7 +257,7 @@ class AdaptiveFeedforward(Tunable):
         """What of φ has no derivatives, at the time of the correction; kept until y gets there."""
         plays, slow = self.rows.of(state, "plays"), self.rows.of(state, "slow")
         static: Array = _features(
-            smooth_um, plays, slow, self.thresholds_um, self._slow,
+            smooth_um, plays, slow, self.thresholds_um, self.slow,
             self.layout.centre_um, self.layout.scale_um,
         )  # fmt: skip
         shift_in(self.rows.of(state, "seen").reshape(*self._rings, -1), static)

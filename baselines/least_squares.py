@@ -51,8 +51,8 @@ class ForgettingLeastSquares:
         As given.
     kept : float
         λ.
-    precision : float64[F]
-        (noise / spread_i)².
+    precision, pull : float64[F]
+        What the prior adds to R's diagonal and to b.
     rows : int
         Rows of its memory: the count of samples, R's lower triangle row by row, b and θ.
 
@@ -85,7 +85,7 @@ class ForgettingLeastSquares:
         self._least = None if least is None else np.asarray(least, dtype=np.float64)
         self.kept = math.exp(-ts_s / memory_s)
         self.precision = (noise / deviation) ** 2
-        self._pull = self.precision * self.prior
+        self.pull = self.precision * self.prior
         self.size = len(self.prior)
         self.rows = 1 + self.size * (self.size + 1) // 2 + 2 * self.size
 
@@ -115,9 +115,9 @@ class ForgettingLeastSquares:
         if not due.any():
             return
         if self._least is None:
-            _solve(memory, due, self.precision, self._pull)
+            _solve(memory, due, self.precision, self.pull)
         else:
-            _project(memory, due, self.precision, self._pull, self._least)
+            _project(memory, due, self.precision, self.pull, self._least)
 
     def unlearn(self, memory: Array, share: Array) -> None:
         """Keep a share ``(B,)`` of what was learned and move θ to the prior alike, in place."""

@@ -73,6 +73,9 @@ class LinearFeedback(Tunable):
         The linear part of the belief.
     feedback : LinearSystem
         C, from e(k) (µm) to the correction of sample k + 1 (µm).
+    falls, returns : float
+        What is left of the share that C is given, a sample on, where it rings; what comes back of the
+        rest where it does not.
     """
 
     inverts_effects = True
@@ -86,8 +89,8 @@ class LinearFeedback(Tunable):
         self.angles, self.z = grid(self.path, layout.ts_s)
         self.feedback = self.design()
         self.monitor = RingingMonitor(BAND_HZ, layout.scale_um, layout.ts_s)
-        self._falls = math.exp(-layout.ts_s / FALL_S)
-        self._returns = 1.0 - math.exp(-layout.ts_s / RECOVERY_S)
+        self.falls = math.exp(-layout.ts_s / FALL_S)
+        self.returns = 1.0 - math.exp(-layout.ts_s / RECOVERY_S)
         self.rows = Rows(
             feedback=self.feedback.order,
             monitor=self.monitor.rows,
@@ -144,7 +147,7 @@ class LinearFeedback(Tunable):
         allowed: Array = self.rows.of(state, "allowed")[0]
         _, ringing = self.monitor.watch(self.rows.of(state, "monitor"), error_um, reference_um)
         allowed[:] = np.where(
-            ringing, self._falls * allowed, allowed + self._returns * (1.0 - allowed)
+            ringing, self.falls * allowed, allowed + self.returns * (1.0 - allowed)
         )
         return allowed
 

@@ -17,6 +17,8 @@ class Rows:
     ----------
     total : int
         Number of rows S.
+    names : tuple of str
+        Of the blocks, in their order.
 
     Examples
     --------
@@ -30,7 +32,7 @@ class Rows:
 
     def __init__(self, **counts: int) -> None:
         self._slices: dict[str, slice] = {}
-        self.total = 0
+        self.total, self.names = 0, tuple(counts)
         for name, count in counts.items():
             self._slices[name] = slice(self.total, self.total + count)
             self.total += count

@@ -43,6 +43,9 @@ class RingingMonitor:
     ----------
     rows : int
         Rows of its memory.
+    numbers : tuple of float
+        Shares of a sample that enter the high-pass, the fast and the slow energy; what is left of the
+        trust a sample on, and what comes back of the rest; the energies (µm²) of small and of large.
 
     Examples
     --------
@@ -60,12 +63,15 @@ class RingingMonitor:
     rows = 8
 
     def __init__(self, band_hz: float, scale_um: float, ts_s: float) -> None:
-        self._pass = 1.0 - math.exp(-2.0 * math.pi * band_hz * ts_s)
-        self._fast = 1.0 - math.exp(-ts_s / FAST_S)
-        self._slow = 1.0 - math.exp(-ts_s / SLOW_S)
-        self._withdraw = math.exp(-ts_s / WITHDRAW_S)
-        self._return = 1.0 - math.exp(-ts_s / RETURN_S)
-        self._small, self._large = (SMALL * scale_um) ** 2, (LARGE * scale_um) ** 2
+        self.numbers = (
+            1.0 - math.exp(-2.0 * math.pi * band_hz * ts_s),
+            1.0 - math.exp(-ts_s / FAST_S),
+            1.0 - math.exp(-ts_s / SLOW_S),
+            math.exp(-ts_s / WITHDRAW_S),
+            1.0 - math.exp(-ts_s / RETURN_S),
+            (SMALL * scale_um) ** 2,
+            (LARGE * scale_um) ** 2,
+        )
 
     def start(self, reference_um: Array) -> Array:
         """Return the memory at rest at references (µm) ``(B,)``: full trust, float64[rows, B]."""
@@ -92,11 +98,7 @@ class RingingMonitor:
             A view of the memory.
         ringing : bool[B]
         """
-        ringing: NDArray[np.bool_] = _watch(
-            memory, error_um, reference_um,
-            self._pass, self._fast, self._slow, self._withdraw, self._return,
-            self._small, self._large,
-        )  # fmt: skip
+        ringing: NDArray[np.bool_] = _watch(memory, error_um, reference_um, *self.numbers)
         return memory[7], ringing
 
 

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from baselines.learned.onnx_file import check_file, content
 from baselines.learned.policy import Policy
-from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 
 FORMAT, VERSION = "rdpi-policy-onnx", 1
-METADATA = "rdpi-gym"
-"""Key of the file's metadata under which :func:`description` stands, as JSON."""
 INPUT, OUTPUT = "observation", "action"
 
 
@@ -114,22 +110,12 @@ def export_onnx(policy: Policy, out: Path) -> Path:
     InputError
         The extra ``onnx`` is not installed, or the file cannot be written.
     """
-    if out.suffix != ".onnx" or out.is_dir():
-        raise InputError(f"{out} is no file to export to; give one that ends in .onnx")
-    for name in ("onnx", "onnxscript"):
-        try:
-            import_module(name)
-        except ImportError as error:
-            raise InputError(
-                f"an export needs {name}, which cannot be imported; run pip install rdpi-gym[onnx]"
-            ) from error
+    check_file(out, ["onnx", "onnxscript"])
     return write_atomic(out, _model(policy))
 
 
 def _model(policy: Policy) -> bytes:
     """Return the file's content."""
-    import onnx
-
     module = StackedActor(policy).eval()
     shown = torch.zeros(2, policy.scaling.history.size)
     with _quiet():
@@ -143,11 +129,7 @@ def _model(policy: Policy) -> bytes:
             verbose=False,
         )
     assert program is not None
-    model = program.model_proto
-    onnx.helper.set_model_props(model, {METADATA: json.dumps(description(policy), allow_nan=False)})
-    onnx.checker.check_model(model)
-    content: bytes = model.SerializeToString()
-    return content
+    return content(program.model_proto, description(policy))
 
 
 @contextmanager

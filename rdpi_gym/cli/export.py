@@ -37,7 +37,7 @@ PreviewOption: TypeAlias = Annotated[
         help="Samples of the reference that a step is shown ahead; by default as many as are used.",
     ),
 ]
-_TYPED = {"ts_s": "--ts", "preview": "--preview"}
+_TYPED = {"ts_s": "--ts", "preview": "--preview", "belief": "--belief"}
 
 
 class _Kinds(TyperGroup):
@@ -65,13 +65,25 @@ def export_onnx(
     policy: Annotated[
         str, typer.Argument(metavar="POLICY", show_default=False, help="Folder, or shipped name.")
     ],
+    belief: Annotated[
+        str | None,
+        typer.Option(
+            "--belief",
+            metavar="NAME|FILE",
+            help="Of a student: what its controller knows of the plant; else what it was taught with.",
+        ),
+    ] = None,
     out: Annotated[
         Path, typer.Option("--out", metavar="FILE.onnx", help="File that is written.")
     ] = Path("policy.onnx"),
 ) -> None:
-    """Write a trained policy as an ONNX file: stacked observation in, action out."""
+    """Write a trained policy as an ONNX file: a network, or a student's whole controller as a step."""
     check_folder(out.parent)
-    print(f"policy: {rg.export(policy, out)}")
+    with as_typed(_TYPED):
+        written = rg.export(policy, out, belief=belief)
+    from rdpi_gym.face.training import told
+
+    print(told(written))
 
 
 @export.command(name="c")

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from baselines.learned.swept import Sweep
+from rdpi_gym.face.catalogues import HasPlant, as_plant
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
@@ -228,9 +230,15 @@ def sweep(
 
 @checked
 def export(
-    policy: PathLike[str] | str | Training, path: PathLike[str] | str = "policy.onnx"
+    policy: PathLike[str] | str | Training,
+    path: PathLike[str] | str = "policy.onnx",
+    *,
+    belief: PlantModel | HasPlant | PathLike[str] | str | None = None,
 ) -> Path:
-    """Write a trained policy as an ONNX file: stacked observation in, action out.
+    """Write a trained policy as an ONNX file.
+
+    A network as stacked observation in, action out; a student with the controller that it corrects
+    as a step: reference, measurement and state in, command and state out.
 
     Parameters
     ----------
@@ -238,6 +246,9 @@ def export(
         A training, the folder of a policy, or the name of one that ships.
     path
         File that is written.
+    belief
+        What a student's controller knows of the plant: a plant, a result that has one, the path of a
+        plant file, or a name of :data:`rdpi_gym.plants`; by default what it was taught with.
 
     Returns
     -------
@@ -247,10 +258,12 @@ def export(
     Raises
     ------
     InputError
-        The packages of ``rdpi-gym[rl]`` are missing, or the policy cannot be read.
+        The packages of ``rdpi-gym[rl,onnx]`` are missing, the policy cannot be read, or its
+        controller cannot be made on the belief.
     """
     try:
         from baselines.learned.found import find_learned
+        from baselines.learned.imitation.onnx_export import export_student
         from baselines.learned.onnx_export import export_onnx
         from baselines.learned.policy import Policy
     except ImportError as error:
@@ -258,10 +271,25 @@ def export(
     folder = policy.policy if isinstance(policy, Training) else policy
     found = find_learned(str(folder))
     if not isinstance(found, Policy):
-        raise InputError(
-            f"{folder} corrects {found.baseline}, whose estimate is no network; only networks are exported"
-        )
+        return export_student(found, Path(path), None if belief is None else as_plant(belief))
+    if belief is not None:
+        raise InputError(f"belief is of students, and {folder} is a network alone; leave it out")
     return export_onnx(found, Path(path))
+
+
+def told(path: Path) -> str:
+    """Return in a line what :func:`export` wrote, and in a second one what to beware of.
+
+    Parameters
+    ----------
+    path
+        As it returned it.
+    """
+    from baselines.learned.onnx_file import described
+
+    about = described(path)
+    holds = f", {about['holds']}" if "holds" in about else ""
+    return "\n".join([f"policy: {path}{holds}", *filter(None, [about.get("warning")])])
 
 
 def _draw(training: Training) -> None:

@@ -16,7 +16,8 @@ import onnxruntime
 import torch
 
 from baselines.learned.network import Network
-from baselines.learned.onnx_export import METADATA, export_onnx
+from baselines.learned.onnx_export import export_onnx
+from baselines.learned.onnx_file import METADATA
 from baselines.learned.policy import Policy
 from rdpi_gym.cli.export import export_onnx as export_command
 from rdpi_gym.envs import ObservationLayout
@@ -117,6 +118,10 @@ def test_its_metadata_says_what_it_must_be_shown(exported):
         "reference(k)", "reference(k+1)", "reference(k+2)", "measured(k)", "command(k)",
         "reference(k-1)",
     ]  # fmt: skip
+
+
+def test_it_says_nothing_of_where_it_was_made(exported):
+    assert b".py" not in exported.read_bytes()
 
 
 def test_a_second_export_replaces_the_file_and_leaves_nothing_else(saved, tmp_path):

@@ -96,7 +96,7 @@ def commands(page: Path) -> list[str]:
 BLOCKS = [block for page in PAGES for block in blocks(page)]
 EXECUTED = [block for block in BLOCKS if block.language in RUN and block.mark is None]
 POLICIES = ("results/agent/policy", "results/first-agent/policy", "results/scratch/policy")
-ONNX = "results/scratch/policy.onnx"
+ONNX, STEP = "results/scratch/policy.onnx", "results/stage.onnx"
 LIMIT_S = 240
 
 
@@ -149,6 +149,14 @@ def write_onnx(folder):
     export_onnx(Policy.load(folder / POLICIES[-1]), folder / ONNX)
 
 
+def write_step(folder):
+    pytest.importorskip("torch")
+    from baselines.learned.found import find_learned
+    from baselines.learned.imitation.onnx_export import export_student
+
+    export_student(find_learned("imitation-stage"), folder / STEP)
+
+
 # What lies in the folder of a block that names it.
 SAMPLES = {
     "measurement.csv": write_measurement,
@@ -156,6 +164,7 @@ SAMPLES = {
     "results/stage.json": write_stage,
     **dict.fromkeys(POLICIES, write_policy),
     ONNX: write_onnx,
+    STEP: write_step,
 }
 EXTRAS = {
     "torch": "torch", "stable_baselines3": "stable_baselines3", "rdpi train": "stable_baselines3",

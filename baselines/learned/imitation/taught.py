@@ -91,7 +91,7 @@ class TaughtAdaptive(CorrectedAdaptive):
         self.student, self._witness = student, witness
         self._inside = self.rows.total
         since = np.array(SINCE_S)[:, None]
-        self._fades = np.exp(-layout.ts_s / since)
+        self.fades = np.exp(-layout.ts_s / since)
 
     def start(self, reference_um: Array) -> Array:
         """Return the memory at rest, the student's below that of the estimate."""
@@ -131,7 +131,7 @@ class TaughtAdaptive(CorrectedAdaptive):
         theta = self.fit.theta(of(state, "fit"))
         known = (theta - self.fit.prior[:, None]) / self.fit.spread[:, None]
         own = (own_um - smooth_um) / layout.scale_um
-        since = self._fades ** of(state, "count")
+        since = self.fades ** of(state, "count")
         return np.vstack([course, plays, slow, known, left_um / UNIT_UM, own, since])
 
 

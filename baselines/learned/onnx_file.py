@@ -1,0 +1,83 @@
+"""An ONNX file, and what it says of itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from rdpi_gym.support.errors import InputError
+
+METADATA = "rdpi-gym"
+"""Key of the file's metadata under which its description stands, as JSON."""
+
+
+def check_file(out: Path, packages: Sequence[str]) -> None:
+    """Refuse what no file can be written to, and an installation that cannot write it.
+
+    Parameters
+    ----------
+    out
+        The file.
+    packages
+        What has to be there to write it.
+
+    Raises
+    ------
+    InputError
+        It does not end in ``.onnx``, it is a folder, or a package is missing.
+
+    Examples
+    --------
+    >>> check_file(Path("policy.pt"), ["onnx"])
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: policy.pt is no file to export to; give one that ends in .onnx
+    """
+    if out.suffix != ".onnx" or out.is_dir():
+        raise InputError(f"{out} is no file to export to; give one that ends in .onnx")
+    for name in packages:
+        try:
+            import_module(name)
+        except ImportError as error:
+            raise InputError(
+                f"an export needs {name}, which cannot be imported; run pip install rdpi-gym[onnx]"
+            ) from error
+
+
+def content(model: Any, description: Mapping[str, Any]) -> bytes:
+    """Return what a file holds: a model with its description, and nothing of how it was made.
+
+    Parameters
+    ----------
+    model
+        An ``onnx.ModelProto``; what an exporter noted of its own code is taken out.
+    description
+        What JSON holds.
+    """
+    import onnx
+
+    for part in (model.graph, *model.graph.node, *model.graph.value_info):
+        del part.metadata_props[:]
+    onnx.helper.set_model_props(model, {METADATA: json.dumps(description, allow_nan=False)})
+    onnx.checker.check_model(model)
+    found: bytes = model.SerializeToString()
+    return found
+
+
+def described(path: Path) -> dict[str, Any]:
+    """Return what a file that was exported says of itself.
+
+    Parameters
+    ----------
+    path
+        As an export returned it.
+    """
+    import onnx
+
+    model = onnx.load(path, load_external_data=False)
+    said = {each.key: each.value for each in model.metadata_props}
+    found: dict[str, Any] = json.loads(said[METADATA])
+    return found

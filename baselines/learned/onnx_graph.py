@@ -1,0 +1,253 @@
+"""Arithmetic that is written down as an ONNX graph, all of it in double precision."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rdpi_gym.support.arrays import Array
+
+OPSET, IR_VERSION = 17, 8
+"""Versions that runtimes of 2022 read."""
+_END = 2**63 - 1
+"""Where a slice ends that runs to the end."""
+
+
+@dataclass(frozen=True)
+class _Node:
+    kind: str
+    operands: tuple[str, ...]
+    name: str
+    attributes: Mapping[str, Any]
+
+
+class Graph:
+    """Inputs, constants and nodes, in the order in which they were written.
+
+    Examples
+    --------
+    >>> graph = Graph()
+    >>> x = graph.given("x", 3)
+    >>> model = graph.model({"y": 2.0 * x[:, 1:] + 1.0})
+    >>> [node.op_type for node in model.graph.node]
+    ['Slice', 'Mul', 'Add', 'Identity']
+    """
+
+    def __init__(self) -> None:
+        self._inputs: dict[str, tuple[int, ...]] = {}
+        self._constants: dict[tuple[str, tuple[int, ...], bytes], str] = {}
+        self._nodes: list[_Node] = []
+
+    def given(self, name: str, *sizes: int) -> Signal:
+        """Return an input of a number, or of an array of so many, for each lane: ``(batch, *sizes)``."""
+        self._inputs[name] = sizes
+        return Signal(self, name)
+
+    def constant(self, values: NDArray[Any]) -> Signal:
+        """Return numbers that are part of the file, each array once."""
+        key = values.dtype.str, values.shape, values.tobytes()
+        return Signal(self, self._constants.setdefault(key, f"c{len(self._constants)}"))
+
+    def call(self, kind: str, *operands: Operand, **attributes: Any) -> Signal:
+        """Return what an operator of ONNX makes of operands; numbers become constants."""
+        names = tuple(
+            each.name
+            if isinstance(each, Signal)
+            else self.constant(np.asarray(each, dtype=np.float64)).name
+            for each in operands
+        )
+        self._nodes.append(_Node(kind, names, f"s{len(self._nodes)}", attributes))
+        return Signal(self, self._nodes[-1].name)
+
+    def where(self, test: Signal, one: Operand, other: Operand) -> Signal:
+        """Return one where a test holds, else the other."""
+        return self.call("Where", test, one, other)
+
+    def joined(self, *parts: Signal) -> Signal:
+        """Return arrays side by side, along their last axis."""
+        return self.call("Concat", *parts, axis=-1)
+
+    def model(self, outputs: Mapping[str, Signal]) -> Any:
+        """Return the model, checked.
+
+        Parameters
+        ----------
+        outputs
+            By name; ``(batch, ...)``.
+
+        Returns
+        -------
+        onnx.ModelProto
+        """
+        import onnx
+        from onnx import TensorProto, helper, numpy_helper
+
+        nodes = [
+            helper.make_node(n.kind, n.operands, [n.name], **n.attributes) for n in self._nodes
+        ]
+        nodes += [helper.make_node("Identity", [y.name], [name]) for name, y in outputs.items()]
+        constants = [
+            numpy_helper.from_array(
+                np.frombuffer(content, dtype=np.dtype(kind)).reshape(shape), name=name
+            )
+            for (kind, shape, content), name in self._constants.items()
+        ]
+        inputs = [
+            helper.make_tensor_value_info(name, TensorProto.DOUBLE, ["batch", *sizes])
+            for name, sizes in self._inputs.items()
+        ]
+        answers = [
+            helper.make_tensor_value_info(name, TensorProto.DOUBLE, None) for name in outputs
+        ]
+        graph = helper.make_graph(nodes, "step", inputs, answers, initializer=constants)
+        made = helper.make_model(
+            graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION
+        )
+        made = onnx.shape_inference.infer_shapes(made, check_type=True, strict_mode=True)
+        del made.graph.value_info[:]  # of what is between: known to every runtime
+        onnx.checker.check_model(made)
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """Numbers of a graph, with the arithmetic of arrays; the first axis is that of the lanes.
+
+    Parameters
+    ----------
+    graph
+        Where it is written down.
+    name
+        Its name there.
+    """
+
+    graph: Graph
+    name: str
+
+    # NumPy's arrays leave the arithmetic to it.
+    __array_ufunc__ = None
+
+    def __add__(self, other: Operand) -> Signal:
+        return self.graph.call("Add", self, other)
+
+    def __radd__(self, other: Operand) -> Signal:
+        return self.graph.call("Add", other, self)
+
+    def __sub__(self, other: Operand) -> Signal:
+        return self.graph.call("Sub", self, other)
+
+    def __rsub__(self, other: Operand) -> Signal:
+        return self.graph.call("Sub", other, self)
+
+    def __mul__(self, other: Operand) -> Signal:
+        return self.graph.call("Mul", self, other)
+
+    def __rmul__(self, other: Operand) -> Signal:
+        return self.graph.call("Mul", other, self)
+
+    def __truediv__(self, other: Operand) -> Signal:
+        return self.graph.call("Div", self, other)
+
+    def __matmul__(self, other: Operand) -> Signal:
+        return self.graph.call("MatMul", self, other)
+
+    def __pow__(self, other: Operand) -> Signal:
+        return self.graph.call("Pow", self, other)
+
+    def __rpow__(self, other: Operand) -> Signal:
+        return self.graph.call("Pow", other, self)
+
+    def __abs__(self) -> Signal:
+        return self.graph.call("Abs", self)
+
+    def __gt__(self, other: Operand) -> Signal:
+        return self.graph.call("Greater", self, other)
+
+    def __ge__(self, other: Operand) -> Signal:
+        return self.graph.call("GreaterOrEqual", self, other)
+
+    def __lt__(self, other: Operand) -> Signal:
+        return self.graph.call("Less", self, other)
+
+    def __le__(self, other: Operand) -> Signal:
+        return self.graph.call("LessOrEqual", self, other)
+
+    def __and__(self, other: Signal) -> Signal:
+        return self.graph.call("And", self, other)
+
+    def __or__(self, other: Signal) -> Signal:
+        return self.graph.call("Or", self, other)
+
+    def __invert__(self) -> Signal:
+        return self.graph.call("Not", self)
+
+    def __getitem__(self, key: tuple[slice, ...]) -> Signal:
+        parts = [(axis, each) for axis, each in enumerate(key) if each != slice(None)]
+        starts = [each.start or 0 for _, each in parts]
+        ends = [_END if each.stop is None else each.stop for _, each in parts]
+        axes = [axis for axis, _ in parts]
+        return self.graph.call("Slice", self, *map(self._integers, (starts, ends, axes)))
+
+    def picked(self, places: Sequence[int] | NDArray[np.int64]) -> Signal:
+        """Return elements of the second axis, in the shape of their places."""
+        return self.graph.call("Gather", self, self._integers(places), axis=1)
+
+    def raised(self, axis: int) -> Signal:
+        """Return it with an axis of 1 more."""
+        return self.graph.call("Unsqueeze", self, self._integers([axis]))
+
+    def lowered(self, axis: int) -> Signal:
+        """Return it without an axis of 1."""
+        return self.graph.call("Squeeze", self, self._integers([axis]))
+
+    def turned(self) -> Signal:
+        """Return the matrix of each lane transposed."""
+        return self.graph.call("Transpose", self, perm=[0, 2, 1])
+
+    def filled(self, value: float) -> Signal:
+        """Return an array of this shape that holds one number."""
+        return self.graph.call("Expand", value, self.graph.call("Shape", self))
+
+    def total(self) -> Signal:
+        """Return the sum along the last axis, which stays as one of 1."""
+        return self.graph.call("ReduceSum", self, self._integers([-1]), keepdims=1)
+
+    def at_least(self, low: Operand) -> Signal:
+        """Return the larger one."""
+        return self.graph.call("Max", self, low)
+
+    def clipped(self, low: Operand, high: Operand) -> Signal:
+        """Return what is no less than low and no more than high."""
+        return self.graph.call("Min", self.at_least(low), high)
+
+    def remainder(self, divisor: float) -> Signal:
+        """Return what is left of a division, with the sign of what was divided."""
+        return self.graph.call("Mod", self, divisor, fmod=1)
+
+    def numbered(self) -> Signal:
+        """Return 1 and 0 for what holds and what does not."""
+        return self.graph.call("Cast", self, to=11)  # onnx.TensorProto.DOUBLE
+
+    def tanh(self) -> Signal:
+        """Return its hyperbolic tangent."""
+        return self.graph.call("Tanh", self)
+
+    def sigmoid(self) -> Signal:
+        """Return 1 / (1 + e^-x)."""
+        return self.graph.call("Sigmoid", self)
+
+    def asinh(self) -> Signal:
+        """Return its inverse hyperbolic sine: runtimes have it in single precision only."""
+        size = abs(self)
+        grown = self.graph.call("Log", size + self.graph.call("Sqrt", size * size + 1.0))
+        return self.graph.call("Sign", self) * grown
+
+    def _integers(self, values: Sequence[int] | NDArray[np.int64]) -> Signal:
+        return self.graph.constant(np.asarray(values, dtype=np.int64))
+
+
+Operand: TypeAlias = Signal | Array | float
