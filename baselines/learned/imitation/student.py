@@ -134,6 +134,19 @@ class Student:
             }
         return Student(rounded, self.weighted)
 
+    def turned_up(self, factor: float) -> Student:
+        """Return the student with its answers multiplied.
+
+        Examples
+        --------
+        >>> student = Student.blank(inputs=3, hidden=2, weighted=2)
+        >>> student.arrays["head_bias"][:] = 0.5
+        >>> float(student.turned_up(2.0).arrays["head_bias"][0])
+        1.0
+        """
+        head = {name: np.float32(factor) * self.arrays[name] for name in ("head", "head_bias")}
+        return Student({**self.arrays, **head}, self.weighted)
+
     @property
     def inputs(self) -> int:
         """Numbers seen beside errors and corrections."""
