@@ -13,11 +13,14 @@ from rdpi_gym.plant import P10
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json
 from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.words import number
 from studies.agents import findings
 from studies.agents.curves import cost_view, training_costs
 from studies.agents.summary import ALL_GROUPS
 from studies.agents.tasks import leaders, read_rankings, standing, standing_view
 from studies.agents.walk import FILE, FORMAT, VERSION
+from studies.student_seeds import RESULTS as STUDENTS
+from studies.student_seeds import RIVAL
 from studies.training_race import RESULTS as RACE
 from studies.training_race import SHORT, best_fixed
 
@@ -74,6 +77,7 @@ def page_facts(results: Path) -> dict[str, Any]:
         "walk": _walk(walk),
         "tasks": standing(on_tasks),
         "race": _race(rankings),
+        "students": _students(),
         "guarded_failures": float(guarded["failed"].max()),
         "unguarded_on_bare": float(on_bare["failed"].max()),
         "student_us": float(student["microseconds_per_sample"].min()),
@@ -101,12 +105,27 @@ def page_facts(results: Path) -> dict[str, Any]:
 
 
 def _race(rankings: pd.DataFrame) -> dict[str, Any]:
-    table = RACE / "race.csv"
-    if not table.exists():
-        raise InputError(f"{table} is missing; run python -m studies.training_race")
+    table = _of_study(RACE / "race.csv", "training_race")
     line: dict[str, Any]
-    (line,) = (each for each in pd.read_csv(table).to_dict("records") if each["entrant"] == SHORT)  # type: ignore[assignment]
+    (line,) = (each for each in table.to_dict("records") if each["entrant"] == SHORT)  # type: ignore[assignment]
     return line | {"rival": best_fixed(rankings)["controller"]}
+
+
+def _students() -> dict[str, Any]:
+    table = _of_study(STUDENTS / "student_seeds.csv", "student_seeds")
+    own = table[table["student"] != RIVAL]
+    shares = own.groupby("task")["over_rival"]
+    return {
+        "seeds": int(own.groupby("task").size().min()),
+        "last_over_best": float(own["last_over_best"].max()),
+        **{str(task): f"{number(part.min())} to {number(part.max())}" for task, part in shares},
+    }
+
+
+def _of_study(path: Path, name: str) -> pd.DataFrame:
+    if not path.exists():
+        raise InputError(f"{path} is missing; run python -m studies.{name}")
+    return pd.read_csv(path)
 
 
 def _read(results: Path, name: str) -> pd.DataFrame:
