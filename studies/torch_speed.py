@@ -34,7 +34,7 @@ from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.torch_plant import TorchPlant, TorchTracking
-from rdpi_gym.torch_plant.plant import checked_device
+from rdpi_gym.torch_plant.device import checked_device
 from rdpi_gym.torch_plant.stages import has_twin
 
 Run: TypeAlias = Callable[[], Any]

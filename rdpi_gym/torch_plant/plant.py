@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
-from rdpi_gym.plant.cores.play import given_rate_block
-from rdpi_gym.plant.effects.base import Effect, Slot
+from rdpi_gym.plant import Plant, PlantModel
+from rdpi_gym.plant.effects.base import Slot
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.torch_plant.build import check_core, memory_rows, stage_of
+from rdpi_gym.torch_plant.device import checked_device
 from rdpi_gym.torch_plant.hysteresis import RDPITensors, play_sum, rate
-from rdpi_gym.torch_plant.stages import TWINS, Twin, has_twin
 from rdpi_gym.torch_plant.state import ROW, State
 
 
@@ -76,7 +77,7 @@ class TorchPlant:
         self.device, self.dtype = checked_device(device), dtype
         on_cpu = Plant(models, ts_s)  # refuses what cannot run side by side
         self.models, self.ts_s = on_cpu.models, on_cpu.ts_s
-        _check_core(self.models[0])
+        check_core(self.models[0])
         self.lanes = lanes if shared else on_cpu.lanes
         hysteresis = [model.hysteresis for model in self.models]
         self.parameters = RDPITensors.of(
@@ -90,15 +91,18 @@ class TorchPlant:
         self._hold = self.models[0].converter.samples(self.ts_s)
         effects = zip(*(model.effects for model in self.models), strict=True)
         stages = [column for column in effects if column[0].slot != "memory"]
-        self._stages = [self._stage(column, hysteresis) for column in stages]
+        self._stages = [
+            (slot, twin, self._rows(p))
+            for slot, twin, p in (stage_of(column, hysteresis, self.ts_s) for column in stages)
+        ]
         self.state = State(
             self._empty(),
             self._empty(),
             self._empty(),
-            torch.zeros((), dtype=torch.int64, device=self.device),
+            torch.zeros(self.lanes, dtype=torch.int64, device=self.device),
             torch.zeros(self.lanes, dtype=torch.bool, device=self.device),
             tuple(self._empty().to(dtype) for _ in range(hysteresis[0].n)),
-            tuple(self._empty(self._memory_rows(column, hysteresis)) for column in stages),
+            tuple(self._empty(memory_rows(column, hysteresis, self.ts_s)) for column in stages),
         )
         self.reset()
 
@@ -109,6 +113,52 @@ class TorchPlant:
         for row, xi in zip(memory, self.state.xi_V, strict=True):
             row.copy_(xi)
         return memory
+
+    def picked(self, columns: Tensor) -> TorchPlant:
+        """Return plants that are copies of these, what they remember included.
+
+        Parameters
+        ----------
+        columns
+            Lane of these that each lane of the result is a copy of, ``int64[B']``.
+
+        Examples
+        --------
+        >>> from rdpi_gym.plant import named_plant
+        >>> plant = TorchPlant(named_plant("P5"), ts_s=1e-3, lanes=2)
+        >>> plant.step(torch.tensor([0.0, 1.0])).tolist()
+        [0.0, 0.729]
+        >>> plant.picked(torch.tensor([1, 1, 0])).step(torch.ones(3)).tolist()
+        [0.729, 0.729, 0.729]
+        """
+        made = copy(self)
+        made.lanes = len(columns)
+
+        def pick(tensor: Tensor) -> Tensor:
+            wide = tensor.expand(*tensor.shape[:-1], self.lanes)
+            return wide.index_select(-1, columns)
+
+        made.parameters = RDPITensors(*map(pick, self.parameters))
+        made._turns_V, made._follow = pick(self._turns_V), pick(self._follow)
+        made._stages = [(slot, twin, pick(p)) for slot, twin, p in self._stages]
+        made.state = self.state.mapped(pick)
+        return made
+
+    def become(self, lanes: Tensor, source: TorchPlant, columns: Tensor) -> None:
+        """Make some lanes copies of other plants, what they remember included, in place.
+
+        Parameters
+        ----------
+        lanes
+            Which lanes, ``int64[m]``.
+        source
+            Plants of the same build, of which :meth:`picked` made these.
+        columns
+            Lane of `source` that each becomes a copy of, ``int64[m]``.
+        """
+        for kept, other in zip(self._columns(), source._columns(), strict=True):
+            wide = other.expand(*other.shape[:-1], source.lanes)
+            kept.index_copy_(-1, lanes, wide.index_select(-1, columns))
 
     def reset(
         self,
@@ -246,6 +296,13 @@ class TorchPlant:
         y = run(y, "hysteresis", "output") + self.parameters.offset_um
         return y, State(u, v, held, samples, awaits, xi, tuple(effects))
 
+    def _columns(self) -> tuple[Tensor, ...]:
+        """All that a lane has one column of."""
+        stages = (p for _, _, p in self._stages)
+        return (
+            *self.parameters, self._turns_V, self._follow, *stages, *self.state.tensors(),
+        )  # fmt: skip
+
     def _settled(self, first_V: Tensor) -> Tensor:
         """Memory (V) of the models' own past where lanes begin at commands (V), ``float64[n, B]``."""
         rest = self.parameters.thresholds_V.detach().to(ROW)
@@ -254,22 +311,6 @@ class TorchPlant:
             u = turn + follows * first_V
             xi = torch.clamp(xi, u - rest, u + rest)
         return xi
-
-    def _memory_rows(self, effects: Sequence[Effect], hysteresis: Sequence[RDPI]) -> int:
-        pairs = zip(effects, hysteresis, strict=True)
-        return max(effect.state_rows_with(self.ts_s, core) for effect, core in pairs)
-
-    def _stage(
-        self, effects: Sequence[Effect], hysteresis: Sequence[RDPI]
-    ) -> tuple[Slot, Twin, Tensor]:
-        kind = type(effects[0])
-        if not has_twin(kind):
-            raise InputError(
-                f"effect {kind.full_name()} cannot be run in torch; run it with rdpi_gym.plant.Plant"
-            )
-        pairs = zip(effects, hysteresis, strict=True)
-        columns = np.array([effect.coefficients(self.ts_s, model) for effect, model in pairs])
-        return kind.slot, TWINS[kind.block], self._rows(np.ascontiguousarray(columns.T))
 
     def _keep(self, state: State) -> None:
         for kept, value in zip(self.state.tensors(), state.tensors(), strict=True):
@@ -282,38 +323,3 @@ class TorchPlant:
 
     def _empty(self, *rows: int) -> Tensor:
         return torch.zeros((*rows, self.lanes), dtype=ROW, device=self.device)
-
-
-def checked_device(device: torch.device | str) -> torch.device:
-    """Return a device of torch, or refuse one that is not there.
-
-    Raises
-    ------
-    InputError
-        No such device, or CUDA where there is none.
-
-    Examples
-    --------
-    >>> checked_device("cpu")
-    device(type='cpu')
-    """
-    try:
-        found = torch.device(device)
-    except RuntimeError as error:
-        raise InputError(
-            f"device {device!r} is none that torch knows; give 'cpu' or 'cuda'"
-        ) from error
-    if found.type == "cuda" and not torch.cuda.is_available():
-        raise InputError(f"device {device!r} asked for and no CUDA device is there; give 'cpu'")
-    return found
-
-
-def _check_core(model: PlantModel) -> None:
-    """Refuse a plant whose core runs on another kernel than that of the plays."""
-    if type(model.hysteresis).block is given_rate_block:
-        return
-    known = " or ".join(n for n, kind in CORES.items() if kind.block is given_rate_block)
-    raise InputError(
-        f"plant {model.name} has the core {model.hysteresis.name}, and in torch there are plays, the core "
-        f"{known}; run it by rdpi_gym.plant.Plant"
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
@@ -23,7 +24,7 @@ class State(NamedTuple):
     held_V
         What the converter holds (V), ``float64[B]``.
     samples
-        Steps since the last reset of all lanes, ``int64[]``.
+        Steps since the last reset of all lanes, or of those of which a lane is a copy, ``int64[B]``.
     awaits
         Whether the memory of the plant's own past is set as the first sample comes, ``bool[B]``.
     xi_V
@@ -44,8 +45,12 @@ class State(NamedTuple):
         """All of them, one after the other."""
         return (*self[:5], *self.xi_V, *self.effects)
 
+    def mapped(self, change: Callable[[Tensor], Tensor]) -> State:
+        """A state of what a function makes of each tensor."""
+        u, v, held, samples, awaits = map(change, self[:5])
+        xi, effects = (tuple(map(change, part)) for part in self[5:])
+        return State(u, v, held, samples, awaits, xi, effects)
+
     def clone(self) -> State:
         """A copy that shares no memory."""
-        u, v, held, samples, awaits = (tensor.clone() for tensor in self[:5])
-        xi, effects = (tuple(tensor.clone() for tensor in part) for part in self[5:])
-        return State(u, v, held, samples, awaits, xi, effects)
+        return self.mapped(torch.clone)

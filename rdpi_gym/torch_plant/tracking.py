@@ -11,6 +11,7 @@ from torch import Tensor
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.torch_plant.law import commanded, error_of, observed, read, rewarded
 from rdpi_gym.torch_plant.plant import TorchPlant
 from rdpi_gym.torch_plant.state import ROW
 
@@ -162,17 +163,7 @@ class TorchTracking:
                 f"an action of shape {tuple(action.shape)} for {self.lanes} lanes; "
                 f"give ({self.lanes},) or ({self.lanes}, 1)"
             )
-        low, high = self.layout.command_range_V
-        given = action.reshape(self.lanes).to(ROW)
-        place = given.clamp(-1.0, 1.0)
-        if self.layout.action == "command":
-            wanted = low + 0.5 * (place + 1.0) * (high - low)
-            command = wanted.clamp(max=high)
-            clipped = place != given
-        else:
-            wanted = self.command_V + place * self.layout.action_scale_V
-            command = wanted.clamp(low, high)
-            clipped = (place != given) | (command != wanted)
+        command, clipped = commanded(self.layout, action.reshape(self.lanes), self.command_V)
         self.saturated.add_(clipped)
         return self._apply(command)
 
@@ -193,30 +184,22 @@ class TorchTracking:
 
     def _apply(self, command_V: Tensor) -> tuple[Tensor, Tensor]:
         layout = self.layout
-        low, high = layout.command_range_V
-        moved_V = (command_V - self.command_V).abs()
+        before_V = self.command_V.clone()
         self.command_V.copy_(command_V)
         self._k.add_(1)
         y = self.plant.step(command_V)
         rows = (self._k + self._ahead).clamp(max=len(self._shown) - 1)
         shown = self._shown.index_select(0, rows).expand(-1, self.lanes)
-        error = layout.centre_um + layout.scale_um * shown[0].to(ROW) - y
         self.displacement_um.copy_(y)
-        self.error_um.copy_(error)
-        measured = (self._read(y) - layout.centre_um) / layout.scale_um
-        command = 2.0 * (command_V - low) / (high - low) - 1.0
-        seen = torch.cat([shown, *(row.to(torch.float32)[None] for row in (measured, command))])
-        reward = -error.abs() / layout.scale_um - self.command_cost * moved_V / (high - low)
-        return seen.T, reward.to(torch.float32)
+        self.error_um.copy_(error_of(layout, shown[0], y))
+        seen = observed(layout, shown, self._read(y), command_V)
+        reward = rewarded(layout, self.error_um, command_V - before_V, self.command_cost)
+        return seen.T, reward
 
     def _read(self, y_um: Tensor) -> Tensor:
         """What the sensors show of displacements (µm): noise, then rounding to the resolution."""
-        if self._noise_um is not None:
-            y_um = y_um + self._noise_um * torch.randn_like(y_um)
-        if self._resolution_um is not None:
-            step = self._resolution_um
-            y_um = torch.where(step > 0.0, (y_um / step).round() * step, y_um)
-        return y_um
+        noise = None if self._noise_um is None else self._noise_um * torch.randn_like(y_um)
+        return read(y_um, noise, self._resolution_um)
 
     def _row_or_none(self, values: Sequence[float]) -> Tensor | None:
         return torch.tensor(values, dtype=ROW, device=self.plant.device) if any(values) else None

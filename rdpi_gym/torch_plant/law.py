@@ -1,0 +1,119 @@
+"""The law of the tracking environment on tensors: how actions are read, what is shown, what is rewarded.
+
+None of it looks at a value; what a lane has one of is float64, what is shown float32.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.torch_plant.state import ROW
+
+
+def commanded(
+    layout: ObservationLayout, action: Tensor, command_V: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Read actions as commands.
+
+    Parameters
+    ----------
+    layout
+        Its action is ``command`` or ``increment``.
+    action
+        ``[B]``, any floating type.
+    command_V
+        Commands that hold now (V), ``float64[B]``.
+
+    Returns
+    -------
+    tuple of float64[B] and bool[B]
+        Commands (V), and whether action or command was clipped.
+
+    Examples
+    --------
+    >>> layout = ObservationLayout(1, 0.0, 1.0, (-1.0, 1.0), 1e-4, "increment", action_scale_V=0.5)
+    >>> u, clipped = commanded(layout, torch.tensor([0.5, 2.0]), torch.zeros(2, dtype=ROW))
+    >>> u.tolist(), clipped.tolist()
+    ([0.25, 0.5], [False, True])
+    """
+    low, high = layout.command_range_V
+    given = action.to(ROW)
+    place = given.clamp(-1.0, 1.0)
+    if layout.action == "command":
+        wanted = low + 0.5 * (place + 1.0) * (high - low)
+        return wanted.clamp(max=high), place != given
+    wanted = command_V + place * layout.action_scale_V
+    command = wanted.clamp(low, high)
+    return command, (place != given) | (command != wanted)
+
+
+def error_of(layout: ObservationLayout, shown: Tensor, displacement_um: Tensor) -> Tensor:
+    """Tracking error r - y (µm), ``float64[B]``, of references as they are shown, ``float32[B]``.
+
+    Examples
+    --------
+    >>> layout = ObservationLayout(1, 0.0, 2.0, (-1.0, 1.0), 1e-4)
+    >>> error_of(layout, torch.ones(1), torch.zeros(1, dtype=ROW)).tolist()
+    [2.0]
+    """
+    return layout.centre_um + layout.scale_um * shown.to(ROW) - displacement_um
+
+
+def read(displacement_um: Tensor, noise_um: Tensor | None, resolution_um: Tensor | None) -> Tensor:
+    """Return what sensors read (µm): noise, then rounding to the resolution; None: there is none.
+
+    Examples
+    --------
+    >>> read(torch.tensor([0.4, 0.6]), None, torch.tensor([0.5, 0.0])).tolist()
+    [0.5, 0.6000000238418579]
+    """
+    y = displacement_um if noise_um is None else displacement_um + noise_um
+    if resolution_um is None:
+        return y
+    return torch.where(resolution_um > 0.0, (y / resolution_um).round() * resolution_um, y)
+
+
+def observed(
+    layout: ObservationLayout, shown: Tensor, measured_um: Tensor, command_V: Tensor
+) -> Tensor:
+    """Observations, ``float32[D, B]``: side by side as devices write them.
+
+    Parameters
+    ----------
+    layout
+        Units.
+    shown
+        References now and ahead in its units, ``float32[preview + 1, B]``.
+    measured_um, command_V
+        Readings (µm) and commands (V), ``float64[B]``.
+
+    Examples
+    --------
+    >>> layout = ObservationLayout(1, 0.0, 2.0, (-10.0, 10.0), 1e-4)
+    >>> one = torch.ones(1, dtype=ROW)
+    >>> observed(layout, torch.zeros(2, 1), one, 5.0 * one).T.tolist()
+    [[0.0, 0.0, 0.5, 0.5]]
+    """
+    low, high = layout.command_range_V
+    measured = (measured_um - layout.centre_um) / layout.scale_um
+    command = 2.0 * (command_V - low) / (high - low) - 1.0
+    return torch.cat([shown, *(row.to(torch.float32)[None] for row in (measured, command))])
+
+
+def rewarded(
+    layout: ObservationLayout, error_um: Tensor, moved_V: Tensor, command_cost: float
+) -> Tensor:
+    """Rewards, ``float32[B]``, of errors (µm) and changes of the command (V), ``float64[B]``.
+
+    Examples
+    --------
+    >>> layout = ObservationLayout(1, 0.0, 2.0, (-10.0, 10.0), 1e-4)
+    >>> one = torch.ones(1, dtype=ROW)
+    >>> rewarded(layout, one, one, command_cost=2.0).round(decimals=3).tolist()
+    [-0.6000000238418579]
+    """
+    low, high = layout.command_range_V
+    reward = -error_um.abs() / layout.scale_um - command_cost * moved_V.abs() / (high - low)
+    return reward.to(torch.float32)
