@@ -83,7 +83,8 @@ def measure(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
 
 
 def _native(threads: int) -> tuple[Any, Any, int]:
-    from baselines.learned.native.learner import NativeLearner, NativePPO
+    from baselines.learned.native.learner import NativeLearner
+    from baselines.learned.native.ppo import NativePPO
     from baselines.learned.run import Run
     from baselines.learned.train_native_ppo import Options
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from baselines.learned.settings import SHIPPED
 from rdpi_gym.envs.layout import ActionMode
 from rdpi_gym.envs.references import ReferenceChoice
 from rdpi_gym.envs.truth import choose_plant
@@ -112,6 +113,10 @@ class TrainingOptions:
                 f"ts_s is {ts:g} s: periods of {low:g} to {high:g} Hz have {1.0 / (low * ts):.3g} to "
                 f"{1.0 / (high * ts):.3g} samples; give a ts_s with which they have {_FEWEST:g} to {_MOST:g}"
             )
+
+    def file(self, algorithm: str) -> Path:
+        """Hyper-parameters of an algorithm: those that are asked for, or of this release."""
+        return self.hyperparameters or SHIPPED / f"{algorithm}.yml"
 
     @property
     def models(self) -> tuple[PlantModel, ...]:

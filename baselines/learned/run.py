@@ -9,7 +9,7 @@ from typing import Any
 
 from baselines.learned.folder import FORMAT, VERSION, check_folder
 from baselines.learned.options import TrainingOptions
-from baselines.learned.settings import SHIPPED, Settings, read_settings
+from baselines.learned.settings import Settings, read_settings
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,7 @@ class Run:
         InputError
             Bad hyper-parameters, or the folder holds something else; nothing is written yet.
         """
-        path = options.hyperparameters or SHIPPED / f"{name}.yml"
-        settings = read_settings(path, algorithm)
+        settings = read_settings(options.file(name), algorithm)
         timesteps = options.timesteps or settings.timesteps
         package = algorithm.__module__.partition(".")[0]
         libraries = ("torch", "numpy") if package == "baselines" else (package, "torch", "numpy")

@@ -21,7 +21,7 @@ from baselines.learned.folder import CONFIG, check_same, read_curve
 from baselines.learned.learner import DivergedError
 from baselines.learned.options import TrainingOptions
 from baselines.learned.search_space import SPACES, SearchSpace, read_space
-from baselines.learned.settings import SHIPPED, read_values
+from baselines.learned.settings import read_values
 from baselines.learned.swept import BEST, Sweep, Trial, text_of
 from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
@@ -75,7 +75,7 @@ def sweep(
     if not is_whole(trials, 1):
         raise InputError(f"sweep is {shown(trials)}; give the number of trials, 1 or more")
     found = read_space(space or SPACES / f"{algorithm}.yml")
-    values = read_values(options.hyperparameters or SHIPPED / f"{algorithm}.yml")
+    values = read_values(options.file(algorithm))
     out, show = options.out, progress or silent
     document = {
         "format": FORMAT, "version": VERSION, "algorithm": algorithm,

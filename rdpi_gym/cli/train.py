@@ -83,6 +83,12 @@ def train(
         int | None,
         typer.Option("--threads", help="Of the learner; native-ppo gains from one a core."),
     ] = None,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            "--device", metavar="cuda|cpu", help="Of native-ppo: all of it in torch there."
+        ),
+    ] = None,
     tensorboard: Annotated[
         bool, typer.Option("--tensorboard", help="Write TensorBoard's logs too.")
     ] = False,
@@ -115,6 +121,7 @@ def train(
         "ts_s": ts,
         "command_cost": command_cost,
         "threads": threads,
+        "device": device,
         "tensorboard": tensorboard or None,
     }
     options = {name: value for name, value in given.items() if value is not None}

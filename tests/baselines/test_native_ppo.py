@@ -12,8 +12,9 @@ import torch
 
 from baselines.learned import evaluation, train_native_ppo
 from baselines.learned.native.lanes import Lanes
-from baselines.learned.native.learner import NativeLearner, NativePPO
+from baselines.learned.native.learner import NativeLearner
 from baselines.learned.native.networks import ActorCritic, Workspace
+from baselines.learned.native.ppo import NativePPO
 from baselines.learned.native.update import Batch, Law, Updater, estimate_advantages
 from baselines.learned.options import PLANTS, TrainingOptions
 from baselines.learned.policy import Policy

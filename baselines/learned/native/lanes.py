@@ -122,7 +122,6 @@ class Part:
         ]
         layout = scaling.history.layout
         self._observed: Floats32 = np.empty((self.end - self.first, layout.size), np.float32)
-        self._phases = min(PHASES, episode)
         # An increment of one in a sample, and an error of one, in units of the layout's amplitude.
         self._moved = np.float32(2.0 * np.pi * scaling.frequency_hz * layout.ts_s)
         self._error = np.float32(scaling.error)
@@ -148,10 +147,10 @@ class Part:
 
     def ended(self) -> Integers:
         """Return the lanes, counted within the part, whose episode is over after this step."""
-        phase, rest = divmod(self.steps % self._episode, max(1, self._episode // self._phases))
-        if rest or phase >= self._phases:
+        phase = ending_phase(self.steps, self._episode)
+        if phase is None:
             return np.empty(0, dtype=np.int64)
-        return np.arange(phase, len(self._observed), self._phases)
+        return np.arange(phase, len(self._observed), phases_of(self._episode))
 
     def restart(self, lanes: Integers, after: Floats32) -> None:
         """Begin new episodes in some lanes, and fill their rows."""
@@ -176,6 +175,30 @@ class Part:
         np.divide(ahead, self._moved, out=after[:, 1 : preview + 1])
         np.divide(observed[:, 0] - observed[:, preview + 1], self._error, out=after[:, error])
         after[:, command] = observed[:, preview + 2]
+
+
+def phases_of(episode: int) -> int:
+    """Groups of lanes whose episodes begin at other times: lane i is of group i modulo their number.
+
+    Examples
+    --------
+    >>> phases_of(500), phases_of(3)
+    (10, 3)
+    """
+    return min(PHASES, episode)
+
+
+def ending_phase(steps: int, episode: int) -> int | None:
+    """Return which group of lanes ends its episode with a step, counted from when all lanes began.
+
+    Examples
+    --------
+    >>> [ending_phase(steps, 500) for steps in (49, 50, 500, 950)]
+    [None, 1, 0, 9]
+    """
+    phases = phases_of(episode)
+    phase, rest = divmod(steps % episode, max(1, episode // phases))
+    return None if rest or phase >= phases else phase
 
 
 def _first_rows(scaling: Scaling, observation: Any) -> Floats32:

@@ -24,27 +24,32 @@ class Workspace:
     ----------
     widths
         Inputs, hidden units, and the one output.
+    device
+        Of the layers.
     """
 
-    def __init__(self, widths: Sequence[int]) -> None:
-        self._widths = tuple(widths)
+    def __init__(self, widths: Sequence[int], device: torch.device | str = "cpu") -> None:
+        self._widths, self._device = tuple(widths), device
         self._made: dict[tuple[int, int], tuple[list[Tensor], list[Tensor]]] = {}
         self._rows: dict[int, Tensor] = {}
 
     def gather(self, rows: Tensor, chosen: Tensor) -> Tensor:
         """Return some rows ``(N, inputs)``, copied; valid until as many are gathered again."""
         if len(chosen) not in self._rows:
-            self._rows[len(chosen)] = torch.empty(len(chosen), self._widths[0])
+            self._rows[len(chosen)] = self._empty(len(chosen), self._widths[0])
         return torch.index_select(rows, 0, chosen, out=self._rows[len(chosen)])
 
     def layers(self, rows: int, nets: int) -> tuple[list[Tensor], list[Tensor]]:
         """Return two arrays ``(nets, rows, width)`` for each layer: its values, and their gradient."""
         if (rows, nets) not in self._made:
             values, gradients = (
-                [torch.empty(nets, rows, width) for width in self._widths[1:]] for _ in range(2)
+                [self._empty(nets, rows, width) for width in self._widths[1:]] for _ in range(2)
             )
             self._made[rows, nets] = values, gradients
         return self._made[rows, nets]
+
+    def _empty(self, *shape: int) -> Tensor:
+        return torch.empty(shape, device=self._device)
 
 
 class ActorCritic:
@@ -93,7 +98,7 @@ class ActorCritic:
             for net, last in zip(weight, _GAINS, strict=True):
                 gain = last if weight is self.weights[-1] else math.sqrt(2.0)
                 nn.init.orthogonal_(net.T, gain, generator)
-        self._passes = [[(w[part], b[part]) for w, b in self._layers()] for part in _PARTS]
+        self._point(self.parameters)
 
     def views(self, flat: Tensor) -> tuple[list[Tensor], list[Tensor], Tensor]:
         """Return weights, biases and `log_std` as they stand in a vector like `parameters`."""
@@ -132,8 +137,7 @@ class ActorCritic:
         for (weight, bias), layer in zip(passes, layers, strict=True):
             torch.baddbmm(bias, below, weight, out=layer)
             if layer is not layers[-1]:
-                # NumPy's tanh takes a sixth of the time of torch's, with the same accuracy.
-                np.tanh(layer.numpy(), out=layer.numpy())
+                self._bend(layer)
             below = layer
         return below
 
@@ -172,6 +176,17 @@ class ActorCritic:
             module.weight.data.copy_(weight[0].T)
             module.bias.data.copy_(bias[0, 0])
         return modules
+
+    def _point(self, parameters: Tensor) -> None:
+        """Have the networks' parameters stand in this vector."""
+        self.parameters = parameters
+        self.weights, self.biases, self.log_std = self.views(parameters)
+        self._passes = [[(w[part], b[part]) for w, b in self._layers()] for part in _PARTS]
+
+    def _bend(self, layer: Tensor) -> None:
+        """Put tanh on a hidden layer, in place."""
+        # NumPy's takes a sixth of the time of torch's, with the same accuracy.
+        np.tanh(layer.numpy(), out=layer.numpy())
 
     def _layers(self) -> list[tuple[Tensor, Tensor]]:
         return list(zip(self.weights, self.biases, strict=True))

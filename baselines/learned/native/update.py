@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -154,6 +154,14 @@ class Updater:
                 self._step(law.max_grad_norm)
                 steps += 1
         return _means(found, steps)
+
+    def state(self) -> Mapping[str, Any]:
+        """Return what its next step depends on."""
+        return self.adam.state_dict()
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from what :meth:`state` returned."""
+        self.adam.load_state_dict(dict(state))
 
     def each(self, call: Callable[[int], None], count: int) -> None:
         """Call with 0 ... count - 1, in threads where there are several."""
