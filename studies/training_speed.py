@@ -1,5 +1,8 @@
 """Trained steps per second: the native PPO on one and two threads, and Stable-Baselines3's.
 
+Where a CUDA device is there, the native PPO on it is a further case; where none is, the page says that
+it was left out.
+
     python -m studies.training_speed
 
 A trained step is one sample of one lane that was used in PPO's updates, as often as the algorithm's
@@ -28,6 +31,27 @@ from rdpi_gym.support.progress import Progress, progress_bar, silent
 RESULTS = Path(__file__).parent / "results"
 CASES = (("ppo", 1), ("native-ppo", 1), ("native-ppo", 2))
 """Algorithm, as on the command line, and threads."""
+ON_DEVICE = ("native-ppo --device cuda", 1)
+"""The case that needs a device."""
+_LEFT_OUT = "No CUDA device was there: the training on a device is left out."
+
+
+def cases(device: bool) -> tuple[tuple[str, int], ...]:
+    """Return the cases that are measured, with or without a device.
+
+    Examples
+    --------
+    >>> cases(device=False) == CASES
+    True
+    """
+    return (*CASES, ON_DEVICE) if device else CASES
+
+
+def has_device() -> bool:
+    """Whether there is a CUDA device."""
+    import torch
+
+    return torch.cuda.is_available()
 
 
 class Uninterrupted:
@@ -51,7 +75,7 @@ def measure(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
     Parameters
     ----------
     algorithm, threads
-        Of :data:`CASES`.
+        Of :func:`cases`.
     rollouts
         That are timed, each with its update.
 
@@ -65,9 +89,14 @@ def measure(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
     InputError
         The training refuses what is asked for.
     """
-    learner, run, epochs = _native(threads) if algorithm == "native-ppo" else _reference(threads)
+    learner, run, epochs = (
+        _reference(threads)
+        if algorithm == "ppo"
+        else _native(threads, algorithm.partition("--device ")[2] or None)
+    )
     lanes, samples = run.settings.lanes, run.settings.algorithm["n_steps"]
     learner.begin(0)
+    # On a device graphs are captured in the first calls: a rollout has enough of them.
     learner.learn(lanes * samples, Uninterrupted())
     before, clock, process = learner.timesteps, time.perf_counter(), time.process_time()
     learner.learn(rollouts * lanes * samples, Uninterrupted())
@@ -82,14 +111,14 @@ def measure(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
     }
 
 
-def _native(threads: int) -> tuple[Any, Any, int]:
-    from baselines.learned.native.learner import NativeLearner
+def _native(threads: int, device: str | None) -> tuple[Any, Any, int]:
     from baselines.learned.native.ppo import NativePPO
     from baselines.learned.run import Run
-    from baselines.learned.train_native_ppo import Options
+    from baselines.learned.train_native_ppo import Options, learner_of
 
-    run = Run.open(Options(action="increment", threads=threads), "native-ppo", NativePPO)
-    return NativeLearner(run), run, run.settings.algorithm["n_epochs"]
+    options = Options(action="increment", threads=threads, device=device)
+    run = Run.open(options, "native-ppo", NativePPO)
+    return learner_of(run, device), run, run.settings.algorithm["n_epochs"]
 
 
 def _reference(threads: int) -> tuple[Any, Any, int]:
@@ -112,10 +141,10 @@ def measure_all(rounds: int, rollouts: int, progress: Progress = silent) -> pd.D
         One row a case: medians over the rounds of steps per second of the clock and of the process,
         and the best of each.
     """
-    found = []
-    for done in range(rounds * len(CASES)):
-        progress("training", done, rounds * len(CASES))
-        found.append(measure(*CASES[done % len(CASES)], rollouts))
+    found, asked = [], cases(has_device())
+    for done in range(rounds * len(asked)):
+        progress("training", done, rounds * len(asked))
+        found.append(measure(*asked[done % len(asked)], rollouts))
     table = pd.DataFrame(found)
     table["steps_per_s"] = table["steps"] / table["seconds"]
     table["steps_per_process_s"] = table["steps"] / table["process_s"]
@@ -128,11 +157,19 @@ def as_markdown(table: pd.DataFrame, rounds: int) -> str:
     """Return the table with what was measured and how."""
     rates = table.set_index(["learner", "threads"])["steps_per_process_s"]
     reference, one, two = (float(rates.loc[case]) for case in CASES)
+    told = _LEFT_OUT
+    if ON_DEVICE in rates.index:
+        on_clock = table.set_index(["learner", "threads"])["steps_per_s"]
+        told = (
+            f"On the device it trains {float(on_clock.loc[ON_DEVICE]):,.0f} in a second of the clock, with "
+            "the lanes and minibatches of `native-ppo-device.yml`."
+        )
     return (
         "# Trained steps per second\n\n"
         f"The native PPO trains {one:,.0f} steps in a second of one core, Stable-Baselines3's PPO "
         f"{reference:,.0f}: {one / reference:.1f} times as many. On two threads it trains {two:,.0f} in a "
-        "second of the process. On the clock it is as many times that as the process is given cores.\n\n"
+        "second of the process. On the clock it is as many times that as the process is given cores. "
+        f"{told}\n\n"
         f"Written by `python -m studies.training_speed`: {rounds} rounds, each case in turn, each with "
         "the hyper-parameters that ship, on the four plants of a training side by side with increments "
         "of the command; medians and bests over the rounds. A trained step is a sample of one lane that "

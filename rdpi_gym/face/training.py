@@ -138,7 +138,8 @@ def train(
         Called as ``progress(stage, done, total)``.
     **options
         Those of :class:`baselines.learned.options.TrainingOptions`, such as ``timesteps``,
-        ``plants``, ``reference``, ``action``; of ``imitation`` those of
+        ``plants``, ``reference``, ``action``; of ``native-ppo`` also ``device``, ``"cuda"`` or
+        ``"cpu"``, on which all of it runs in torch; of ``imitation`` those of
         :class:`baselines.learned.imitation.options.Options`, such as ``task``.
 
     Returns

@@ -208,8 +208,8 @@ class PPOLoop(ABC):
         bias.mul_(scale / to_scale).add_((mean - to_mean) / to_scale)
 
 
-def room_for(steps: int, lanes: int, inputs: int, device: torch.device | str) -> Tensor:
-    """Return rows ``(steps, lanes, inputs)`` of a rollout.
+def room_for(samples: int, lanes: int, inputs: int, device: torch.device | str) -> Tensor:
+    """Return rows ``(samples, lanes, inputs)`` of a rollout.
 
     Raises
     ------
@@ -222,10 +222,10 @@ def room_for(steps: int, lanes: int, inputs: int, device: torch.device | str) ->
     torch.Size([2, 3, 4])
     """
     try:
-        return torch.zeros(steps, lanes, inputs, device=device)
+        return torch.zeros(samples, lanes, inputs, device=device)
     except (RuntimeError, MemoryError) as error:
         raise InputError(
-            f"a rollout of {steps} steps of {lanes} lanes takes more memory than there is; "
+            f"a rollout of {samples} samples of {lanes} lanes takes more memory than there is; "
             "take a smaller n_steps, or fewer lanes"
         ) from error
 
