@@ -59,3 +59,16 @@ def test_what_is_written_into_an_observation_is_seen_by_the_tensor_and_by_no_lat
     np.testing.assert_array_equal(first, kept)  # the step wrote elsewhere
     np.testing.assert_array_equal(following, twin.step(np.full((4, 1), 0.5, np.float32))[0])
     assert torch.from_dlpack(reward).data_ptr() == reward.ctypes.data
+
+
+def test_observations_begin_where_jax_takes_them_over():
+    env = lanes()
+    shown = [env.reset(seed=0)[0], env.reset(options={"reset_mask": np.arange(4) == 2})[0]]
+    shown += [env.step(np.zeros((4, 1), np.float32))[0] for _ in range(20)]
+    assert {each.ctypes.data % 64 for each in shown} == {0}
+
+
+def test_jax_shares_the_memory():
+    jax = pytest.importorskip("jax")
+    observation, _ = lanes().reset(seed=0)
+    assert jax.numpy.from_dlpack(observation).unsafe_buffer_pointer() == observation.ctypes.data

@@ -36,6 +36,7 @@ from rdpi_gym.envs.vector.lanes import (
     aligned,
     block_shape,
     make_lanes,
+    room,
     scatter,
     unshared,
 )
@@ -137,7 +138,9 @@ class VectorTask:
         """Return the last observations, a fresh float32[B, D]."""
         size, at = self._layout.size, self.step % SLIDE
         observed = self._lanes.observed[:, at : at + size * self._lanes.state.shape[2]]
-        return observed.reshape(-1, size)[: self._lane_count].copy()
+        last = room(self._lane_count * size, np.float32).reshape(-1, size)
+        last[...] = observed.reshape(-1, size)[: self._lane_count]
+        return last
 
     def seed(self, indices: Integers, seeds: Words) -> None:
         """Begin the generators of some lanes anew, as ``numpy.random.default_rng(seed)``."""
@@ -197,7 +200,7 @@ class VectorTask:
         row = self._run_chain(fresh, 0, work)
         size = self._layout.size
         shown = Shown(
-            np.empty(count * size, np.float32), np.empty(0), np.empty(0, bool), np.empty((5, count))
+            room(count * size, np.float32), np.empty(0), np.empty(0, bool), np.empty((5, count))
         )
         show_first(self.step, row, fresh, sources, self._law, work, shown)
         rise = self._references.rises.shape[1]
@@ -233,7 +236,7 @@ class VectorTask:
             self._references.extend(self.step, self._lanes)
         lanes = self._lane_count
         out = Shown(
-            np.empty(lanes * self._layout.size, np.float32),
+            room(lanes * self._layout.size, np.float32),
             np.empty(lanes),
             np.zeros(lanes, dtype=bool),
             np.empty((5, lanes)),
