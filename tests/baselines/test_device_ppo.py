@@ -354,3 +354,8 @@ def test_the_command_trains_on_a_device(tmp_path, capsys):
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
         "checkpoint", "config.json", "curve.png", "policy", "training.csv", "training.html",
     ]  # fmt: skip
+
+
+def test_a_training_that_diverges_says_so(tmp_path):
+    with pytest.raises(InputError, match=r"diverged .* lower learning_rate"):
+        train_native_ppo.train(options(tmp_path, more="  learning_rate: 1.0e+38\n"))
