@@ -59,7 +59,7 @@ def page_facts(results: Path) -> dict[str, Any]:
     on_tasks = leaders(rankings)
     guarded = rankings[rankings["controller"].str.startswith(GUARDED)]
     student = rankings[rankings["controller"] == f"{LEARNED}imitation-stage"]
-    on_bare = student[student["task"] == "Bare"]
+    worst = student[student["failed"] < 1.0].nlargest(1, "failed").iloc[0]
     reacting = leaders(rankings[~rankings["controller"].str.contains(":imitation")])
     return {
         "format": "agents",
@@ -79,7 +79,7 @@ def page_facts(results: Path) -> dict[str, Any]:
         "race": _race(rankings),
         "students": _students(),
         "guarded_failures": float(guarded["failed"].max()),
-        "unguarded_on_bare": float(on_bare["failed"].max()),
+        "unguarded": {"task": str(worst["task"]), "percent": 100.0 * float(worst["failed"])},
         "student_us": float(student["microseconds_per_sample"].min()),
         "reacting_ahead": standing(reacting)["tasks_ahead"],
         "verdicts": {world: findings.verdict(leader) for world, leader in findings.leaders(groups)},

@@ -250,4 +250,4 @@ def test_the_shipped_student_leaves_less_than_what_it_corrects():
     found = []
     for each in (policy, replace(policy, student=Student.blank(42, 64, WEIGHTED))):
         found.append(visit(taught_lanes(task, "validation", [100], 0), each).score.percent.mean())
-    assert found[0] < 0.85 * found[1]
+    assert found[0] < 0.6 * found[1]

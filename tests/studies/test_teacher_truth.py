@@ -13,7 +13,7 @@ def test_near_the_shipped_student_only_the_whole_picture_says_what_happens(monke
     (row,) = teacher_truth.measure("Lag", 1).to_dict("records")
     assert row["change_nm"] > 1.0
     assert row["whole"] > 95.0
-    assert row["inverse_exact"] < 50.0
+    assert row["inverse_exact"] < 80.0
 
 
 def test_the_sentence_is_the_tables(monkeypatch, tmp_path, capsys):

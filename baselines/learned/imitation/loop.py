@@ -117,7 +117,7 @@ class _Around:
         )
         self._last = torch.from_numpy(given.start_um)
         self._eta = self._inverse["plays_um"].expand(lanes, -1)
-        self._xi = torch.zeros_like(self._plays["thresholds_V"])
+        self._xi = self._plays["memory_V"]
         self._command = torch.full((lanes,), given.rest_V)
         self._rate = torch.zeros(lanes)
         self.moved_um = torch.zeros(lanes)
@@ -181,15 +181,8 @@ class _Around:
         for system in (self._before, self._behind, self._feedback):
             system.forget()
         for name in (
-            "_last",
-            "_eta",
-            "_xi",
-            "_command",
-            "_rate",
-            "moved_um",
-            "_gradient",
-            "_theta",
-        ):
+            "_last", "_eta", "_xi", "_command", "_rate", "moved_um", "_gradient", "_theta",
+        ):  # fmt: skip
             setattr(self, name, getattr(self, name).detach())
         self._measured = [each.detach() for each in self._measured]
         self._entered = [each.detach() for each in self._entered]

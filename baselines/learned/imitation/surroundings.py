@@ -104,6 +104,8 @@ class Plays:
     pole, per_V
         Of the rate's low-pass, and what a change of the command of 1 V in a sample adds to it
         (V/s), ``(B,)``.
+    memory_V
+        ξ_i at rest, ``(B, n)``.
     """
 
     gain: Float32
@@ -112,10 +114,11 @@ class Plays:
     delta2_s: Float32
     pole: Float32
     per_V: Float32
+    memory_V: Float32
 
     @classmethod
-    def of(cls, cores: Sequence[RDPI], ts_s: float) -> Plays:
-        """Stack the cores of the lanes."""
+    def of(cls, cores: Sequence[RDPI], ts_s: float, memory_V: Array) -> Plays:
+        """Stack the cores of the lanes, with what they remember at rest, ``(n, B)``."""
         pole = np.array([core.rate_pole(ts_s) for core in cores])
         weights = np.array([core.weights for core in cores])
         return cls(
@@ -125,6 +128,7 @@ class Plays:
             single(np.array([core.delta2_s for core in cores])),
             single(pole),
             single((1.0 - pole) / ts_s),
+            single(memory_V.T),
         )
 
 
@@ -133,7 +137,8 @@ class Estimate:
     """The estimate along what was visited, and what moves it.
 
     With ε = z - θ·φ of what it learned from, small changes of φ and z change it by P(k) g(k),
-    g(k) = λ g(k-1) + ε δφ + φ (δz - θ·δφ), P the inverse of its normal equations.
+    g(k) = λ g(k-1) + ε δφ + φ (δz - θ·δφ), P the inverse of its normal equations: as if θ had been
+    then what it is now.
 
     Parameters
     ----------
@@ -252,14 +257,16 @@ def surroundings(
     }
     each = [truths[number] for number in lanes.numbers]
     offset = base.belief.offset_um
+    plant = _plays_alone(each, ts_s, base.limits.rest_V)
+    memory = plant.memory.copy()
     before, behind = zip(*(_parts(truth, ts_s) for truth in each), strict=True)
     return Surroundings(
         single(np.stack([moment.wanted_um for moment in moments]) - offset),
         single(lanes.references_um[0] - offset),
-        single(_given(each, ts_s, commands_V, base.limits.rest_V)),
+        single(plant.simulate(commands_V)),
         base.limits.rest_V,
         Inverse.of(adaptive.inverse),
-        Plays.of([truth.hysteresis for truth in each], ts_s),
+        Plays.of([truth.hysteresis for truth in each], ts_s, memory),
         Estimate.of(adaptive, moments),
         Systems.of(before),
         Systems.of(behind),
@@ -280,8 +287,8 @@ def _parts(truth: PlantModel, ts_s: float) -> tuple[LinearSystem, LinearSystem]:
     return linear_part(before, core, ts_s), linear_part(behind, core, ts_s)
 
 
-def _given(truths: Sequence[PlantModel], ts_s: float, commands_V: Array, rest_V: float) -> Array:
-    """Return what the plays of true plants made of commands (µm), ``(K, B)``."""
+def _plays_alone(truths: Sequence[PlantModel], ts_s: float, rest_V: float) -> Plant:
+    """Return true plants without what stands behind their plays, at rest."""
     bare = [
         replace(truth, offset_um=0.0, effects=tuple(e for e in truth.effects if e.slot == "input"))
         for truth in truths
@@ -289,7 +296,7 @@ def _given(truths: Sequence[PlantModel], ts_s: float, commands_V: Array, rest_V:
     plant = Plant(bare, ts_s)
     plant.reset(u0_V=rest_V)
     plant.step(np.full((1, len(truths)), rest_V))
-    return plant.simulate(commands_V)
+    return plant
 
 
 def _covariances(phi: Array, fit: ForgettingLeastSquares) -> Array:
