@@ -47,7 +47,7 @@ def test_it_holds_code_beliefs_policies_and_a_page_and_each_within_its_limit(whe
         room: sum(file.compress_size for file in files if file.filename.startswith(room))
         for room in ("rdpi_gym/laboratory/", "rdpi_gym/firmware/", "baselines/learned/policies/")
     }
-    assert wheel.stat().st_size - sum(taken.values()) < 1.35e6
+    assert wheel.stat().st_size - sum(taken.values()) < 1.4e6
     assert taken["rdpi_gym/laboratory/"] < 0.12e6
     assert taken["rdpi_gym/firmware/"] < 0.16e6
     assert taken["baselines/learned/policies/"] < 0.4e6
