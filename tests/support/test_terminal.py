@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -19,8 +20,10 @@ TOP = Path(__file__).parents[2]
 EVIL = "a title\x1b[2J\x1b]0;owned\x07 [bold]x[/bold] \u202egnp"
 SHOWN = "a title\\x1b[2J\\x1b]0;owned\\x07 [bold]x[/bold] \\u202egnp"
 INTERRUPTED = "rdpi: interrupted; what was computed is kept, and the same command goes on from it\n"
-# As the script `rdpi` does, once the interpreter stands.
+# As the script `rdpi` does, once the interpreter stands. Whoever runs the tests in the background has
+# them ignore interrupts; a terminal does not.
 SCRIPT = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
     "import sys; sys.argv[0] = 'rdpi'; import rdpi_gym.support.guard; print('up', flush=True);"
     "from rdpi_gym.cli import main; sys.exit(main())"
 )
@@ -181,11 +184,17 @@ def test_an_interrupt_is_one_line_and_status_130(words, delay_s, data, tmp_path)
     assert process.stdout.readline() == "up\n"
     time.sleep(delay_s)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal sends it, to its workers too
-    _, errors = process.communicate(timeout=60)
+    try:
+        _, errors = process.communicate(timeout=60)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
     assert (process.returncode, errors) == (130, INTERRUPTED)
 
 
 def test_an_interrupt_that_became_another_error_is_still_one(capsys):
+    before = signal.getsignal(signal.SIGINT)
+
     def imports():
         try:
             raise KeyboardInterrupt
@@ -194,4 +203,4 @@ def test_an_interrupt_that_became_another_error_is_still_one(capsys):
 
     assert run_command("rdpi", imports) == 130
     assert capsys.readouterr().err == INTERRUPTED
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is before
