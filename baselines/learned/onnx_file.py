@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rdpi_gym.support.errors import InputError
-
-METADATA = "rdpi-gym"
-"""Key of the file's metadata under which its description stands, as JSON."""
+from rdpi_gym.support.onnx_metadata import METADATA
 
 
 def check_file(out: Path, packages: Sequence[str]) -> None:
@@ -64,20 +62,4 @@ def content(model: Any, description: Mapping[str, Any]) -> bytes:
     onnx.helper.set_model_props(model, {METADATA: json.dumps(description, allow_nan=False)})
     onnx.checker.check_model(model)
     found: bytes = model.SerializeToString()
-    return found
-
-
-def described(path: Path) -> dict[str, Any]:
-    """Return what a file that was exported says of itself.
-
-    Parameters
-    ----------
-    path
-        As an export returned it.
-    """
-    import onnx
-
-    model = onnx.load(path, load_external_data=False)
-    said = {each.key: each.value for each in model.metadata_props}
-    found: dict[str, Any] = json.loads(said[METADATA])
     return found

@@ -12,6 +12,7 @@ import rdpi_gym as rg
 from rdpi_gym.cli.options import as_typed
 from rdpi_gym.support.command_line import check_folder
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.onnx_metadata import told
 from rdpi_gym.support.words import quoted
 
 ModelArgument: TypeAlias = Annotated[
@@ -81,8 +82,6 @@ def export_onnx(
     check_folder(out.parent)
     with as_typed(_TYPED):
         written = rg.export(policy, out, belief=belief)
-    from rdpi_gym.face.training import told
-
     print(told(written))
 
 

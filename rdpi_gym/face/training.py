@@ -278,21 +278,6 @@ def export(
     return export_onnx(found, Path(path))
 
 
-def told(path: Path) -> str:
-    """Return in a line what :func:`export` wrote, and in a second one what to beware of.
-
-    Parameters
-    ----------
-    path
-        As it returned it.
-    """
-    from baselines.learned.onnx_file import described
-
-    about = described(path)
-    holds = f", {about['holds']}" if "holds" in about else ""
-    return "\n".join([f"policy: {path}{holds}", *filter(None, [about.get("warning")])])
-
-
 def _draw(training: Training) -> None:
     """Write what a finished training leaves to look at beside ``training.csv``."""
     write_atomic(training.folder / "curve.png", training.picture())

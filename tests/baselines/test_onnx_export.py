@@ -17,12 +17,12 @@ import torch
 
 from baselines.learned.network import Network
 from baselines.learned.onnx_export import export_onnx
-from baselines.learned.onnx_file import METADATA
 from baselines.learned.policy import Policy
 from rdpi_gym.cli.export import export_onnx as export_command
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.onnx_metadata import METADATA
 
 HISTORY = 3
 

@@ -19,12 +19,12 @@ from baselines.learned.imitation.controller import StudentController
 from baselines.learned.imitation.onnx_export import controller_on, export_student
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.imitation.teacher import taught_lanes
-from baselines.learned.onnx_file import METADATA
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.tasks import STAGE
 from rdpi_gym.plant import PlantModel, Sensor, named_plant
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.onnx_metadata import METADATA
 
 
 def drawn():
