@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import rdpi_gym as rg
 from rdpi_gym.laboratory import bringing, jobs, views
 from rdpi_gym.laboratory.buying import course
+from rdpi_gym.laboratory.events import Events
 from rdpi_gym.laboratory.examples import examples, folder_of
 from rdpi_gym.laboratory.models import Models, Pending
 from rdpi_gym.laboratory.session import Step
@@ -26,9 +28,14 @@ class Lab(Models):
     Parameters are those of :class:`Models`.
     """
 
+    def __init__(self, folder: Path, events: Events, processes: int) -> None:
+        super().__init__(folder, events, processes)
+        self._told = itertools.count(1)
+
     def state(self) -> dict[str, Any]:
-        """Return everything that the page shows but traces."""
-        return state_of(self.session, self.job, self.problem, self.pictures)
+        """Return everything that the page shows but traces; `told` counts the states in their order."""
+        state = state_of(self.session, self.job, self.problem, self.pictures)
+        return state | {"told": next(self._told)}
 
     def noise_um(self) -> float | None:
         """Return the noise floor (µm rms) as far as it is known."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import math
 import threading
@@ -94,6 +95,7 @@ class Laboratory:
         self.more = []  # events that wait to be sent
         self.clients = []
         self.state = empty_state()
+        self.told = itertools.count(1)
         self.undone_cards = {}
         self.server = None
         self.port = 0
@@ -212,7 +214,7 @@ class Laboratory:
             case "payoff":
                 state["payoff"] = payoff(state["current"], body["reference"])
         self.push()
-        return 200, state
+        return 200, self.telling()
 
     def parameter_of(self, body):
         step = self.state["steps"][self.state["current"]]
@@ -301,23 +303,24 @@ class Laboratory:
 
     # -- the server
 
+    def telling(self):
+        """Return the state with its place among all that were told."""
+        return self.state | {"told": next(self.told)}
+
     def push(self, name="state", body=None):
         """Tell every page what changed."""
-        data = (
-            f"event: {name}\ndata: {json.dumps(self.state if body is None else body)}\n\n".encode()
-        )
+        told = json.dumps(self.telling() if body is None else body)
+        data = f"event: {name}\ndata: {told}\n\n".encode()
         for client in list(self.clients):
             client.append(data)
 
     def start(self, port=0):
         laboratory = self
-        ThreadingHTTPServer.allow_reuse_address = True
 
         class Handler(_Handler):
             lab = laboratory
 
-        self.server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
-        self.server.daemon_threads = True
+        self.server = _Server(("127.0.0.1", port), Handler)
         self.port = self.server.server_port
         self.running = True
         threading.Thread(
@@ -330,6 +333,14 @@ class Laboratory:
         self.server.shutdown()
         self.server.server_close()
         self.clients.clear()
+
+
+class _Server(ThreadingHTTPServer):
+    allow_reuse_address = True
+    daemon_threads = True
+    # A page asks for two dozen files at once. Of five that wait the sixth is dropped, and asked for
+    # again after one, three, seven seconds.
+    request_queue_size = 128
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -367,7 +378,7 @@ class _Handler(BaseHTTPRequestHandler):
             case "/plotly.js":
                 self.answer(200, _plotly(), "text/javascript")
             case "/api/state":
-                self.answer(200, lab.state)
+                self.answer(200, lab.telling())
             case "/api/events":
                 self.events()
             case "/api/examples":
@@ -397,12 +408,12 @@ class _Handler(BaseHTTPRequestHandler):
         self.lab.state["files"].append(
             {"name": name, "bytes": 1, "problem": None, "row": None, "column": None}
         )
-        self.answer(200, self.lab.state)
+        self.answer(200, self.lab.telling())
 
     def do_DELETE(self):
         name = unquote(self.path.rpartition("/")[2])
         self.lab.state["files"] = [f for f in self.lab.state["files"] if f["name"] != name]
-        self.answer(200, self.lab.state)
+        self.answer(200, self.lab.telling())
 
     def events(self):
         self.send_response(200)

@@ -109,7 +109,7 @@ async function reconnect() {
     const response = await fetch("/api/state", {credentials: "same-origin"});
     const state = await answer(response);
     setUi({connection: "open", notice: null});
-    setServer(state);
+    setServer(state, {anew: true});
     listen();
   } catch (error) {
     if (store.ui.connection !== "refused") setTimeout(reconnect, RETRY_MS);

@@ -4,7 +4,7 @@ const watchers = [];
 let due = false;
 
 const NOTHING = {
-  title: "", session_folder: "", problem: null, quantities: null, files: [], records: [], settings: {}, noise_um: null,
+  told: 0, title: "", session_folder: "", problem: null, quantities: null, files: [], records: [], settings: {}, noise_um: null,
   steps: {}, path: [], redo: [], current: null, sentence: null, ranking: null, job: null, payoff: null,
 };
 
@@ -25,7 +25,12 @@ export const store = {
   },
 };
 
-export function setServer(state) {
+/**
+ * Take the state that the server tells, unless a later one is here already: what is pushed and what is
+ * answered come by two ways, and either may overtake the other. A server that is begun `anew` counts anew.
+ */
+export function setServer(state, {anew = false} = {}) {
+  if (!anew && state.told < store.server.told) return;
   store.server = state;
   const names = state.records.map((record) => record.name);
   const {record, blind} = store.ui;
