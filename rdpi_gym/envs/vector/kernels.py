@@ -219,7 +219,7 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
     rising = ahead < lanes.rising[n]
     taken = 0
     if len(sources.ahead_um):
-        taken = ahead_row(n, len(sources.ahead_um), ahead)
+        taken = ahead_row(n, law.share, ahead)
         if taken == 0:
             sample_ahead(
                 n, ahead, law.ts_s, numbers, sources.rises, sources.waves, sources.tables_um,
@@ -233,8 +233,8 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
     if law.sensed:
         sample = 0
         if len(sources.noise):
-            blocks, samples, width = sources.noise.shape
-            sample = noise_row(n, blocks, step, samples)
+            _, samples, width = sources.noise.shape
+            sample = noise_row(n, law.share, step, samples)
             if sample == 0:
                 draw_noise(n, 0, 0, width, sources.noise_rngs, sources.noise)
         read_sensors(n, row, sample, numbers, sources.noise, work)
@@ -297,8 +297,9 @@ def advance_parallel(
     blocks: int, step: int, actions: Array, base_V: Array, work: Array, fields: tuple[Any, ...]
 ) -> None:
     """Take the step of :func:`advance`, each thread of `work` with its share of the blocks."""
-    threads = len(work)
-    for thread in prange(threads):
-        begin, end = thread * blocks // threads, (thread + 1) * blocks // threads
+    for thread in prange(len(work)):
         # Unpacked by each thread: numba hands it tuples, and no named ones.
-        _advance_blocks(begin, end, step, actions, base_V, work[thread], _unpacked(fields))
+        record = _unpacked(fields)
+        begin = thread * record.law.share
+        end = min(begin + record.law.share, blocks)
+        _advance_blocks(begin, end, step, actions, base_V, work[thread], record)

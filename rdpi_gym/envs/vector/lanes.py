@@ -93,6 +93,7 @@ class Law(NamedTuple):
     sensed: bool  # a sensor has noise or a resolution
     max_steps: int
     core: int  # number of the core's kernel
+    share: int  # blocks of lanes that a thread has, the last perhaps fewer
 
 
 class Shown(NamedTuple):

@@ -14,9 +14,13 @@ SAMPLES = 32
 
 
 @njit(cache=True)
-def noise_row(n: int, blocks: int, step: int, rows: int) -> int:
-    """Row of a block's numbers for a step; every block begins a table anew at another step."""
-    return (step + n * rows // blocks) % rows
+def noise_row(n: int, share: int, step: int, rows: int) -> int:
+    """Row of a block's numbers for a step; blocks begin their tables anew at other steps.
+
+    Those that are in the same place of the shares of the threads do so at the same step: a thread
+    that draws alone is one for which the others wait.
+    """
+    return (step + n % share * rows // share) % rows
 
 
 @njit(cache=True)
@@ -44,14 +48,17 @@ def draw_noise(n: int, row: int, begin: int, end: int, rngs: Words, tables: Arra
 
 @njit(cache=True)
 def begin_noise(
-    step: int, indices: Integers, noise_um: float, seeds: Words, rngs: Words, tables: Array
-) -> Array:
+    step: int, share: int, indices: Integers, noise_um: float, seeds: Words, rngs: Words,
+    tables: Array,
+) -> Array:  # fmt: skip
     """Seed the generators of lanes that begin at a step, and draw what is left of their blocks' rows.
 
     Parameters
     ----------
     step
         Of the environment.
+    share
+        Blocks that a thread has.
     indices : int64[m]
         The lanes.
     noise_um
@@ -66,11 +73,11 @@ def begin_noise(
     float64[1, 1, m]
         Their first numbers.
     """
-    blocks, rows, width = tables.shape
+    _, rows, width = tables.shape
     first = np.zeros((1, 1, len(indices)))
     for j in range(len(indices)):
         n, b = indices[j] // width, indices[j] % width
-        row = noise_row(n, blocks, step, rows)
+        row = noise_row(n, share, step, rows)
         rngs[indices[j]] = 0
         tables[n, :, b] = 0.0
         if noise_um > 0.0:
@@ -87,6 +94,8 @@ class NoiseTables:
     ----------
     shape
         Number of blocks of lanes N, and their width W.
+    share
+        Blocks that a thread has.
 
     Attributes
     ----------
@@ -96,8 +105,9 @@ class NoiseTables:
         As there.
     """
 
-    def __init__(self, shape: tuple[int, int]) -> None:
+    def __init__(self, shape: tuple[int, int], share: int) -> None:
         self._blocks, self._width = shape
+        self._share = share
         self.rngs: Words = np.zeros((0, 4), dtype=np.uint64)
         self.tables: Array = np.zeros((0, SAMPLES, 1))
 
@@ -108,5 +118,7 @@ class NoiseTables:
                 return np.zeros((0, 1, 1))
             self.rngs = np.zeros((self._blocks * self._width, 4), dtype=np.uint64)
             self.tables = aligned((self._blocks, SAMPLES, self._width))
-        first: Array = begin_noise(step, indices, noise_um, seeds, self.rngs, self.tables)
+        first: Array = begin_noise(
+            step, self._share, indices, noise_um, seeds, self.rngs, self.tables
+        )
         return first

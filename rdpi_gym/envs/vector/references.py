@@ -75,6 +75,8 @@ class References:
         Whether sines come from tables too, for a baseline that plans over samples.
     max_steps
         Steps of an episode.
+    share
+        Blocks that a thread has.
 
     Attributes
     ----------
@@ -97,6 +99,7 @@ class References:
         shape: tuple[int, int],
         tables_only: bool,
         max_steps: int,
+        share: int,
     ) -> None:
         self._single, self._lanes, self._tables_only = single, lanes, tables_only
         self._preview, self._ts_s = single.layout.preview, single.layout.ts_s
@@ -106,7 +109,7 @@ class References:
         if not tables_only:  # a plan over fewer samples may be another one
             whole = -(-(max_steps + 1 + self._preview + AHEAD) // _VECTOR) * _VECTOR
             samples = min(samples, whole)
-        self._shape = shape
+        self._shape, self._share = shape, share
         self.ahead_um: Array = np.zeros((0, AHEAD, 1))
         self.tables_um: Array = np.zeros((1, samples))
         self.waves: Array = np.zeros((lanes, COLUMNS))
@@ -173,8 +176,8 @@ class References:
             self._sample(step, indices, offer, drawn, begun)
         first = np.empty((1, self._preview + 1, len(indices)))
         begin_waves(
-            step, indices, self._ts_s, self.rises, begun, self.waves, self.tables_um, self.ahead_um,
-            first,
+            step, self._share, indices, self._ts_s, self.rises, begun, self.waves, self.tables_um,
+            self.ahead_um, first,
         )  # fmt: skip
         return first
 

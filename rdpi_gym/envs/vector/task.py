@@ -86,6 +86,11 @@ class VectorTask:
         self._draws_effects = self._effects.levels > 0 or (
             truths.half_width > 0.0 and self._effects.reads_hysteresis
         )
+        shape = block_shape(lanes)
+        if threads is None:
+            threads = min(numba.get_num_threads(), lanes // _LANES_A_THREAD)
+        threads = max(1, min(threads, shape[0]))
+        share = -(-shape[0] // threads)
         low, high = layout.command_range_V
         self._rest_V = min(max(0.0, low), high)
         self._column = self._column_of(nominal)
@@ -105,24 +110,21 @@ class VectorTask:
             sensed=sensor.noise_um > 0.0 or sensor.resolution_um > 0.0,
             max_steps=self._max_steps,
             core=self._core.kernel,
+            share=share,
         )
         self._compiled = self._effects.compiled and self._core.kernel >= 0
         self._rows = (*self._core.rows, *self._effects.rows)
-        shape = block_shape(lanes)
         shared = (truths.half_width == 0.0, not self._draws_effects)
         self._lanes = make_lanes(shape, self._rows, layout.preview, shared)
         self._lanes.p[:] = self._column.p[:, None]
         self._lanes.stage_p[:] = self._column.stage_p[:, None]
-        if threads is None:
-            threads = min(numba.get_num_threads(), lanes // _LANES_A_THREAD)
-        threads = max(1, min(threads, shape[0]))
         self._work: Array = aligned((threads, WORK, shape[1]))
         self._correction: VectorCorrection | None = None
         if single.baseline is not None:
             self._correction = VectorCorrection(single.baseline, single.belief, layout, lanes)
         plans = self._correction is not None and self._correction.plans
-        self._references = References(single, lanes, shape, plans, self._max_steps)
-        self._noise = NoiseTables(shape)
+        self._references = References(single, lanes, shape, plans, self._max_steps, share)
+        self._noise = NoiseTables(shape, share)
         self._sources = self._current_sources()
         self._fresh: tuple[Lanes, Array] | None = None
         self._begins = np.ones(lanes, dtype=bool)

@@ -250,9 +250,9 @@ def _peak(phases: Array, apart: float) -> float:
 
 
 @njit(cache=True)
-def ahead_row(n: int, blocks: int, ahead: int) -> int:
-    """Row of a block's samples for a step; every block begins anew at another step."""
-    return (ahead + n * AHEAD // blocks) % AHEAD
+def ahead_row(n: int, share: int, ahead: int) -> int:
+    """Row of a block's samples for a step, as :func:`rdpi_gym.envs.vector.noise.noise_row` has it."""
+    return (ahead + n % share * AHEAD // share) % AHEAD
 
 
 @njit(cache=True)
@@ -287,8 +287,8 @@ def sample_ahead(
 
 @njit(cache=True)
 def begin_waves(
-    step: int, indices: Integers, ts_s: float, rises: Array, begun: Array, waves: Array,
-    tables_um: Array, ahead_um: Array, first_um: Array,
+    step: int, share: int, indices: Integers, ts_s: float, rises: Array, begun: Array,
+    waves: Array, tables_um: Array, ahead_um: Array, first_um: Array,
 ) -> None:  # fmt: skip
     """Keep the waves of lanes that begin, and sample those that are no sines.
 
@@ -296,6 +296,8 @@ def begin_waves(
     ----------
     step
         Of the environment.
+    share
+        Blocks that a thread has.
     indices : int64[m]
         The lanes.
     ts_s, rises
@@ -307,7 +309,7 @@ def begin_waves(
     first_um : float64[1, preview + 1, m]
         Filled with what they show first.
     """
-    blocks, _, width = ahead_um.shape
+    width = ahead_um.shape[2]
     shown = first_um.shape[1]
     samples, turns = np.empty(shown + AHEAD), make_turns(waves.shape[1])
     for j in range(len(indices)):
@@ -316,7 +318,7 @@ def begin_waves(
         waves[lane] = wave
         if wave[SHAPE] == SINE:
             continue
-        row = ahead_row(n, blocks, step + shown)
+        row = ahead_row(n, share, step + shown)
         left = AHEAD - row if row else 0
         own = tables_um[lane if wave[SHAPE] == SAMPLED else 0]
         fill_wave(wave, own, 0, ts_s, rises, turns, samples[: shown + left])
