@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 from rdpi_gym.envs.truth import EFFECT_LEVELS
 from rdpi_gym.envs.vector.kernels import add_offsets, encode, encode_reading, read_sensors, report
@@ -24,6 +24,7 @@ from rdpi_gym.envs.vector.lanes import (
     Shown,
     Sources,
 )
+from rdpi_gym.envs.vector.noise import begin_noise
 from rdpi_gym.envs.vector.random import (
     Words,
     draw_reference,
@@ -32,7 +33,7 @@ from rdpi_gym.envs.vector.random import (
     seed_generator,
 )
 from rdpi_gym.envs.vector.sines import sample_references
-from rdpi_gym.envs.vector.waves import Drawn
+from rdpi_gym.envs.vector.waves import Drawn, begin_waves
 from rdpi_gym.support.arrays import Array
 
 
@@ -157,6 +158,33 @@ def settle_plays(rest_V: float, turns_V: Array, fresh: Lanes) -> None:
                 for turn in turns_V[:, b]:
                     x = max(turn - r, min(turn + r, x))
             state[2 + i, b] = max(rest_V - r, min(rest_V + r, x))
+
+
+@njit(cache=True)
+def begin_signals(lanes: int, waves: tuple[Any, ...], noise: tuple[Any, ...]) -> None:
+    """Begin the references and the noise of lanes.
+
+    Parameters
+    ----------
+    lanes
+        How many begin.
+    waves, noise
+        What :func:`rdpi_gym.envs.vector.waves.begin_waves` and
+        :func:`rdpi_gym.envs.vector.noise.begin_noise` take behind the first and the end of them.
+    """
+    begin_waves(0, lanes, *waves)
+    begin_noise(0, lanes, *noise)
+
+
+@njit(cache=True, parallel=True)
+def begin_signals_parallel(
+    threads: int, lanes: int, waves: tuple[Any, ...], noise: tuple[Any, ...]
+) -> None:
+    """Do as :func:`begin_signals`, each thread with its share of the lanes."""
+    for thread in prange(threads):
+        first, end = thread * lanes // threads, (thread + 1) * lanes // threads
+        begin_waves(first, end, *waves)
+        begin_noise(first, end, *noise)
 
 
 @njit(cache=True)

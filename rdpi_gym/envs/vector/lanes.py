@@ -6,7 +6,7 @@ import math
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from rdpi_gym.envs.vector.chain import Table
@@ -208,18 +208,15 @@ def unshared(lanes: Lanes) -> Lanes:
 
 @njit(cache=True)
 def scatter(
-    step: int,
-    fresh: Lanes,
-    observation: Floats32,
-    indices: Integers,
+    first: int, end: int, step: int, fresh: Lanes, observation: Floats32, indices: Integers,
     lanes: Lanes,
-    max_steps: int,
-    rise: int,
-) -> None:
+) -> None:  # fmt: skip
     """Put lanes that have just begun, in one block of their own, in their places.
 
     Parameters
     ----------
+    first, end
+        Which of these lanes.
     step
         Of the environment.
     fresh
@@ -229,16 +226,12 @@ def scatter(
     indices : int64[m]
         Places.
     lanes
-        Changed in those places.
-    max_steps, rise
-        Steps of an episode, and samples of the longest smooth start.
+        Changed in those places, but for what blocks have of all their lanes.
     """
     blocks, _, width = lanes.state.shape
     at, size = step % SLIDE, lanes.window_um.shape[1] + 2
-    changed = np.zeros(blocks, dtype=np.bool_)
-    for j in range(len(indices)):
+    for j in range(first, end):
         n, b = indices[j] // width, indices[j] % width
-        changed[n] = True
         if len(lanes.p) == blocks:
             _copy_lane(fresh.p, j, lanes.p[n], b)
         if len(lanes.stage_p) == blocks:
@@ -249,9 +242,46 @@ def scatter(
         _copy_lane(fresh.window_um, j, lanes.window_um[n], b)
         for i in range(size):
             lanes.observed[n, at + b * size + i] = observation[j * size + i]
-        lanes.rising[n] = max(lanes.rising[n], int(fresh.numbers[0, BEGUN, j]) + rise)
+
+
+@njit(cache=True, parallel=True)
+def scatter_parallel(
+    threads: int, step: int, fresh: tuple[Any, ...], observation: Floats32, indices: Integers,
+    lanes: tuple[Any, ...],
+) -> None:  # fmt: skip
+    """Do as :func:`scatter` for all lanes that begin, each thread with its share of them.
+
+    Numba hands tuples to threads, and no named ones: `fresh` and `lanes` are the fields of their
+    :class:`Lanes`.
+    """
+    count = len(indices)
+    for thread in prange(threads):
+        first, end = thread * count // threads, (thread + 1) * count // threads
+        scatter(first, end, step, Lanes(*fresh), observation, indices, Lanes(*lanes))
+
+
+@njit(cache=True)
+def note_begun(step: int, indices: Integers, lanes: Lanes, max_steps: int, rise: int) -> None:
+    """Note in the blocks of lanes that begin at a step until when one rises, and when one ends.
+
+    Parameters
+    ----------
+    step
+        Of the environment.
+    indices : int64[m]
+        The lanes.
+    lanes
+        Changed.
+    max_steps, rise
+        Steps of an episode, and samples of the longest smooth start.
+    """
+    blocks, _, width = lanes.state.shape
+    changed = np.zeros(blocks, dtype=np.bool_)
+    for lane in indices:
+        changed[lane // width] = True
     for n in range(blocks):
         if changed[n]:
+            lanes.rising[n] = max(lanes.rising[n], step + rise)
             lanes.ending[n] = int(lanes.numbers[n, BEGUN].min()) + max_steps
 
 

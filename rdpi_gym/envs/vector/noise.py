@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -48,13 +50,15 @@ def draw_noise(n: int, row: int, begin: int, end: int, rngs: Words, tables: Arra
 
 @njit(cache=True)
 def begin_noise(
-    step: int, share: int, indices: Integers, noise_um: float, seeds: Words, rngs: Words,
-    tables: Array,
-) -> Array:  # fmt: skip
+    first: int, end: int, step: int, share: int, indices: Integers, noise_um: float, seeds: Words,
+    rngs: Words, tables: Array, first_noise: Array,
+) -> None:  # fmt: skip
     """Seed the generators of lanes that begin at a step, and draw what is left of their blocks' rows.
 
     Parameters
     ----------
+    first, end
+        Which of these lanes.
     step
         Of the environment.
     share
@@ -66,25 +70,23 @@ def begin_noise(
     seeds : uint64[m]
         Of their generators.
     rngs, tables
-        As :func:`draw_noise`.
-
-    Returns
-    -------
-    float64[1, 1, m]
-        Their first numbers.
+        As :func:`draw_noise`; nothing is done where there are no rows.
+    first_noise : float64[1, 1, m]
+        Filled with their first numbers.
     """
+    if not len(tables):
+        return
     _, rows, width = tables.shape
-    first = np.zeros((1, 1, len(indices)))
-    for j in range(len(indices)):
+    for j in range(first, end):
         n, b = indices[j] // width, indices[j] % width
         row = noise_row(n, share, step, rows)
         rngs[indices[j]] = 0
-        tables[n, :, b] = 0.0
         if noise_um > 0.0:
             seed_generator(seeds[j], rngs[indices[j]])
             draw_noise(n, row, b, b + 1, rngs, tables)
-            first[0, 0, j] = tables[n, row, b]
-    return first
+        else:
+            tables[n, :, b] = 0.0
+        first_noise[0, 0, j] = tables[n, row, b]
 
 
 class NoiseTables:
@@ -111,14 +113,18 @@ class NoiseTables:
         self.rngs: Words = np.zeros((0, 4), dtype=np.uint64)
         self.tables: Array = np.zeros((0, SAMPLES, 1))
 
-    def begin(self, step: int, indices: Integers, noise_um: float, seeds: Words) -> Array:
-        """Draw for lanes that begin at a step, see :func:`begin_noise`; without rows before any noise."""
-        if not len(self.tables):
-            if noise_um == 0.0:
-                return np.zeros((0, 1, 1))
+    def ready(self, step: int, indices: Integers, noise_um: float, seeds: Words) -> tuple[Any, ...]:
+        """Make room for the noise of lanes that begin at a step, once there is any.
+
+        Returns
+        -------
+        tuple
+            What :func:`begin_noise` takes behind the lanes' ends.
+        """
+        if not len(self.tables) and noise_um > 0.0:
             self.rngs = np.zeros((self._blocks * self._width, 4), dtype=np.uint64)
             self.tables = aligned((self._blocks, SAMPLES, self._width))
-        first: Array = begin_noise(
-            step, self._share, indices, noise_um, seeds, self.rngs, self.tables
-        )
-        return first
+        rows = (1, 1, len(indices)) if len(self.tables) else (0, 1, 1)
+        return (
+            step, self._share, indices, noise_um, seeds, self.rngs, self.tables, np.empty(rows),
+        )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,8 +33,6 @@ from rdpi_gym.envs.vector.waves import (
     START,
     TRIANGLE,
     Drawn,
-    begin_waves,
-    place_waves,
 )
 from rdpi_gym.signals import Multisine, Signal, Sine, Triangle
 from rdpi_gym.signals.base import smoothstep
@@ -134,10 +132,10 @@ class References:
         bounds = self.offer.bounds_hz if frequency_hz is None else frequency_bounds(frequency_hz)
         return self._offered(self.offer.choices if reference is None else (reference,), bounds)
 
-    def begin(
+    def ready(
         self, step: int, indices: Integers, offer: Offer, drawn: Drawn, fresh: Lanes
-    ) -> Array:
-        """Fill the tables of the lanes that begin and need one.
+    ) -> tuple[Any, ...]:
+        """Make room for the references of lanes that begin, and fill the tables of those that need one.
 
         Parameters
         ----------
@@ -152,8 +150,8 @@ class References:
 
         Returns
         -------
-        float64[1, preview + 1, m]
-            What they show first; without rows where all are sines.
+        tuple
+            What :func:`rdpi_gym.envs.vector.waves.begin_waves` takes behind the lanes' ends.
 
         Raises
         ------
@@ -165,28 +163,22 @@ class References:
             wider = np.zeros((self._lanes, most))
             wider[:, : self.waves.shape[1]] = self.waves
             self.waves = wider
-        begun = np.empty((len(indices), self.waves.shape[1]))
-        place_waves(*offer.bounds_hz, offer.table, drawn, fresh, begun)
-        if not offer.tabled:
-            self.waves[indices] = begun
-            return np.empty((0, 1, 1))
-        if not len(self.ahead_um):
+        if offer.tabled and not len(self.ahead_um):
             self.ahead_um = aligned((self._shape[0], AHEAD, self._shape[1]))
         if offer.sampled:
-            self._sample(step, indices, offer, drawn, begun)
-        first = np.empty((1, self._preview + 1, len(indices)))
-        begin_waves(
-            step, self._share, indices, self._ts_s, self.rises, begun, self.waves, self.tables_um,
-            self.ahead_um, first,
+            self._sample(step, indices, offer, drawn)
+        rows = (1, self._preview + 1, len(indices)) if offer.tabled else (0, 1, 1)
+        return (
+            step, self._share, indices, *offer.bounds_hz, offer.table, drawn.choice, drawn.position,
+            drawn.signal_seed, self._ts_s, self.rises, fresh.numbers, self.waves, self.tables_um,
+            self.ahead_um, np.empty(rows),
         )  # fmt: skip
-        return first
 
-    def _sample(
-        self, step: int, indices: Integers, offer: Offer, drawn: Drawn, begun: Array
-    ) -> None:
+    def _sample(self, step: int, indices: Integers, offer: Offer, drawn: Drawn) -> None:
         """Fill the tables of lanes that begin with a signal that is no wave."""
         # All are made before one is kept: an error leaves the running episodes as they are.
-        sampled = np.flatnonzero(begun[:, SHAPE] == SAMPLED)
+        shapes = offer.table[np.minimum(drawn.choice, len(offer.table) - 1), SHAPE]
+        sampled = np.flatnonzero(shapes == SAMPLED)
         made = [self._make(offer, drawn, j) for j in sampled.tolist()]
         if len(self.tables_um) < self._lanes:
             self.tables_um = np.zeros((self._lanes, self.tables_um.shape[1]))

@@ -11,6 +11,8 @@ import numpy as np
 from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv
 from rdpi_gym.envs.vector.begin import (
     Column,
+    begin_signals,
+    begin_signals_parallel,
     draw_episodes,
     place_plants,
     seed_generators,
@@ -36,8 +38,10 @@ from rdpi_gym.envs.vector.lanes import (
     aligned,
     block_shape,
     make_lanes,
+    note_begun,
     room,
     scatter,
+    scatter_parallel,
     unshared,
 )
 from rdpi_gym.envs.vector.noise import NoiseTables
@@ -50,6 +54,8 @@ from rdpi_gym.support.errors import InputError
 
 # Lanes that are worth a thread more: they take several times as long as waking it.
 _LANES_A_THREAD = 2048
+# The same of those that begin, which take some microseconds each.
+_BEGINNINGS_A_THREAD = 8
 
 
 class VectorTask:
@@ -196,9 +202,14 @@ class VectorTask:
             turns = self._effects.draw(drawn.levels, fresh, cores, self._rest_V, turns)
         self._core.settle(self._rest_V, turns, cores, fresh)
         work[0] = self._rest_V
-        first_um = self._references.begin(self.step, indices, offer, drawn, fresh)
-        noise = self._noise.begin(self.step, indices, column.noise_um, drawn.noise_seed)
-        sources = self._current_sources()._replace(ahead_um=first_um, noise=noise)
+        waves = self._references.ready(self.step, indices, offer, drawn, fresh)
+        noise = self._noise.ready(self.step, indices, column.noise_um, drawn.noise_seed)
+        threads = min(self.threads, max(1, count // _BEGINNINGS_A_THREAD))
+        if threads > 1:
+            begin_signals_parallel(threads, count, waves, noise)
+        else:
+            begin_signals(count, waves, noise)
+        sources = self._current_sources()._replace(ahead_um=waves[-1], noise=noise[-1])
         row = self._run_chain(fresh, 0, work)
         size = self._layout.size
         shown = Shown(
@@ -206,7 +217,12 @@ class VectorTask:
         )
         show_first(self.step, row, fresh, sources, self._law, work, shown)
         rise = self._references.rises.shape[1]
-        scatter(self.step, fresh, shown.observation, indices, self._lanes, self._max_steps, rise)
+        if threads > 1:
+            parts = tuple(fresh), shown.observation, indices, tuple(self._lanes)
+            scatter_parallel(threads, self.step, *parts)
+        else:
+            scatter(0, count, self.step, fresh, shown.observation, indices, self._lanes)
+        note_begun(self.step, indices, self._lanes, self._max_steps, rise)
         observation = shown.observation.reshape(count, size)
         self._sources = self._current_sources()
         self.next_end = int(self._lanes.ending.min())

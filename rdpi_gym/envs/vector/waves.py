@@ -16,7 +16,6 @@ from rdpi_gym.envs.vector.lanes import (
     PHASE,
     RISE,
     Integers,
-    Lanes,
 )
 from rdpi_gym.envs.vector.random import Words, next_uniform, seed_generator
 from rdpi_gym.envs.vector.sines import sines
@@ -59,40 +58,20 @@ _POINTS, _NEAR, _NEWTON = 16, 0.98, 4
 
 
 @njit(cache=True)
-def place_waves(
-    low_hz: float, high_hz: float, table: Array, drawn: Drawn, fresh: Lanes, waves: Array
-) -> None:
-    """Choose the waves of a block of lanes that begin; where a table is read the rate is NaN.
-
-    Parameters
-    ----------
-    low_hz, high_hz
-        Lowest and highest frequency (Hz).
-    table : float64[K, COLUMNS]
-        Waves that may be drawn.
-    drawn
-        Which of them.
-    fresh
-        The block.
-    waves : float64[m, C]
-        Filled.
-    """
-    numbers = fresh.numbers[0]
-    for b in range(len(waves)):
-        wave = waves[b]
-        wave[:COLUMNS] = table[min(drawn.choice[b], len(table) - 1)]
-        if np.isnan(wave[FREQUENCY]):
-            wave[FREQUENCY] = low_hz
-            if low_hz < high_hz:
-                wave[FREQUENCY] = low_hz * (high_hz / low_hz) ** drawn.position[b]
-        if np.isnan(wave[SEED]):
-            wave[SEED] = float(drawn.signal_seed[b])
-        if wave[SHAPE] == MULTISINE:
-            draw_lines(wave)
-        numbers[OMEGA, b] = 2.0 * np.pi * wave[FREQUENCY] if wave[SHAPE] == SINE else np.nan
-        numbers[PHASE, b] = wave[ANGLE]
-        numbers[AMPLITUDE, b], numbers[CENTRE, b] = wave[HEIGHT], wave[MIDDLE]
-        numbers[RISE, b] = wave[START]
+def _place_wave(
+    low_hz: float, high_hz: float, table: Array, choice: int, position: float, seed: int,
+    wave: Array,
+) -> None:  # fmt: skip
+    """Draw what is left to draw of a wave."""
+    wave[:COLUMNS] = table[min(choice, len(table) - 1)]
+    if np.isnan(wave[FREQUENCY]):
+        wave[FREQUENCY] = low_hz
+        if low_hz < high_hz:
+            wave[FREQUENCY] = low_hz * (high_hz / low_hz) ** position
+    if np.isnan(wave[SEED]):
+        wave[SEED] = float(seed)
+    if wave[SHAPE] == MULTISINE:
+        draw_lines(wave)
 
 
 @njit(cache=True)
@@ -287,35 +266,47 @@ def sample_ahead(
 
 @njit(cache=True)
 def begin_waves(
-    step: int, share: int, indices: Integers, ts_s: float, rises: Array, begun: Array,
-    waves: Array, tables_um: Array, ahead_um: Array, first_um: Array,
+    first: int, end: int, step: int, share: int, indices: Integers, low_hz: float, high_hz: float,
+    table: Array, choice: Integers, position: Array, seed: Integers, ts_s: float, rises: Array,
+    numbers: Array, waves: Array, tables_um: Array, ahead_um: Array, first_um: Array,
 ) -> None:  # fmt: skip
-    """Keep the waves of lanes that begin, and sample those that are no sines.
+    """Choose the waves of lanes that begin, and sample those that are no sines.
 
     Parameters
     ----------
+    first, end
+        Which of these lanes.
     step
         Of the environment.
     share
         Blocks that a thread has.
     indices : int64[m]
         The lanes.
+    low_hz, high_hz
+        Lowest and highest frequency (Hz).
+    table : float64[K, COLUMNS]
+        Waves that may be drawn.
+    choice, position, seed
+        Which of them: of :class:`Drawn`.
     ts_s, rises
         As :func:`fill_wave`.
-    begun : float64[m, C]
-        Waves of these lanes.
+    numbers : float64[1, NUMBERS, W]
+        Of the block that begins; the reference is filled, its rate NaN where it is no sine.
     waves, tables_um, ahead_um
-        Of :class:`rdpi_gym.envs.vector.lanes.Sources`; changed for them.
+        Of :class:`rdpi_gym.envs.vector.lanes.Sources`; changed for these lanes.
     first_um : float64[1, preview + 1, m]
-        Filled with what they show first.
+        Filled with what they show first; without rows where all are sines.
     """
-    width = ahead_um.shape[2]
-    shown = first_um.shape[1]
+    width, shown = ahead_um.shape[2], first_um.shape[1]
     samples, turns = np.empty(shown + AHEAD), make_turns(waves.shape[1])
-    for j in range(len(indices)):
+    for j in range(first, end):
         lane = indices[j]
-        wave, n, b = begun[j], lane // width, lane % width
-        waves[lane] = wave
+        wave, n, b = waves[lane], lane // width, lane % width
+        _place_wave(low_hz, high_hz, table, choice[j], position[j], seed[j], wave)
+        numbers[0, OMEGA, j] = 2.0 * np.pi * wave[FREQUENCY] if wave[SHAPE] == SINE else np.nan
+        numbers[0, PHASE, j] = wave[ANGLE]
+        numbers[0, AMPLITUDE, j], numbers[0, CENTRE, j] = wave[HEIGHT], wave[MIDDLE]
+        numbers[0, RISE, j] = wave[START]
         if wave[SHAPE] == SINE:
             continue
         row = ahead_row(n, share, step + shown)
