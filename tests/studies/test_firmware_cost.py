@@ -1,7 +1,11 @@
+import re
+from pathlib import Path
+
+import pandas as pd
 import pytest
 
 from studies.bare_metal.boards import missing
-from studies.firmware_cost import main
+from studies.firmware_cost import RESULTS, main
 
 needs_tools = pytest.mark.skipif(
     missing() is not None, reason=f"{missing()} is not installed: nothing runs on emulated boards"
@@ -21,3 +25,27 @@ def test_the_table_is_written(tmp_path, capsys):
 def test_an_unknown_row_is_named(capsys):
     assert main(["--only", "nothing"]) == 2
     assert "--only nothing is no row; known are none," in capsys.readouterr().err
+
+
+def test_the_pages_numbers_are_those_of_the_table():
+    page = (Path(__file__).parents[2] / "docs" / "firmware.md").read_text(encoding="utf-8")
+    table = pd.read_csv(RESULTS / "firmware_cost.csv")
+    table = table[table["option"] == "-O2"]
+    program, core, seen = "", "", 0
+    for row in re.findall(r"^\|(.*?)\| (`\w+`.*|Q31) \| (\d+) \| (\d+) \| (\d+) \|$", page, re.M):
+        where, numbers, *shown = row
+        if named := re.search(r"`([\w:-]+)`", where):
+            program = named[1]
+        core = where.partition("Cortex-")[2].strip() or core
+        numbers = numbers.partition(",")[0].strip("`").lower()
+        measured = table[
+            table["program"].str.partition(",")[0].eq(program)
+            & (table["core"] == core)
+            & (table["numbers"].str.lower() == numbers)
+        ]
+        if "asked" in where:
+            continue
+        [found] = measured[["code_bytes", "state_bytes", "most_instructions"]].round().to_numpy()
+        assert [int(each) for each in shown] == found.astype(int).tolist(), row
+        seen += 1
+    assert seen == 8
