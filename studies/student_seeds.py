@@ -3,8 +3,8 @@
     python -m studies.student_seeds
 
 Each is taught as those that ship are, which have seed 0, and scored on the same 100 plants of its
-task beside the best controller that is not learned. A training takes some minutes of a core; an
-interrupted one goes on.
+task, Creep's on Bare too, beside the best controller that is not learned. A training takes some
+minutes of a core; an interrupted one goes on.
 """
 
 from __future__ import annotations
@@ -30,18 +30,20 @@ from studies.tables import keep_table
 RESULTS = Path(__file__).parent / "results" / "agents"
 RUNS = Path("results/student-seeds")
 RIVAL = "adaptive-dual-loop"
+ALSO = {"Creep": ("Bare",)}
+"""On what else the students of a task are scored: none is taught on Bare, where Creep's are the best that ship."""
 COLUMNS = (
     "iqm_percent", "iqm_low", "iqm_high", "p90_percent", "failed", "command_variation_V_s"
 )  # fmt: skip
 
 
 def measure(task: str, timesteps: int, seeds: int, plants: int, runs: Path) -> pd.DataFrame:
-    """Teach the students of a task and score them.
+    """Teach the students of a task and score them, there and on the tasks of `ALSO`.
 
     Parameters
     ----------
     task
-        Short name.
+        Short name of that which they are taught on.
     timesteps
         Of a training.
     seeds
@@ -54,7 +56,7 @@ def measure(task: str, timesteps: int, seeds: int, plants: int, runs: Path) -> p
     Returns
     -------
     DataFrame
-        One row a student and one of the rival: mean of the middle half of the error with its
+        One row a student and one of the rival, on each task: mean of the middle half of the error with its
         interval, and 90th percentile (%), plants on which it failed (%), command variation (V/s), the
         first over the rival's; last error of the training on validation draws over its least.
     """
@@ -65,19 +67,23 @@ def measure(task: str, timesteps: int, seeds: int, plants: int, runs: Path) -> p
             policies[f"seed {seed}"] = f"learned:{train(taught, show)}"
         errors = pd.read_csv(taught.out / CURVE)["rmse_percent"]
         held[f"seed {seed}"] = float(errors.iloc[-1] / errors.min())
-    scores = score_tasks([*policies.values(), RIVAL], [task], plants, jobs=1)
-    found = {str(row["controller"]): row for row in scores.ranking(task).to_dict("records")}
-    rival = float(found[RIVAL]["iqm_percent"])
-    rows = [
-        {
-            "task": task,
-            "student": label,
-            **{column: found[name][column] for column in COLUMNS},
-            "over_rival": float(found[name]["iqm_percent"]) / rival,
-            "last_over_best": held.get(label),
-        }
-        for label, name in {**policies, RIVAL: RIVAL}.items()
-    ]
+    scored = [task, *ALSO.get(task, ())]
+    scores = score_tasks([*policies.values(), RIVAL], scored, plants, jobs=1)
+    rows = []
+    for other in scored:
+        found = {str(row["controller"]): row for row in scores.ranking(other).to_dict("records")}
+        rival = float(found[RIVAL]["iqm_percent"])
+        rows += [
+            {
+                "task": other,
+                "taught_on": task if label in policies else None,
+                "student": label,
+                **{column: found[name][column] for column in COLUMNS},
+                "over_rival": float(found[name]["iqm_percent"]) / rival,
+                "last_over_best": held.get(label),
+            }
+            for label, name in {**policies, RIVAL: RIVAL}.items()
+        ]
     return pd.DataFrame(rows)
 
 
@@ -94,7 +100,7 @@ def as_markdown(table: pd.DataFrame, seeds: int, plants: int) -> str:
         f"Error over that of `{RIVAL}`, the best controller that is not learned: {said}. No training ends above "
         f"{students['last_over_best'].max():.2f} times its least error on the validation draws.\n\n"
         f"Written by `python -m studies.student_seeds --seeds {seeds} --plants {plants}`: trainings of so many steps, {steps}; "
-        f"scored on {plants} test draws of their task. Seed 0 ships.\n\n{frame_table(table)}\n"
+        f"scored on {plants} test draws of each task. Seed 0 ships.\n\n{frame_table(table)}\n"
     )
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import socket
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import TypeVar
@@ -73,7 +74,18 @@ def run_cases(
         ensure_running()
         with uninterrupted_children():
             results = parallel(delayed(function)(case) for case in cases)
-        yield from results
+        try:
+            for result in results:  # noqa: UP028 - `yield from` would close it before `finally` is reached
+                yield result
+        finally:
+            _leave(results)
+
+
+def _leave(results: Generator[R]) -> None:
+    """Cancel what is not finished, without joblib's advice on it: a sweep is left early on purpose."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="joblib")
+        results.close()
 
 
 def _on_ray(function: Callable[[C], R], cases: Sequence[C], address: str) -> Iterator[R]:

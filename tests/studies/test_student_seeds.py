@@ -1,5 +1,6 @@
 import pandas as pd
 
+from baselines.learned.folder import CURVE
 from studies import student_seeds
 
 
@@ -20,3 +21,17 @@ def test_the_sentence_is_the_tables(monkeypatch, tmp_path, capsys):
     assert "No training ends above 1.10 times" in said
     assert student_seeds.main(["--seeds", "0", "--out", str(out)]) == 2
     assert "--seeds" in capsys.readouterr().err
+
+
+def test_students_of_creep_are_scored_on_bare_too(monkeypatch, tmp_path):
+    def trained(options, show):
+        options.out.mkdir(parents=True)
+        (options.out / CURVE).write_text("rmse_percent\n2.0\n1.0\n1.5\n")
+        return "imitation-creep"
+
+    monkeypatch.setattr(student_seeds, "train", trained)
+    table = student_seeds.measure("Creep", 1, 1, 2, tmp_path)
+    assert list(table["task"]) == ["Creep", "Creep", "Bare", "Bare"]
+    student, rival = table[table["task"] == "Bare"].to_dict("records")
+    assert (student["taught_on"], student["last_over_best"]) == ("Creep", 1.5)
+    assert student["over_rival"] == student["iqm_percent"] / rival["iqm_percent"] < 1.0

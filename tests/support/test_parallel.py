@@ -58,6 +58,25 @@ def test_results_come_before_the_last_case_is_done(tmp_path):
     assert seen == ["quick", "slow"]
 
 
+@pytest.mark.parametrize("leave", ["close", "error"])
+def test_a_sweep_may_be_left_early_without_a_word(leave, tmp_path, recwarn):
+    def waits(case):
+        deadline = time.monotonic() + 20.0
+        while case and not (tmp_path / "left").exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        return case
+
+    results = run_cases(waits, [0, 1, 2, 3, 4, 5], jobs=2)
+    assert next(results) == 0
+    if leave == "close":
+        results.close()
+    else:
+        with pytest.raises(ZeroDivisionError):
+            results.throw(ZeroDivisionError)
+    (tmp_path / "left").touch()
+    assert [str(each.message) for each in recwarn] == []
+
+
 def test_a_process_has_one_thread(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
 
