@@ -302,8 +302,8 @@ def _measure_all(chosen: Namespace) -> None:
         speed = measure(chosen.rounds, chosen.duration, chosen.lanes, chosen.threads, list(CASES))
         bounds = roofline(chosen.lanes, repeats=10 * chosen.rounds)
     else:
-        speed = _measured_again(chosen)
         bounds = _read(chosen.out / f"{ROOFLINE}.csv")
+        speed = _measured_again(chosen)
     text = as_markdown(speed, bounds, chosen.lanes, chosen.rounds, chosen.duration)
     for name, table in ((SPEED, speed), (ROOFLINE, bounds)):
         csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")

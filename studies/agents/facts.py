@@ -21,8 +21,8 @@ from studies.agents.tasks import leaders, read_rankings, standing, standing_view
 from studies.agents.walk import FILE, FORMAT, VERSION
 from studies.student_seeds import RESULTS as STUDENTS
 from studies.student_seeds import RIVAL
+from studies.training_race import FIRST, SHORT, best_fixed
 from studies.training_race import RESULTS as RACE
-from studies.training_race import SHORT, best_fixed
 
 HYPERPARAMETERS = Path(__file__).parents[2] / "baselines" / "learned" / "hyperparameters"
 HISTORY = "rdpi_gym.envs.wrappers.history.HistoryObservation"
@@ -106,9 +106,11 @@ def page_facts(results: Path) -> dict[str, Any]:
 
 def _race(rankings: pd.DataFrame) -> dict[str, Any]:
     table = _of_study(RACE / "race.csv", "training_race")
-    line: dict[str, Any]
-    (line,) = (each for each in table.to_dict("records") if each["entrant"] == SHORT)  # type: ignore[assignment]
-    return line | {"rival": best_fixed(rankings)["controller"]}
+    lines: dict[str, dict[str, Any]] = {each["entrant"]: each for each in table.to_dict("records")}  # type: ignore[misc]
+    return lines[SHORT] | {
+        "rival": best_fixed(rankings)["controller"],
+        "first_seconds": lines[FIRST]["seconds"],
+    }
 
 
 def _students() -> dict[str, Any]:

@@ -250,7 +250,7 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
         _end(n, step, law.max_steps, numbers, shown.truncated)
 
 
-@njit(cache=True)
+@njit(inline="always")
 def _advance_blocks(
     begin: int, end: int, step: int, actions: Array, base_V: Array, work: Array, record: Record
 ) -> None:
