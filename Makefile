@@ -5,6 +5,10 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constr
 OUT ?= results/bench
 QUICK := tests/test_house.py tests/plant tests/signals tests/measurement tests/support tests/identification tests/baselines
 
+# Tests run in two processes: threads of BLAS and OpenMP beside them would wait for each other on two cores.
+check test: export OMP_NUM_THREADS = 1
+check test: export OPENBLAS_NUM_THREADS = 1
+
 .PHONY: bench check test docs clean
 
 bench: .venv/.core
