@@ -217,6 +217,17 @@ def medians(rows: pd.DataFrame, rival_percent: float) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
+def by_entrant(table: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """Return the lines of :func:`medians` under the names of their entrants.
+
+    Examples
+    --------
+    >>> by_entrant(pd.DataFrame({"entrant": ["imitation"], "seconds": [35.0]}))["imitation"]["seconds"]
+    35.0
+    """
+    return {line["entrant"]: line for line in table.to_dict("records")}  # type: ignore[misc]
+
+
 def is_reached(line: Mapping[Any, Any]) -> bool:
     """Say whether an entrant's medians are below the best fixed compensator's, within the minute.
 
@@ -230,7 +241,7 @@ def is_reached(line: Mapping[Any, Any]) -> bool:
 
 def as_markdown(table: pd.DataFrame, rows: pd.DataFrame, rival: Mapping[str, Any]) -> str:
     """Return the answer with its number first, then the tables."""
-    lines = {line["entrant"]: line for line in table.to_dict("records")}
+    lines = by_entrant(table)
     short = lines[SHORT]
     reached = "Reached" if is_reached(short) else "Not reached"
     return (
@@ -239,7 +250,7 @@ def as_markdown(table: pd.DataFrame, rows: pd.DataFrame, rival: Mapping[str, Any
         f"{number(short['over_best_fixed'])} of the error of the best fixed compensator on Stage, "
         f"`{rival['controller']}`: an interquartile mean of {number(short['iqm_percent'])} % against "
         f"{number(rival['iqm_percent'])} %, medians of {short['seeds']} seeds. `imitation` is ahead before its "
-        f"first step, since it corrects a controller that adapts. The first training on a machine, "
+        "first step, since it corrects a controller that adapts. The first training on a machine, "
         f"which compiles its kernels before, takes {number(lines[FIRST]['seconds'])} s.\n\n"
         f"{frame_table(table)}\n\n"
         "`seconds` are those of the process, one thread, evaluations included; `over_best_fixed` is the "

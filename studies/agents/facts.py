@@ -21,7 +21,7 @@ from studies.agents.tasks import leaders, read_rankings, standing, standing_view
 from studies.agents.walk import FILE, FORMAT, VERSION
 from studies.student_seeds import RESULTS as STUDENTS
 from studies.student_seeds import RIVAL
-from studies.training_race import FIRST, SHORT, best_fixed
+from studies.training_race import FIRST, SHORT, best_fixed, by_entrant
 from studies.training_race import RESULTS as RACE
 
 HYPERPARAMETERS = Path(__file__).parents[2] / "baselines" / "learned" / "hyperparameters"
@@ -106,7 +106,7 @@ def page_facts(results: Path) -> dict[str, Any]:
 
 def _race(rankings: pd.DataFrame) -> dict[str, Any]:
     table = _of_study(RACE / "race.csv", "training_race")
-    lines: dict[str, dict[str, Any]] = {each["entrant"]: each for each in table.to_dict("records")}  # type: ignore[misc]
+    lines = by_entrant(table)
     return lines[SHORT] | {
         "rival": best_fixed(rankings)["controller"],
         "first_seconds": lines[FIRST]["seconds"],

@@ -34,6 +34,8 @@ def test_the_pages_numbers_are_those_of_the_table():
     program, core, seen = "", "", 0
     for row in re.findall(r"^\|(.*?)\| (`\w+`.*|Q31) \| (\d+) \| (\d+) \| (\d+) \|$", page, re.M):
         where, numbers, *shown = row
+        if "asked" in where:
+            continue
         if named := re.search(r"`([\w:-]+)`", where):
             program = named[1]
         core = where.partition("Cortex-")[2].strip() or core
@@ -43,8 +45,6 @@ def test_the_pages_numbers_are_those_of_the_table():
             & (table["core"] == core)
             & (table["numbers"].str.lower() == numbers)
         ]
-        if "asked" in where:
-            continue
         [found] = measured[["code_bytes", "state_bytes", "most_instructions"]].round().to_numpy()
         assert [int(each) for each in shown] == found.astype(int).tolist(), row
         seen += 1

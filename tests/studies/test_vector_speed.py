@@ -26,6 +26,19 @@ def test_the_committed_speeds_reach_what_they_must():
     assert effects["share_of_defaults"] >= 0.3, table.to_string()
     trained = table.loc[(vector_speed.AS_TRAINED, 1)]
     assert trained["times_cartpole"] >= 1.0, table.to_string()
+    assert table.loc[(vector_speed.AS_TRAINED, 2), "times_cartpole"] >= 2.0, table.to_string()
+
+
+def test_the_committed_speeds_are_those_of_the_page():
+    page = " ".join(PAGE.read_text(encoding="utf-8").split())
+    times = committed("vector_speed.csv").set_index(["case", "threads"])["times_cartpole"]
+    one, two = (times[vector_speed.AS_TRAINED, threads] for threads in (1, 2))
+    assert (
+        f"one thread makes {one:.2f} times the steps of CartPole, two make {two:.2f} times" in page
+    )
+    staggered = "as in a training, episodes end at different times"
+    one, two = (times[staggered, threads] for threads in (1, 2))
+    assert f"begins at every step these are {one:.2f} and {two:.2f} times" in page
 
 
 def test_the_committed_bounds_say_what_the_page_says():

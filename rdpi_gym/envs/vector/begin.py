@@ -161,30 +161,29 @@ def settle_plays(rest_V: float, turns_V: Array, fresh: Lanes) -> None:
 
 
 @njit(cache=True)
-def begin_signals(lanes: int, waves: tuple[Any, ...], noise: tuple[Any, ...]) -> None:
+def begin_signals(first: int, end: int, waves: tuple[Any, ...], noise: tuple[Any, ...]) -> None:
     """Begin the references and the noise of lanes.
 
     Parameters
     ----------
-    lanes
-        How many begin.
+    first, end
+        Which of those that begin.
     waves, noise
         What :func:`rdpi_gym.envs.vector.waves.begin_waves` and
-        :func:`rdpi_gym.envs.vector.noise.begin_noise` take behind the first and the end of them.
+        :func:`rdpi_gym.envs.vector.noise.begin_noise` take behind these.
     """
-    begin_waves(0, lanes, *waves)
-    begin_noise(0, lanes, *noise)
+    begin_waves(first, end, *waves)
+    begin_noise(first, end, *noise)
 
 
 @njit(cache=True, parallel=True)
 def begin_signals_parallel(
-    threads: int, lanes: int, waves: tuple[Any, ...], noise: tuple[Any, ...]
+    threads: int, count: int, waves: tuple[Any, ...], noise: tuple[Any, ...]
 ) -> None:
-    """Do as :func:`begin_signals`, each thread with its share of the lanes."""
+    """Do as :func:`begin_signals` for all that begin, each thread with its share of them."""
     for thread in prange(threads):
-        first, end = thread * lanes // threads, (thread + 1) * lanes // threads
-        begin_waves(first, end, *waves)
-        begin_noise(first, end, *noise)
+        first, end = thread * count // threads, (thread + 1) * count // threads
+        begin_signals(first, end, waves, noise)
 
 
 @njit(cache=True)

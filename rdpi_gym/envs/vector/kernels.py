@@ -31,10 +31,11 @@ from rdpi_gym.envs.vector.lanes import (
     Record,
     Shown,
     Sources,
+    table_row,
 )
-from rdpi_gym.envs.vector.noise import draw_noise, noise_row
+from rdpi_gym.envs.vector.noise import draw_noise
 from rdpi_gym.envs.vector.sines import sample_references
-from rdpi_gym.envs.vector.waves import ahead_row, sample_ahead
+from rdpi_gym.envs.vector.waves import sample_ahead
 from rdpi_gym.support.arrays import Array
 
 # Where the fields of each part of a record begin, one after the other.
@@ -219,7 +220,7 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
     rising = ahead < lanes.rising[n]
     taken = 0
     if len(sources.ahead_um):
-        taken = ahead_row(n, law.share, ahead)
+        taken = table_row(n, law.share, ahead, sources.ahead_um.shape[1])
         if taken == 0:
             sample_ahead(
                 n, ahead, law.ts_s, numbers, sources.rises, sources.waves, sources.tables_um,
@@ -234,7 +235,7 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
         sample = 0
         if len(sources.noise):
             _, samples, width = sources.noise.shape
-            sample = noise_row(n, law.share, step, samples)
+            sample = table_row(n, law.share, step, samples)
             if sample == 0:
                 draw_noise(n, 0, 0, width, sources.noise_rngs, sources.noise)
         read_sensors(n, row, sample, numbers, sources.noise, work)
@@ -250,6 +251,7 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
         _end(n, step, law.max_steps, numbers, shown.truncated)
 
 
+# Written into both callers: on its own, the whole chain would be optimised once more before theirs.
 @njit(inline="always")
 def _advance_blocks(
     begin: int, end: int, step: int, actions: Array, base_V: Array, work: Array, record: Record

@@ -207,6 +207,16 @@ def unshared(lanes: Lanes) -> Lanes:
 
 
 @njit(cache=True)
+def table_row(n: int, share: int, step: int, rows: int) -> int:
+    """Row for a step in a table of a block, drawn anew after its last; blocks do so at other steps.
+
+    Those that are in the same place of the shares of the threads do so at the same step: a thread
+    that draws alone is one for which the others wait.
+    """
+    return (step + n % share * rows // share) % rows
+
+
+@njit(cache=True)
 def scatter(
     first: int, end: int, step: int, fresh: Lanes, observation: Floats32, indices: Integers,
     lanes: Lanes,

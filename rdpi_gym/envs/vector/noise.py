@@ -7,22 +7,12 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from rdpi_gym.envs.vector.lanes import Integers, aligned
+from rdpi_gym.envs.vector.lanes import Integers, aligned, table_row
 from rdpi_gym.envs.vector.random import Words, draw_normals, seed_generator
 from rdpi_gym.support.arrays import Array
 
 SAMPLES = 32
 """Numbers that a lane draws at a time: its generator stays in registers meanwhile."""
-
-
-@njit(cache=True)
-def noise_row(n: int, share: int, step: int, rows: int) -> int:
-    """Row of a block's numbers for a step; blocks begin their tables anew at other steps.
-
-    Those that are in the same place of the shares of the threads do so at the same step: a thread
-    that draws alone is one for which the others wait.
-    """
-    return (step + n % share * rows // share) % rows
 
 
 @njit(cache=True)
@@ -79,7 +69,7 @@ def begin_noise(
     _, rows, width = tables.shape
     for j in range(first, end):
         n, b = indices[j] // width, indices[j] % width
-        row = noise_row(n, share, step, rows)
+        row = table_row(n, share, step, rows)
         rngs[indices[j]] = 0
         if noise_um > 0.0:
             seed_generator(seeds[j], rngs[indices[j]])

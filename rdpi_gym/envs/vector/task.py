@@ -208,7 +208,7 @@ class VectorTask:
         if threads > 1:
             begin_signals_parallel(threads, count, waves, noise)
         else:
-            begin_signals(count, waves, noise)
+            begin_signals(0, count, waves, noise)
         sources = self._current_sources()._replace(ahead_um=waves[-1], noise=noise[-1])
         row = self._run_chain(fresh, 0, work)
         size = self._layout.size

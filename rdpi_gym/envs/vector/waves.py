@@ -16,6 +16,7 @@ from rdpi_gym.envs.vector.lanes import (
     PHASE,
     RISE,
     Integers,
+    table_row,
 )
 from rdpi_gym.envs.vector.random import Words, next_uniform, seed_generator
 from rdpi_gym.envs.vector.sines import sines
@@ -229,12 +230,6 @@ def _peak(phases: Array, apart: float) -> float:
 
 
 @njit(cache=True)
-def ahead_row(n: int, share: int, ahead: int) -> int:
-    """Row of a block's samples for a step, as :func:`rdpi_gym.envs.vector.noise.noise_row` has it."""
-    return (ahead + n % share * AHEAD // share) % AHEAD
-
-
-@njit(cache=True)
 def sample_ahead(
     n: int, ahead: int, ts_s: float, numbers: Array, rises: Array, waves: Array, tables_um: Array,
     ahead_um: Array,
@@ -309,7 +304,7 @@ def begin_waves(
         numbers[0, RISE, j] = wave[START]
         if wave[SHAPE] == SINE:
             continue
-        row = ahead_row(n, share, step + shown)
+        row = table_row(n, share, step + shown, AHEAD)
         left = AHEAD - row if row else 0
         own = tables_um[lane if wave[SHAPE] == SAMPLED else 0]
         fill_wave(wave, own, 0, ts_s, rises, turns, samples[: shown + left])
