@@ -121,7 +121,9 @@ class _Bounded:
 
     def read(self, count: int = -1) -> bytes:
         """Read as the stream does, or refuse."""
-        content = self._stream.read(_LARGEST_READ + 1 if count < 0 else min(count, _LARGEST_READ + 1))
+        content = self._stream.read(
+            _LARGEST_READ + 1 if count < 0 else min(count, _LARGEST_READ + 1)
+        )
         if len(content) > _LARGEST_READ:
             raise ValueError(f"its list of arrays has more than {_LARGEST_READ / 2**20:.0f} MiB")
         return content
