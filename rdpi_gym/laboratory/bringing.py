@@ -233,7 +233,7 @@ def _problem(error: InputError, file: Path) -> Problem:
 
 
 def _short(error: InputError, folder: Path) -> str:
-    return str(error).replace(f"{folder}/", "")
+    return error.fact.replace(f"{folder}/", "")
 
 
 def settings_of(folder: Path) -> dict[str, Any]:

@@ -56,7 +56,7 @@ class Lab(Models):
             safe = bringing.safe_name(name)
         except InputError as error:
             shown = name[-80:]
-            entry = {"bytes": 0, "problem": str(error), "row": None, "column": None}
+            entry = {"bytes": 0, "problem": error.fact, "row": None, "column": None}
             session.write({"do": "file", "name": shown, "entry": entry})
             self.events.changed()
             raise

@@ -177,7 +177,7 @@ class Server:
             try:
                 await lab.bring(list(self._sources))
             except InputError as error:
-                lab.problem = str(error)
+                lab.problem = error.fact
                 self._events.changed()
 
     async def _ready(self) -> Lab:
@@ -221,7 +221,7 @@ class Server:
         try:
             await self._ready()
         except InputError as error:
-            return JSONResponse({"problem": str(error)}, 400)
+            return JSONResponse({"problem": error.fact}, 400)
         return StreamingResponse(self._events.listen(), media_type="text/event-stream")
 
     def _told(self, tell: Callable[[Lab, Mapping[str, str]], Any]) -> Any:
@@ -260,7 +260,7 @@ class Server:
             rate_hz = None if rate is None else _number(request.query_params, "rate_hz")
             taken = await asyncio.to_thread(take, lab.session, request.path_params["name"], rate_hz)
         except InputError as error:
-            return JSONResponse({"problem": str(error)}, 400)
+            return JSONResponse({"problem": error.fact}, 400)
         return Response(
             taken.content,
             media_type=taken.media_type,
@@ -289,7 +289,7 @@ async def _answered(answer: Callable[[], Awaitable[Any]]) -> Response:
     try:
         found = await answer()
     except InputError as error:
-        return JSONResponse({"problem": str(error)}, 400)
+        return JSONResponse({"problem": error.fact}, 400)
     body = json.dumps(found, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Response(body, media_type="application/json")
 

@@ -141,8 +141,8 @@ def select(
         elif source in chosen.values():
             other = next(key for key, value in chosen.items() if value == source)
             raise InputError(
-                f"{where}, {label(kind, source, source)}: read as {other}, so {name} needs a column of its own; "
-                f"name it with --columns {name}=..."
+                f"{where}, {label(kind, source, source)}: read as {other}, so {name} needs a column of its own",
+                f"name it with --columns {name}=...",
             )
         elif names.count(source) > 1:
             raise InputError(
@@ -155,7 +155,8 @@ def select(
             otherwise = " or give --sampling-time 5e-3" if name == "t" else ""
             raise InputError(
                 f"{where}, {label(kind, name, source)}: missing ({meaning}); the file has "
-                f"{some(names) or 'none'}; name it with --columns {name}=...{otherwise}"
+                f"{some(names) or 'none'}",
+                f"name it with --columns {name}=...{otherwise}",
             )
     return chosen
 

@@ -116,17 +116,18 @@ def _sources(
     ]
     if by_name and not names:
         raise InputError(
-            f"{path}, line {first_line}, column 0: a number where a header was expected; give the "
-            f"zero-based positions, for example --columns t=0,u=1,y=2 (missing: "
-            f"{', '.join(by_name)})"
+            f"{path}, line {first_line}, column 0: a number where a header was expected",
+            "give the zero-based positions, for example --columns t=0,u=1,y=2 (missing: "
+            f"{', '.join(by_name)})",
         )
     sources = select(columns, names, time_needed, f"{path}, line {layout.header_line}", "column")
     is_shifted = width != len(names) if layout.delimiter is None else width > len(names)
     if is_shifted and any(isinstance(source, str) for source in sources.values()):
         raise InputError(
             f"{path}, line {first_line}: {width} values under {len(names)} names (line "
-            f"{layout.header_line}); give one name for each column, or positions with --columns "
-            "t=0,u=1,y=2; where decimal commas are meant, put semicolons between the values"
+            f"{layout.header_line})",
+            "give one name for each column, or positions with --columns t=0,u=1,y=2; where decimal "
+            "commas are meant, put semicolons between the values",
         )
     for name, source in sources.items():
         if isinstance(source, int) and source >= max(width, len(names)):

@@ -109,3 +109,18 @@ def test_of_a_file_that_is_copied_alone_only_its_own_settings_come_along(folder,
 def test_the_columns_of_a_header_are_offered(folder):
     (folder / "run.csv").write_text('"time (s)";"volts";"µm"\n1;2;3\n')
     assert bringing.columns_of(folder / "run.csv") == ["time (s)", "volts", "µm"]
+
+
+def test_a_refused_file_is_not_told_of_options_that_the_laboratory_lacks(folder):
+    rows = csv().splitlines()[1:]
+    (folder / "named.csv").write_text("\n".join(["when,volts,x", *rows]))
+    (folder / "bare.csv").write_text("\n".join(rows))
+    (folder / "twice.csv").write_text("\n".join(["u,y", *(row.partition(",")[2] for row in rows)]))
+    problems = bringing.read(folder).problems
+    assert set(problems) == {"named.csv", "bare.csv", "twice.csv"}
+    for name, problem in problems.items():
+        with pytest.raises(rg.InputError) as refused:  # a command has them
+            rg.load(folder / name)
+        assert "--columns" in str(refused.value)
+        assert "--" not in problem.line
+        assert str(refused.value).startswith(f"{folder / problem.line}; ")
