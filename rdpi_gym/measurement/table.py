@@ -101,7 +101,8 @@ def select(
     Parameters
     ----------
     columns
-        What the user says, by our name; a name that is missing there stands for itself.
+        What the user says, by our name; a name that is missing there stands for itself, an empty
+        source for no column.
     names
         The names that the file offers.
     time_needed
@@ -134,6 +135,8 @@ def select(
     meanings = _MEANING | {name: "a further input" for name in columns if name not in _MEANING}
     for name, meaning in meanings.items():
         source = columns.get(name, name)
+        if source == "":
+            continue
         if isinstance(source, str) and source not in names:
             source = _with_unit(name, source, names)
         if isinstance(source, int):
