@@ -195,6 +195,7 @@ class Server:
             Route("/api/state", self._told(_state)),
             Route("/api/events", self._listen),
             Route("/api/examples", self._told(_examples)),
+            Route("/api/preview", self._told(_preview)),
             Route("/api/trace", self._told(_trace)),
             Route("/api/views", self._told(_views)),
             Route("/api/brush", self._told(_brush)),
@@ -375,6 +376,12 @@ def _examples(lab: Lab, asked: Mapping[str, str]) -> Any:
     from rdpi_gym.laboratory.examples import examples
 
     return [example.to_dict() for example in examples()]
+
+
+def _preview(lab: Lab, asked: Mapping[str, str]) -> Any:
+    from rdpi_gym.laboratory.previewing import preview
+
+    return preview(lab.session, _text(asked, "file"), asked.get("separator"))
 
 
 def _trace(lab: Lab, asked: Mapping[str, str]) -> Any:

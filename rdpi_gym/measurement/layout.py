@@ -38,6 +38,12 @@ class Layout:
     header_line: int
     width: int
 
+    @property
+    def is_shifted(self) -> bool:
+        """Whether the names of the header do not stand above the values."""
+        names = len(self.header)
+        return self.width != names if self.delimiter is None else self.width > names
+
 
 def split_cells(line: str, delimiter: str | None) -> list[str]:
     """Split a line into its cells, blanks and quotes around them and empty ones at its end removed.

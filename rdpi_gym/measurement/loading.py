@@ -113,9 +113,9 @@ class _Part:
     def units(self, table: Table, options: DataOptions) -> dict[str, str]:
         """Unit of each column: of the header, the folder, the record, the user, the last that speaks."""
         header = {key: unit for key, unit in table.units.items() if not key.startswith(OTHER)}
-        return {**header, **self._units_said(table, options)}
+        return {**header, **self._stated_units(table, options)}
 
-    def _units_said(self, table: Table, options: DataOptions) -> dict[str, str]:
+    def _stated_units(self, table: Table, options: DataOptions) -> dict[str, str]:
         own = self.settings.of(table.source.stem)
         return {**self.settings.units, **own.units, **options.units}
 
@@ -153,7 +153,7 @@ class _Part:
         return mask_out(record, own.mask_s, f"{self.toml}, [records.{stem}] mask_s")
 
     def _remarks(self, table: Table, options: DataOptions) -> list[str]:
-        said = self._units_said(table, options)
+        said = self._stated_units(table, options)
         found = [
             f"{table.labels[key]} is in {unit}, as its name says"
             for key, unit in table.units.items()

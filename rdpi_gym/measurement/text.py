@@ -167,8 +167,7 @@ def _sources(
             f"{', '.join(by_name)})",
         )
     sources = select(columns, names, time_needed, f"{path}, line {layout.header_line}", "column")
-    is_shifted = width != len(names) if layout.delimiter is None else width > len(names)
-    if is_shifted and any(isinstance(source, str) for source in sources.values()):
+    if layout.is_shifted and any(isinstance(source, str) for source in sources.values()):
         raise InputError(
             f"{path}, line {first_line}: {width} values under {len(names)} names (line "
             f"{layout.header_line})",
