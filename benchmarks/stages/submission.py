@@ -7,6 +7,7 @@ import math
 import shlex
 import shutil
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,7 +24,8 @@ from benchmarks.tracking.learned import is_learned
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_json
+from rdpi_gym.support.files import read_bytes, read_json, write_json
+from rdpi_gym.support.folders import check_plain
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import quoted
@@ -33,6 +35,7 @@ FILE = "submission.json"
 # Of a row: what says how well a controller did, and what depends on the machine.
 _FIGURES = ("rmse_percent", "worst_percent", "command_variation_V_s")
 _ROUNDING = 1e-6
+_LARGEST = 2**28  # bytes of a file of code or weights
 
 
 @dataclass(frozen=True)
@@ -161,12 +164,17 @@ def read_submission(folder: Path) -> Submission:
         raise InputError(
             f"{folder / entry.code} is not what was submitted: its hash differs; submit it again"
         )
-    wanted = _keys(entry)
-    missing = [k for k in wanted if k not in open_rows(folder).rows]
-    if missing:
-        task, plant = missing[0][1], missing[0][3]
+    rows = open_rows(folder).rows
+    # the file says how many there should be: no more keys are made than there are rows
+    first = next((key for key in _keys(entry) if key not in rows), None)
+    if first is not None:
+        wanted = len(entry.tasks) * entry.plants
+        there = sum(
+            (name, label) == (first[0], first[2]) and task in entry.tasks and plant < entry.plants
+            for name, task, label, plant in rows
+        )
         raise InputError(
-            f"{folder} lacks {len(missing)} of {len(wanted)} rows, the first that of task {task}, plant {plant}; run its command again: {entry.command}"
+            f"{folder} lacks {wanted - there} of {wanted} rows, the first that of task {first[1]}, plant {first[3]}; run its command again: {entry.command}"
         )
     return entry
 
@@ -226,13 +234,12 @@ def score_submission(
     return TaskScores(tuple(renamed), seed.label, outcome.computed, tuple(notes))
 
 
-def _keys(entry: Submission) -> list[tuple[str, str, str, int]]:
+def _keys(entry: Submission) -> Iterator[tuple[str, str, str, int]]:
+    """Yield the keys of the rows that a submission has to have."""
     label = TestSeed().label
-    return [
-        (entry.controller, task, label, plant)
-        for task in entry.tasks
-        for plant in range(entry.plants)
-    ]
+    for task in entry.tasks:
+        for plant in range(entry.plants):
+            yield entry.controller, task, label, plant
 
 
 def _is_same(row: Row, stated: Row) -> bool:
@@ -253,6 +260,8 @@ def _copied(controller: str, folder: Path) -> str:
         path = Path(policy_of(controller) or "")
         if not path.is_dir():
             return ""  # a shipped one
+        # what a link leads to would be handed in
+        check_plain([path, *(each for each in path.rglob("*") if each.is_dir())])
         shutil.copytree(path, folder / "policy", dirs_exist_ok=True)
         return "policy"
     module, colon, _ = controller.partition(":")
@@ -269,7 +278,7 @@ def _copied(controller: str, folder: Path) -> str:
         raise InputError(
             f"{controller!r} is not of a single file; write a submission as one module, for example my_controller.py"
         )
-    content = Path(origin).read_bytes()
+    content = read_bytes(origin, _LARGEST)
     name = f"submitted_{hashlib.sha256(content).hexdigest()[:12]}.py"
     (folder / name).write_bytes(content)
     return name
@@ -279,8 +288,11 @@ def _hash(folder: Path, code: str) -> str:
     if not code:
         return code_fingerprint()
     path = folder / code
+    folders = [folder, *(each for each in folder.rglob("*") if each.is_dir())]
+    check_plain(folders)
     files = sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
     digest = hashlib.sha256()
     for each in files:
-        digest.update(each.relative_to(folder).as_posix().encode() + b"\0" + each.read_bytes())
+        content = read_bytes(each, _LARGEST)
+        digest.update(each.relative_to(folder).as_posix().encode() + b"\0" + content)
     return digest.hexdigest()
