@@ -161,17 +161,29 @@ def _reader(archive: Npz) -> cattrs.Converter:
     """Return a converter that builds what the annotations say, and takes arrays from an archive."""
     converter = cattrs.Converter(forbid_extra_keys=True, detailed_validation=False)
 
-    def kept_table(document: Any, _: Any) -> pd.DataFrame:
-        columns: dict[str, Any] = {}
-        for column in document["columns"]:
-            if "array" in column:
-                columns[column["name"]] = archive.read(column["array"])
-            else:
-                kind = str if column["text"] else object
-                columns[column["name"]] = pd.Series(column["cells"], dtype=kind)
-        return pd.DataFrame(columns, index=pd.RangeIndex(document["rows"]))
+    def kept_array(name: str, hint: Any) -> NDArray[Any]:
+        array = archive.read(name)
+        if array.dtype.kind not in "biuf":
+            raise ValueError(f"{quoted(name)} is an array of {array.dtype}; arrays hold numbers")
+        # NDArray[np.float64] is ndarray[shape, dtype[float64]]
+        kinds = [get_args(each) for each in get_args(hint)[1:]]
+        return array.astype(kinds[0][0], casting="same_kind", copy=False) if kinds else array
 
-    converter.register_structure_hook_func(_is_array, lambda name, _: archive.read(name))
+    def kept_column(column: Any) -> Any:
+        if "array" in column:
+            return kept_array(column["array"], np.ndarray)
+        if not all(type(cell) in (str, int, float, bool, type(None)) for cell in column["cells"]):
+            raise ValueError("a cell of a table is neither text nor a number")
+        return pd.Series(column["cells"], dtype=str if column["text"] else object)
+
+    def kept_table(document: Any, _: Any) -> pd.DataFrame:
+        columns = {column["name"]: kept_column(column) for column in document["columns"]}
+        rows = document["rows"] if columns else 0
+        if any(np.shape(values) != (rows,) for values in columns.values()):
+            raise ValueError(f"a table of {quoted(rows)} rows has columns of other lengths")
+        return pd.DataFrame(columns, index=pd.RangeIndex(rows))
+
+    converter.register_structure_hook_func(_is_array, kept_array)
     converter.register_structure_hook(pd.DataFrame, kept_table)
     converter.register_structure_hook_func(
         _is_plant, lambda document, _: PlantModel.from_dict(document, "plant")

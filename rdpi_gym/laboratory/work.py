@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import pickle
 import signal
@@ -23,6 +24,13 @@ Listener = Callable[[Message], None]
 Task = Callable[..., Any]
 """Called with ``tell`` (see :class:`Tell`) and its own arguments, in a worker process."""
 
+# the path is handed over: modules that the user named are found, those of the current folder are not
+_PROGRAM = """\
+import json, sys
+sys.path[:], helpers = json.loads(sys.argv[1])
+from rdpi_gym.laboratory.worker import main
+main(helpers)
+"""
 _WAIT_S = 0.3  # until a process that was asked to end is killed
 _OFTEN_S = 0.1  # progress is not told more often than that
 _ORPHAN_S = 1.0
@@ -71,10 +79,14 @@ class Worker:
     """
 
     def __init__(self, warm: bool = True, helpers: int = 0) -> None:
-        command = [sys.executable, "-m", "rdpi_gym.laboratory.worker"]
-        command += [str(helpers)] if warm else []
+        start = json.dumps([sys.path, helpers if warm else None])
+        command = [sys.executable, "-P", "-c", _PROGRAM, start]
         # what cleans up behind processes that were ended says so at length
-        quiet = {**os.environ, "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning"}
+        quiet = {
+            **os.environ,
+            "PYTHONSAFEPATH": "1",  # its own children import nothing from the current folder either
+            "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning",
+        }
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,

@@ -1,4 +1,4 @@
-"""A worker process of the laboratory: ``python -m rdpi_gym.laboratory.worker [HELPERS]``."""
+"""A worker process of the laboratory, as :class:`rdpi_gym.laboratory.work.Worker` starts it."""
 
 from __future__ import annotations
 
@@ -7,16 +7,24 @@ import sys
 
 from rdpi_gym.laboratory.work import end_with_parent, serve
 
-if __name__ == "__main__":
+
+def main(helpers: int | None) -> None:
+    """Do tasks from standard input until there are no more.
+
+    Parameters
+    ----------
+    helpers
+        Processes among which a ranking divides its candidates, started before the first task; None:
+        nothing is loaded before it.
+    """
     end_with_parent()
     # what a library prints is no message
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    if sys.argv[1:]:
+    if helpers is not None:
         from rdpi_gym.laboratory.jobs import warm_helpers, warm_up
 
         warm_up()
-        helpers = int(sys.argv[1])
         if helpers > 1:
             warm_helpers(helpers)
     serve(sys.stdin.buffer, answers)

@@ -1,4 +1,4 @@
-"""The first import of the command `rdpi`: from here on an interrupt is answered in one line.
+"""The first import of the command `rdpi`: interrupts are answered in one line, the current folder is data.
 
 It imports next to nothing itself. The interpreter's own start, before it, is not in our hands.
 """
@@ -11,15 +11,30 @@ INTERRUPTED = 130
 """Status of a command that was interrupted."""
 _COMMANDS = ("-m", "rdpi")  # `python -m rdpi_gym` while it imports this package, and the script
 _SHOW_CURSOR = "\x1b[?25h"
+SAFE_PATH = "PYTHONSAFEPATH"
+"""Environment variable: where it is set, Python finds no module in the current folder."""
+_COMPILER_CONFIG = ".numba_config.yaml"
+_REFUSED = 2
 
 
 def is_command() -> bool:
     """Whether this process is the command, and no program that uses the package."""
-    return bool(sys.argv) and os.path.basename(sys.argv[0]) in _COMMANDS  # noqa: PTH119
+    name = os.path.splitext(os.path.basename(sys.argv[0] if sys.argv else ""))[0]  # noqa: PTH119, PTH122
+    return name in _COMMANDS
 
 
 def guard() -> None:
-    """End the process with one line at an interrupt, where nobody has asked for anything else."""
+    """Answer interrupts in one line; take no code from the current folder, in children either."""
+    os.environ[SAFE_PATH] = "1"
+    sys.path[:] = filter(os.path.isabs, sys.path)
+    if os.path.exists(_COMPILER_CONFIG):  # noqa: PTH110
+        # numba obeys it, even as to the folder from which compiled code is loaded
+        print(
+            f"rdpi: {_COMPILER_CONFIG} in this folder would configure the compiler; "
+            "move it away, or start from another folder",
+            file=sys.stderr,
+        )
+        sys.exit(_REFUSED)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, end_at_once)
 

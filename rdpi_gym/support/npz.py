@@ -7,7 +7,9 @@ import os
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
+from typing import IO, cast
 
 import numpy as np
 from numpy.lib import format as npy
@@ -23,6 +25,8 @@ FREE_BYTES = 128 * 2**20
 """What the arrays that are read of one file may take, however small it is."""
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _LONGEST_HEADER = 4096
+_LARGEST_READ = 2**20
+"""Bytes read at once: the list of members too, of which the reader makes objects twenty times as large."""
 
 
 def largest_expansion(file_size: int) -> int:
@@ -79,6 +83,8 @@ class Npz:
             shape, is_fortran, dtype = header[version](stream, max_header_size=_LONGEST_HEADER)
             if dtype.hasobject:
                 raise ValueError(f"{quoted(name)} holds Python objects, which are not read")
+            if any(side < 0 for side in shape):
+                raise ValueError(f"{quoted(name)} has a side below 0: {quoted(shape)}")
             stated = math.prod(shape) * dtype.itemsize
             self._left -= max(stated, 8 * math.prod(shape))  # numbers become doubles
             if self._left < 0:
@@ -86,13 +92,41 @@ class Npz:
                     f"{self._path}, {quoted(name)}: expands to {stated / 2**20:.0f} MiB; what is read of this "
                     f"file may take {EXPANSION} times its size, or {FREE_BYTES / 2**20:.0f} MiB where that is more"
                 )
-            content = stream.read(stated + 1) if stated <= member.file_size else b""
-        if any(side < 0 for side in shape) or len(content) != stated:
-            raise ValueError(
-                f"{quoted(name)} does not hold the {stated} bytes that its header states"
-            )
-        array = np.frombuffer(bytearray(content), dtype=dtype)
-        return array.reshape(shape, order="F" if is_fortran else "C")
+            content = np.empty(stated, dtype=np.uint8)
+            if stated > member.file_size or not _fills(content, stream):
+                raise ValueError(
+                    f"{quoted(name)} does not hold the {stated} bytes that its header states"
+                )
+        return content.view(dtype).reshape(shape, order="F" if is_fortran else "C")
+
+
+def _fills(content: NDArray[np.uint8], stream: IO[bytes]) -> bool:
+    """Read a stream to its end; return whether it holds just the bytes that fit."""
+    done = 0
+    while done < content.size:
+        part = stream.read(min(_LARGEST_READ, content.size - done))
+        if not part:
+            return False
+        content[done : done + len(part)] = np.frombuffer(part, dtype=np.uint8)
+        done += len(part)
+    return not stream.read(1)
+
+
+class _Bounded:
+    """A stream that hands out 1 MiB at most at once: no number in an archive sizes memory."""
+
+    def __init__(self, stream: BufferedReader) -> None:
+        self._stream = stream
+        self.seek, self.tell, self.seekable = stream.seek, stream.tell, stream.seekable
+
+    def read(self, count: int = -1) -> bytes:
+        """Read as the stream does, or refuse."""
+        content = self._stream.read(
+            _LARGEST_READ + 1 if count < 0 else min(count, _LARGEST_READ + 1)
+        )
+        if len(content) > _LARGEST_READ:
+            raise ValueError(f"its list of arrays has more than {_LARGEST_READ / 2**20:.0f} MiB")
+        return content
 
 
 @contextmanager
@@ -125,5 +159,5 @@ def open_npz(path: Path) -> Iterator[Npz]:
         if stream.read(len(npy.MAGIC_PREFIX)) == npy.MAGIC_PREFIX:
             raise ValueError("it holds one array without a name")
         size = os.fstat(stream.fileno()).st_size
-        with zipfile.ZipFile(stream) as archive:
+        with zipfile.ZipFile(cast(IO[bytes], _Bounded(stream))) as archive:
             yield Npz(archive, path, largest_expansion(size))

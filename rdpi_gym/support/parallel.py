@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import logging
+import os
 import socket
+import sys
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
 from multiprocessing import resource_tracker
+from pathlib import Path
 from typing import TypeVar
 from urllib.parse import urlsplit
 
@@ -15,6 +18,7 @@ from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.backend.resource_tracker import ensure_running
 
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.guard import SAFE_PATH
 from rdpi_gym.support.interrupts import uninterrupted_children
 
 C = TypeVar("C")
@@ -69,16 +73,34 @@ def run_cases(
         with parallel_config(backend="loky", inner_max_num_threads=1):
             # one case at a time to a worker: results come early
             parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-        # they would lift what holds interrupts back from the workers, were they started after it
-        resource_tracker.ensure_running()
-        ensure_running()
-        with uninterrupted_children():
-            results = parallel(delayed(function)(case) for case in cases)
+        with isolated_children():
+            # they would lift what holds interrupts back from the workers, were they started after it
+            resource_tracker.ensure_running()
+            ensure_running()
+            with uninterrupted_children():
+                results = parallel(delayed(function)(case) for case in cases)
         try:
             for result in results:  # noqa: UP028 - `yield from` would close it before `finally` is reached
                 yield result
         finally:
             _leave(results)
+
+
+@contextmanager
+def isolated_children() -> Iterator[None]:
+    """Let Python processes that are started inside find no module in the current folder.
+
+    What they import is found where this process finds it: joblib hands its path over.
+    """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
 
 
 def _leave(results: Generator[R]) -> None:
@@ -96,7 +118,7 @@ def _on_ray(function: Callable[[C], R], cases: Sequence[C], address: str) -> Ite
         import ray
 
         task = ray.remote(num_cpus=1)(_call)
-        waiting = [task.remote(function, case) for case in cases]
+        waiting = [task.remote(function, case, sys.path) for case in cases]
         while waiting:
             finished, waiting = ray.wait(waiting)
             try:
@@ -106,7 +128,9 @@ def _on_ray(function: Callable[[C], R], cases: Sequence[C], address: str) -> Ite
             yield from results
 
 
-def _call(function: Callable[[C], R], case: C) -> R:
+def _call(function: Callable[[C], R], case: C, path: Sequence[str]) -> R:
+    """Call a function on a node, where modules that the user named are found as they are here."""
+    sys.path += [entry for entry in path if entry not in sys.path]
     return function(case)
 
 
@@ -122,7 +146,9 @@ def _cluster(address: str) -> Iterator[None]:
         return
     _knock(address)
     try:
-        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+        # Ray puts the current folder on the path of every worker: let it be one that is there already
+        with chdir(Path(__file__).parents[2]):
+            ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise _unreachable(address, error) from error
     try:

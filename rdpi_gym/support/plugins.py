@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 from importlib.metadata import entry_points
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,8 @@ def load_attribute(name: str, wanted: str) -> Any:
     Parameters
     ----------
     name
-        For example ``my_controllers:Repetitive``; the current folder is searched too.
+        For example ``my_controllers:Repetitive``; the current folder is searched where no installed
+        package has the module.
     wanted
         What it should be, for the error message.
 
@@ -35,10 +37,8 @@ def load_attribute(name: str, wanted: str) -> Any:
     module_name, colon, attribute = name.partition(":")
     if not (colon and module_name and attribute):
         raise InputError(f"{quoted(name)} names no {wanted}; write module:attribute")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
     try:
+        _find_here(module_name)
         module = import_module(module_name)
     except (ImportError, TypeError, ValueError) as error:  # also of ".", ".." and the like
         raise InputError(
@@ -50,6 +50,13 @@ def load_attribute(name: str, wanted: str) -> Any:
         raise InputError(
             f"module {module_name!r} has no {attribute!r}; after the colon of {name!r} stands the name of the {wanted}"
         ) from None
+
+
+def _find_here(module_name: str) -> None:
+    """Let a module be imported from the current folder, last of all, where no other place has it."""
+    top, here = module_name.partition(".")[0], str(Path.cwd())
+    if top and here not in sys.path and find_spec(top) is None:
+        sys.path.append(here)
 
 
 def installed(group: str, name: str, wanted: str) -> Any:
@@ -119,7 +126,7 @@ def provided(group: str) -> Any:
     Raises
     ------
     InputError
-        There is none, or its module cannot be imported.
+        There is none.
 
     Examples
     --------
@@ -129,4 +136,5 @@ def provided(group: str) -> Any:
     """
     if group not in _PROVIDERS:
         raise InputError(f"nothing here knows the names of {group}")
-    return load_attribute(_PROVIDERS[group], "function")
+    module_name, _, function = _PROVIDERS[group].partition(":")
+    return getattr(import_module(module_name), function)

@@ -2,6 +2,7 @@
 
 import io
 import json
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -148,6 +149,29 @@ def test_a_deeply_nested_document(saved):
     text = np.frombuffer(b"[" * 100_000, dtype=np.uint8)
     np.savez(saved, document=text)
     refused(saved)
+
+
+@pytest.mark.parametrize("rows", [100_000_000, -1, 2.5, "many", None])
+def test_the_rows_of_a_table_are_those_of_its_columns(scores, tmp_path, rows):
+    path = scores.save(tmp_path / "scores.npz")
+    document, arrays = document_of(path)
+    table = document["result"]["table"]
+    table["rows"] = rows
+    tracemalloc.start()
+    refused(write(path, document, arrays))
+    assert tracemalloc.get_traced_memory()[1] < 2**24
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    "values", [["a", "b"], [1j, 2.0], np.array(["2020-01-01"], dtype="M8[s]"), [b"a"]]
+)
+def test_an_array_of_anything_but_numbers_is_refused(data, tmp_path, values):
+    path = data.save(tmp_path / "data.npz")
+    document, arrays = document_of(path)
+    document["result"]["records"][0]["u_V"] = "other"
+    arrays["other"] = np.array(values)
+    assert "arrays hold numbers" in refused(write(path, document, arrays))
 
 
 def test_flipped_bits_give_a_result_or_one_line(saved):

@@ -6,7 +6,9 @@ import io
 import os
 import subprocess
 import sys
+import tracemalloc
 import zipfile
+from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
@@ -104,9 +106,9 @@ def npy(array) -> bytes:
     return stream.getvalue()
 
 
-def npy_head(count: int) -> bytes:
+def npy_head(*shape: int) -> bytes:
     stream = io.BytesIO()
-    stated = {"descr": "<f8", "fortran_order": False, "shape": (count,)}
+    stated = {"descr": "<f8", "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(stream, stated)
     return stream.getvalue()
 
@@ -126,6 +128,33 @@ def test_an_array_that_nobody_asks_for_is_not_read(tmp_path) -> None:
 def test_an_archive_that_expands_to_gigabytes(tmp_path, refusal) -> None:
     path = archive(tmp_path / "run.npz", y=npy_head(400_000_000) + bytes(1000))
     assert "run.npz, 'y': expands to 3052 MiB; what is read of this file" in refusal(path)
+
+
+@contextmanager
+def taking_at_most(most_bytes: int):
+    """Fail where the statements inside take more memory."""
+    tracemalloc.start()
+    try:
+        yield
+        assert tracemalloc.get_traced_memory()[1] < most_bytes
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("shape", [(-2,), (-1,), (-2, 3), (-2, -20)])
+def test_a_side_below_zero_is_refused_before_anything_is_read(tmp_path, refusal, shape) -> None:
+    path = archive(tmp_path / "run.npz", y=npy_head(*shape) + bytes(2**26))
+    with taking_at_most(2**22):
+        assert "'y' has a side below 0" in refusal(path)
+
+
+def test_a_list_of_arrays_that_fills_the_memory_is_not_read(tmp_path, refusal) -> None:
+    path = tmp_path / "run.npz"
+    with zipfile.ZipFile(path, "w") as stream:
+        for number in range(30_000):
+            stream.writestr(f"{number}", b"")
+    with taking_at_most(2**23):
+        assert "its list of arrays has more than 1 MiB" in refusal(path)
 
 
 def test_an_array_shorter_than_its_header_says(tmp_path, refusal) -> None:

@@ -127,6 +127,36 @@ def test_what_a_case_raises_on_a_node_is_raised_here(cluster):
     assert not ray.is_initialized()
 
 
+def test_a_worker_imports_nothing_of_the_current_folder(cluster, tmp_path, monkeypatch):
+    folder, canary = tmp_path / "from-somebody", tmp_path / "canary"
+    folder.mkdir()
+    for name in (
+        "joblib",
+        "numba",
+        "numpy",
+        "pandas",
+        "rdpi_gym",
+        "scipy",
+        "secrets",
+        "statistics",
+    ):
+        (folder / f"{name}.py").write_text(f"open({str(canary)!r}, 'w')")
+    monkeypatch.chdir(folder)
+
+    def case(number):
+        import secrets
+        import statistics
+
+        import numpy
+
+        return [each.__name__ for each in (secrets, statistics, numpy)]
+
+    assert list(run_cases(case, [0], ray_address=cluster.address)) == [
+        ["secrets", "statistics", "numpy"]
+    ]
+    assert not canary.exists()
+
+
 def test_a_node_that_dies_costs_no_finished_row(cluster, second, tmp_path):
     doomed, starts = second.node_id, tmp_path / "starts"
     starts.mkdir()
