@@ -20,7 +20,9 @@ from tests.fuzz.subjects import SHARES, STRUCTURED, subject
 def main() -> int:
     known = {**SHARES, **STRUCTURED}
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
-    parser.add_argument("reader", nargs="*", help=f"of {', '.join(known)}; those of the kind by default")
+    parser.add_argument(
+        "reader", nargs="*", help=f"of {', '.join(known)}; those of the kind by default"
+    )
     parser.add_argument("--cases", type=int, help="in all, or of one reader")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--case", type=int, help="this one alone")

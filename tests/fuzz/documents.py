@@ -10,15 +10,17 @@ import struct
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
+import pandas as pd
 
 from rdpi_gym.measurement import DataOptions, load
 from rdpi_gym.measurement.matlab import MatlabReader
@@ -26,6 +28,7 @@ from rdpi_gym.measurement.stacked import stacked_tags
 from rdpi_gym.plant import P5, PlantModel, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.named import PLANTS
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import RowStore, named_rows
 from tests.fuzz import subjects
 from tests.fuzz.examples import example
@@ -37,10 +40,12 @@ from tests.fuzz.structure import (
     binary_words,
     header_of,
     npy,
+    packed_archive,
     zip_words,
 )
 from tests.fuzz.subjects import Case, Read, Subject
 
+_ZEROS = 2**29
 DATA = [values.tobytes() for values in subjects.COLUMNS.values()]
 
 
@@ -63,7 +68,11 @@ def archived(name: str, arrays: dict[str, Any], method: int, said: Any = None) -
         headers = tree.get("headers")
         headers = headers if isinstance(headers, dict) else {}
         return archive(
-            {f"{n}.npy": npy(headers[n], content) for n, content in members.items() if n in headers},
+            {
+                f"{n}.npy": npy(headers[n], content)
+                for n, content in members.items()
+                if n in headers
+            },
             method,
         )
 
@@ -83,7 +92,26 @@ def npz_documents() -> list[Document]:
         archived("run.npz", narrow, packed),
         archived("run.npz", {"u_low": stack, "y_low": stack, "u_test": stack, "y_test": stack}, packed),
         archived("run.npz", {"t": subjects.T, "u": stack[:, :, 0], "y": subjects.T}, stored),
+        _long(),
     ]  # fmt: skip
+
+
+def _long() -> Document:
+    """Make an archive whose arrays go on in zeros that are 1000 times smaller on the disk."""
+    tail = zlib.compressobj(wbits=-15)
+    zeros = b"".join(tail.compress(bytes(2**20)) for _ in range(_ZEROS // 2**20)) + tail.flush()
+
+    def build(tree: Any) -> bytes:
+        members = {}
+        for name, values in subjects.COLUMNS.items():
+            head = npy(tree[name], values.tobytes()) if name in tree else b""
+            packer = zlib.compressobj(wbits=-15)
+            packed = packer.compress(head) + packer.flush(zlib.Z_FULL_FLUSH) + zeros
+            members[f"{name}.npy"] = (packed, len(head) + _ZEROS)
+        return packed_archive(members)
+
+    tree = {name: header_of(values) for name, values in subjects.COLUMNS.items()}
+    return Document(tree, build, lambda _, raw: {"run.npz": raw}, zip_words)
 
 
 def toml_documents() -> list[Document]:
@@ -229,11 +257,12 @@ def tracking() -> Iterator[Subject]:
 
     chosen = select(["none", "classical-static"], ["P5"], ["sine"], [1e-2], [0])
     with tempfile.TemporaryDirectory() as name:
-        benchmark(chosen, Path(name), jobs=1)
+        rows = benchmark(chosen, Path(name), jobs=1).rows
         document = rows_document("rows.jsonl", open_rows(Path(name)))
 
     def read(folder: Path) -> Any:
-        return evaluate(chosen, benchmark(chosen, folder, jobs=1)).order
+        with patch("benchmarks.tracking.run.run_cases", lambda *_: [rows]):
+            return evaluate(chosen, benchmark(chosen, folder, jobs=1)).order
 
     yield subject_of([document], read)
 
@@ -246,11 +275,12 @@ def stages() -> Iterator[Subject]:
     from benchmarks.stages.tables import TaskScores
 
     with tempfile.TemporaryDirectory() as name:
-        run_tasks(["none"], ["Bare"], 1, Path(name), jobs=1)
+        rows = run_tasks(["none"], ["Bare"], 1, Path(name), jobs=1).rows
         document = rows_document("task-rows.jsonl", open_rows(Path(name)))
 
     def read(folder: Path) -> Any:
-        found = run_tasks(["none"], ["Bare"], 1, folder, jobs=1)
+        with patch("benchmarks.stages.run.run_cases", lambda *_: [rows]):
+            found = run_tasks(["none"], ["Bare"], 1, folder, jobs=1)
         return repr(TaskScores(tuple(found.rows), "public seed 2026", found.computed, found.notes))
 
     yield subject_of([document], read)
@@ -439,7 +469,10 @@ def journal_documents() -> list[Document]:
     ranked = {"effect": "creep", "form": "", "share_of_excess": 0.5, "confidence": "likely"}
     ranked |= {"indistinguishable": ["resonance"], "remarks": ["a"], "probability": 0.5}
     left = {"remainder": "", "portrait_lines": [], "next_experiment": None, "noise_floor": 0.01}
-    left |= {"settled": plant, "final": {"train_rmse": 0.4, "validation_rmse": 0.5, "by_record": {}}}
+    left |= {
+        "settled": plant,
+        "final": {"train_rmse": 0.4, "validation_rmse": 0.5, "by_record": {}},
+    }
     result = {"candidates": [ranked], "chosen": ["creep"], "headline": "a", "lines": ["a"]}
     events = [
         {"do": "file", "name": "run.csv", "entry": entry},
@@ -478,6 +511,42 @@ def read_journal(folder: Path) -> Any:
     return json.dumps(state_of(session, None, None, {}), allow_nan=False)
 
 
+def settings_documents() -> list[Document]:
+    """What is said of the data of a session, beside a file that is not read with it."""
+    return [
+        replace(
+            each,
+            files=lambda tree, raw, each=each: (
+                {f"data/{name}": content for name, content in each.files(tree, raw).items()}
+                | {"journal.jsonl": b'{"do": "read"}\n'}
+            ),
+        )
+        for each in toml_documents()
+    ]
+
+
+def read_settings(folder: Path) -> Any:
+    """Tell the state, change a setting, take one file and all into another session."""
+    from rdpi_gym.laboratory.bringing import copy_in, write_settings
+
+    def tried(what: Callable[[], Any]) -> str:
+        try:
+            return str(what())
+        except InputError as error:
+            return str(error)
+
+    data, other = folder / "data", folder / "other"
+    told = [
+        tried(lambda: read_journal(folder)),
+        tried(lambda: copy_in(data / "run.csv", other)),
+        tried(lambda: copy_in(data, folder / "all")),
+        tried(lambda: write_settings(data, {"records": {"run": {"role": "train"}}}, ["run"])),
+    ]
+    long = [line for line in told if "\n" in line]
+    assert not long, long
+    return told
+
+
 # exported code
 
 
@@ -487,7 +556,10 @@ def program_documents() -> list[Document]:
 
     few = PlantModel(P5.hysteresis, "few", (-80.0, 80.0), (0.0, 40.0))
     return [
-        json_document("program.json", {"format": FORMAT, "version": VERSION, **package_of(few, 1e-4, name).recipe})
+        json_document(
+            "program.json",
+            {"format": FORMAT, "version": VERSION, **package_of(few, 1e-4, name).recipe},
+        )
         for name in (None, "none")
     ]
 
@@ -525,8 +597,8 @@ def _matlab(make: Callable[[], list[Document]], refused: int) -> Iterator[Subjec
 
 
 @contextmanager
-def _plain(make: Callable[[], list[Document]], read: Read) -> Iterator[Subject]:
-    yield subject_of(make(), read)
+def _plain(make: Callable[[], list[Document]], read: Read, refused: int = 0) -> Iterator[Subject]:
+    yield subject_of(make(), read, refused)
 
 
 def _read_record(folder: Path) -> Any:
@@ -537,7 +609,28 @@ def _read_record(folder: Path) -> Any:
 def _read_result(folder: Path) -> Any:
     import rdpi_gym as rg
 
-    return rg.load_result(folder / "result.npz")
+    found = rg.load_result(folder / "result.npz")
+    for array in _arrays(found):
+        assert array.dtype.kind in "fiub", f"an array of {array.dtype} is no numbers"
+    return found
+
+
+def _arrays(value: Any) -> Iterator[Any]:
+    if isinstance(value, np.ndarray):
+        yield value
+    elif is_dataclass(value):
+        for each in fields(value):
+            yield from _arrays(getattr(value, each.name))
+    elif isinstance(value, Mapping):
+        for each in value.values():
+            yield from _arrays(each)
+    elif isinstance(value, tuple | list):
+        for each in value:
+            yield from _arrays(each)
+    elif isinstance(value, pd.DataFrame):
+        for name in value.columns:
+            if not isinstance(value[name].dtype, pd.StringDtype) and value[name].dtype != object:
+                yield value[name].to_numpy()
 
 
 def _read_student(folder: Path) -> Any:
@@ -555,7 +648,7 @@ def _read_tunings(folder: Path) -> Any:
 
 
 MAKERS: dict[str, Callable[[], AbstractContextManager[Subject]]] = {
-    "npz": partial(_plain, npz_documents, _read_record),
+    "npz": partial(_plain, npz_documents, _read_record, 1),
     "result": partial(_plain, result_documents, _read_result),
     "plant": partial(_plain, plant_documents, lambda f: PlantModel.load(f / "plant.json")),
     "truth": partial(
@@ -578,6 +671,7 @@ MAKERS: dict[str, Callable[[], AbstractContextManager[Subject]]] = {
     "tuning": partial(_plain, tuning_documents, _read_tunings),
     "diagnosis": partial(_plain, diagnosis_documents, read_diagnosis),
     "journal": partial(_plain, journal_documents, read_journal),
+    "session data": partial(_plain, settings_documents, read_settings),
     "tracking rows": tracking,
     "task rows": stages,
     "candidates": candidates,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
+from itertools import cycle
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -20,6 +21,8 @@ from rdpi_gym.virtual_lab.truth import Truth
 T_S = 0.02 * np.arange(40)
 RECORD = Record("run", T_S, np.sin(3 * T_S), 8 * np.sin(3 * T_S - 0.1), ts_s=0.02)
 TABLE = pd.DataFrame({"rmse_um": [0.1, 0.2], "seed": [1, 2], "controller": ["none", "pi"]})
+TABLES = cycle([TABLE, TABLE[["controller"]], TABLE[[]][:0]])
+"""In turn: numbers and texts, texts alone, nothing."""
 
 
 @cache
@@ -27,7 +30,7 @@ def _made() -> dict[Any, Any]:
     creep = CATALOGUE["creep"]()
     return {
         str: "a", int: 3, float: 0.5, bool: False, NoneType: None, Any: 0.5, object: "a", type: float,
-        np.ndarray: T_S[:5], pd.DataFrame: TABLE, PlantModel: P5, Effect: creep, Record: RECORD,
+        PlantModel: P5, Effect: creep, Record: RECORD,
         type(P5.hysteresis): P5.hysteresis, Truth: Truth(P5, (creep,), noise_um=0.01, seed=3),
     }  # fmt: skip
 
@@ -35,6 +38,11 @@ def _made() -> dict[Any, Any]:
 def example(hint: Any) -> Any:
     """Make a small value of an annotated type, its optional parts there."""
     kind, inner = get_origin(hint), get_args(hint)  # a user's own code is not saved: empty
+    if hint is pd.DataFrame:
+        return next(TABLES)
+    if kind is np.ndarray:
+        (number,) = get_args(inner[1]) or (None,)
+        return T_S[:5].astype(number if isinstance(number, type) else float)
     if (known := kind if kind in _made() else hint) in _made():
         return _made()[known]
     if kind is Literal:

@@ -220,6 +220,19 @@ def archive(members: Mapping[str, bytes], method: int = zipfile.ZIP_STORED) -> b
     return stream.getvalue()
 
 
+def packed_archive(members: Mapping[str, tuple[bytes, int]]) -> bytes:
+    """Write an archive of members that are deflated already, their check sums left out."""
+    body, index = b"", b""
+    for name, (packed, size) in members.items():
+        said = struct.pack("<HHHHHIIIHH", 20, 0, 8, 0, 0, 0, len(packed), size, len(name), 0)
+        at = struct.pack("<HHHII", 0, 0, 0, 0, len(body))
+        index += b"PK\1\2" + struct.pack("<H", 20) + said + at + name.encode()
+        body += b"PK\3\4" + said + name.encode() + packed
+    count = len(members)
+    end = struct.pack("<HHHHIIH", 0, 0, count, count, len(index), len(body), 0)
+    return body + index + b"PK\5\6" + end
+
+
 _LOCAL = (4, 6, 8, (14, 4), (18, 4), (22, 4), 26, 28)
 _CENTRAL = (4, 6, 8, 10, (16, 4), (20, 4), (24, 4), 28, 30, 32, 34, (38, 4), (42, 4))
 _END = (4, 6, 8, 10, (12, 4), (16, 4), 20)

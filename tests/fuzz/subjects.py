@@ -507,7 +507,7 @@ SHARES = {
 STRUCTURED = {
     "npz/structure": 3_000,
     "result/structure": 3_500,
-    "plant/structure": 3_000,
+    "plant/structure": 2_900,
     "truth/structure": 200,
     "signal/structure": 1_000,
     "dataset.toml/structure": 700,
@@ -520,8 +520,9 @@ STRUCTURED = {
     "tuning/structure": 300,
     "diagnosis/structure": 400,
     "journal/structure": 400,
-    "tracking rows/structure": 200,
-    "task rows/structure": 200,
+    "session data/structure": 300,
+    "tracking rows/structure": 100,
+    "task rows/structure": 100,
     "candidates/structure": 150,
     "program/structure": 50,
 }
