@@ -14,15 +14,19 @@ from typing import Any
 import numpy as np
 
 import rdpi_gym as rg
+from rdpi_gym.measurement.settings import read_settings
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.files import open_regular, read_utf8, write_atomic
+from rdpi_gym.support.temporaries import temporary, writing
 from rdpi_gym.support.words import quoted
 
 SETTINGS = "dataset.toml"
 ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".mat", ".npz")
 """Of files that may hold a record."""
 MOST_FILES, MOST_BYTES = 64, 256 * 2**20
-_REFUSED = "refused"
+LARGEST_SETTINGS = 2**20
+"""Bytes of a ``dataset.toml``."""
+REFUSED = "refused"
 _LONGEST = 120  # characters of a file's name
 _LINE, _COLUMN = re.compile(r"\bline (\d+)"), re.compile(r"\bcolumn (\w+)")
 _SEPARATORS = re.compile(r"[,;\t]")
@@ -105,7 +109,7 @@ def copy_in(source: Path, folder: Path) -> list[str]:
         raise InputError(f"{source} does not exist; give a data file or a folder of data files")
     files = [source]
     if source.is_dir():
-        files = sorted(f for f in source.iterdir() if f.suffix.lower() in ENDINGS and f.is_file())
+        files = data_files(source)
         if not files:
             raise InputError(f"{source}: no data file in this folder; give {', '.join(ENDINGS)}")
     if len(files) > MOST_FILES:
@@ -119,19 +123,25 @@ def copy_in(source: Path, folder: Path) -> list[str]:
     settings = (source if source.is_dir() else source.parent) / SETTINGS
     folder.mkdir(parents=True, exist_ok=True)
     if settings.exists() and not (folder / SETTINGS).exists():
-        text = settings.read_text(encoding="utf-8")
-        write_atomic(folder / SETTINGS, text if source.is_dir() else _of_records(text, files))
+        document = _document(settings, data_files(settings.parent))
+        if not source.is_dir():  # without records that are not there
+            stems = {file.stem for file in files}
+            own = document.get("records", {})
+            document["records"] = {name: entry for name, entry in own.items() if name in stems}
+        write_atomic(folder / SETTINGS, _toml(document))
     for file in files:
-        shutil.copyfile(file, folder / safe_name(file.name))
+        target = folder / safe_name(file.name)
+        with open_regular(file) as content, writing(target), temporary(target) as part:
+            with part.open("wb") as copy:
+                shutil.copyfileobj(content, copy)
+            part.replace(target)
     return [safe_name(file.name) for file in files]
 
 
-def _of_records(text: str, files: Iterable[Path]) -> str:
-    """Return what a ``dataset.toml`` says without records that are not there."""
-    document = tomllib.loads(text)
-    stems = {file.stem for file in files}
-    document["records"] = {k: v for k, v in document.get("records", {}).items() if k in stems}
-    return _toml(document)
+def _document(settings: Path, files: Iterable[Path]) -> dict[str, Any]:
+    """Return what a ``dataset.toml`` says of data files, or refuse it in one line."""
+    read_settings(settings, [file.stem for file in files])
+    return tomllib.loads(read_utf8(settings, LARGEST_SETTINGS))
 
 
 def same(one: Any, other: Any) -> bool:
@@ -170,7 +180,7 @@ def read(folder: Path) -> Read:
     folder
         Of the session's data.
     """
-    aside = folder.parent / _REFUSED
+    aside = folder.parent / REFUSED
     if aside.exists():  # other settings may make them readable
         for file in aside.iterdir():
             file.replace(folder / file.name)
@@ -211,12 +221,16 @@ def read(folder: Path) -> Read:
 
 def data_files(folder: Path) -> list[Path]:
     """Return the data files of a folder, in order."""
-    return sorted(f for f in folder.iterdir() if f.suffix.lower() in ENDINGS and f.is_file())
+    return sorted(
+        f
+        for f in folder.iterdir()
+        if f.suffix.lower() in ENDINGS and f.is_file() and f.name[0] != "."
+    )
 
 
 def refused_file(folder: Path, name: str) -> Path:
     """Return where a file lies that was set aside."""
-    return folder.parent / _REFUSED / name
+    return folder.parent / REFUSED / name
 
 
 def _titled(data: rg.Dataset, files: list[Path], folder: Path) -> rg.Dataset:
@@ -239,8 +253,10 @@ def _short(error: InputError, folder: Path) -> str:
 def settings_of(folder: Path) -> dict[str, Any]:
     """Return what the ``dataset.toml`` of a session says; empty without one or where it is damaged."""
     try:
-        return tomllib.loads((folder / SETTINGS).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        aside = folder.parent / REFUSED
+        files = [*data_files(folder), *(data_files(aside) if aside.is_dir() else [])]
+        return _document(folder / SETTINGS, files)
+    except InputError:
         return {}
 
 

@@ -57,6 +57,8 @@ class Desk:
     def __init__(self, folder: Path, events: Events, processes: int) -> None:
         self.session = Session(folder)
         self.events = events
+        self.acting = asyncio.Lock()
+        """Held by what changes the session: a second click waits for the first."""
         self.job: Job | None = None
         self.problem: str | None = None
         self._processes = processes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,13 @@ from rdpi_gym.laboratory.buying import course
 from rdpi_gym.laboratory.events import Events
 from rdpi_gym.laboratory.examples import examples, folder_of
 from rdpi_gym.laboratory.models import Models, Pending
-from rdpi_gym.laboratory.session import Step
+from rdpi_gym.laboratory.session import Step, check_folder
 from rdpi_gym.laboratory.telling import noise_um, state_of
 from rdpi_gym.plant import CORES, PlantModel
-from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.words import quoted
+from rdpi_gym.support.errors import InputError, printable
+from rdpi_gym.support.files import read_bytes, write_atomic
+from rdpi_gym.support.temporaries import temporary
+from rdpi_gym.support.words import quoted, some
 
 
 class Lab(Models):
@@ -46,34 +49,43 @@ class Lab(Models):
     async def put_file(self, name: str, write: Callable[[Path], Any]) -> dict[str, Any]:
         """Take a file that is sent; `write` puts its content to a path.
 
+        Of files of one name that are sent at once each has a place of its own, and the last that is
+        whole stays.
+
         Raises
         ------
         InputError
-            Its name is no data file's, or there are too many.
+            Its name is no data file's, there are too many, or the folder of the session holds a link.
         """
         session = self.session
+        check_folder(session.folder)
         try:
             safe = bringing.safe_name(name)
         except InputError as error:
-            shown = name[-80:]
-            entry = {"bytes": 0, "problem": str(error), "row": None, "column": None}
-            session.write({"do": "file", "name": shown, "entry": entry})
+            shown = printable(name)[-80:]
+            if len(session.files) < bringing.MOST_FILES:
+                entry = {"bytes": 0, "problem": str(error), "row": None, "column": None}
+                session.write({"do": "file", "name": shown, "entry": entry})
             self.events.changed()
             raise
-        if len(session.files) >= bringing.MOST_FILES and safe not in session.files:
-            raise InputError(f"there are {bringing.MOST_FILES} files already; take one out first")
         target = session.data_folder / safe
-        part = target.with_name(f".{safe}.part")
-        try:
+        self._check_count(safe)
+        with temporary(target) as part:
             await write(part)
-            part.replace(target)
-        finally:
-            part.unlink(missing_ok=True)
-        bringing.refused_file(session.data_folder, safe).unlink(missing_ok=True)
-        if safe != bringing.SETTINGS:
-            self._note_file(safe, None)
+            async with self.acting:
+                self._check_count(safe)
+                part.replace(target)
+                bringing.refused_file(session.data_folder, safe).unlink(missing_ok=True)
+                if safe != bringing.SETTINGS:
+                    self._note_file(safe, None)
         self.events.changed()
         return self.state()
+
+    def _check_count(self, name: str) -> None:
+        """Refuse one file too many."""
+        files = self.session.files
+        if len(files) >= bringing.MOST_FILES and name not in files:
+            raise InputError(f"there are {bringing.MOST_FILES} files already; take one out first")
 
     def _note_file(self, name: str, problem: bringing.Problem | None) -> None:
         folder = self.session.data_folder
@@ -98,12 +110,15 @@ class Lab(Models):
         """
         session = self.session
         if name not in session.files:
-            raise InputError(
-                f"there is no file {quoted(name)}; there are {', '.join(session.files)}"
-            )
-        folder = session.data_folder
-        for path in (folder / Path(name).name, bringing.refused_file(folder, Path(name).name)):
-            path.unlink(missing_ok=True)
+            raise InputError(f"there is no file {quoted(name)}; there are {some(session.files)}")
+        check_folder(session.folder)
+        with suppress(InputError):  # of a file that was refused by its name nothing was kept
+            safe = bringing.safe_name(name)
+            for path in (
+                session.data_folder / safe,
+                bringing.refused_file(session.data_folder, safe),
+            ):
+                path.unlink(missing_ok=True)
         session.write({"do": "file", "name": name, "entry": None})
         self.events.changed()
         return self.state()
@@ -120,6 +135,7 @@ class Lab(Models):
             No file can be read; the files say which and where.
         """
         session = self.session
+        check_folder(session.folder)
         found = await asyncio.to_thread(bringing.read, session.data_folder)
         for file in bringing.data_files(session.data_folder):
             self._note_file(file.name, found.problems.get(file.name))
@@ -187,6 +203,7 @@ class Lab(Models):
         """Take out all files and what is said of them."""
         for name in [*self.session.files]:
             await self.delete_file(name)
+        check_folder(self.session.folder)
         for path in [p for p in self.session.data_folder.iterdir() if p.is_file()]:
             path.unlink()
 
@@ -199,17 +216,18 @@ class Lab(Models):
             A setting that there is not; one that the data cannot be read with is taken back.
         """
         session = self.session
+        check_folder(session.folder)
         folder = session.data_folder
         records = [r.name for r in session.data.records] if session.data is not None else []
         records += [f.stem for f in bringing.data_files(folder) if f.stem not in records]
         path = folder / bringing.SETTINGS
-        before = path.read_bytes() if path.exists() else None
+        before = read_bytes(path, bringing.LARGEST_SETTINGS) if path.exists() else None
         bringing.write_settings(folder, changes, records)
         try:
             return await self.open()
         except InputError:
             if session.data is not None:
-                path.unlink() if before is None else path.write_bytes(before)
+                path.unlink() if before is None else write_atomic(path, before)
                 await self.open()
             raise
 
@@ -295,7 +313,7 @@ class Lab(Models):
         names = [own.name for own in step.plant.effects]
         if effect not in names:
             raise InputError(
-                f"the model has no effect {quoted(effect)}; it has {', '.join(names) or 'none'}"
+                f"the model has no effect {quoted(effect)}; it has {some(names) or 'none'}"
             )
         await self._stop()
         kept = tuple(own for own in step.plant.effects if own.name != effect)

@@ -26,6 +26,7 @@ from starlette.staticfiles import StaticFiles
 from rdpi_gym.laboratory.events import Events
 from rdpi_gym.laboratory.guard import Guard
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import BINARY, NO_LINK, parse_json
 from rdpi_gym.support.words import quoted
 
 if TYPE_CHECKING:
@@ -134,7 +135,6 @@ class Server:
         self._folder, self._sources = folder, sources
         self._processes = processes if processes > 0 else os.cpu_count() or 1
         self._events = Events()
-        self._acting = asyncio.Lock()
         self._lab: asyncio.Future[Lab] | None = None
         config = uvicorn.Config(
             Guard(self._app(), place.token, place.port),
@@ -244,7 +244,7 @@ class Server:
                 said, lab = await _json(request), await self._ready()
                 if path == "parameter" and not said.get("commit"):
                     return await action(lab, said)
-                async with self._acting:  # a second click waits for the first
+                async with lab.acting:
                     return await action(lab, said)
 
             return await _answered(answer)
@@ -273,7 +273,8 @@ class Server:
         async def answer() -> Any:
             lab = await self._ready()
             if request.method == "DELETE":
-                return await lab.delete_file(name)
+                async with lab.acting:
+                    return await lab.delete_file(name)
             return await lab.put_file(name, partial(_received, request))
 
         return await _answered(answer)
@@ -309,8 +310,8 @@ async def _json(request: Request) -> Mapping[str, Any]:
                 f"the request is larger than {MOST_JSON_BYTES // 2**20} MiB; send less"
             )
     try:
-        found = json.loads(body or b"{}")
-    except (ValueError, RecursionError):
+        found = parse_json((body or b"{}").decode(), "the request")
+    except ValueError:
         raise InputError("the request is not JSON") from None
     if not isinstance(found, dict):
         raise InputError('the request is no JSON object; give one, as in {"effect": "creep"}')
@@ -323,7 +324,7 @@ async def _received(request: Request, path: Path) -> None:
 
     size = 0
     try:
-        with path.open("wb") as stream:
+        with os.fdopen(os.open(path, os.O_WRONLY | NO_LINK | BINARY), "wb") as stream:
             async for part in request.stream():
                 size += len(part)
                 if size > MOST_BYTES:
@@ -353,7 +354,7 @@ def _number(said: Mapping[str, Any], key: str) -> float:
     value = said.get(key)
     try:
         found = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{key} is {quoted(value)}; give a number") from None
     if found != found or abs(found) == float("inf"):
         raise InputError(f"{key} is {quoted(value)}; give a finite number")

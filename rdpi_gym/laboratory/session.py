@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import rdpi_gym as rg
-from rdpi_gym.laboratory.bringing import read
+from rdpi_gym.laboratory.bringing import REFUSED, read
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.checked import check_type
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import BINARY, NO_LINK, parse_json, read_bytes, write_all
+from rdpi_gym.support.words import quoted, some
 
 JOURNAL = "journal.jsonl"
 DATA_FOLDER = "data"
+_STEP = re.compile(r"s[1-9][0-9]{0,8}")
+"""Names of steps: they stand as variables in a notebook."""
+_APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | NO_LINK | BINARY
+_LARGEST_JOURNAL = 2**26  # bytes: a thousand rankings
 Event = Mapping[str, Any]
 
 
@@ -60,9 +68,24 @@ class Step:
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Step:
-        """Build from the object of the journal."""
-        plant = PlantModel.from_dict(document["plant"], f"step {document['id']}")
-        return cls(**{**document, "plant": plant, "held": tuple(document["held"])})
+        """Build from the object of the journal.
+
+        Raises
+        ------
+        InputError
+            A name that is none of a step, or a value of another type.
+        """
+        plant = PlantModel.from_dict(document["plant"], "a step")
+        step = cls(**{**document, "plant": plant, "held": tuple(document["held"])})
+        for name, hint in get_type_hints(cls).items():
+            check_type(getattr(step, name), hint, f"a step's {name}")
+        check_type(list(step.held), Sequence[str], "a step's held")
+        for name in (step.id, step.parent):
+            if name is not None and not _STEP.fullmatch(name):
+                raise InputError(f"{quoted(name)} names no step")
+        if step.parent is not None and int(step.parent[1:]) >= int(step.id[1:]):
+            raise InputError(f"step {step.id} cannot be made from {step.parent}")
+        return step
 
 
 @dataclass(frozen=True)
@@ -169,6 +192,7 @@ class Session:
         self._data: rg.Dataset | None = None
         self._is_read = False
         self._count = 0
+        check_folder(folder)
         self.data_folder.mkdir(parents=True, exist_ok=True)
         for number, event in enumerate(self.events(), 1):
             try:
@@ -216,7 +240,7 @@ class Session:
             There is no such step.
         """
         if step not in self.steps:
-            raise InputError(f"step {step} is not there; the steps are {', '.join(self.steps)}")
+            raise InputError(f"step {quoted(step)} is not there; there are {some(self.steps)}")
         return self.steps[step]
 
     def ranking_of(self, step: str) -> Ranking | None:
@@ -251,19 +275,24 @@ class Session:
         Raises
         ------
         InputError
-            The journal cannot be written.
+            The journal cannot be written, or could not be read again.
         """
         line = json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n"
+        again = parse_json(line, JOURNAL)
+        if "step" in again and again["do"] in ("step", "update"):
+            Step.from_dict(again["step"])
         try:
-            with (self.folder / JOURNAL).open("ab") as stream:
-                stream.write(line.encode())
-                stream.flush()
-                os.fsync(stream.fileno())
+            handle = os.open(self.folder / JOURNAL, _APPEND, 0o666)
+            try:
+                write_all(handle, line.encode())
+                os.fsync(handle)
+            finally:
+                os.close(handle)
         except OSError as error:
             raise InputError(
                 f"{self.folder / JOURNAL} cannot be written ({error.strerror})"
             ) from error
-        self._fold(json.loads(line))  # as it is read again
+        self._fold(again)
 
     def events(self) -> Iterator[Event]:
         """Yield what the journal holds, in order.
@@ -292,22 +321,64 @@ class Session:
                 self._count += 1
                 self.path, self.redo = self.chain(step.id), []
         elif event["do"] == "go":
-            self.path, self.redo = list(event["path"]), list(event["redo"])
-        elif event["do"] == "refit":
-            ranking = self.rankings.get(event["step"], Ranking(event["step"]))
+            path, redo = list(event["path"]), list(event["redo"])
+            for name in (*path, *redo):
+                self.step(name)
+            self.path, self.redo = path, redo
+        else:
+            self._fold_on(self.step(event["step"]).id, event)
+
+    def _fold_on(self, step: str, event: Event) -> None:
+        """Let what was done on a step take effect."""
+        before = self.rankings.get(step, Ranking(step))
+        if event["do"] == "refit":
             refit = event["refit"]
-            tried = {**ranking.refits, (refit["effect"], refit["form"]): refit}
-            self.rankings[event["step"]] = replace(ranking, refits=tried)
+            tried = {**before.refits, (refit["effect"], refit["form"]): refit}
+            self.rankings[step] = replace(before, refits=tried)
         elif event["do"] == "ranking":
-            before = self.rankings.get(event["step"], Ranking(event["step"]))
             refits = {} if event["status"] == "running" else before.refits
-            self.rankings[event["step"]] = Ranking(
-                event["step"], event["status"], refits, event.get("result"), event.get("problem")
+            self.rankings[step] = Ranking(
+                step, event["status"], refits, event.get("result"), event.get("problem")
             )
         elif event["do"] == "payoff":
-            self.payoffs[event["step"]] = dict(event["payoff"])
+            self.payoffs[step] = dict(event["payoff"])
         elif event["do"] == "said":
-            self.said[event["step"]] = {k: event[k] for k in ("sentence", "noise_um")}
+            self.said[step] = {k: event[k] for k in ("sentence", "noise_um")}
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a session that would read or write elsewhere: it holds folders and regular files alone.
+
+    Parameters
+    ----------
+    folder
+        Of the session; it need not be there.
+
+    Raises
+    ------
+    InputError
+        The folder, its data or its refused files are a link or no folder, or hold a link, a FIFO, a
+        device or a socket.
+    """
+    for inner in (folder, folder / DATA_FOLDER, folder / REFUSED):
+        if inner != folder and inner.is_symlink():
+            raise _irregular(inner)
+        try:
+            entries = sorted(os.scandir(inner), key=lambda entry: entry.name)
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise InputError(f"{inner} cannot be read ({error.strerror})") from error
+        for entry in entries:
+            is_plain = entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)
+            if not is_plain:
+                raise _irregular(Path(entry.path))
+
+
+def _irregular(path: Path) -> InputError:
+    return InputError(
+        f"{path} is a link or no regular file; a session holds neither: remove it, or begin a new session"
+    )
 
 
 def read_journal(folder: Path) -> Iterator[Event]:
@@ -321,18 +392,19 @@ def read_journal(folder: Path) -> Iterator[Event]:
     Raises
     ------
     InputError
-        It is damaged before its last line.
+        It is damaged before its last line, larger than 64 MiB, or the folder is refused by
+        :func:`check_folder`.
     """
     path = folder / JOURNAL
+    check_folder(folder)
     if not path.exists():
         return
-    whole, end, torn = path.read_bytes().rpartition(b"\n")
+    whole, end, torn = read_bytes(path, _LARGEST_JOURNAL).rpartition(b"\n")
     if torn:  # the server died in the middle of a line
-        with path.open("r+b") as stream:
-            stream.truncate(len(whole) + len(end))
+        os.truncate(path, len(whole) + len(end))
     for number, line in enumerate(whole.splitlines(), 1):
         try:
-            yield json.loads(line)
+            yield parse_json(line.decode(), JOURNAL)
         except ValueError as error:
             raise _damaged(folder, number) from error
 

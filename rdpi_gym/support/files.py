@@ -18,9 +18,13 @@ from rdpi_gym.support.words import quoted
 LARGEST_JSON = 32 * 2**20
 """Most bytes of a JSON file that is read."""
 _DEEPEST = 50
+_MOST_VALUES = 2**20
+"""Values of a JSON document: of 3 bytes in the file, one may take 100 in memory."""
 BINARY = getattr(os, "O_BINARY", 0)
 """Of Windows, where line ends would be translated."""
 _NO_WAIT = getattr(os, "O_NONBLOCK", 0) | BINARY
+NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+"""Flag of opening: a symbolic link is refused."""
 
 
 def write_atomic(path: Path | str, content: str | bytes) -> Path:
@@ -210,8 +214,8 @@ def parse_json(text: str, source: str) -> Any:
     Raises
     ------
     InputError
-        No whole JSON, nested deeper than 50 levels, NaN or infinity, a number too large for a
-        double or a 64-bit integer, or text that a terminal would obey.
+        No whole JSON, nested deeper than 50 levels, more than a million values, NaN or infinity, a
+        number too large for a double or a 64-bit integer, or text that a terminal would obey.
 
     Examples
     --------
@@ -237,6 +241,8 @@ def parse_json(text: str, source: str) -> Any:
         value = float(token)
         return value if math.isfinite(value) else refuse(token)
 
+    if sum(map(text.count, ",:[{")) > _MOST_VALUES:
+        raise InputError(f"{source} holds more than {_MOST_VALUES} values; a document holds fewer")
     try:
         value = json.loads(text, parse_int=whole, parse_float=real, parse_constant=refuse)
     except json.JSONDecodeError as error:
