@@ -7,6 +7,7 @@ import math
 import shlex
 import shutil
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 
 from baselines import policy_of
 from benchmarks.stages.draws import TestSeed
-from benchmarks.stages.rows import SUITE_VERSION, open_rows
+from benchmarks.stages.rows import SUITE_VERSION, Key, open_rows
 from benchmarks.stages.run import run_tasks
 from benchmarks.stages.tables import TaskScores
 from benchmarks.tracking.fingerprint import code_fingerprint
@@ -23,16 +24,18 @@ from benchmarks.tracking.learned import is_learned
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_json
+from rdpi_gym.support.files import read_bytes, read_json, write_atomic, write_json
+from rdpi_gym.support.folders import replaced_folder
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
-from rdpi_gym.support.words import quoted
+from rdpi_gym.support.words import quoted, short
 
 FORMAT, VERSION = "rdpi-submission", 1
 FILE = "submission.json"
 # Of a row: what says how well a controller did, and what depends on the machine.
 _FIGURES = ("rmse_percent", "worst_percent", "command_variation_V_s")
 _ROUNDING = 1e-6
+_LARGEST_CODE = 2**28  # bytes of a file, as those of a policy's weights
 
 
 @dataclass(frozen=True)
@@ -161,12 +164,17 @@ def read_submission(folder: Path) -> Submission:
         raise InputError(
             f"{folder / entry.code} is not what was submitted: its hash differs; submit it again"
         )
-    wanted = _keys(entry)
-    missing = [k for k in wanted if k not in open_rows(folder).rows]
-    if missing:
-        task, plant = missing[0][1], missing[0][3]
+    rows, wanted = open_rows(folder).rows, len(entry.tasks) * entry.plants
+    # of any number that the file says, no more are looked for than rows are there
+    missing = next((k for k in _keys(entry) if k not in rows), None)
+    if missing is not None:
+        label, there = TestSeed().label, set(entry.tasks)
+        found = sum(
+            (name, draws) == (entry.controller, label) and task in there and plant < entry.plants
+            for name, task, draws, plant in rows
+        )
         raise InputError(
-            f"{folder} lacks {len(missing)} of {len(wanted)} rows, the first that of task {task}, plant {plant}; run its command again: {entry.command}"
+            f"{folder} lacks {wanted - found} of {wanted} rows, the first that of task {missing[1]}, plant {missing[3]}; run its command again: {short(entry.command)}"
         )
     return entry
 
@@ -226,13 +234,11 @@ def score_submission(
     return TaskScores(tuple(renamed), seed.label, outcome.computed, tuple(notes))
 
 
-def _keys(entry: Submission) -> list[tuple[str, str, str, int]]:
+def _keys(entry: Submission) -> Iterator[Key]:
     label = TestSeed().label
-    return [
-        (entry.controller, task, label, plant)
-        for task in entry.tasks
-        for plant in range(entry.plants)
-    ]
+    for task in entry.tasks:
+        for plant in range(entry.plants):
+            yield entry.controller, task, label, plant
 
 
 def _is_same(row: Row, stated: Row) -> bool:
@@ -253,7 +259,8 @@ def _copied(controller: str, folder: Path) -> str:
         path = Path(policy_of(controller) or "")
         if not path.is_dir():
             return ""  # a shipped one
-        shutil.copytree(path, folder / "policy", dirs_exist_ok=True)
+        with replaced_folder(folder / "policy") as fresh:
+            shutil.copytree(path, fresh, dirs_exist_ok=True)
         return "policy"
     module, colon, _ = controller.partition(":")
     if not colon:
@@ -271,7 +278,7 @@ def _copied(controller: str, folder: Path) -> str:
         )
     content = Path(origin).read_bytes()
     name = f"submitted_{hashlib.sha256(content).hexdigest()[:12]}.py"
-    (folder / name).write_bytes(content)
+    write_atomic(folder / name, content)
     return name
 
 
@@ -282,5 +289,6 @@ def _hash(folder: Path, code: str) -> str:
     files = sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
     digest = hashlib.sha256()
     for each in files:
-        digest.update(each.relative_to(folder).as_posix().encode() + b"\0" + each.read_bytes())
+        content = read_bytes(each, _LARGEST_CODE)
+        digest.update(each.relative_to(folder).as_posix().encode() + b"\0" + content)
     return digest.hexdigest()

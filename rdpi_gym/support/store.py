@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import BINARY, read_bytes, sync_folder, write_all, write_atomic
+from rdpi_gym.support.files import BINARY, NO_LINK, read_bytes, sync_folder, write_all, write_atomic
 from rdpi_gym.support.temporaries import is_open_at, lock, writing
 
 NAMED_FORMAT, VERSION = "rdpi-hidden-rows", 2
@@ -20,6 +20,8 @@ Row: TypeAlias = dict[str, Any]
 K = TypeVar("K", bound=Hashable)
 
 _LARGEST = 2**31  # bytes
+# a link leads to what is not ours to write, and another's file would never be seen as the one at the path
+_APPEND = os.O_RDWR | os.O_APPEND | os.O_CREAT | NO_LINK | BINARY
 _SUM = re.compile(rb', "sum": "([0-9a-f]{16})"\}')
 
 
@@ -259,7 +261,7 @@ class RowStore(Generic[K]):
         """Open the file, make it if need be, and keep other processes from writing to it."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         while True:
-            handle = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT | BINARY, 0o666)
+            handle = os.open(self.path, _APPEND, 0o666)
             try:
                 with suppress(OSError):  # a file system without locks: one process at a time
                     lock(handle, wait=True)

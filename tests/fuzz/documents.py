@@ -10,7 +10,7 @@ import struct
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
@@ -32,6 +32,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import RowStore, named_rows
 from tests.fuzz import subjects
 from tests.fuzz.examples import example
+from tests.fuzz.folders import folders, submitted
 from tests.fuzz.structure import (
     RIGHT,
     Attacks,
@@ -313,6 +314,23 @@ def candidates() -> Iterator[Subject]:
     yield subject_of([document], read)
 
 
+@contextmanager
+def submissions() -> Iterator[Subject]:
+    """What a submission says of itself, beside its code and its rows."""
+    from benchmarks.stages.submission import FILE, read_submission
+
+    with submitted() as folder:
+        said = json.loads((folder / FILE).read_text())
+        beside = {
+            path.name: path.read_bytes()
+            for path in folder.iterdir()
+            if path.is_file() and path.name != FILE
+        }
+    document = json_document(FILE, said)
+    document = replace(document, files=lambda _, raw: {FILE: raw, **beside})
+    yield subject_of([document], read_submission)
+
+
 # policies and what trains them
 
 
@@ -395,26 +413,29 @@ def hyperparameters() -> Iterator[Subject]:
     yield subject_of(documents, read)
 
 
+class Learner:
+    """What a checkpoint is made of, without a training."""
+
+    kind, timesteps, updates = "sac", 100, 7
+
+    def tensors(self) -> Any:
+        import torch
+
+        return {"actor": {"weight": torch.ones(3, 2)}}
+
+    def arrays(self) -> Any:
+        return {"observations": np.arange(12.0).reshape(4, 3), "position": np.array([2])}
+
+    def restore(self, kept: Any) -> None:
+        assert kept.tensors["actor"]["weight"].shape == (3, 2)
+        for name in self.arrays():
+            kept.read(name)
+
+
 @contextmanager
 def checkpoints() -> Iterator[Subject]:
     """What an interrupted training goes on from: description, archive of tensors, replay buffer."""
-    import torch
-
     from baselines.learned.checkpoint import _seal, load_checkpoint, save_checkpoint
-
-    class Learner:
-        kind, timesteps, updates = "sac", 100, 7
-
-        def tensors(self) -> Any:
-            return {"actor": {"weight": torch.ones(3, 2)}}
-
-        def arrays(self) -> Any:
-            return {"observations": np.arange(12.0).reshape(4, 3), "position": np.array([2])}
-
-        def restore(self, kept: Any) -> None:
-            assert kept.tensors["actor"]["weight"].shape == (3, 2)
-            for name in ("observations", "position"):
-                kept.read(name)
 
     with tempfile.TemporaryDirectory() as name:
         save_checkpoint(Path(name), Learner(), {"rows": [], "timesteps": 100})
@@ -496,8 +517,7 @@ def journal_documents() -> list[Document]:
     # each event alone, after what it needs: of a long list the ends alone are attacked
     before = {4: [3], 6: [5], 7: [5]}
     parts = [
-        [*(events[j] for j in ([] if k < 2 else [1, 2])), *(events[j] for j in before.get(k, []))]
-        + [events[k]]
+        [events[j] for j in [*([] if k < 2 else [1, 2]), *before.get(k, []), k]]
         for k in range(len(events))
     ]
     return [Document(part, build, files) for part in parts]
@@ -675,6 +695,8 @@ MAKERS: dict[str, Callable[[], AbstractContextManager[Subject]]] = {
     "tracking rows": tracking,
     "task rows": stages,
     "candidates": candidates,
+    "submission": submissions,
+    "folders": folders,
     "program": partial(_plain, program_documents, read_program),
 }
 """What each reader of `subjects.STRUCTURED` is attacked with."""

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
-from itertools import cycle
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -21,8 +20,8 @@ from rdpi_gym.virtual_lab.truth import Truth
 T_S = 0.02 * np.arange(40)
 RECORD = Record("run", T_S, np.sin(3 * T_S), 8 * np.sin(3 * T_S - 0.1), ts_s=0.02)
 TABLE = pd.DataFrame({"rmse_um": [0.1, 0.2], "seed": [1, 2], "controller": ["none", "pi"]})
-TABLES = cycle([TABLE, TABLE[["controller"]], TABLE[[]][:0]])
-"""In turn: numbers and texts, texts alone, nothing."""
+TABLES = (TABLE, TABLE[["controller"]], TABLE[[]][:0])
+"""Numbers and texts, texts alone, nothing."""
 
 
 @cache
@@ -35,11 +34,11 @@ def _made() -> dict[Any, Any]:
     }  # fmt: skip
 
 
-def example(hint: Any) -> Any:
-    """Make a small value of an annotated type, its optional parts there."""
+def example(hint: Any, turn: int = 0) -> Any:
+    """Make a small value of an annotated type, its optional parts there, a table in turn."""
     kind, inner = get_origin(hint), get_args(hint)  # a user's own code is not saved: empty
     if hint is pd.DataFrame:
-        return next(TABLES)
+        return TABLES[turn % len(TABLES)]
     if kind is np.ndarray:
         (number,) = get_args(inner[1]) or (None,)
         return T_S[:5].astype(number if isinstance(number, type) else float)
@@ -48,7 +47,7 @@ def example(hint: Any) -> Any:
     if kind is Literal:
         return inner[0]
     if kind in (Union, UnionType):
-        return example(next(each for each in inner if each is not NoneType))
+        return example(next(each for each in inner if each is not NoneType), turn)
     if kind is tuple:
         if get_origin(inner[0]) is type:
             return ()
@@ -68,5 +67,5 @@ def _instance(kind: Any) -> Any:
     found = {}
     for each in fields(kind):
         if each.init:
-            found[each.name] = example(hints[each.name])
+            found[each.name] = example(hints[each.name], len(each.name))
     return kind(**found)

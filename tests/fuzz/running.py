@@ -100,7 +100,7 @@ def run(name: str, seed: int, cases: range) -> int:
 def _bytes_in(folder: Path) -> int:
     """Bytes that the regular files of a folder take on the disk, as a reader may double them."""
     found = (path.lstat() for path in folder.rglob("*"))
-    return sum(each.st_size for each in found if stat.S_ISREG(each.st_mode))
+    return sum(512 * each.st_blocks for each in found if stat.S_ISREG(each.st_mode))
 
 
 @contextmanager
@@ -176,7 +176,8 @@ def watched(name: str, seed: int, cases: range, command: Sequence[str] = ()) -> 
                 print(done.stderr)
             break
         print(
-            f"WRONG {again(name, seed, started[-1])}\nended with {done.returncode}: {done.stderr[-3000:]}"
+            f"WRONG {again(name, seed, started[-1])}\nended with {done.returncode}: {done.stderr[-3000:]}",
+            flush=True,
         )
         left = range(started[-1] + 1, left.stop)
     return wrong

@@ -87,6 +87,15 @@ class Document:
         return self.files(tree, bytes(content))
 
 
+def shuffled(seed: int, count: int, number: int) -> int:
+    """Return one of so many numbers, each once in an order that a seed decides."""
+    rng = Random(f"order/{seed}")
+    step = rng.randrange(1, count + 1)
+    while math.gcd(step, count) > 1:
+        step += 1
+    return (rng.randrange(count) + step * number) % count
+
+
 class Attacks:
     """All attacks on some documents.
 
@@ -113,11 +122,7 @@ class Attacks:
         number -= len(self.documents)
         count = len(self)
         if number < count:
-            rng = Random(f"order/{seed}")
-            step = rng.randrange(1, count + 1)
-            while math.gcd(step, count) > 1:
-                step += 1
-            which, place, value = self._attack((rng.randrange(count) + step * number) % count)
+            which, place, value = self._attack(shuffled(seed, count, number))
             return self.documents[which].attacked([(place, value)])
         rng = Random(f"pairs/{seed}/{number}")
         which, place, value = self._attack(rng.randrange(count))

@@ -505,14 +505,14 @@ SHARES = {
 }
 """How many of 20,000 damaged files each reader has."""
 STRUCTURED = {
-    "npz/structure": 3_000,
+    "npz/structure": 3_250,
     "result/structure": 3_500,
-    "plant/structure": 2_900,
+    "plant/structure": 2_950,
     "truth/structure": 200,
     "signal/structure": 1_000,
     "dataset.toml/structure": 700,
     "matlab-v5/structure": 2_000,
-    "matlab-v7.3/structure": 3_000,
+    "matlab-v7.3/structure": 2_300,
     "policy/structure": 700,
     "student/structure": 300,
     "checkpoint/structure": 500,
@@ -524,7 +524,9 @@ STRUCTURED = {
     "tracking rows/structure": 100,
     "task rows/structure": 100,
     "candidates/structure": 150,
+    "submission/structure": 150,
     "program/structure": 50,
+    "folders/structure": 250,
 }
 """How many of 20,000 attacks on the structure of documents each reader meets."""
 
