@@ -9,7 +9,7 @@ QUICK := tests/test_house.py tests/plant tests/signals tests/measurement tests/s
 check test: export OMP_NUM_THREADS = 1
 check test: export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: bench check test docs clean
+.PHONY: audit bench check test docs clean
 
 bench: .venv/.core
 	$(BIN)/rdpi bench --out $(OUT)
@@ -26,6 +26,10 @@ check: .venv/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2 -q -m "not slow" $(QUICK)
+
+# What is installed, and what of it is known to be vulnerable.
+audit: .venv/.dev
+	$(BIN)/python tests/audit.py
 
 docs: .venv/.docs
 	$(BIN)/python -m sphinx -c docs -b html -W --keep-going -q -d build/doctrees . build/site

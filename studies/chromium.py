@@ -16,6 +16,7 @@ from typing import Any, Self
 from rdpi_gym.support.errors import InputError
 
 _PATIENCE_S, _LOOK_MS, _ASK_MS = 300.0, 20, 200
+_BEARER = "'Bearer ' + localStorage.getItem('rdpi-lab-token')"
 _OWN = re.compile(r"(http://127\.0\.0\.1:\d+/|data:|blob:)")
 
 
@@ -188,7 +189,9 @@ class LabPage:
     def until_told(self, of_state: str) -> float:
         """Wait until something is true of the state ``s`` that the server tells."""
         return self.until(
-            f"fetch('/api/state').then(r => r.json()).then(s => Boolean({of_state}))", _ASK_MS
+            f"fetch('/api/state', {{headers: {{Authorization: {_BEARER}}}}}).then(r => r.json())"
+            f".then(s => Boolean({of_state}))",
+            _ASK_MS,
         )
 
     def until_tried(self) -> float:

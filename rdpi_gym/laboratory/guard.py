@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import hmac
+import json
+from collections.abc import Collection
 from typing import Any
-from urllib.parse import parse_qs
 
-COOKIE = "rdpi_lab"
 ADDRESS_NEEDED = "Open the address that `rdpi lab` printed."
+TICKET_USED = (
+    "This address has been opened already. If that was not you, end the laboratory: somebody else on this "
+    "machine has opened it. Else open the address that `rdpi lab` printed."
+)
 _KINDS = (b"application/json", b"application/octet-stream")
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
@@ -24,18 +28,29 @@ _HEADERS = (
 class Guard:
     """An ASGI application behind the rules of the laboratory.
 
+    The files of the page are for everybody on this machine. Whatever else is asked carries the token
+    in a header, which no other page and no other server can send or receive: cookies go to
+    every port of an address.
+
     Parameters
     ----------
     app
-        What is guarded.
+        The application.
     token
-        Of the address.
+        Secret of the address that is printed, good as long as the server runs.
+    ticket
+        Secret of the address that a browser is started with, where every user of the machine may
+        read it; good once, for the token.
     port
-        That the server listens on.
+        Port that the server listens on.
+    public
+        Paths of the page's own files.
     """
 
-    def __init__(self, app: Any, token: str, port: int) -> None:
-        self._app, self._token = app, token.encode()
+    def __init__(
+        self, app: Any, token: str, ticket: str, port: int, public: Collection[str]
+    ) -> None:
+        self._app, self._token, self._ticket, self._public = app, token, ticket, public
         self._hosts = {f"{name}:{port}".encode() for name in ("127.0.0.1", "localhost")}
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
@@ -49,7 +64,7 @@ class Guard:
         async def guarded(message: Any) -> None:
             if message["type"] == "http.response.start":
                 own = [*message["headers"], *_HEADERS]
-                if scope["path"].startswith("/api") or scope["path"] == "/":
+                if scope["path"] not in self._public or scope["path"] == "/":
                     own.append((b"cache-control", b"no-store"))
                 message = {**message, "headers": own}
             await send(message)
@@ -57,20 +72,23 @@ class Guard:
         if (refused := self._refused(scope, headers)) is not None:
             await _answer(guarded, *refused)
             return
-        if scope["path"] == "/" and (given := _token_in(scope)) is not None:
-            if hmac.compare_digest(given, self._token):
-                cookie = b"%s=%s; HttpOnly; SameSite=Strict; Path=/" % (
-                    COOKIE.encode(),
-                    self._token,
-                )
-                await _answer(guarded, 303, "", (b"location", b"/"), (b"set-cookie", cookie))
-            else:
+        if scope["path"] not in self._public:
+            given = headers.get(b"authorization", b"")
+            if scope["path"] == "/api/token":
+                await self._exchange(given, guarded)
+                return
+            if not hmac.compare_digest(given, f"Bearer {self._token}".encode()):
                 await _answer(guarded, 403, ADDRESS_NEEDED)
-            return
-        if not hmac.compare_digest(_cookie(headers), self._token):
-            await _answer(guarded, 403, ADDRESS_NEEDED)
-            return
+                return
         await self._app(scope, receive, guarded)
+
+    async def _exchange(self, given: bytes, send: Any) -> None:
+        """Answer the first who shows the ticket with the token."""
+        if self._ticket and hmac.compare_digest(given, f"Ticket {self._ticket}".encode()):
+            self._ticket = ""
+            await _answer(send, 200, json.dumps({"token": self._token}), b"application/json")
+        else:
+            await _answer(send, 403, json.dumps({"problem": TICKET_USED}), b"application/json")
 
     def _refused(self, scope: Any, headers: dict[bytes, bytes]) -> tuple[int, str] | None:
         """Return why a request is refused whoever sends it; None where it is not."""
@@ -86,24 +104,10 @@ class Guard:
         return None
 
 
-def _token_in(scope: Any) -> bytes | None:
-    found = parse_qs(scope["query_string"].decode("latin-1")).get("token")
-    return None if not found else found[0].encode()
-
-
-def _cookie(headers: dict[bytes, bytes]) -> bytes:
-    for part in headers.get(b"cookie", b"").split(b";"):
-        name, _, value = part.strip().partition(b"=")
-        if name == COOKIE.encode():
-            return value
-    return b""
-
-
-async def _answer(send: Any, status: int, line: str, *headers: tuple[bytes, bytes]) -> None:
-    body = f"{line}\n".encode() if line else b""
-    kind = (b"content-type", b"text/plain; charset=utf-8")
-    length = (b"content-length", str(len(body)).encode())
-    await send(
-        {"type": "http.response.start", "status": status, "headers": [kind, length, *headers]}
-    )
+async def _answer(
+    send: Any, status: int, line: str, kind: bytes = b"text/plain; charset=utf-8"
+) -> None:
+    body = f"{line}\n".encode()
+    headers = [(b"content-type", kind), (b"content-length", str(len(body)).encode())]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
     await send({"type": "http.response.body", "body": body})

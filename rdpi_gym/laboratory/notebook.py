@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 from rdpi_gym.laboratory.session import Session, Step
@@ -101,7 +103,7 @@ def notebook_of(session: Session) -> str:
     steps = [session.step(name) for name in session.path]
     present = steps[-1]
     title = (
-        f"# {session.data.title}\n\nWhat was done in the laboratory, step by step, with `rdpi_gym`."
+        f"# {_plain(session.data.title)}\n\nWhat was done in the laboratory, step by step, with `rdpi_gym`."
     )
     cells = [
         _text(title),
@@ -128,6 +130,11 @@ def notebook_of(session: Session) -> str:
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
+def _plain(text: str) -> str:
+    """Write a text of the session in Markdown, none of whose marks it makes."""
+    return re.sub(r"([\\`*_\[\]!$])", r"\\\1", escape(" ".join(text.split()), quote=False))
+
+
 def _text(text: str) -> dict[str, Any]:
     return {"cell_type": "markdown", "metadata": {}, "source": text.splitlines(keepends=True)}
 
@@ -144,7 +151,7 @@ def _repeated(steps: list[Step], events: list[Mapping[str, Any]]) -> Iterator[Re
     for number, step in enumerate(steps):
         before = steps[number - 1] if number else None
         following = steps[number + 1] if number + 1 < len(steps) else None
-        text = f"## {step.label}\n\nIn the laboratory: {step.validation_um:.6g} µm on validation records."
+        text = f"## {_plain(step.label)}\n\nIn the laboratory: {step.validation_um:.6g} µm on validation records."
         lines = [_made(step, before, events), _ranking(step, following, events)]
         yield Repeated(text, "\n".join(line for line in lines if line))
 

@@ -62,7 +62,7 @@ def in_background(
         written.cleanup()
 
     if browser:
-        webbrowser.open(place.address)
+        webbrowser.open(place.first_address)
     return OpenLab(place.address, folder, stop)
 
 
@@ -91,7 +91,7 @@ def serve(
     print(f"The laboratory is at {place.address}", f"Its session is kept in {folder}", sep="\n")
     print("Ctrl-C ends it; nothing is lost.", flush=True)
     if browser:
-        threading.Thread(target=webbrowser.open, args=(place.address,), daemon=True).start()
+        threading.Thread(target=webbrowser.open, args=(place.first_address,), daemon=True).start()
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(server.run())
 

@@ -49,21 +49,31 @@ class Place:
     socket
         Bound, not listening yet.
     token
-        That the address has to carry.
+        Secret of the address that is printed.
+    ticket
+        Secret of the address that a browser is started with; good once.
     """
 
     socket: socket.socket
     token: str
+    ticket: str
 
     @property
     def port(self) -> int:
         """Number of the port."""
         return int(self.socket.getsockname()[1])
 
+    # a secret stands behind the #, which no browser sends or keeps in its history
+
     @property
     def address(self) -> str:
-        """What a browser opens."""
-        return f"http://{HOST}:{self.port}/?token={self.token}"
+        """Address that is printed."""
+        return f"http://{HOST}:{self.port}/#token={self.token}"
+
+    @property
+    def first_address(self) -> str:
+        """Address that a browser is started with, where others on this machine may read it."""
+        return f"http://{HOST}:{self.port}/#ticket={self.ticket}"
 
 
 def bind(port: int = 0) -> Place:
@@ -82,7 +92,7 @@ def bind(port: int = 0) -> Place:
     Examples
     --------
     >>> place = bind()
-    >>> place.address.startswith(f"http://127.0.0.1:{place.port}/?token=")
+    >>> place.address.startswith(f"http://127.0.0.1:{place.port}/#token=")
     True
     >>> place.socket.close()
     """
@@ -98,7 +108,7 @@ def bind(port: int = 0) -> Place:
         raise InputError(
             f"--port {port} cannot be taken ({reason}); give another, or leave it out"
         ) from error
-    return Place(bound, secrets.token_urlsafe(24))
+    return Place(bound, secrets.token_urlsafe(24), secrets.token_urlsafe(24))
 
 
 class _Uvicorn(uvicorn.Server):
@@ -136,8 +146,9 @@ class Server:
         self._processes = processes if processes > 0 else os.cpu_count() or 1
         self._events = Events()
         self._lab: asyncio.Future[Lab] | None = None
+        public = {"/", "/plotly.js", *(f"/{file.name}" for file in PAGE.iterdir())}
         config = uvicorn.Config(
-            Guard(self._app(), place.token, place.port),
+            Guard(self._app(), place.token, place.ticket, place.port, public),
             log_level="warning",
             timeout_graceful_shutdown=1,
             server_header=False,

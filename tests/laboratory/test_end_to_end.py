@@ -146,3 +146,38 @@ def _spoiled(page, lab, files):
     lab.die()
     page.until("document.getElementById('alert-text').textContent.includes('rdpi lab --session')")
     return before
+
+
+def test_two_laboratories_in_one_browser_and_a_ticket_that_is_good_once(browser, tmp_path):
+    opened = [rg.lab(browser=False, session=tmp_path / name) for name in ("one", "other")]
+    try:
+        with LabPage(browser) as page:
+            for lab in (*opened, *opened):
+                page.tab.goto(lab.address)
+                page.until("document.body.classList.contains('loaded')")
+                assert "#" not in page.tab.url
+                page.tab.goto(page.tab.url)  # the address alone, as from a bookmark
+                page.until("document.body.classList.contains('loaded')")
+            assert page.tab.context.cookies() == []
+            assert page.said == []
+    finally:
+        for lab in opened:
+            lab.stop()
+
+
+def test_the_address_that_a_browser_is_started_with_is_good_once(browser, tmp_path, monkeypatch):
+    given = []
+    monkeypatch.setattr("webbrowser.open", given.append)
+    lab = rg.lab(session=tmp_path / "session")
+    token = lab.address.partition("=")[2]
+    try:
+        assert token not in given[0]
+        with LabPage(browser) as first:
+            first.tab.goto(given[0])
+            first.until("document.body.classList.contains('loaded')")
+        with LabPage(browser) as second:
+            second.tab.goto(given[0])
+            second.until("!document.getElementById('alert').hidden")
+            assert "has been opened already" in second.text("alert")
+    finally:
+        lab.stop()

@@ -23,7 +23,7 @@ class Client:
     def ask(self, method, path, body=None, kind="application/json"):
         connection = http.client.HTTPConnection("127.0.0.1", self.place.port, timeout=60)
         sent = json.dumps(body).encode() if isinstance(body, dict) else body
-        headers = {"Cookie": f"rdpi_lab={self.place.token}", "Content-Type": kind}
+        headers = {"Authorization": f"Bearer {self.place.token}", "Content-Type": kind}
         connection.request(method, path, sent, headers)
         answer = connection.getresponse()
         return answer.status, json.loads(answer.read())
@@ -156,12 +156,17 @@ def test_the_command_serves_until_it_is_interrupted(tmp_path):
     command = [sys.executable, "-m", "rdpi_gym", "lab", "--no-browser", "--session", "s"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path)
     address = process.stdout.readline().split()[-1]
-    host, _, token = address.removeprefix("http://").partition("/?token=")
+    host, _, token = address.removeprefix("http://").partition("/#token=")
     connection = http.client.HTTPConnection(host, timeout=20)
-    connection.request("GET", "/", headers={"Cookie": f"rdpi_lab={token}"})
+    connection.request("GET", "/")
     page = connection.getresponse()
     assert page.status == 200
     assert b"<html" in page.read()
+    for given, status in ((token, 200), ("other", 403)):
+        connection.request("GET", "/api/state", headers={"Authorization": f"Bearer {given}"})
+        answer = connection.getresponse()
+        answer.read()
+        assert answer.status == status
     process.terminate()
     assert process.wait(20) in (0, -15, 143)
     assert (tmp_path / "s" / "journal.jsonl").exists()

@@ -19,10 +19,32 @@ async function answer(response) {
   return body;
 }
 
+// The secret of the address goes into a header: cookies and addresses would reach other servers and eyes.
+// What is stored belongs to this address and port alone.
+const KEY = "rdpi-lab-token";
+
+const send = (path, {headers = {}, ...options} = {}) =>
+  fetch(path, {...options, headers: {...headers, Authorization: `Bearer ${localStorage.getItem(KEY) ?? ""}`}});
+
+/** Take the secret out of the address; the ticket of a browser's first address is exchanged for the token. */
+async function enter() {
+  const given = new URLSearchParams(location.hash.slice(1));
+  if (!given.has("token") && !given.has("ticket")) return;
+  history.replaceState(null, "", location.pathname);
+  let token = given.get("token");
+  if (!token) {
+    const response = await fetch("/api/token", {headers: {Authorization: `Ticket ${given.get("ticket")}`}});
+    const body = await response.json();
+    if (!response.ok) throw new Problem(body.problem);
+    ({token} = body);
+  }
+  localStorage.setItem(KEY, token);
+}
+
 async function ask(path, options) {
   let response;
   try {
-    response = await fetch(path, {credentials: "same-origin", ...options});
+    response = await send(path, options);
   } catch (error) {
     if (error.name !== "AbortError") lost();
     throw error;
@@ -94,20 +116,18 @@ export function latest(question, draw) {
   return request;
 }
 
-let source = null;
+let listening = null;
 
 function lost() {
   if (store.ui.connection !== "open") return;
   setUi({connection: "lost"});
-  source?.close();
-  source = null;
+  listening?.abort();
   setTimeout(reconnect, RETRY_MS);
 }
 
 async function reconnect() {
   try {
-    const response = await fetch("/api/state", {credentials: "same-origin"});
-    const state = await answer(response);
+    const state = await answer(await send("/api/state"));
     setUi({connection: "open", notice: null});
     setServer(state, {anew: true});
     listen();
@@ -116,20 +136,55 @@ async function reconnect() {
   }
 }
 
-/** Begin to receive what the server pushes. */
-export function listen() {
-  source?.close();
-  source = new EventSource("/api/events");
-  const on = (name, take) => source.addEventListener(name, (event) => take(JSON.parse(event.data)));
-  on("state", setServer);
-  on("card", setCard);
-  on("progress", setProgress);
-  source.onerror = lost;
+/** Receive what the server pushes, until it is lost. */
+export async function listen() {
+  listening?.abort();
+  const own = listening = new AbortController();
+  const take = {state: setServer, card: setCard, progress: setProgress};
+  try {
+    const response = await send("/api/events", {signal: own.signal});
+    if (!response.ok) await answer(response);
+    const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+    let waiting = "";
+    for (let {done, value} = await reader.read(); !done; {done, value} = await reader.read()) {
+      const events = (waiting + value).split("\n\n");
+      waiting = events.pop();
+      for (const event of events) {
+        const [, name, data] = /^event: (\w+)\ndata: (.*)$/.exec(event) ?? [];
+        take[name]?.(JSON.parse(data));
+      }
+    }
+  } catch (error) {
+    if (own.signal.aborted) return;
+  }
+  if (!own.signal.aborted) lost();
+}
+
+/** Let links to files of the session be followed with the secret. */
+function beginTaking() {
+  document.addEventListener("click", async (event) => {
+    const link = event.target.closest?.('a[download][href^="/api/"]');
+    if (!link) return;
+    event.preventDefault();
+    try {
+      const response = await send(link.getAttribute("href"));
+      if (!response.ok) await answer(response);
+      const name = /filename="([^"]+)"/.exec(response.headers.get("content-disposition"))?.[1] ?? "";
+      const href = URL.createObjectURL(await response.blob());
+      Object.assign(document.createElement("a"), {href, download: name}).click();
+      setTimeout(() => URL.revokeObjectURL(href), 60_000);
+    } catch (error) {
+      tell(error);
+    }
+  });
 }
 
 /** Fetch the session and listen from then on. */
 export async function begin() {
+  beginTaking();
+  window.addEventListener("hashchange", () => location.reload()); // an address of a later server
   try {
+    await enter();
     setServer(await get("/api/state"));
     listen();
   } catch (error) {

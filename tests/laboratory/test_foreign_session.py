@@ -1,0 +1,223 @@
+"""A session folder from somebody else: nothing outside it is read or written, nothing in it is code."""
+
+import ast
+import asyncio
+import json
+import os
+import socket
+
+import pytest
+
+import rdpi_gym as rg
+from rdpi_gym.laboratory.events import Events
+from rdpi_gym.laboratory.lab import Lab
+from rdpi_gym.laboratory.notebook import notebook_of
+from rdpi_gym.laboratory.opening import session_folder
+from rdpi_gym.laboratory.session import JOURNAL, Session, Step
+from tests.laboratory.test_lab import Played
+
+SECRET = "what the user has elsewhere"
+
+
+@pytest.fixture
+def elsewhere(tmp_path):
+    """A folder of the user, outside the session."""
+    folder = tmp_path / "home"
+    folder.mkdir()
+    (folder / "thesis.csv").write_text(SECRET)
+    return folder
+
+
+@pytest.fixture
+def session(tmp_path):
+    folder = tmp_path / "session"
+    (folder / "data").mkdir(parents=True)
+    (folder / "refused").mkdir()
+    (folder / JOURNAL).touch()
+    return folder
+
+
+def step(**changes):
+    made = Step("s1", None, "Base model", {"kind": "fit"}, rg.plants["P5"], 1.0, 2.0, {"run": 1.5})
+    return {"do": "step", "step": {**made.to_dict(), **changes}}
+
+
+def journal(folder, *events):
+    (folder / JOURNAL).write_text("".join(json.dumps(event) + "\n" for event in events))
+
+
+LINKS = {
+    "data": lambda folder, target: (
+        (folder / "data").rmdir(),
+        (folder / "data").symlink_to(target),
+    ),
+    "refused": lambda folder, target: (
+        (folder / "refused").rmdir(),
+        (folder / "refused").symlink_to(target),
+    ),
+    "a file": lambda folder, target: (folder / "data" / "run.csv").symlink_to(
+        target / "thesis.csv"
+    ),
+    "a part": lambda folder, target: (folder / "data" / ".run.csv.part").symlink_to(
+        target / "thesis.csv"
+    ),
+    "a hanging link": lambda folder, target: (folder / "data" / "run.csv").symlink_to("nowhere"),
+    "journal": lambda folder, target: (
+        (folder / JOURNAL).unlink(),
+        (folder / JOURNAL).symlink_to(target / "thesis.csv"),
+    ),
+    "settings": lambda folder, target: (folder / "data" / "dataset.toml").symlink_to(
+        target / "thesis.csv"
+    ),
+    "journal as FIFO": lambda folder, target: (
+        (folder / JOURNAL).unlink(),
+        os.mkfifo(folder / JOURNAL),
+    ),
+    "settings as FIFO": lambda folder, target: os.mkfifo(folder / "data" / "dataset.toml"),
+    "socket": lambda folder, target: socket.socket(socket.AF_UNIX).bind(
+        str(folder / "data" / "run.csv")
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", LINKS)
+def test_a_session_with_a_link_or_a_special_file_is_refused(session, elsewhere, kind, monkeypatch):
+    monkeypatch.chdir(session.parent)  # the address of a socket is short
+    LINKS[kind](session.relative_to(session.parent), elsewhere)
+    with pytest.raises(
+        rg.InputError, match="is a link or no regular file; a session holds neither"
+    ):
+        session_folder(session)
+    with pytest.raises(
+        rg.InputError, match="is a link or no regular file; a session holds neither"
+    ):
+        Session(session)
+    assert (elsewhere / "thesis.csv").read_text() == SECRET
+
+
+@pytest.mark.parametrize("kind", ["data", "a file", "settings"])
+@pytest.mark.parametrize("act", ["put", "delete", "open", "settings", "clear"])
+def test_a_link_that_comes_while_it_is_open_is_not_followed(
+    session, elsewhere, kind, act, monkeypatch
+):
+    monkeypatch.setattr("rdpi_gym.laboratory.desk.Workers", Played)
+
+    async def write(path):
+        path.write_bytes(b"foreign")
+
+    async def attacked():
+        lab = Lab(session, Events(), 1)
+        lab.start()
+        await lab.put_file("run.csv", write)
+        (session / "data" / "run.csv").unlink()
+        LINKS[kind](session, elsewhere)
+        actions = {
+            "put": lambda: lab.put_file("run.csv", write),
+            "delete": lambda: lab.delete_file("run.csv"),
+            "open": lab.open,
+            "settings": lambda: lab.set_settings({"title": "x"}),
+            "clear": lab._clear,
+        }
+        with pytest.raises(rg.InputError, match="is a link or no regular file"):
+            await actions[act]()
+
+    asyncio.run(attacked())
+    assert [(f.name, f.read_text()) for f in elsewhere.iterdir()] == [("thesis.csv", SECRET)]
+
+
+CODE = "s1 = 0\nimport os; os.system('true')\ns1"
+
+
+@pytest.mark.parametrize(
+    "events",
+    [
+        [step(id=CODE)],
+        [step(id="s1; print(1)")],
+        [step(id="ｓ1")],
+        [step(), step(id="s2", parent=CODE)],
+        [step(parent="s1")],
+        [step(), step(id="s2", parent="s1"), {**step(parent="s2"), "do": "update"}],
+        [step(), {"do": "go", "path": [CODE], "redo": []}],
+        [step(), {"do": "go", "path": ["s1"], "redo": ["s7"]}],
+        [step(), {"do": "refit", "step": CODE, "refit": {"effect": "", "form": ""}}],
+        [step(train_um="__import__('os')")],
+        [step(label=["x"])],
+        [step(held=[1])],
+    ],
+)
+def test_a_name_of_a_step_that_is_none_is_damage(session, events):
+    journal(session, *events)
+    with pytest.raises(rg.InputError, match=r"journal\.jsonl, line \d is damaged"):
+        Session(session)
+
+
+def test_every_text_of_a_journal_is_quoted_in_the_notebook(session):
+    nasty = "'''\"\"\"\\\n<script>alert(1)</script> ![](x) `rm`"
+    first = step(label=nasty, made={"kind": "fit", "core": nasty})
+    others = [
+        {"kind": "candidate", "effect": nasty, "form": nasty},
+        {"kind": "added", "effect": nasty},
+        {"kind": "removal", "effect": nasty},
+        {"kind": "refit", "held": [nasty]},
+        {"kind": nasty, "effect": nasty, "parameter": nasty, "value": nasty},
+        {"kind": "set", "effect": "", "parameter": nasty, "value": [nasty]},
+    ]
+    steps = [step(id=f"s{k}", parent=f"s{k - 1}", made=made) for k, made in enumerate(others, 2)]
+    journal(session, {"do": "read"}, first, *steps)
+    t = [0.01 * k for k in range(40)]
+    (session / "data" / "run.csv").write_text("t,u,y\n" + "".join(f"{x},{x},{x}\n" for x in t))
+    cells = json.loads(notebook_of(Session(session)))["cells"]
+    calls = {
+        ast.unparse(node.func)
+        for cell in cells
+        if cell["cell_type"] == "code"
+        for node in ast.walk(ast.parse("".join(cell["source"])))
+        if isinstance(node, ast.Call)
+    }
+    assert not calls & {"os.system", "alert", "__import__", "eval", "exec"}
+    text = "".join("".join(c["source"]) for c in cells if c["cell_type"] == "markdown")
+    assert "<script" not in text
+    assert "![" not in text
+
+
+BAD_SETTINGS = {
+    "not UTF-8": b'title = "\xff"',
+    "records is a number": b"records = 3",
+    "a record is a number": b"[records]\nrun = 3",
+    "broken": b"[records",
+    "a date": b"title = 1979-05-27",
+    "a date in a record": b"[records.run]\nnote = 1979-05-27T07:32:00Z",
+    "too large": b"#" * (2**20 + 1),
+    "units is a list": b"units = [1]",
+}
+
+
+@pytest.mark.parametrize("as_folder", [True, False])
+@pytest.mark.parametrize("kind", BAD_SETTINGS)
+def test_bad_settings_beside_a_record_are_one_line(session, tmp_path, kind, as_folder, monkeypatch):
+    monkeypatch.setattr("rdpi_gym.laboratory.desk.Workers", Played)
+    rig = tmp_path / "rig"
+    rig.mkdir()
+    (rig / "run.csv").write_text("t,u,y\n" + "".join(f"{k},{k % 9},{k}\n" for k in range(40)))
+    (rig / "dataset.toml").write_bytes(BAD_SETTINGS[kind])
+
+    async def brought():
+        lab = Lab(session, Events(), 1)
+        lab.start()
+        with pytest.raises(rg.InputError, match=r"dataset\.toml"):
+            await lab.bring([rig if as_folder else rig / "run.csv"])
+        return lab.state()
+
+    assert asyncio.run(brought())["current"] is None
+    # and as they may stand in the session of somebody else
+    (session / "data" / "dataset.toml").write_bytes(BAD_SETTINGS[kind])
+    (session / "data" / "run.csv").write_bytes((rig / "run.csv").read_bytes())
+
+    async def opened():
+        lab = Lab(session, Events(), 1)
+        lab.start()
+        with pytest.raises(rg.InputError, match=r"dataset\.toml"):
+            await lab.open()
+        return json.dumps(lab.state())
+
+    assert "run.csv" in asyncio.run(opened())
