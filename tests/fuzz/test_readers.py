@@ -69,7 +69,7 @@ def test_every_attack_comes_once_and_then_two_at_a_time() -> None:
     attacks = Attacks([document])
     said = [attacks.case(7, number)["a"] for number in range(1 + len(attacks))]
     assert json.loads(said[0]) == tree
-    assert len(set(said)) > 0.99 * len(said)
+    assert len(set(said)) > 0.9 * len(said)
     found = [json.loads(each) for each in said]
     for changed in (
         {"taps": tree["taps"]},
