@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import os
 import re
 import shutil
 from contextlib import ExitStack
@@ -25,6 +26,7 @@ from rdpi_gym.support.words import quoted
 
 FORMAT, VERSION = "rdpi-checkpoint", 1
 _DESCRIPTION, _MODEL, _REPLAY = "checkpoint.json", "model.pt", "replay.npz"
+_LARGEST = {_MODEL: 2**28, _REPLAY: 2**34}  # bytes; what is larger is not even hashed
 
 
 def save_checkpoint(
@@ -121,9 +123,11 @@ def _check(folder: Path, document: dict[str, Any]) -> None:
     if document["sha256"] != _seal(document):
         raise ValueError(f"{_DESCRIPTION} is not what was written")
     for name, sha256 in document["files"].items():
-        if name not in (_MODEL, _REPLAY):
+        if name not in _LARGEST:
             raise ValueError(f"{quoted(name)} is no file of a checkpoint")
         with open_regular(folder / name) as stream:
+            if os.fstat(stream.fileno()).st_size > _LARGEST[name]:
+                raise ValueError(f"{name} is larger than any that is written")
             if hashlib.file_digest(stream, "sha256").hexdigest() != sha256:
                 raise ValueError(f"{name} is not what was written")
 

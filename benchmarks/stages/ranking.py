@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -164,7 +165,7 @@ def _rest(own: pd.DataFrame, errors: Array) -> dict[str, object]:
         return known[0] if known else None
 
     reasons = own.loc[own["failure"] != "", "failure"]
-    per_percent = median("rmse_noise") / median("rmse_percent")
+    per_percent = median("rmse_noise") / (median("rmse_percent") or math.nan)
     return {
         "iqm_noise": float(interquartile_mean(errors)) * per_percent,
         "command_variation_V_s": median("command_variation_V_s"),

@@ -16,7 +16,7 @@ import numpy as np
 
 from baselines import policy_of
 from benchmarks.stages.draws import TestSeed
-from benchmarks.stages.rows import SUITE_VERSION, open_rows
+from benchmarks.stages.rows import SUITE_VERSION, Key, open_rows
 from benchmarks.stages.run import run_tasks
 from benchmarks.stages.tables import TaskScores
 from benchmarks.tracking.fingerprint import code_fingerprint
@@ -24,18 +24,18 @@ from benchmarks.tracking.learned import is_learned
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_bytes, read_json, write_json
-from rdpi_gym.support.folders import check_plain
+from rdpi_gym.support.files import read_bytes, read_json, write_atomic, write_json
+from rdpi_gym.support.folders import check_plain, replaced_folder
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
-from rdpi_gym.support.words import quoted
+from rdpi_gym.support.words import quoted, short
 
 FORMAT, VERSION = "rdpi-submission", 1
 FILE = "submission.json"
 # Of a row: what says how well a controller did, and what depends on the machine.
 _FIGURES = ("rmse_percent", "worst_percent", "command_variation_V_s")
 _ROUNDING = 1e-6
-_LARGEST = 2**28  # bytes of a file of code or weights
+_LARGEST_CODE = 2**28  # bytes of a file, as those of a policy's weights
 
 
 @dataclass(frozen=True)
@@ -164,17 +164,17 @@ def read_submission(folder: Path) -> Submission:
         raise InputError(
             f"{folder / entry.code} is not what was submitted: its hash differs; submit it again"
         )
-    rows = open_rows(folder).rows
-    # the file says how many there should be: no more keys are made than there are rows
-    first = next((key for key in _keys(entry) if key not in rows), None)
-    if first is not None:
-        wanted = len(entry.tasks) * entry.plants
-        there = sum(
-            (name, label) == (first[0], first[2]) and task in entry.tasks and plant < entry.plants
-            for name, task, label, plant in rows
+    rows, wanted = open_rows(folder).rows, len(entry.tasks) * entry.plants
+    # of any number that the file says, no more are looked for than rows are there
+    missing = next((k for k in _keys(entry) if k not in rows), None)
+    if missing is not None:
+        label, there = TestSeed().label, set(entry.tasks)
+        found = sum(
+            (name, draws) == (entry.controller, label) and task in there and plant < entry.plants
+            for name, task, draws, plant in rows
         )
         raise InputError(
-            f"{folder} lacks {wanted - there} of {wanted} rows, the first that of task {first[1]}, plant {first[3]}; run its command again: {entry.command}"
+            f"{folder} lacks {wanted - found} of {wanted} rows, the first that of task {missing[1]}, plant {missing[3]}; run its command again: {short(entry.command)}"
         )
     return entry
 
@@ -234,8 +234,7 @@ def score_submission(
     return TaskScores(tuple(renamed), seed.label, outcome.computed, tuple(notes))
 
 
-def _keys(entry: Submission) -> Iterator[tuple[str, str, str, int]]:
-    """Yield the keys of the rows that a submission has to have."""
+def _keys(entry: Submission) -> Iterator[Key]:
     label = TestSeed().label
     for task in entry.tasks:
         for plant in range(entry.plants):
@@ -262,7 +261,8 @@ def _copied(controller: str, folder: Path) -> str:
             return ""  # a shipped one
         # what a link leads to would be handed in
         check_plain([path, *(each for each in path.rglob("*") if each.is_dir())])
-        shutil.copytree(path, folder / "policy", dirs_exist_ok=True)
+        with replaced_folder(folder / "policy") as fresh:
+            shutil.copytree(path, fresh, dirs_exist_ok=True)
         return "policy"
     module, colon, _ = controller.partition(":")
     if not colon:
@@ -278,9 +278,9 @@ def _copied(controller: str, folder: Path) -> str:
         raise InputError(
             f"{controller!r} is not of a single file; write a submission as one module, for example my_controller.py"
         )
-    content = read_bytes(origin, _LARGEST)
+    content = Path(origin).read_bytes()
     name = f"submitted_{hashlib.sha256(content).hexdigest()[:12]}.py"
-    (folder / name).write_bytes(content)
+    write_atomic(folder / name, content)
     return name
 
 
@@ -288,11 +288,9 @@ def _hash(folder: Path, code: str) -> str:
     if not code:
         return code_fingerprint()
     path = folder / code
-    folders = [folder, *(each for each in folder.rglob("*") if each.is_dir())]
-    check_plain(folders)
     files = sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
     digest = hashlib.sha256()
     for each in files:
-        content = read_bytes(each, _LARGEST)
+        content = read_bytes(each, _LARGEST_CODE)
         digest.update(each.relative_to(folder).as_posix().encode() + b"\0" + content)
     return digest.hexdigest()

@@ -6,10 +6,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from rdpi_gym.support.store import RowStore
+from rdpi_gym.support.store import RowStore, check_row
 
 ROWS_FILE = "rows.jsonl"
 FORMAT = "rdpi-bench-rows"
+_TEXTS = ("controller", "plant", "reference", "status")
+_NUMBERS = (
+    "frequency_hz", "ts_s", "seed", "rmse_um", "rmse_percent", "max_um", "max_percent",
+    "command_variation_V_s", "max_command_step_V", "saturated_percent", "microseconds_per_sample",
+)  # fmt: skip
 Key: TypeAlias = tuple[str, str, str, float, float, int]
 
 
@@ -45,4 +50,10 @@ def open_rows(folder: Path) -> RowStore[Key]:
     InputError
         The file there is something else, or cannot be read.
     """
-    return RowStore(folder / ROWS_FILE, FORMAT, key)
+    return RowStore(folder / ROWS_FILE, FORMAT, _key_of_whole)
+
+
+def _key_of_whole(row: Mapping[str, Any]) -> Key:
+    """Return what names a row all of whose fields hold what a run writes."""
+    check_row(row, _TEXTS, _NUMBERS)
+    return key(row)

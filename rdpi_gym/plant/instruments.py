@@ -11,6 +11,9 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
+_LONGEST = 2**62
+"""Samples of a period that no record ends; more are no machine's whole number."""
+
 
 @dataclass(frozen=True)
 class Sensor:
@@ -95,7 +98,7 @@ class Converter:
                 f"ts_s = {ts_s} does not divide the converter period of {self.period_s} s; "
                 f"take {self.period_s / math.ceil(ratio):.9g}"
             )
-        return round(ratio)
+        return min(round(ratio), _LONGEST)
 
 
 # KEYENCE LC2420: 10 nm resolution; its 100 nm precision is read as three standard deviations.

@@ -6,13 +6,13 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import BINARY, read_bytes, sync_folder, write_all, write_atomic
+from rdpi_gym.support.files import BINARY, NO_LINK, read_bytes, sync_folder, write_all, write_atomic
 from rdpi_gym.support.temporaries import is_open_at, lock, writing
 
 NAMED_FORMAT, VERSION = "rdpi-hidden-rows", 2
@@ -20,6 +20,8 @@ Row: TypeAlias = dict[str, Any]
 K = TypeVar("K", bound=Hashable)
 
 _LARGEST = 2**31  # bytes
+# a link leads to what is not ours to write, and another's file would never be seen as the one at the path
+_APPEND = os.O_RDWR | os.O_APPEND | os.O_CREAT | NO_LINK | BINARY
 _SUM = re.compile(rb', "sum": "([0-9a-f]{16})"\}')
 
 
@@ -42,6 +44,51 @@ def name_of(row: Row) -> str:
     if not isinstance(name, str):
         raise TypeError(f"key is {name!r}; give text")
     return name
+
+
+def check_row(
+    row: Mapping[str, Any],
+    texts: Iterable[str],
+    numbers: Iterable[str],
+    remarks: Iterable[str] = (),
+) -> None:
+    """See that fields hold what a run writes; check sums say nothing of who wrote a row.
+
+    Parameters
+    ----------
+    row
+        The row.
+    texts
+        Fields that are there and hold text.
+    numbers
+        Fields that, where they are there, hold a number of 0 or above, NaN, or nothing.
+    remarks
+        Fields that, where they are there, hold text or nothing.
+
+    Raises
+    ------
+    KeyError
+        A text is missing.
+    TypeError
+        A field holds something else.
+
+    Examples
+    --------
+    >>> check_row({"status": "ok", "rmse_um": -1}, ["status"], ["rmse_um"])
+    Traceback (most recent call last):
+    ...
+    TypeError: rmse_um is -1
+    """
+    for name in texts:
+        if not isinstance(row[name], str):
+            raise TypeError(f"{name} is {row[name]!r}")
+    for name in numbers:
+        value = row.get(name)
+        if value is not None and (type(value) not in (int, float) or value < 0):
+            raise TypeError(f"{name} is {value!r}")
+    for name in remarks:
+        if not isinstance(row.get(name), str | None):
+            raise TypeError(f"{name} is {row[name]!r}")
 
 
 class RowStore(Generic[K]):
@@ -199,7 +246,7 @@ class RowStore(Generic[K]):
         try:
             row = json.loads(text)
             return self._key(row), row
-        except (KeyError, TypeError, ValueError, RecursionError):
+        except (KeyError, TypeError, ValueError, OverflowError, RecursionError):
             return None
 
     def _line(self, row: Row) -> bytes:
@@ -214,7 +261,7 @@ class RowStore(Generic[K]):
         """Open the file, make it if need be, and keep other processes from writing to it."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         while True:
-            handle = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT | BINARY, 0o666)
+            handle = os.open(self.path, _APPEND, 0o666)
             try:
                 with suppress(OSError):  # a file system without locks: one process at a time
                     lock(handle, wait=True)

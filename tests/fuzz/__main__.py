@@ -1,8 +1,11 @@
 """Fuzz the readers of files: ``python -m tests.fuzz [READER ...] [--cases N] [--seed S] [--case K]``.
 
 Case K of a reader and a seed is always the same file. A reader gives a value, or one line of
-InputError under 400 characters, within 10 s and 1 GiB beyond what the process had; anything else
-ends with status 1 and the command that repeats the case.
+InputError under 400 characters, within 10 s and 256 MiB beyond what the process had and twice the
+file; anything else ends with status 1 and the command that repeats the case.
+
+``--structured`` takes the readers whose documents are attacked integer by integer, key by key and
+type by type, and ``--all`` every attack there is, each once.
 """
 
 from __future__ import annotations
@@ -11,26 +14,34 @@ import argparse
 import sys
 
 from tests.fuzz.running import run, watched
-from tests.fuzz.subjects import SHARES
+from tests.fuzz.subjects import SHARES, STRUCTURED, subject
 
 
 def main() -> int:
+    known = {**SHARES, **STRUCTURED}
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
-    parser.add_argument("reader", nargs="*", help=f"of {', '.join(SHARES)}; all by default")
+    parser.add_argument(
+        "reader", nargs="*", help=f"of {', '.join(known)}; those of the kind by default"
+    )
     parser.add_argument("--cases", type=int, help="in all, or of one reader")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--case", type=int, help="this one alone")
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--inside", action="store_true", help="in this process")
+    parser.add_argument("--structured", action="store_true", help="attacks on structure")
+    parser.add_argument("--all", action="store_true", help="every attack on structure, once")
     asked = parser.parse_args()
-    names = asked.reader or list(SHARES)
-    if unknown := [name for name in names if name not in SHARES]:
-        parser.error(f"{unknown[0]} is no reader; they are {', '.join(SHARES)}")
-    status = 0
+    names = asked.reader or list(STRUCTURED if asked.structured or asked.all else SHARES)
+    if unknown := [name for name in names if name not in known]:
+        parser.error(f"{unknown[0]} is no reader; they are {', '.join(known)}")
+    status, whole = 0, sum(known[name] for name in names)
     for name in names:
-        count = asked.cases if asked.cases and asked.reader else SHARES[name]
+        count = asked.cases if asked.cases and asked.reader else known[name]
         if asked.cases and not asked.reader:
-            count = max(1, round(asked.cases * SHARES[name] / sum(SHARES.values())))
+            count = max(1, round(asked.cases * known[name] / whole))
+        if asked.all:
+            with subject(name) as made:
+                count = made.count
         cases = range(asked.first, asked.first + count)
         if asked.case is not None:
             cases = range(asked.case, asked.case + 1)

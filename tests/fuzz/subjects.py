@@ -42,6 +42,17 @@ Write = Callable[[Random, Path], None]
 Read = Callable[[Path], Any]
 
 
+class Case(Random):
+    """The number of a case and the seed of all, and what is drawn of both."""
+
+    def __new__(cls, name: str, seed: int, number: int) -> Case:
+        return super().__new__(cls)
+
+    def __init__(self, name: str, seed: int, number: int) -> None:
+        super().__init__(f"{name}/{seed}/{number}")
+        self.seed_of_all, self.number = seed, number
+
+
 @dataclass(frozen=True)
 class Subject:
     """A reader.
@@ -52,10 +63,19 @@ class Subject:
         Writes a damaged file into an empty folder.
     read
         Reads it; anything but a value or an InputError is a fault of the reader.
+    whole
+        How many of the first cases are whole files.
+    count
+        How many cases there are before two attacks are made at a time; 0: they are drawn.
+    other
+        Number of the process that reads, where it is another.
     """
 
     write: Write
     read: Read
+    whole: int = 0
+    count: int = 0
+    other: Callable[[], int | None] = lambda: None
 
 
 def csv_text(delimiter: str = ",", decimal: str = ".", header: str = "t,u,y") -> str:
@@ -339,14 +359,12 @@ def read_store(folder: Path) -> dict[str, Any]:
     return rows
 
 
-@contextmanager
-def policies() -> Iterator[Subject]:
-    """The reader of policies; torch is imported here."""
+def policy_files() -> tuple[dict[str, Any], bytes]:
+    """Make a policy: what describes it, and its weights."""
     import torch
 
     from baselines.learned.network import Network
     from baselines.learned.policy import Policy
-    from baselines.lookup import make_controller
     from rdpi_gym.envs import ObservationLayout
 
     torch.set_num_threads(1)
@@ -358,6 +376,23 @@ def policies() -> Iterator[Subject]:
         saved = policy.save(Path(name) / "policy")
         described = json.loads((saved / "policy.json").read_text())
         weights = (saved / "weights.pt").read_bytes()
+    return described, weights
+
+
+def read_policy(folder: Path) -> Any:
+    from baselines.learned.policy import Policy
+    from baselines.lookup import make_controller
+    from rdpi_gym.envs import ObservationLayout
+
+    found = Policy.load(folder)
+    plain = ObservationLayout.for_plant(P10, found.layout.ts_s, preview=4)
+    return make_controller(f"learned:{folder}", P10, plain)
+
+
+@contextmanager
+def policies() -> Iterator[Subject]:
+    """The reader of policies; torch is imported here."""
+    described, weights = policy_files()
     with zipfile.ZipFile(io.BytesIO(weights)) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
 
@@ -383,12 +418,7 @@ def policies() -> Iterator[Subject]:
         (folder / "weights.pt").write_bytes(content)
         special(rng, folder / rng.choice(("policy.json", "weights.pt")))
 
-    def read(folder: Path) -> Any:
-        found = Policy.load(folder)
-        plain = ObservationLayout.for_plant(P10, found.layout.ts_s, preview=4)
-        return make_controller(f"learned:{folder}", P10, plain)
-
-    yield Subject(write, read)
+    yield Subject(write, read_policy)
 
 
 @contextmanager
@@ -452,7 +482,11 @@ def matlab(name: str) -> Iterator[Subject]:
     """The reader of MATLAB files, one other process for all of them."""
     files = v5_files() if name == "matlab-v5" else v73_files()
     with MatlabReader() as reader:
-        yield Subject(damaged(files, "run.mat"), read_mat(reader))
+        yield Subject(damaged(files, "run.mat"), read_mat(reader), other=pid_of(reader))
+
+
+def pid_of(reader: MatlabReader) -> Callable[[], int | None]:
+    return lambda: None if reader._process is None else reader._process.pid
 
 
 SHARES = {
@@ -469,12 +503,43 @@ SHARES = {
     "rows": 1_000,
     "result": 1_000,
 }
-"""How many of 20,000 cases each reader has."""
+"""How many of 20,000 damaged files each reader has."""
+STRUCTURED = {
+    "npz/structure": 3_250,
+    "result/structure": 3_500,
+    "plant/structure": 2_950,
+    "truth/structure": 200,
+    "signal/structure": 1_000,
+    "dataset.toml/structure": 700,
+    "matlab-v5/structure": 2_000,
+    "matlab-v7.3/structure": 2_300,
+    "policy/structure": 700,
+    "student/structure": 300,
+    "checkpoint/structure": 500,
+    "hyperparameters/structure": 400,
+    "tuning/structure": 300,
+    "diagnosis/structure": 400,
+    "journal/structure": 400,
+    "session data/structure": 300,
+    "tracking rows/structure": 100,
+    "task rows/structure": 100,
+    "candidates/structure": 150,
+    "submission/structure": 150,
+    "program/structure": 50,
+    "folders/structure": 250,
+}
+"""How many of 20,000 attacks on the structure of documents each reader meets."""
 
 
 @contextmanager
 def subject(name: str) -> Iterator[Subject]:
     """Make a subject by its name, with what it needs open while it is used."""
+    if name in STRUCTURED:
+        from tests.fuzz.documents import MAKERS
+
+        with MAKERS[name.partition("/")[0]]() as made:
+            yield made
+        return
     makers = {"policy": policies, "hyperparameters": hyperparameters, "result": results}
     if name in makers:
         with makers[name]() as made:

@@ -2,35 +2,52 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
+import zipfile
+import zlib
+from io import BytesIO
 from pathlib import Path
-from random import Random
 
+import numpy as np
 import pytest
 
 from rdpi_gym.support.errors import InputError
 from tests.fuzz.running import run_case, watched
-from tests.fuzz.subjects import SHARES, Subject, subject
+from tests.fuzz.structure import (
+    Attacks,
+    Document,
+    archive,
+    npy,
+    packed_archive,
+    shuffled,
+    zip_words,
+)
+from tests.fuzz.subjects import SHARES, STRUCTURED, Case, Subject, subject
 
 SEED = int(os.environ.get("RDPI_FUZZ_SEED", "0"))
 
 
 def test_shares() -> None:
-    assert sum(SHARES.values()) == 20_000
+    assert sum(SHARES.values()) == sum(STRUCTURED.values()) == 20_000
 
 
-@pytest.mark.parametrize("name", SHARES)
+@pytest.mark.parametrize("name", [*SHARES, *STRUCTURED])
 def test_a_value_or_one_line_and_nothing_else(name, capsys) -> None:
-    if name in ("policy", "hyperparameters"):
+    if name.partition("/")[0] in ("policy", "hyperparameters", "checkpoint"):
         pytest.importorskip("stable_baselines3")
-    wrong = watched(name, SEED, range(SHARES[name]))
+    count = {**SHARES, **STRUCTURED}[name]
+    wrong = watched(name, SEED, range(count))
     printed = capsys.readouterr().out
     assert wrong == 0, printed
-    assert f"{SHARES[name]} cases" in printed
+    assert f"{count} cases" in printed
 
 
-@pytest.mark.parametrize("name", ["csv", "npz", "matlab-v5", "matlab-v7.3", "signal"])
+@pytest.mark.parametrize(
+    "name",
+    ["csv", "npz", "matlab-v5", "matlab-v7.3", "signal", "npz/structure", "result/structure"],
+)
 def test_a_case_is_always_the_same_file(name, tmp_path) -> None:
     written = []
     for _ in range(2):
@@ -38,11 +55,61 @@ def test_a_case_is_always_the_same_file(name, tmp_path) -> None:
             for case in range(20):
                 folder = tmp_path / f"{len(written)}"
                 folder.mkdir()
-                made.write(Random(f"{name}/7/{case}"), folder)
+                made.write(Case(name, 7, case), folder)
                 files = [path for path in sorted(folder.iterdir()) if path.is_file()]
                 written.append([path.read_bytes() for path in files if not path.is_symlink()])
     assert written[:20] == written[20:]
     assert len({b"".join(files) for files in written}) > 10
+
+
+def test_every_attack_comes_once_and_then_two_at_a_time() -> None:
+    assert {shuffled(5, 12, number) for number in range(12)} == set(range(12))
+    tree = {"plant": {"name": "a", "n": "3"}, "taps": [1, 2, 3, 4, 5, 6]}
+    document = Document(tree, lambda tree: json.dumps(tree).encode(), lambda _, raw: {"a": raw})
+    attacks = Attacks([document])
+    said = [attacks.case(7, number)["a"] for number in range(1 + len(attacks))]
+    assert json.loads(said[0]) == tree
+    assert len(set(said)) > 0.9 * len(said)
+    found = [json.loads(each) for each in said]
+    for changed in (
+        {"taps": tree["taps"]},
+        {**tree, "taps": [2**63, 2, 3, 4, 5, 6]},
+        {**tree, "plant": {"name": "a", "n": str(2**32 - 1)}},
+        {**tree, "plant": {"name": "a", "n": "3", "unknown": 1}},
+        {**tree, "plant": [tree["plant"]]},
+    ):
+        assert found.count(changed) == 1
+    assert attacks.case(7, len(said)) == attacks.case(7, len(said))
+
+
+def test_what_is_written_for_an_attack_is_what_others_write(tmp_path) -> None:
+    header = {"descr": "<f8", "fortran_order": False, "shape": [2], "version": [1, 0]}
+    content = npy(header, np.array([1.0, 2.0]).tobytes())
+    plain = archive({"a.npy": content})
+    packed = zlib.compressobj(wbits=-15)
+    deflated = packed.compress(content) + packed.flush()
+    for raw in (plain, packed_archive({"a.npy": (deflated, len(content))})):
+        (tmp_path / "a.npz").write_bytes(raw)
+        with zipfile.ZipFile(tmp_path / "a.npz") as file:
+            stream = file.open("a.npy")
+            stream._expected_crc = None  # of the packed one it is left out
+            assert np.load(BytesIO(stream.read(len(content)))).tolist() == [1.0, 2.0]
+        words = {int.from_bytes(raw[at : at + size], "little") for at, size in zip_words(raw)}
+        assert {len(content), len("a.npy"), 1, 20} <= words
+
+
+def test_memory_beyond_the_limit_is_a_finding_even_where_a_reader_says_it_in_a_line(
+    tmp_path,
+) -> None:
+    def read(folder):
+        try:
+            bytearray(2**29)
+        except MemoryError as error:
+            raise InputError("a.csv is damaged") from error
+
+    said = run_case(reader(read), "any", 0, 0, tmp_path / "f", limited=True)
+    assert said.startswith("it takes more than 256 MiB: 'a.csv is damaged'")
+    assert run_case(reader(read), "any", 0, 0, tmp_path / "f") == "value"
 
 
 def reader(read) -> Subject:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from inspect import getsourcefile
 from pathlib import Path
@@ -18,6 +18,7 @@ from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.model import core_from_dict, core_to_dict
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.fingerprint import fingerprint, room_files
 from rdpi_gym.support.store import named_rows
 
@@ -84,22 +85,10 @@ class Checkpoint:
         if row is None:
             return None
         kinds = {e.name: type(e) for e in present} | {kind.name: kind}
-        effects = [
-            {key: value for key, value in effect.items() if key != "form"}
-            for effect in row["effects"]
-        ]
-        return JointFit(
-            Variant(
-                core_from_dict(row["hysteresis"], "a finished candidate"),
-                tuple(kinds[effect.pop("effect")](**effect) for effect in effects),
-            ),
-            row["train_rmse_um"],
-            tuple(row["at_bound"]),
-            dict(row["standard_errors"]),
-            row["passes"],
-            row["converged"],
-            row.get("smoothness", 0.0),
-        )
+        try:
+            return _fit_of(Fields(row, "a finished candidate"), kinds)
+        except InputError:  # its check sum is right, but no search wrote it: it is fitted again
+            return None
 
     def put(
         self,
@@ -155,6 +144,28 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_rounded(each) for each in value]
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _fit_of(row: Fields, kinds: Mapping[str, type[Effect]]) -> JointFit:
+    effects = []
+    for effect in row.objects("effects"):
+        values = {k: v for k, v in effect.document.items() if k not in ("form", "effect")}
+        try:
+            effects.append(kinds[effect.text("effect")](**values))
+        except (KeyError, TypeError) as error:
+            raise InputError(f"{row.source}: no effect of this search ({error})") from error
+    error_um, converged = row.raw("train_rmse_um"), row.raw("converged")
+    if type(error_um) not in (int, float) or type(converged) is not bool:
+        raise InputError(f"{row.source}: its error is no number, or whether it converged no answer")
+    return JointFit(
+        Variant(core_from_dict(row.raw("hysteresis"), row.source), tuple(effects)),
+        float(error_um),
+        row.texts("at_bound"),
+        row.optional_numbers("standard_errors"),
+        round(row.number("passes")),
+        converged,
+        row.optional_number("smoothness") or 0.0,
+    )
 
 
 @cache
