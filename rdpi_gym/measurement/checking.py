@@ -11,7 +11,7 @@ from rdpi_gym.measurement.missing import bridge, filled_times, unknown_times
 from rdpi_gym.measurement.options import OTHER, unit_factor
 from rdpi_gym.measurement.quantities import Quantities
 from rdpi_gym.measurement.record import LARGEST, BoolArray, Record, out_of_range
-from rdpi_gym.measurement.sampling import JITTER, rounding, to_uniform
+from rdpi_gym.measurement.sampling import JITTER, rounding, to_uniform, with_lost
 from rdpi_gym.measurement.table import Table
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -235,7 +235,7 @@ def _times(
             f"{table.where('t', row)}: time goes from {t_s[row - 1]:.9g} to {t_s[row]:.9g} s; "
             "it must increase from sample to sample"
         )
-    mean = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    mean = float(t_s[-1] - t_s[0]) / max(with_lost(t_s)[0].size - 1, 1)
     if sampling_time_s is not None and abs(mean / sampling_time_s - 1) > JITTER:
         raise InputError(
             f"{table.where('t', 0)}: time steps by {mean:.6g} s on average where {said} "
