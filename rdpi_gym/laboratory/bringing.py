@@ -15,8 +15,8 @@ import numpy as np
 
 import rdpi_gym as rg
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.words import quoted
+from rdpi_gym.support.files import exists, write_atomic
+from rdpi_gym.support.words import quoted, some
 
 SETTINGS = "dataset.toml"
 ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".mat", ".npz")
@@ -101,7 +101,7 @@ def copy_in(source: Path, folder: Path) -> list[str]:
     InputError
         There is no such file, none in the folder, or too many or too large ones.
     """
-    if not source.exists():
+    if not exists(source):
         raise InputError(f"{source} does not exist; give a data file or a folder of data files")
     files = [source]
     if source.is_dir():
@@ -273,7 +273,7 @@ def write_settings(folder: Path, changes: Mapping[str, Any], records: Iterable[s
     for name in _table(changes, "records"):
         if name not in names:
             raise InputError(
-                f"settings: there is no record {quoted(name)}; there are {', '.join(names)}"
+                f"settings: there is no record {quoted(name)}; there are {some(names)}"
             )
         entry = own.setdefault(name, {})
         for said, value in _table(_table(changes, "records"), name).items():

@@ -19,7 +19,7 @@ from rdpi_gym.laboratory.session import Step
 from rdpi_gym.laboratory.telling import noise_um, state_of
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.words import quoted
+from rdpi_gym.support.words import quoted, some
 
 
 class Lab(Models):
@@ -98,9 +98,7 @@ class Lab(Models):
         """
         session = self.session
         if name not in session.files:
-            raise InputError(
-                f"there is no file {quoted(name)}; there are {', '.join(session.files)}"
-            )
+            raise InputError(f"there is no file {quoted(name)}; there are {some(session.files)}")
         folder = session.data_folder
         for path in (folder / Path(name).name, bringing.refused_file(folder, Path(name).name)):
             path.unlink(missing_ok=True)

@@ -13,6 +13,7 @@ import rdpi_gym as rg
 from rdpi_gym.laboratory.bringing import read
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import some
 
 JOURNAL = "journal.jsonl"
 DATA_FOLDER = "data"
@@ -216,7 +217,7 @@ class Session:
             There is no such step.
         """
         if step not in self.steps:
-            raise InputError(f"step {step} is not there; the steps are {', '.join(self.steps)}")
+            raise InputError(f"step {step} is not there; the steps are {some(self.steps)}")
         return self.steps[step]
 
     def ranking_of(self, step: str) -> Ranking | None:
