@@ -8,7 +8,9 @@ from pathlib import Path
 
 from rdpi_gym.envs.tasks import PUBLIC_SEED
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_utf8
 
+_LARGEST = 2**10  # bytes of a seed file
 FEWEST_DIGITS, MOST_DIGITS = 20, 40
 """Of a private seed: one of fewer could be found by trying all against the hash that tables show."""
 
@@ -60,12 +62,7 @@ def read_seed(path: Path | None) -> TestSeed:
     """
     if path is None:
         return TestSeed()
-    try:
-        text = path.read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"the seed file {path} cannot be read ({type(error).__name__}); give a text file with one whole number"
-        ) from None
+    text = read_utf8(path, _LARGEST).strip()
     if not (text.isascii() and text.isdigit() and FEWEST_DIGITS <= len(text) <= MOST_DIGITS):
         raise InputError(
             f"the seed file {path} does not hold one whole number of {FEWEST_DIGITS} to {MOST_DIGITS} digits; "

@@ -25,7 +25,7 @@ from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_bytes, read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.folders import check_plain, replaced_folder
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import quoted, short
@@ -259,6 +259,8 @@ def _copied(controller: str, folder: Path) -> str:
         path = Path(policy_of(controller) or "")
         if not path.is_dir():
             return ""  # a shipped one
+        # what a link leads to would be handed in
+        check_plain([path, *(each for each in path.rglob("*") if each.is_dir())])
         with replaced_folder(folder / "policy") as fresh:
             shutil.copytree(path, fresh, dirs_exist_ok=True)
         return "policy"

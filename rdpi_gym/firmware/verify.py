@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,12 +19,13 @@ from rdpi_gym.firmware.writing.templating import template
 from rdpi_gym.firmware.writing.vectors import Vectors, unit_of, vectors
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json
+from rdpi_gym.support.files import read_bytes, read_json
 from rdpi_gym.support.progress import Progress, silent
 
 _NAMES = {64: "double", 32: "float", 31: "Q31"}
 _NUMBER = r"(-?(?:\d+(?:\.\d*)?(?:e[-+]\d+)?|nan|inf))"  # as printf writes one
 _AT_ONCE = 1000  # lanes
+_LARGEST = 2**26  # bytes of a file of code
 _DECIDED = 0.01
 """Share of the records that may part from Python in a precision that is not Python's own."""
 
@@ -233,7 +233,7 @@ def _remarks(package: Package, folder: Path, roundings: Roundings) -> Iterator[s
         (f"{source.name}.h", header_text(source)),
         (f"{source.name}.c", source_text(source)),
     ):
-        if (folder / name).read_text(encoding="utf-8", errors="replace") != text:
+        if read_bytes(folder / name, _LARGEST).decode(errors="replace") != text:
             yield f"{name} is not what this release would write: it was changed, or is of another release."
 
 
@@ -244,7 +244,7 @@ class _Program:
         self._place, self._source, self._precision = place, source, precision
         code = place / f"{source.name}.c"
         for name in (f"{source.name}.c", f"{source.name}.h", "main.c", "rdpi_vectors.h"):
-            shutil.copyfile(folder / name, place / name)
+            (place / name).write_bytes(read_bytes(folder / name, _LARGEST))
         driver = place / "batch.c"
         driver.write_text(template(f"batch_{source.program.kind}.c"), encoding="utf-8")
         self._main = build([code, place / "main.c"], place / f"main_{precision}", precision, place)

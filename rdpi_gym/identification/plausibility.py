@@ -74,8 +74,8 @@ def check_motion(records: Sequence[Record]) -> None:
     if first is not None:
         value = micrometres(float(first.y_um[first.error_mask][0]))
         raise InputError(
-            f"the displacement never changes: it is {value} in {first.name}; check the sensor, and "
-            "the column of y with --columns y=NAME"
+            f"the displacement never changes: it is {value} in {first.name}",
+            "check the sensor, and the column of y with --columns y=NAME",
         )
 
 
@@ -104,7 +104,7 @@ def check_scale(records: Sequence[Record], quantities: Quantities | None = None)
             f"a {quantities.output.name} in {unit} of this size loses its digits; "
             f"give it in a unit in which it spans {low:g} to {high:g}"
         )
-    raise InputError(said)
+    raise InputError(*said)
 
 
 def plausibility_warnings(
@@ -140,7 +140,8 @@ def plausibility_warnings(
     if is_piezo or clockwise is False:
         found.append(_turning(left, explained, is_piezo))
     if is_piezo:
-        found += [_stroke(records), *_command(records), _pace(records, delta2_s)]
+        stroke = _stroke(records)
+        found += [stroke and "; ".join(stroke), *_command(records), _pace(records, delta2_s)]
     return [sentence for sentence in found if sentence is not None]
 
 
@@ -226,7 +227,10 @@ def _turning(left: Sequence[RecordResidual], explained: float, is_piezo: bool) -
     )
 
 
-def _stroke(records: Sequence[Record], accepted: tuple[float, float] = STROKES_UM) -> str | None:
+def _stroke(
+    records: Sequence[Record], accepted: tuple[float, float] = STROKES_UM
+) -> tuple[str, str] | None:
+    """Judge the stroke: what is wrong with it, and what to give."""
     stroke = max(float(np.ptp(r.y_um[r.error_mask])) for r in records if r.error_mask.any())
     if accepted[0] <= stroke <= accepted[1]:
         return None
@@ -237,8 +241,8 @@ def _stroke(records: Sequence[Record], accepted: tuple[float, float] = STROKES_U
         unit = min(fitting, key=lambda u: abs(math.log(fitting[u] / _TYPICAL_STROKE_UM)))
         hint = f"y in {unit}? Then give --units y={unit}"
     return (
-        f"a stroke of {stroke:.3g} µm is out of proportion: piezo stages move {low:g} to {high:g} µm; "
-        f"{hint}"
+        f"a stroke of {stroke:.3g} µm is out of proportion: piezo stages move {low:g} to {high:g} µm",
+        hint,
     )
 
 

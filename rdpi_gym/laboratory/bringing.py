@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 import rdpi_gym as rg
-from rdpi_gym.measurement.settings import read_settings
+from rdpi_gym.measurement.encoding import read_lines
+from rdpi_gym.measurement.settings import parse_settings
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import open_regular, read_utf8, write_atomic
+from rdpi_gym.support.files import open_regular, write_atomic
 from rdpi_gym.support.temporaries import temporary, writing
 from rdpi_gym.support.words import quoted
 
@@ -29,9 +30,6 @@ LARGEST_SETTINGS = 2**20
 REFUSED = "refused"
 _LONGEST = 120  # characters of a file's name
 _LINE, _COLUMN = re.compile(r"\bline (\d+)"), re.compile(r"\bcolumn (\w+)")
-_SEPARATORS = re.compile(r"[,;\t]")
-_RECORD_KEYS = ("role", "skip_s", "mask_s", "ts_s", "note")
-_ROLES = ("train", "validation", "test")
 
 
 @dataclass(frozen=True)
@@ -140,8 +138,9 @@ def copy_in(source: Path, folder: Path) -> list[str]:
 
 def _document(settings: Path, files: Iterable[Path]) -> dict[str, Any]:
     """Return what a ``dataset.toml`` says of data files, or refuse it in one line."""
-    read_settings(settings, [file.stem for file in files])
-    return tomllib.loads(read_utf8(settings, LARGEST_SETTINGS))
+    text = "\n".join(read_lines(settings, LARGEST_SETTINGS))
+    parse_settings(text, str(settings), [file.stem for file in files])
+    return tomllib.loads(text)
 
 
 def same(one: Any, other: Any) -> bool:
@@ -180,10 +179,7 @@ def read(folder: Path) -> Read:
     folder
         Of the session's data.
     """
-    aside = folder.parent / REFUSED
-    if aside.exists():  # other settings may make them readable
-        for file in aside.iterdir():
-            file.replace(folder / file.name)
+    _take_back(folder)  # other settings may make them readable
     files = data_files(folder)
     if not files:
         return Read(None, {})
@@ -210,21 +206,74 @@ def read(folder: Path) -> Read:
         return Read(None, {}, _short(together, folder))
     if not good:
         return Read(None, problems)
-    aside.mkdir(exist_ok=True)
-    for name in problems:
-        (folder / name).replace(aside / name)
+    _set_aside(folder, problems)
     try:
         return Read(_titled(rg.load(folder), good, folder), problems)
     except InputError as error:
         return Read(None, problems, _short(error, folder))
 
 
+def _set_aside(folder: Path, names: Iterable[str]) -> None:
+    """Put refused files beside the data, with what is said of them: no settings name absent records."""
+    aside = folder.parent / REFUSED
+    aside.mkdir(exist_ok=True)
+    document = settings_of(folder)
+    kept = _records(document)
+    moved = {stem: kept.pop(stem) for stem in (Path(name).stem for name in names) if stem in kept}
+    if moved:
+        write_atomic(aside / SETTINGS, _toml({"records": moved}))
+    for name in names:
+        (folder / name).replace(aside / name)
+    if moved:
+        write_atomic(folder / SETTINGS, _toml({**document, "records": kept}))
+
+
+def _take_back(folder: Path) -> None:
+    """Put what was set aside among the data again; what was said of a discarded file is forgotten."""
+    aside = folder.parent / REFUSED
+    if not aside.exists():
+        return
+    files = data_files(aside)
+    stems, moved = {file.stem for file in files}, _records(settings_of(aside))
+    if moved := {stem: table for stem, table in moved.items() if stem in stems}:
+        document = settings_of(folder)
+        records = {**moved, **_records(document)}
+        write_atomic(folder / SETTINGS, _toml({**document, "records": records}))
+    for file in files:
+        file.replace(folder / file.name)
+    (aside / SETTINGS).unlink(missing_ok=True)
+
+
+def _records(document: Mapping[str, Any]) -> dict[str, Any]:
+    found = document.get("records")
+    return dict(found) if isinstance(found, Mapping) else {}
+
+
+def record_settings(folder: Path, record: str) -> dict[str, Any]:
+    """Return what is said of one record, also of one whose file was refused.
+
+    Parameters
+    ----------
+    folder
+        Of the session's data.
+    record
+        Its name: that of its file without ending.
+    """
+    aside = settings_of(folder.parent / REFUSED)
+    found = {**_records(aside), **_records(settings_of(folder))}.get(record)
+    return dict(found) if isinstance(found, Mapping) else {}
+
+
+def all_files(folder: Path) -> list[Path]:
+    """Return the data files of a session, those that were refused too."""
+    return data_files(folder) + data_files(folder.parent / REFUSED)
+
+
 def data_files(folder: Path) -> list[Path]:
-    """Return the data files of a folder, in order."""
+    """Return the data files of a folder, in order; none where it is not there."""
+    files = folder.iterdir() if folder.is_dir() else ()
     return sorted(
-        f
-        for f in folder.iterdir()
-        if f.suffix.lower() in ENDINGS and f.is_file() and f.name[0] != "."
+        f for f in files if f.suffix.lower() in ENDINGS and f.is_file() and f.name[0] != "."
     )
 
 
@@ -247,15 +296,13 @@ def _problem(error: InputError, file: Path) -> Problem:
 
 
 def _short(error: InputError, folder: Path) -> str:
-    return str(error).replace(f"{folder}/", "")
+    return error.fact.replace(f"{folder}/", "")
 
 
 def settings_of(folder: Path) -> dict[str, Any]:
     """Return what the ``dataset.toml`` of a session says; empty without one or where it is damaged."""
     try:
-        aside = folder.parent / REFUSED
-        files = [*data_files(folder), *(data_files(aside) if aside.is_dir() else [])]
-        return _document(folder / SETTINGS, files)
+        return _document(folder / SETTINGS, all_files(folder))
     except InputError:
         return {}
 
@@ -268,50 +315,37 @@ def write_settings(folder: Path, changes: Mapping[str, Any], records: Iterable[s
     folder
         Of the session's data.
     changes
-        As the page sends them: ``records``, ``columns``, ``units``, ``quantities``, ``title``.
+        As the page sends them: ``records``, ``quantities``, ``title``, ``skip_s``; as in the file, None
+        takes a key out.
     records
-        Names of all records.
+        Names of all records that were read.
 
     Raises
     ------
     InputError
-        A key or a role that there is not, a value of another kind; the file stays as it was.
+        A key, a record or a value that there is not; the file stays as it was.
     """
-    known = ("records", "columns", "units", "quantities", "title", "skip_s")
+    known = ("records", "quantities", "title", "skip_s")
     if wrong := [key for key in changes if key not in known]:
         raise InputError(f"settings: {quoted(wrong[0])} is unknown; give {', '.join(known)}")
     document = settings_of(folder)
     for key in ("title", "skip_s"):
         if key in changes:
             document[key] = changes[key]
-    names = list(records)
-    own = document.setdefault("records", {})
+    own = document["records"] = _records(document)
     for name in _table(changes, "records"):
-        if name not in names:
-            raise InputError(
-                f"settings: there is no record {quoted(name)}; there are {', '.join(names)}"
-            )
-        entry = own.setdefault(name, {})
+        entry = own[name] = record_settings(folder, name)
         for said, value in _table(_table(changes, "records"), name).items():
             key = "mask_s" if said == "masked_s" else said
-            if key not in _RECORD_KEYS:
-                raise InputError(
-                    f"settings: {quoted(key)} of {name} is unknown; give {', '.join(_RECORD_KEYS)}"
-                )
-            entry[key] = "test" if key == "role" and value == "unused" else value
-        if entry.get("role") not in (None, *_ROLES):
-            raise InputError(f"settings: role {quoted(entry['role'])}; give {', '.join(_ROLES)}")
-    # one choice of columns holds for all files of a session
-    plain = {"time": "t", "input": "u", "output": "y"}
-    for said in _table(changes, "columns").values():
-        chosen = said if isinstance(said, Mapping) else {}
-        for key, column in chosen.items():
-            document.setdefault("columns", {})[plain.get(key, key)] = column
-    for key, unit in _table(changes, "units").items():
-        document.setdefault("units", {})[plain.get(key, key)] = unit
+            if isinstance(value, Mapping):
+                entry[key] = {**_table(entry, key), **value}
+            else:
+                entry[key] = "test" if key == "role" and value == "unused" else value
     if "quantities" in changes:
         document["quantities"] = _table(changes, "quantities")
-    write_atomic(folder / SETTINGS, _toml(document))
+    text = _toml(document)
+    parse_settings(text, SETTINGS, [*records, *(file.stem for file in all_files(folder))])
+    write_atomic(folder / SETTINGS, text)
 
 
 def _table(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
@@ -340,26 +374,3 @@ def _toml(document: Mapping[str, Any]) -> str:
 
 def _key(key: str) -> str:
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
-
-
-def columns_of(file: Path) -> list[str]:
-    """Return the names in the header of a text file, for a list to choose from; none of others."""
-    if file.suffix.lower() not in (".csv", ".txt", ".dat", ".tsv"):
-        return []
-    with file.open(encoding="utf-8", errors="replace") as stream:
-        for line in stream:
-            bare = line.strip().lstrip("#%")
-            words = [w.strip().strip('"') for w in _SEPARATORS.split(bare)]
-            if len(words) == 1:
-                words = bare.split()
-            if any(words):
-                return [w for w in words if w and not _is_number(w)]
-    return []
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word.replace(",", "."))
-    except ValueError:
-        return False
-    return True

@@ -118,7 +118,7 @@ class Desk:
             self._hear(job, message)
         except InputError as error:  # the journal cannot be written
             self.job = None
-            self.problem = str(error)
+            self.problem = error.fact
             self.events.changed()
 
     def _hear(self, job: Job, message: Message) -> None:
@@ -152,7 +152,7 @@ class Desk:
             try:
                 await work
             except InputError as error:
-                self.problem = str(error)
+                self.problem = error.fact
                 self.events.changed()
 
         task = asyncio.get_running_loop().create_task(guarded())

@@ -64,7 +64,7 @@ class Lab(Models):
         except InputError as error:
             shown = printable(name)[-80:]
             if len(session.files) < bringing.MOST_FILES:
-                entry = {"bytes": 0, "problem": str(error), "row": None, "column": None}
+                entry = {"bytes": 0, "problem": error.fact, "row": None, "column": None}
                 session.write({"do": "file", "name": shown, "entry": entry})
             self.events.changed()
             raise

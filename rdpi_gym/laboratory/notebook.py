@@ -102,9 +102,7 @@ def notebook_of(session: Session) -> str:
         raise InputError("there is no model yet; drop a file or take an exercise")
     steps = [session.step(name) for name in session.path]
     present = steps[-1]
-    title = (
-        f"# {_plain(session.data.title)}\n\nWhat was done in the laboratory, step by step, with `rdpi_gym`."
-    )
+    title = f"# {_plain(session.data.title)}\n\nWhat was done in the laboratory, step by step, with `rdpi_gym`."
     cells = [
         _text(title),
         _code(_PREPARED.format(folder=str(session.data_folder.resolve()))),

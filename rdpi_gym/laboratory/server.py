@@ -188,7 +188,7 @@ class Server:
             try:
                 await lab.bring(list(self._sources))
             except InputError as error:
-                lab.problem = str(error)
+                lab.problem = error.fact
                 self._events.changed()
 
     async def _ready(self) -> Lab:
@@ -206,6 +206,7 @@ class Server:
             Route("/api/state", self._told(_state)),
             Route("/api/events", self._listen),
             Route("/api/examples", self._told(_examples)),
+            Route("/api/preview", self._told(_preview)),
             Route("/api/trace", self._told(_trace)),
             Route("/api/views", self._told(_views)),
             Route("/api/brush", self._told(_brush)),
@@ -232,7 +233,7 @@ class Server:
         try:
             await self._ready()
         except InputError as error:
-            return JSONResponse({"problem": str(error)}, 400)
+            return JSONResponse({"problem": error.fact}, 400)
         return StreamingResponse(self._events.listen(), media_type="text/event-stream")
 
     def _told(self, tell: Callable[[Lab, Mapping[str, str]], Any]) -> Any:
@@ -271,7 +272,7 @@ class Server:
             rate_hz = None if rate is None else _number(request.query_params, "rate_hz")
             taken = await asyncio.to_thread(take, lab.session, request.path_params["name"], rate_hz)
         except InputError as error:
-            return JSONResponse({"problem": str(error)}, 400)
+            return JSONResponse({"problem": error.fact}, 400)
         return Response(
             taken.content,
             media_type=taken.media_type,
@@ -301,7 +302,7 @@ async def _answered(answer: Callable[[], Awaitable[Any]]) -> Response:
     try:
         found = await answer()
     except InputError as error:
-        return JSONResponse({"problem": str(error)}, 400)
+        return JSONResponse({"problem": error.fact}, 400)
     body = json.dumps(found, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Response(body, media_type="application/json")
 
@@ -387,6 +388,12 @@ def _examples(lab: Lab, asked: Mapping[str, str]) -> Any:
     from rdpi_gym.laboratory.examples import examples
 
     return [example.to_dict() for example in examples()]
+
+
+def _preview(lab: Lab, asked: Mapping[str, str]) -> Any:
+    from rdpi_gym.laboratory.previewing import preview
+
+    return preview(lab.session, _text(asked, "file"), asked.get("separator"))
 
 
 def _trace(lab: Lab, asked: Mapping[str, str]) -> Any:

@@ -16,6 +16,7 @@ from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checked import check_type
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import BINARY, NO_LINK, parse_json, read_bytes, write_all
+from rdpi_gym.support.folders import check_plain
 from rdpi_gym.support.words import quoted, some
 
 JOURNAL = "journal.jsonl"
@@ -347,7 +348,7 @@ class Session:
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a session that would read or write elsewhere: it holds folders and regular files alone.
+    """Refuse a session that would read or write elsewhere.
 
     Parameters
     ----------
@@ -357,28 +358,10 @@ def check_folder(folder: Path) -> None:
     Raises
     ------
     InputError
-        The folder, its data or its refused files are a link or no folder, or hold a link, a FIFO, a
+        Its data or its refused files are a link, or one of the three folders holds a link, a FIFO, a
         device or a socket.
     """
-    for inner in (folder, folder / DATA_FOLDER, folder / REFUSED):
-        if inner != folder and inner.is_symlink():
-            raise _irregular(inner)
-        try:
-            entries = sorted(os.scandir(inner), key=lambda entry: entry.name)
-        except FileNotFoundError:
-            continue
-        except OSError as error:
-            raise InputError(f"{inner} cannot be read ({error.strerror})") from error
-        for entry in entries:
-            is_plain = entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)
-            if not is_plain:
-                raise _irregular(Path(entry.path))
-
-
-def _irregular(path: Path) -> InputError:
-    return InputError(
-        f"{path} is a link or no regular file; a session holds neither: remove it, or begin a new session"
-    )
+    check_plain([folder, folder / DATA_FOLDER, folder / REFUSED])
 
 
 def read_journal(folder: Path) -> Iterator[Event]:

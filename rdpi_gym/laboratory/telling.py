@@ -60,23 +60,10 @@ def _records(session: Session) -> list[dict[str, Any]]:
 
 
 def _settings(session: Session) -> dict[str, Any]:
-    folder = session.data_folder
-    document = bringing.settings_of(folder)
-    chosen = document.get("columns", {})
-    plain = {"time": "t", "input": "u", "output": "y"}
-    columns = {
-        file.name: {
-            "available": bringing.columns_of(file),
-            **{key: chosen.get(column) for key, column in plain.items()},
-        }
-        for file in bringing.data_files(folder)
-    }
-    units = document.get("units", {})
+    document = bringing.settings_of(session.data_folder)
     return {
         "title": document.get("title"),
         "skip_s": document.get("skip_s"),
-        "columns": columns,
-        "units": {key: units.get(column) for key, column in plain.items()},
         "quantities": document.get("quantities", {}),
         "cores": [{"key": key, "title": core.title} for key, core in CORES.items()],
     }

@@ -291,7 +291,7 @@ def serve(tasks: IO[bytes], answers: IO[bytes]) -> None:
         try:
             send(("done", task(Tell(send), **arguments)))
         except InputError as error:
-            send(("refused", str(error)))
+            send(("refused", error.fact))
         except BrokenPipeError:  # nobody waits for it any more
             return
         except Exception as error:

@@ -88,11 +88,12 @@ def _wanted(path: Path, columns: Mapping[str, str | int]) -> list[str]:
     for name, source in columns.items():
         if isinstance(source, int):
             raise InputError(
-                f"{path}, variable {name}: position {source} means nothing here; "
-                f"name the variable with --columns {name}=..."
+                f"{path}, variable {name}: position {source} means nothing here",
+                f"name the variable with --columns {name}=...",
             )
     names = dict.fromkeys((*COLUMNS, *columns))
-    return [str(columns.get(name, name)) for name in sorted(names, key="u".__ne__)]
+    sources = (str(columns.get(name, name)) for name in sorted(names, key="u".__ne__))
+    return [source for source in sources if source]
 
 
 def _read(path: Path, read: Read, wanted: Sequence[str], kind: str) -> Variables:

@@ -216,7 +216,7 @@ def _times(
     nowhere = np.zeros(table.rows, dtype=np.bool_)
     if t_s is None:
         if sampling_time_s is None:
-            raise InputError(f"{table.at(0)}: no time column; give --sampling-time 5e-3")
+            raise InputError(f"{table.at(0)}: no time column", "give --sampling-time 5e-3")
         return sampling_time_s * np.arange(table.rows, dtype=np.float64), nowhere
     _check_finite(table, {"t": np.nan_to_num(t_s, posinf=np.inf, neginf=-np.inf)}, 0)
     unknown = nowhere if rounding(t_s) else unknown_times(t_s)
@@ -224,7 +224,8 @@ def _times(
         row = int(np.argmax(unknown))
         raise InputError(
             f"{table.where('t', row)}: {int(unknown.sum())} of {table.rows} times are missing or "
-            "stand there twice; give a time for each sample, or leave the column out with --sampling-time"
+            "stand there twice",
+            "give a time for each sample, or leave the column out with --sampling-time",
         )
     if unknown.any():
         t_s = filled_times(t_s, unknown)

@@ -6,7 +6,7 @@ import codecs
 from pathlib import Path
 
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_bytes
+from rdpi_gym.support.files import open_regular, read_bytes
 
 LARGEST_TEXT = 2**30
 """Most bytes of a text file that is read: some ten million samples."""
@@ -41,10 +41,44 @@ def read_lines(path: Path, largest: int = LARGEST_TEXT) -> list[str]:
     ...     read_lines(path)
     ['t,u,y', '0,1,2']
     """
-    raw = read_bytes(path, largest)
+    return _lines(_text(path, read_bytes(path, largest), True))
+
+
+def read_head(path: Path, most: int) -> list[str]:
+    r"""Read the first whole lines of a text file, as :func:`read_lines` does.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most
+        Bytes that are read of it.
+
+    Raises
+    ------
+    InputError
+        The file is no regular one or cannot be read, or these bytes are in another encoding.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.csv"
+    ...     _ = path.write_text("t,u,y\n0,1,2\n1,2,3\n")
+    ...     read_head(path, 15)
+    ['t,u,y', '0,1,2']
+    """
+    with open_regular(path) as stream:
+        raw = stream.read(most + 1)
+    is_whole = len(raw) <= most
+    lines = _lines(_text(path, raw[:most], is_whole))
+    return lines if is_whole else lines[:-1] or lines
+
+
+def _text(path: Path, raw: bytes, is_whole: bool) -> str:
     mark, encoding = next((pair for pair in _MARKS if raw.startswith(pair[0])), (b"", "UTF-8"))
     try:
-        text = raw[len(mark) :].decode(encoding)
+        text = codecs.getincrementaldecoder(encoding)().decode(raw[len(mark) :], is_whole)
     except UnicodeDecodeError as error:
         before = error.object[: error.start].decode(encoding)
         raise InputError(
@@ -56,7 +90,7 @@ def read_lines(path: Path, largest: int = LARGEST_TEXT) -> list[str]:
             f"{path}, {_place(text[: text.index(chr(0))])}: a NUL character, so this is no UTF-8 "
             "text; save the file as UTF-8, or as UTF-16 with its byte-order mark"
         )
-    return _lines(text)
+    return text
 
 
 def _lines(text: str) -> list[str]:

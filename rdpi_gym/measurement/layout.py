@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+SEPARATORS: Mapping[str, str | None] = {
+    "comma": ",",
+    "semicolon": ";",
+    "tab": "\t",
+    "blanks": None,
+}
+"""Character between two values by its name; None: any blanks."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 
 
@@ -30,6 +37,12 @@ class Layout:
     header: tuple[str, ...]
     header_line: int
     width: int
+
+    @property
+    def is_shifted(self) -> bool:
+        """Whether the names of the header do not stand above the values."""
+        names = len(self.header)
+        return self.width != names if self.delimiter is None else self.width > names
 
 
 def split_cells(line: str, delimiter: str | None) -> list[str]:
@@ -86,7 +99,7 @@ def find_delimiter(line: str) -> str | None:
 
 
 def find_layout(
-    rows: Sequence[str], first_line: int, comment: str, comment_line: int
+    rows: Sequence[str], first_line: int, comment: str, comment_line: int, separator: str = ""
 ) -> tuple[Layout, int]:
     """Find out how the values of a file are written.
 
@@ -99,6 +112,8 @@ def find_layout(
     comment, comment_line
         The last comment before them and its number: where no header follows it, it may hold the
         names (`numpy.savetxt` writes them so), provided that it has as many words as values.
+    separator
+        One of `SEPARATORS` by its name; by default it is found.
 
     Returns
     -------
@@ -113,7 +128,8 @@ def find_layout(
     >>> layout.delimiter, layout.header, header_rows
     (';', ('t', 'u', 'y'), 1)
     """
-    delimiter = find_delimiter(rows[min(1, len(rows) - 1)])
+    second = rows[min(1, len(rows) - 1)]
+    delimiter = SEPARATORS[separator] if separator else find_delimiter(second)
     first = split_cells(rows[0], delimiter)
     filled = [cell for cell in first if cell]
     # a damaged first row of values still holds numbers, and a header may hold a name such as "2"

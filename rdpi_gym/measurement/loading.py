@@ -22,14 +22,9 @@ from rdpi_gym.measurement.units import plain_unit
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.words import some
 
-_READERS = {
-    ".csv": read_text,
-    ".txt": read_text,
-    ".dat": read_text,
-    ".tsv": read_text,
-    ".mat": read_matlab,
-    ".npz": read_npz,
-}
+TEXTS = (".csv", ".txt", ".dat", ".tsv")
+"""Endings of text files."""
+_ENDINGS = (*TEXTS, ".mat", ".npz")
 _ABOUT = ("readme", "license", "licence", "copying", "changelog", "notes")
 
 
@@ -116,27 +111,31 @@ class _Part:
     toml: Path
 
     def units(self, table: Table, options: DataOptions) -> dict[str, str]:
-        """Unit of each column of a file: of the header, the folder, the user, the last that speaks."""
+        """Unit of each column: of the header, the folder, the record, the user, the last that speaks."""
         header = {key: unit for key, unit in table.units.items() if not key.startswith(OTHER)}
-        return {**header, **self.settings.units, **options.units}
+        return {**header, **self._stated_units(table, options)}
+
+    def _stated_units(self, table: Table, options: DataOptions) -> dict[str, str]:
+        own = self.settings.of(table.source.stem)
+        return {**self.settings.units, **own.units, **options.units}
 
     def records(self, options: DataOptions, quantities: Quantities) -> list[Record]:
         """Make records of the tables."""
         return [self._record(table, options, quantities) for table in self.tables]
 
     def _record(self, table: Table, options: DataOptions, quantities: Quantities) -> Record:
-        name = table.name or table.source.stem
-        own = self.settings.records.get(name, RecordSettings())
+        stem = table.source.stem
+        name, own = table.name or stem, self.settings.of(stem)
         said = self.settings.skip_s if own.skip_s is None else own.skip_s
         record = make_record(
             replace(table, remarks=(*table.remarks, *self._remarks(table, options))),
             name,
             units=self.units(table, options),
-            sampling_time_s=_sampling_time(name, self.settings, options),
+            sampling_time_s=_sampling_time(stem, self.settings, options),
             sampling_said=(
                 "--sampling-time"
                 if options.sampling_time_s is not None
-                else f"{self.toml.name}, [records.{name}] ts_s,"
+                else f"{self.toml.name}, [records.{stem}] ts_s,"
             ),
             skip_s=said if options.skip_s is None else options.skip_s,
             note=own.note,
@@ -151,10 +150,10 @@ class _Part:
                     "left out of the error, still simulated: the first period",
                 ),
             )
-        return mask_out(record, own.mask_s, f"{self.toml}, [records.{name}] mask_s")
+        return mask_out(record, own.mask_s, f"{self.toml}, [records.{stem}] mask_s")
 
     def _remarks(self, table: Table, options: DataOptions) -> list[str]:
-        said = self.settings.units.keys() | options.units.keys()
+        said = self._stated_units(table, options)
         found = [
             f"{table.labels[key]} is in {unit}, as its name says"
             for key, unit in table.units.items()
@@ -177,7 +176,7 @@ def _part(path: Path | str, options: DataOptions, remarks: list[str]) -> _Part:
     if source.is_dir():
         folder, files = source, _data_files(source, remarks)
     elif source.exists():
-        _reader_ending(source)
+        _ending(source)
         folder, files = source.parent, [source]
     else:
         raise InputError(f"{source} does not exist; give a data file or a folder of data files")
@@ -193,12 +192,12 @@ def _part(path: Path | str, options: DataOptions, remarks: list[str]) -> _Part:
     return _Part(tables, settings, settings.title or printable(source.resolve().name), toml)
 
 
-def _reader_ending(file: Path) -> str:
+def _ending(file: Path) -> str:
     ending = file.suffix.lower()
-    if ending not in _READERS:
+    if ending not in _ENDINGS:
         raise InputError(
             f"{file}: files that end in {ending or 'nothing'!r} are not read; "
-            f"give a folder or one of {', '.join(_READERS)}"
+            f"give a folder or one of {', '.join(_ENDINGS)}"
         )
     if printable(file.name) != file.name:
         raise InputError(f"{file}: the name holds control characters; rename the file")
@@ -212,7 +211,7 @@ def _data_files(folder: Path, remarks: list[str]) -> list[Path]:
         raise InputError(f"{folder} cannot be read ({error.strerror})") from error
     files: dict[str, Path] = {}
     for file in listed:
-        if file.suffix.lower() not in _READERS or file.name.startswith(".") or file.is_dir():
+        if file.suffix.lower() not in _ENDINGS or file.name.startswith(".") or file.is_dir():
             continue
         if file.suffix.lower() == ".txt" and file.stem.lower().startswith(_ABOUT):
             remarks.append(f"left out: {file.name}, by its name no record")
@@ -223,33 +222,41 @@ def _data_files(folder: Path, remarks: list[str]) -> list[Path]:
         else:
             files[file.stem] = file
     if not files:
-        raise InputError(f"{folder}: no data file in this folder; give {', '.join(_READERS)}")
+        raise InputError(f"{folder}: no data file in this folder; give {', '.join(_ENDINGS)}")
     return list(files.values())
 
 
 def _read(
     file: Path, settings: Settings, options: DataOptions, matlab: MatlabReader
 ) -> list[Table]:
-    columns = _columns(settings, options)
-    time_needed = _sampling_time(file.stem, settings, options) is None or "t" in columns
-    ending = _reader_ending(file)
+    columns = _columns(file.stem, settings, options)
+    time_s = _sampling_time(file.stem, settings, options)
+    time_needed = columns["t"] != "" if "t" in columns else time_s is None
+    ending, separator = _ending(file), settings.of(file.stem).separator
+    if ending in TEXTS:
+        return [read_text(file, columns, time_needed=time_needed, separator=separator)]
+    if separator:
+        raise InputError(
+            f"{file.with_name(SETTINGS_FILE)}, [records.{file.stem}]: separator = {separator!r}; "
+            f"leave it out, {file.name} is no text"
+        )
     if ending == ".mat":
         return [read_matlab(file, columns, time_needed=time_needed, reader=matlab)]
     if ending == ".npz" and (tags := stacked_tags(file)):
         return read_stacked(file, tags, columns)
-    return [_READERS[ending](file, columns, time_needed=time_needed)]
+    return [read_npz(file, columns, time_needed=time_needed)]
 
 
 def _sampling_time(record: str, settings: Settings, options: DataOptions) -> float | None:
     """Sampling time (s) that the user says, or else the folder of this record."""
     if options.sampling_time_s is not None:
         return options.sampling_time_s
-    return settings.records.get(record, RecordSettings()).ts_s
+    return settings.of(record).ts_s
 
 
-def _columns(settings: Settings, options: DataOptions) -> dict[str, str | int]:
+def _columns(record: str, settings: Settings, options: DataOptions) -> dict[str, str | int]:
     """Return what each column is read from; inputs that are not u keep their names."""
-    columns = {**settings.columns, **options.columns}
+    columns = {**settings.columns, **settings.of(record).columns, **options.columns}
     if options.input is not None:
         columns["u"] = options.input
     elif settings.inputs:

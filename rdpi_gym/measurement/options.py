@@ -99,6 +99,8 @@ def check_columns(columns: Mapping[str, str | int], where: str) -> None:
     for name, source in columns.items():
         if name not in COLUMNS:
             raise unknown_name(where, name, COLUMNS)
+        if source == "" and name not in ("u", "y"):
+            continue
         # TOML brings any type here, whatever the annotation promises
         is_position = type(source) is int and 0 <= source <= _LAST_POSITION
         if not is_position and not (isinstance(source, str) and source):
@@ -183,7 +185,8 @@ class DataOptions:
     Parameters
     ----------
     columns
-        Header names, or zero-based positions, of t, u, y, reference, temperature, period.
+        Header names, or zero-based positions, of t, u, y, reference, temperature, period; an empty
+        name: the column is not read.
     input
         Name of the column that is the input u, where a file has several; the others are kept.
     units

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rdpi_gym.measurement.encoding import read_lines
+from rdpi_gym.measurement.layout import SEPARATORS
 from rdpi_gym.measurement.options import check_columns, check_skip, unit_factor, unknown_name
 from rdpi_gym.measurement.quantities import SIDES
 from rdpi_gym.measurement.record import ROLES, Role
@@ -22,7 +23,7 @@ _BLANKS = str.maketrans("\t\r\n", "   ")
 _KEYS = ("title", "skip_s", "columns", "units", "quantities", "records")
 _QUANTITY_KEYS = ("name", "symbol", "unit")
 _LONGEST = 30  # characters of a name or a unit
-_RECORD_KEYS = ("role", "skip_s", "mask_s", "ts_s", "note")
+_RECORD_KEYS = ("role", "skip_s", "mask_s", "ts_s", "note", "columns", "units", "separator")
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,11 @@ class RecordSettings:
         Sampling time (s) where its file has no time column, or times that are rounded.
     note
         What the experimenter wrote about it.
+    columns, units
+        Of its file, where they differ from those of the folder.
+    separator
+        Between the values of its file, one of `rdpi_gym.measurement.layout.SEPARATORS`; by default it
+        is found.
     """
 
     role: Role | None = None
@@ -49,6 +55,9 @@ class RecordSettings:
     mask_s: tuple[tuple[float, float], ...] = ()
     ts_s: float | None = None
     note: str = ""
+    columns: Mapping[str, str | int] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    separator: str = ""
 
 
 @dataclass(frozen=True)
@@ -79,6 +88,10 @@ class Settings:
     quantities: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     records: Mapping[str, RecordSettings] = field(default_factory=dict)
 
+    def of(self, record: str) -> RecordSettings:
+        """Return what is said about a record, by the name of its file without ending."""
+        return self.records.get(record, RecordSettings())
+
 
 def read_settings(path: Path, record_names: Iterable[str]) -> Settings:
     r"""Read a ``dataset.toml``.
@@ -104,40 +117,66 @@ def read_settings(path: Path, record_names: Iterable[str]) -> Settings:
     ...     read_settings(path, ["run"]).records["run"].mask_s
     ((1.0, 2.5),)
     """
+    return parse_settings("\n".join(read_lines(path, _LARGEST)), str(path), record_names)
+
+
+def parse_settings(text: str, path: str, record_names: Iterable[str]) -> Settings:
+    """Parse the text of a ``dataset.toml``; see :func:`read_settings`.
+
+    Parameters
+    ----------
+    text
+        Content of the file.
+    path
+        Its name, for the error line.
+    record_names
+        Records in its folder.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_settings`.
+
+    Examples
+    --------
+    >>> parse_settings('records.run.units.y = "nm"', "dataset.toml", ["run"]).of("run").units
+    {'y': 'nm'}
+    """
     try:
-        document = tomllib.loads("\n".join(read_lines(path, _LARGEST)))
+        document = tomllib.loads(text)
     except RecursionError:
         raise InputError(f"{path}: not TOML that is read: it is nested too deep") from None
     except ValueError as error:  # of TOML, and of whole numbers with thousands of digits
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path}: not TOML: {str(error)[:150]}") from None
-    _refuse_unknown(str(path), document, _KEYS)
+    _refuse_unknown(path, document, _KEYS)
     where = f"{path}, [columns]"
-    columns = _table(document, "columns", str(path))
+    columns = _table(document, "columns", path)
     inputs = _inputs(columns, where)
     check_columns(columns, where)
-    units = {
-        column: _text({column: unit}, column, f"{path}, [units]")
-        for column, unit in _table(document, "units", str(path)).items()
-    }
-    for column, unit in units.items():
-        unit_factor(column, unit, f"{path}, [units]")
     names = list(record_names)
-    records = _table(document, "records", str(path))
+    records = _table(document, "records", path)
     _refuse_unknown(f"{path}, [records]", records, names)
     return Settings(
-        title=_text(document, "title", str(path)),
-        skip_s=_skip(document, str(path)) or 0.0,
+        title=_text(document, "title", path),
+        skip_s=_skip(document, path) or 0.0,
         columns=columns,
-        units=units,
+        units=_units(_table(document, "units", path), f"{path}, [units]"),
         inputs=inputs,
-        quantities=_quantities(_table(document, "quantities", str(path)), f"{path}, [quantities]"),
+        quantities=_quantities(_table(document, "quantities", path), f"{path}, [quantities]"),
         records={
             name: _record(_table(records, name, f"{path}, [records]"), f"{path}, [records.{name}]")
             for name in records
         },
     )
+
+
+def _units(table: Mapping[str, Any], where: str) -> dict[str, str]:
+    units = {column: _text(table, column, where) for column in table}
+    for column, unit in units.items():
+        unit_factor(column, unit, where)
+    return units
 
 
 def _inputs(columns: dict[str, Any], where: str) -> tuple[str, ...]:
@@ -184,12 +223,20 @@ def _record(entry: Mapping[str, Any], where: str) -> RecordSettings:
                 f"{where}: mask_s = {quoted(stretches)}; give stretches from and to in seconds, "
                 "as in [[36.9, 37.5]]"
             )
+    columns = _table(entry, "columns", where)
+    check_columns(columns, f"{where} columns")
+    separator = entry.get("separator", "")
+    if separator not in ("", *SEPARATORS):
+        raise InputError(f"{where}: separator = {quoted(separator)}; give {', '.join(SEPARATORS)}")
     return RecordSettings(
         role=role,
         skip_s=_skip(entry, where),
         mask_s=tuple((float(start), float(end)) for start, end in pairs),
         ts_s=_sampling_time(entry, where),
         note=_text(entry, "note", where),
+        columns=columns,
+        units=_units(_table(entry, "units", where), f"{where} units"),
+        separator=separator,
     )
 
 

@@ -101,7 +101,8 @@ def select(
     Parameters
     ----------
     columns
-        What the user says, by our name; a name that is missing there stands for itself.
+        What the user says, by our name; a name that is missing there stands for itself, an empty
+        source for no column.
     names
         The names that the file offers.
     time_needed
@@ -134,6 +135,8 @@ def select(
     meanings = _MEANING | {name: "a further input" for name in columns if name not in _MEANING}
     for name, meaning in meanings.items():
         source = columns.get(name, name)
+        if source == "":
+            continue
         if isinstance(source, str) and source not in names:
             source = _with_unit(name, source, names)
         if isinstance(source, int):
@@ -141,8 +144,8 @@ def select(
         elif source in chosen.values():
             other = next(key for key, value in chosen.items() if value == source)
             raise InputError(
-                f"{where}, {label(kind, source, source)}: read as {other}, so {name} needs a column of its own; "
-                f"name it with --columns {name}=..."
+                f"{where}, {label(kind, source, source)}: read as {other}, so {name} needs a column of its own",
+                f"name it with --columns {name}=...",
             )
         elif names.count(source) > 1:
             raise InputError(
@@ -155,7 +158,8 @@ def select(
             otherwise = " or give --sampling-time 5e-3" if name == "t" else ""
             raise InputError(
                 f"{where}, {label(kind, name, source)}: missing ({meaning}); the file has "
-                f"{some(names) or 'none'}; name it with --columns {name}=...{otherwise}"
+                f"{some(names) or 'none'}",
+                f"name it with --columns {name}=...{otherwise}",
             )
     return chosen
 

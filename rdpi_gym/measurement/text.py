@@ -18,7 +18,13 @@ from rdpi_gym.support.words import quoted
 _LONGEST_LINE = 100_000  # characters; Python's reader of CSV takes cells of 131,072
 
 
-def read_text(path: Path, columns: Mapping[str, str | int], *, time_needed: bool = True) -> Table:
+def read_text(
+    path: Path,
+    columns: Mapping[str, str | int],
+    *,
+    time_needed: bool = True,
+    separator: str = "",
+) -> Table:
     r"""Read a text file of numbers.
 
     Lines that begin with ``#`` or ``%`` are comments. Decimal commas are understood where no
@@ -32,6 +38,8 @@ def read_text(path: Path, columns: Mapping[str, str | int], *, time_needed: bool
         Header name or zero-based position by our name; see `rdpi_gym.measurement.parse_columns`.
     time_needed
         Whether a file without a time column is refused.
+    separator
+        Between two values, one of `rdpi_gym.measurement.layout.SEPARATORS`; by default it is found.
 
     Raises
     ------
@@ -48,30 +56,8 @@ def read_text(path: Path, columns: Mapping[str, str | int], *, time_needed: bool
     >>> table.columns["u"], table.where("u", 0).endswith("run.csv, line 3, column volt (u)")
     (array([1.5]), True)
     """
-    numbers: list[int] = []
-    rows: list[str] = []
-    comment, comment_line = "", 0
     lines = read_lines(path)
-    for number, line in enumerate(lines, 1):
-        text = line.lstrip()
-        if len(line) > _LONGEST_LINE:
-            raise InputError(
-                f"{path}, line {number}: {len(line)} characters; a line of values has {_LONGEST_LINE} at most"
-            )
-        if text and text[0] not in "#%":
-            numbers.append(number)
-            rows.append(line)
-        elif text and not rows:
-            comment, comment_line = text.lstrip("#% "), number
-    header_rows = 0
-    if rows:
-        layout, header_rows = find_layout(rows, numbers[0], comment, comment_line)
-        numbers, rows = numbers[header_rows:], rows[header_rows:]
-    if not rows:
-        raise InputError(
-            f"{path}, line {len(lines)}: the file ends before its first value; "
-            "give lines of numbers, t,u,y"
-        )
+    layout, numbers, rows = find_rows(path, lines, separator)
     sources = _sources(path, layout, numbers[0], columns, time_needed)
     indices = {
         name: layout.header.index(source) if isinstance(source, str) else source
@@ -89,6 +75,66 @@ def read_text(path: Path, columns: Mapping[str, str | int], *, time_needed: bool
         names=names,
         units=units,
     )
+
+
+def find_rows(
+    path: Path, lines: Sequence[str], separator: str = ""
+) -> tuple[Layout, list[int], list[str]]:
+    """Find the rows of values of a text file, and how they are written.
+
+    Parameters
+    ----------
+    path
+        The file, for the error line.
+    lines
+        Its lines, from the first one on.
+    separator
+        As `read_text` has it.
+
+    Returns
+    -------
+    Layout
+        The layout.
+    list of int
+        Number of the line of each row, counted from 1.
+    list of str
+        The rows, at least one.
+
+    Raises
+    ------
+    InputError
+        No row, or a line that is far too long.
+
+    Examples
+    --------
+    >>> layout, numbers, rows = find_rows(Path("run.csv"), ["% night", "t;u;y", "0;1,5;2"])
+    >>> layout.header, numbers, rows
+    (('t', 'u', 'y'), [3], ['0;1,5;2'])
+    """
+    numbers: list[int] = []
+    rows: list[str] = []
+    comment, comment_line = "", 0
+    for number, line in enumerate(lines, 1):
+        text = line.lstrip()
+        if len(line) > _LONGEST_LINE:
+            raise InputError(
+                f"{path}, line {number}: {len(line)} characters; a line of values has {_LONGEST_LINE} at most"
+            )
+        if text and text[0] not in "#%":
+            numbers.append(number)
+            rows.append(line)
+        elif text and not rows:
+            comment, comment_line = text.lstrip("#% "), number
+    header_rows = 0
+    if rows:
+        layout, header_rows = find_layout(rows, numbers[0], comment, comment_line, separator)
+        numbers, rows = numbers[header_rows:], rows[header_rows:]
+    if not rows:
+        raise InputError(
+            f"{path}, line {len(lines)}: the file ends before its first value; "
+            "give lines of numbers, t,u,y"
+        )
+    return layout, numbers, rows
 
 
 def _cut_off(last_line: str) -> tuple[str, ...]:
@@ -116,17 +162,17 @@ def _sources(
     ]
     if by_name and not names:
         raise InputError(
-            f"{path}, line {first_line}, column 0: a number where a header was expected; give the "
-            f"zero-based positions, for example --columns t=0,u=1,y=2 (missing: "
-            f"{', '.join(by_name)})"
+            f"{path}, line {first_line}, column 0: a number where a header was expected",
+            "give the zero-based positions, for example --columns t=0,u=1,y=2 (missing: "
+            f"{', '.join(by_name)})",
         )
     sources = select(columns, names, time_needed, f"{path}, line {layout.header_line}", "column")
-    is_shifted = width != len(names) if layout.delimiter is None else width > len(names)
-    if is_shifted and any(isinstance(source, str) for source in sources.values()):
+    if layout.is_shifted and any(isinstance(source, str) for source in sources.values()):
         raise InputError(
             f"{path}, line {first_line}: {width} values under {len(names)} names (line "
-            f"{layout.header_line}); give one name for each column, or positions with --columns "
-            "t=0,u=1,y=2; where decimal commas are meant, put semicolons between the values"
+            f"{layout.header_line})",
+            "give one name for each column, or positions with --columns t=0,u=1,y=2; where decimal "
+            "commas are meant, put semicolons between the values",
         )
     for name, source in sources.items():
         if isinstance(source, int) and source >= max(width, len(names)):

@@ -27,17 +27,34 @@ class InputError(ValueError):
     The command line prints the line and exits with status 2. Whatever of a file or of the user's
     words stands in it, it is one line without control characters.
 
+    Parameters
+    ----------
+    fact
+        What is wrong and where, and what would be right for anyone.
+    hint
+        What to give a command or a call instead; it ends the line.
+
+    Attributes
+    ----------
+    fact : str
+        The line without the hint, for a reader who gives no options.
+
     Examples
     --------
+    >>> error = InputError("run.csv: column t is missing", "name it with --columns t=NAME")
+    >>> error.fact, str(error)
+    ('run.csv: column t is missing', 'run.csv: column t is missing; name it with --columns t=NAME')
     >>> raise InputError("ts_s is -1.0; give a sampling time above 0 s, for example 5e-5")
     Traceback (most recent call last):
     ...
     rdpi_gym.support.errors.InputError: ts_s is -1.0; give a sampling time above 0 s, for example 5e-5
     """
 
-    def __init__(self, message: str) -> None:
-        line = printable(message)
-        if len(line) > _LONGEST:
-            half = _LONGEST // 2
-            line = f"{line[:half]} ... {line[-half:]}"
-        super().__init__(line)
+    def __init__(self, fact: str, hint: str = "") -> None:
+        super().__init__(_line(f"{fact}; {hint}" if hint else fact))
+        self.fact = _line(fact)
+
+
+def _line(text: str) -> str:
+    line, half = printable(text), _LONGEST // 2
+    return line if len(line) <= _LONGEST else f"{line[:half]} ... {line[-half:]}"

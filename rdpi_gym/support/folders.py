@@ -5,10 +5,11 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import sync_folder
 from rdpi_gym.support.temporaries import remains, temporary, writing
 
@@ -128,3 +129,31 @@ def _exchange(one: Path, other: Path) -> bool:
     paths = (os.fsencode(one), os.fsencode(other))
     done: int = rename(_AT_WORKING_FOLDER, paths[0], _AT_WORKING_FOLDER, paths[1], _EXCHANGE)
     return done == 0  # a file system that knows no exchange refuses, and the two renames follow
+
+
+def check_plain(folders: Iterable[Path]) -> None:
+    """Refuse folders from somebody else that lead elsewhere: each holds folders and regular files alone.
+
+    Parameters
+    ----------
+    folders
+        Each is looked into, but not what is in folders within it; those that are not there are left
+        out.
+
+    Raises
+    ------
+    InputError
+        One holds a link, a FIFO, a device or a socket, or cannot be read.
+    """
+    for folder in folders:
+        try:
+            entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise InputError(f"{folder} cannot be read ({error.strerror})") from error
+        for entry in entries:
+            if not (entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)):
+                raise InputError(
+                    f"{entry.path} is a link or no regular file; this folder may hold neither: remove it"
+                )

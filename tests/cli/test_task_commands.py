@@ -6,6 +6,7 @@ import shutil
 import pytest
 
 import rdpi_gym.cli as cli
+from baselines.learned.policy import SHIPPED
 from benchmarks.stages import run, unit
 
 OWN = """
@@ -87,6 +88,9 @@ def test_a_submission_that_is_not_whole_is_refused_in_one_line(submitted, tmp_pa
         refused(capsys, "score", str(folder))
     )
     shutil.rmtree(folder)
+    folder = changed(submitted, tmp_path, plants=10**12)  # no list of so many
+    assert "lacks 999999999998 of 1000000000000 rows" in refused(capsys, "score", str(folder))
+    shutil.rmtree(folder)
     folder = changed(submitted, tmp_path, suite=0)
     assert "is of task suite 0" in refused(capsys, "score", str(folder))
     shutil.rmtree(folder)
@@ -94,6 +98,16 @@ def test_a_submission_that_is_not_whole_is_refused_in_one_line(submitted, tmp_pa
     (code,) = folder.glob("submitted_*.py")
     code.write_text(OWN + "#")
     assert "its hash differs" in refused(capsys, "score", str(folder))
+
+
+def test_what_a_link_leads_to_is_not_handed_in(tmp_path, capsys):
+    policy = shutil.copytree(SHIPPED / "ppo-correction", tmp_path / "policy")
+    (tmp_path / "secret").write_text("of the user's own")
+    (policy / "notes.txt").symlink_to(tmp_path / "secret")
+    out = tmp_path / "entry"
+    words = ["--task", "Bare", "--draws", "1", "--jobs", "1", "--out", str(out)]
+    assert "notes.txt is a link" in refused(capsys, "submit", f"learned:{policy}", *words)
+    assert not any("of the user" in f.read_text(errors="replace") for f in out.rglob("*.txt"))
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """`verify`: what agrees, what does not, and what cannot be verified."""
 
 import json
+import os
 import shutil
 from dataclasses import replace
 
@@ -148,6 +149,9 @@ def test_nothing_that_a_description_says_gets_past_the_line(key, value):
 
 def test_a_folder_that_lacks_a_file(folder, tmp_path):
     (folder / "main.c").unlink()
+    with pytest.raises(InputError, match=r"has no main\.c"):
+        verify(folder)
+    os.mkfifo(folder / "main.c")  # and is not waited for
     with pytest.raises(InputError, match=r"has no main\.c"):
         verify(folder)
     with pytest.raises(InputError, match="does not exist"):

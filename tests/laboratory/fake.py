@@ -78,6 +78,12 @@ def parameter(name, symbol, unit, value, **more):
     )
 
 
+PREVIEW = {
+    "columns": [{"source": n, "name": n, "unit": n[-3:-1]} for n in ("Time [ms]", "Command [mV]")] + [{"source": 2, "name": "column 2", "unit": ""}],
+    "rows": [["0.0", "12", "0.3"], ["0.1", "14", "0.4"]], "separator": {"chosen": "", "found": "semicolon"},
+    "chosen": {"t": "Time [ms]", "u": "Command [mV]", "y": 2}, "units": {"t": "ms", "u": "mV", "y": "µm"},
+    "ts_s": None, "alike": ["worse"],
+}  # fmt: skip
 EFFECTS = {
     "creep": ("Creep", [parameter("strength", "γ", "", 0.0153, low=0.0, high=0.1, log=False), parameter("time_constant_s", "τ", "s", 0.42)]),
     "resonance": ("Resonance", [parameter("frequency_hz", "f₀", "Hz", 812.0), parameter("damping", "ζ", "", 0.021)]),
@@ -210,7 +216,9 @@ class Laboratory:
                     state["ranking"]["status"] = "cancelled"
             case "settings":
                 for name, change in body.get("records", {}).items():
-                    next(r for r in state["records"] if r["name"] == name).update(change)
+                    for record in [r for r in state["records"] if r["name"] == name]:
+                        record.update(change)
+                state["files"] = [f for f in state["files"] if not f["problem"]]
             case "payoff":
                 state["payoff"] = payoff(state["current"], body["reference"])
         self.push()
@@ -243,7 +251,6 @@ class Laboratory:
             for r in self.state["records"]
         ]
         self.state["settings"] = {
-            "columns": {r["file"]: {"available": ["t", "u", "y"], "time": "t", "input": "u", "output": "y"} for r in self.state["records"]},
             "cores": [{"key": "rdpi", "title": "Rate-dependent Prandtl-Ishlinskii"}, {"key": "preisach", "title": "Preisach"}],
         }  # fmt: skip
         self.step("Base model", [])
@@ -383,6 +390,8 @@ class _Handler(BaseHTTPRequestHandler):
                 self.events()
             case "/api/examples":
                 self.answer(200, EXAMPLES)
+            case "/api/preview":
+                self.answer(200, PREVIEW | {"record": asked["file"].partition(".")[0]})
             case "/api/trace":
                 self.answer(200, lab.trace(asked))
             case "/api/views":

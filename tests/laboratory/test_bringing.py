@@ -57,17 +57,39 @@ def test_a_file_that_was_refused_is_tried_again_with_other_settings(folder):
     (folder / "run.csv").write_text(csv())
     (folder / "kilo.csv").write_text(csv().replace("t,u,y", "t,volts,y"))
     assert list(bringing.read(folder).problems) == ["kilo.csv"]
-    (folder / "run.csv").unlink()
-    bringing.write_settings(folder, {"columns": {"kilo.csv": {"input": "volts"}}}, ["kilo"])
-    assert [r.name for r in bringing.read(folder).data.records] == ["kilo"]
+    change = {"columns": {"u": "volts"}, "units": {"u": "kV"}}
+    bringing.write_settings(folder, {"records": {"kilo": change}}, ["run"])
+    kilo, run = bringing.read(folder).data.records
+    assert kilo.u_V.max() == pytest.approx(1e3 * run.u_V.max())
+
+
+def test_what_is_said_of_a_refused_file_goes_with_it(folder):
+    (folder / "run.csv").write_text(csv())
+    (folder / "late.csv").write_text(csv(bad=7))
+    said = {"run": {"role": "test"}, "late": {"note": "lid open", "units": {"y": "nm"}}}
+    bringing.write_settings(folder, {"records": said}, ["run", "late"])
+    assert [r.role for r in bringing.read(folder).data.records] == ["test"]
+    assert rg.load(folder).records[0].name == "run"  # its settings name no record that is absent
+    assert bringing.record_settings(folder, "late") == said["late"]
+    bringing.write_settings(
+        folder, {"records": {"late": {"units": {"t": "ms", "y": None}}}}, ["run"]
+    )
+    assert bringing.record_settings(folder, "late")["units"] == {"t": "ms"}
+    assert list(bringing.read(folder).problems) == ["late.csv"]
+    bringing.refused_file(folder, "late.csv").write_text(csv())  # mended
+    assert {r.note for r in bringing.read(folder).data.records} == {"", "lid open"}
+    (folder / "late.csv").write_text(csv(bad=7))
+    bringing.read(folder)
+    bringing.refused_file(folder, "late.csv").unlink()  # discarded
+    assert bringing.read(folder).problems == {}
+    assert bringing.record_settings(folder, "late") == {}
 
 
 def test_settings_of_the_page_are_those_of_dataset_toml(folder):
     (folder / "run.csv").write_text(csv())
     (folder / "late run.csv").write_text(csv(7.9))
     changes = {
-        "records": {"late run": {"role": "validation", "masked_s": [[0.5, 0.7]]}, "run": {"skip_s": 0.2}},
-        "units": {"output": "nm"},
+        "records": {"late run": {"role": "validation", "masked_s": [[0.5, 0.7]]}, "run": {"skip_s": 0.2, "units": {"y": "nm"}}},
     }  # fmt: skip
     bringing.write_settings(folder, changes, ["run", "late run"])
     data = bringing.read(folder).data
@@ -77,14 +99,19 @@ def test_settings_of_the_page_are_those_of_dataset_toml(folder):
     assert run.y_um.max() == pytest.approx(0.08, rel=1e-2)
     bringing.write_settings(folder, {"records": {"run": {"role": "unused"}}}, ["run", "late run"])
     said = tomllib.loads((folder / "dataset.toml").read_text())
-    assert said["records"]["run"] == {"skip_s": 0.2, "role": "test"}
+    assert said["records"]["run"] == {"skip_s": 0.2, "role": "test", "units": {"y": "nm"}}
 
 
 @pytest.mark.parametrize(
     ("changes", "line"),
-    [({"records": {"rum": {}}}, "there is no record 'rum'; there are run"),
-     ({"records": {"run": {"role": "judge"}}}, "role 'judge'; give train, validation, test"),
-     ({"records": {"run": {"colour": 1}}}, "'colour' of run is unknown; give role, skip_s"),
+    [({"records": {"rum": {}}}, "[records]: 'rum' is unknown (did you mean 'run'?)"),
+     ({"records": {"run": {"role": "judge"}}}, "role = 'judge'; give train, validation, test"),
+     ({"records": {"run": {"colour": 1}}}, "[records.run]: 'colour' is unknown (did you mean"),
+     ({"records": {"run": {"units": {"t": "fortnights"}}}}, "unit 'fortnights' of t is unknown"),
+     ({"records": {"run": {"columns": {"u": 1, "y": 1}}}}, "u and y both name column 1"),
+     ({"records": {"run": {"columns": {"u": "a\x7f"}}}}, "not TOML"),
+     ({"records": {"run": {"separator": ";"}}}, "separator = ';'; give comma, semicolon"),
+     ({"records": {"run": {"ts_s": -1}}}, "ts_s = -1; give seconds above 0"),
      ({"records": [1]}, "records is [1]; give an object"),
      ({"colour": 1}, "'colour' is unknown; give records")],
 )  # fmt: skip
@@ -106,6 +133,16 @@ def test_of_a_file_that_is_copied_alone_only_its_own_settings_come_along(folder,
     assert sorted(f.name for f in folder.iterdir()) == ["dataset.toml", "run.csv"]
 
 
-def test_the_columns_of_a_header_are_offered(folder):
-    (folder / "run.csv").write_text('"time (s)";"volts";"µm"\n1;2;3\n')
-    assert bringing.columns_of(folder / "run.csv") == ["time (s)", "volts", "µm"]
+def test_a_refused_file_is_not_told_of_options_that_the_laboratory_lacks(folder):
+    rows = csv().splitlines()[1:]
+    (folder / "named.csv").write_text("\n".join(["when,volts,x", *rows]))
+    (folder / "bare.csv").write_text("\n".join(rows))
+    (folder / "twice.csv").write_text("\n".join(["u,y", *(row.partition(",")[2] for row in rows)]))
+    problems = bringing.read(folder).problems
+    assert set(problems) == {"named.csv", "bare.csv", "twice.csv"}
+    for name, problem in problems.items():
+        with pytest.raises(rg.InputError) as refused:  # a command has them
+            rg.load(folder / name)
+        assert "--columns" in str(refused.value)
+        assert "--" not in problem.line
+        assert str(refused.value).startswith(f"{folder / problem.line}; ")

@@ -85,11 +85,11 @@ def test_a_session_with_a_link_or_a_special_file_is_refused(session, elsewhere, 
     monkeypatch.chdir(session.parent)  # the address of a socket is short
     LINKS[kind](session.relative_to(session.parent), elsewhere)
     with pytest.raises(
-        rg.InputError, match="is a link or no regular file; a session holds neither"
+        rg.InputError, match="is a link or no regular file; this folder may hold neither"
     ):
         session_folder(session)
     with pytest.raises(
-        rg.InputError, match="is a link or no regular file; a session holds neither"
+        rg.InputError, match="is a link or no regular file; this folder may hold neither"
     ):
         Session(session)
     assert (elsewhere / "thesis.csv").read_text() == SECRET

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from rdpi_gym.report import style
-from tests.laboratory.fake import PAGE, Laboratory, candidate
+from tests.laboratory.fake import PAGE, Laboratory, candidate, empty_state
 
 sync_api = pytest.importorskip(
     "playwright.sync_api", reason="Playwright's Python package is not installed (extra: test)"
@@ -362,6 +362,55 @@ def test_what_is_refused_is_told_and_goes_away(begun):
     alert.get_by_text(lab.refuse or "creep: the model has it already; take another").wait_for()
     page.get_by_test_id("alert-close").click()
     assert not alert.is_visible()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_refused_file_is_read_in_another_way(begun, scheme):
+    lab, page = begun
+    names = ("bad.csv", "worse.csv")
+    about = {"bytes": 3, "problem": "column t: missing", "row": 1, "column": "t"}
+    lab.state["files"] += [about | {"name": name} for name in names]
+    lab.push()
+    page.get_by_test_id("columns-bad.csv").click()
+    page.get_by_test_id("preview-bad.csv").get_by_text("0.3").wait_for()
+    page.emulate_media(color_scheme=scheme)
+    audit = pytest.importorskip("axe_playwright_python.sync_playwright", reason="extra: test")
+    found = audit.Axe().run(page).response["violations"]
+    page.emulate_media(color_scheme="light")
+    assert [(each["impact"], each["id"], each["nodes"][0]["html"]) for each in found] == []
+    assert not page.get_by_test_id("sampling-bad.csv").is_visible()
+    page.get_by_test_id("column-u-bad.csv").select_option("column 2")
+    assert page.get_by_test_id("unit-u-bad.csv").input_value() == "mV"  # it names none of its own
+    page.get_by_test_id("column-y-bad.csv").select_option("Command [mV]")
+    assert page.get_by_test_id("unit-y-bad.csv").input_value() == "mV"
+    page.get_by_test_id("column-t-bad.csv").select_option("none: sampling time")
+    page.get_by_test_id("apply-columns-bad.csv").click()
+    refused = page.get_by_test_id("refused-bad.csv")
+    refused.get_by_text("there is no time column; give the sampling time in s").wait_for()
+    page.get_by_test_id("sampling-bad.csv").fill("5e-4")
+    lab.refuse = "dataset.toml: unit 'mV' of y"
+    page.get_by_test_id("apply-columns-bad.csv").click()
+    refused.get_by_text("dataset.toml: unit 'mV' of y").wait_for()
+    assert page.get_by_test_id("column-u-bad.csv").input_value() == "2"  # as it was set
+    page.get_by_test_id("apply-columns-bad.csv").click()
+    refused.wait_for(state="detached")
+    [change] = [of for _, path, of in lab.seen if path == "/api/settings"][1:]
+    chosen = {"t": "", "u": 2, "y": "Command [mV]"}
+    assert change["records"]["bad"]["columns"] == change["records"]["worse"]["columns"] == chosen
+    assert change["records"]["bad"]["ts_s"] == 5e-4
+
+
+def test_files_that_cannot_be_read_together_can_be_taken_out(begun):
+    lab, page = begun
+    lab.state = empty_state() | {"problem": "run.csv and run.mat are both record 'run'; rename one"}
+    about = {"bytes": 3, "problem": None, "row": None, "column": None}
+    lab.state["files"] = [about | {"name": name} for name in ("run.csv", "run.mat")]
+    lab.push()
+    page.get_by_test_id("refused-run.csv").wait_for()
+    assert page.get_by_test_id("drop").is_visible()
+    assert "rename one" in page.get_by_test_id("alert").inner_text()
+    page.get_by_test_id("discard-run.mat").click()
+    page.get_by_test_id("record-sine-00").wait_for()  # what is left is read at once
 
 
 def test_what_is_dropped_anywhere_is_read_and_what_is_no_record_is_told(begun):

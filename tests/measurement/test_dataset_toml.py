@@ -115,6 +115,15 @@ def test_a_mask_before_what_was_kept_is_no_mistake(folder, write) -> None:
         ("[records.one]\nts_s = 0", ", [records.one]: ts_s = 0; give seconds above 0, as in"),
         ("[records.one]\nts_s = 'x'", ", [records.one]: ts_s = 'x'; give seconds above 0"),
         ("[records.one]\nnote = 1", ", [records.one]: note = 1; give text"),
+        (
+            "[records.one]\nseparator = ';'",
+            ", [records.one]: separator = ';'; give comma, semicolon",
+        ),
+        ("[records.one]\nseparator = [1]", ", [records.one]: separator = [1]; give comma"),
+        ("[records.one.columns]\nv = 'u'", ", [records.one] columns: 'v' is unknown"),
+        ("[records.one.columns]\nu = ''", ", [records.one] columns: u = ''; give a header name"),
+        ("[records.one]\ncolumns = 'u'", ", [records.one]: columns = 'u'; give a table"),
+        ("[records.one.units]\ny = 'inch'", ", [records.one] units: unit 'inch' of y is unknown"),
         ("[records.one]\nmask_s = [1, 2]", ", [records.one]: mask_s = [1, 2]; give stretches"),
         ("[records.one]\nmask_s = 3", ", [records.one]: mask_s = 3; give stretches"),
         ("[records.one]\nmask_s = [[2, 1]]", ", [records.one]: mask_s = [[2, 1]]; give stretches"),
@@ -179,3 +188,52 @@ def test_a_sampling_time_that_the_times_contradict(folder, write, refusal) -> No
     assert (
         "one.csv, line 2, column t: time steps by 0.02 s on average where dataset.toml, [re" in line
     )
+
+
+def test_each_record_may_be_written_in_a_way_of_its_own(tmp_path, write, sine_lines) -> None:
+    write("plain.csv", "\n".join(line.replace("t,u,y", "time,u,y") for line in sine_lines()))
+    rows = [line.split(",") for line in sine_lines()[1:]]
+    other = [f"{1e3 * float(t):.3f};{u};{1e3 * float(y):.3f}" for t, u, y in rows]
+    write("other.csv", "\n".join(["when;volt;disp", *other]))
+    # stamps that are no numbers, under the very name of the time
+    stamped = [f"10:{k:02d}\t{u}\t{y}" for k, (_, u, y) in enumerate(rows)]
+    write("stamped.csv", "\n".join(["t\tu\ty", *stamped]))
+    write(
+        "dataset.toml",
+        """\
+        columns = { t = "time" }
+        [records.other]
+        separator = "semicolon"
+        columns = { t = "when", u = 1, y = "disp" }
+        units = { t = "ms", y = "nm" }
+        [records.stamped]
+        columns = { t = "" }
+        ts_s = 0.02
+        """,
+    )
+    plain, other, stamped = sorted(load(tmp_path).records, key=lambda r: "pos".index(r.name[0]))
+    for record in (other, stamped):
+        np.testing.assert_allclose(record.t_s, plain.t_s, atol=1e-9)
+        np.testing.assert_allclose(record.y_um, plain.y_um, atol=1e-5)
+
+
+def test_a_separator_is_taken_at_its_word(tmp_path, write, sine_lines, refusal) -> None:
+    path = write("run.csv", "\n".join(sine_lines()).replace(",", "; "))
+    write("dataset.toml", '[records.run]\nseparator = "tab"\n')
+    assert "run.csv, line 1, column t: missing (time in s); the file has t; u; y" in refusal(path)
+    write("dataset.toml", '[records.run]\nseparator = "semicolon"\n')
+    assert load(path).records[0].t_s.size == 40
+
+
+def test_no_text_has_no_separator(tmp_path, write, refusal) -> None:
+    np.savez(tmp_path / "run.npz", t=np.arange(20.0), u=np.arange(20.0), y=np.arange(20.0))
+    write("dataset.toml", '[records.run]\nseparator = "tab"\n')
+    line = refusal(tmp_path)
+    assert "[records.run]: separator = 'tab'; leave it out, run.npz is no text" in line
+
+
+def test_a_stacked_archive_may_be_told_its_sampling_time(tmp_path, write) -> None:
+    u = np.sin(np.arange(120.0)).reshape(40, 3)
+    np.savez(tmp_path / "mirror.npz", u_low=u, y_low=2.0 * u)
+    write("dataset.toml", "[records.mirror]\nts_s = 0.01\n")
+    assert [(r.name, r.ts_s) for r in load(tmp_path).records] == [("low-1", 0.01)]

@@ -29,17 +29,20 @@ export function beginBringing() {
   }
   byId("bring").addEventListener("click", openBringing);
   byId("bring-close").addEventListener("click", () => byId("bringing").close());
-  watch((server, ui) => [server.records.length, server.files.length, ui.loaded], ([records, files, loaded]) => {
+  watch((server, ui) => [server.records.length > 0, ui.loaded], ([records, loaded]) => {
     document.body.classList.toggle("no-data", !records);
     if (!loaded) return;
-    const home = records || files ? byId("bringing-slot") : byId("welcome-slot");
+    // without a record the page itself is the place to drop one
+    if (!records) byId("bringing").close();
+    const home = records ? byId("bringing-slot") : byId("welcome-slot");
     if (byId("bring-box").parentElement !== home) home.append(byId("bring-box"));
     listExamples();
   });
 }
 
 export function openBringing() {
-  if (!document.body.classList.contains("no-data") && !byId("bringing").open) byId("bringing").showModal();
+  if (document.body.classList.contains("no-data")) byId("choose-files").focus();
+  else if (!byId("bringing").open) byId("bringing").showModal();
 }
 
 async function listExamples() {

@@ -1,6 +1,7 @@
 // The records: what each is used for, how well the model follows it, and what of it is left out.
 
 import {act, remove} from "./api.js";
+import {chooser} from "./chooser.js";
 import {byId, h, icon, replace} from "./dom.js";
 import {number, time, typed, whole, withUnit} from "./format.js";
 import {sketch} from "./signature.js";
@@ -13,7 +14,7 @@ export function beginRecords() {
     (server, ui) => [server.records, ui.record, presentStep(server)?.errors.by_record_um, server.quantities],
     drawRecords,
   );
-  watch((server) => server.files, drawFiles);
+  watch((server) => [server.files, Boolean(server.problem), server.records.length > 0], drawFiles);
   watch((server, ui) => [recordNamed(server, ui.record), server.settings, server.quantities], drawDetail);
 }
 
@@ -57,15 +58,34 @@ function drawRecords() {
 const rate = (ts_s) => (ts_s < 1e-3 ? withUnit(1e-3 / ts_s, "kHz") : withUnit(1 / ts_s, "Hz"));
 const set = (name, change) => act("/api/settings", {records: {[name]: change}});
 
-function drawFiles() {
-  const refused = store.server.files.filter((file) => file.problem);
-  replace(byId("refused"), refused.map(({name, problem, row, column}) => h("li", {"data-testid": `refused-${name}`},
-    h("strong", {}, name),
-    row || column ? h("span", {class: "where"}, [row ? `row ${row}` : "", column ? `column ${column}` : ""].filter(Boolean).join(", ")) : "",
-    h("p", {}, problem),
-    h("button", {type: "button", class: "quiet", "data-testid": `discard-${name}`, "aria-label": `Discard ${name}`,
-      onclick: () => act(`/api/files/${encodeURIComponent(name)}`, null, remove)}, "Discard"))));
+const choosers = new Map(); // of refused files, as the reader has set them
+
+/** Files that were refused; where nothing can be read together, all of them. */
+function drawFiles([files, mixed, data]) {
+  const refused = files.filter((file) => file.problem || (mixed && !data));
+  const names = refused.map(({name}) => name);
+  for (const name of choosers.keys()) if (!names.includes(name)) choosers.delete(name);
+  replace(byId("refused"), refused.map(({name, bytes, problem, row, column}) => {
+    if (!choosers.has(name)) {
+      const line = h("p", {role: "status"});
+      choosers.set(name, {line, box: bytes ? chooser(name, line, "Columns, units and separator", !data && !choosers.size) : ""});
+    }
+    const {line, box} = choosers.get(name);
+    line.textContent = problem ?? "";
+    return h("li", {"data-testid": `refused-${name}`},
+      h("strong", {}, name),
+      row || column ? h("span", {class: "where"}, [row ? `row ${row}` : "", column ? `column ${column}` : ""].filter(Boolean).join(", ")) : "",
+      h("button", {type: "button", class: "quiet", "data-testid": `discard-${name}`, "aria-label": `Discard ${name}`,
+        onclick: () => discard(name)}, "Discard"),
+      line, box);
+  }));
   byId("refused").hidden = !refused.length;
+}
+
+async function discard(name) {
+  const done = await act(`/api/files/${encodeURIComponent(name)}`, null, remove);
+  // it may have been in the way of the others
+  if (done && !store.server.records.length && store.server.files.length) act("/api/open");
 }
 
 function drawDetail() {
@@ -94,34 +114,11 @@ function drawDetail() {
       h("button", {type: "button", class: "quiet", "aria-label": `Count ${number(from, 4)} to ${number(to, 4)} s again`, "data-testid": `unmask-${i}`,
         onclick: () => set(record.name, {masked_s: masked.filter((_, k) => k !== i)})}, icon("close")))))
       : h("p", {class: "empty"}, "To leave a stretch out, press “Leave out” above the trace and drag over it."),
-    columnsBox(record));
+    rereading(record.file));
 }
 
-/** Which column is what, and in which unit. */
-function columnsBox(record) {
-  const columns = store.server.settings?.columns?.[record.file];
-  const known = store.server.settings?.units ?? {};
-  const {quantities} = store.server;
-  if (!columns?.available?.length && !quantities) return "";
-  const choice = (key, label) => h("label", {class: "field"}, label,
-    h("select", {"data-testid": `column-${key}`}, columns?.[key] === null ? h("option", {value: ""}, "as found") : "",
-      (columns?.available ?? []).map((name) => h("option", {value: name, selected: name === columns[key]}, name))));
-  const text = (testid, label, value) => h("label", {class: "field"}, label,
-    h("input", {type: "text", class: "short", value: value ?? "", "data-testid": testid, spellcheck: "false"}));
-  const named = [["time", "Time"], ["input", "Command"], ["output", "Measured"]];
-  const form = h("form", {class: "columns"},
-    columns?.available?.length ? named.map(([key, label]) => choice(key, `${label} is column `)) : "",
-    text("unit-time", "Time in ", known.time ?? "s"),
-    text("unit-input", "Command in ", known.input ?? quantities?.input?.unit),
-    text("unit-output", "Measured in ", known.output ?? quantities?.output?.unit),
-    h("button", {type: "submit", "data-testid": "apply-columns"}, "Read again"));
-  form.addEventListener("submit", (event) => {
-    event.preventDefault();
-    const value = (testid) => form.querySelector(`[data-testid="${testid}"]`)?.value.trim();
-    const change = {units: Object.fromEntries(named.map(([key]) => [key, value(`unit-${key}`)]).filter(([, given]) => given))};
-    if (columns?.available?.length) change.columns = {[record.file]: Object.fromEntries(named.map(([key]) => [key, value(`column-${key}`)]).filter(([, given]) => given))};
-    act("/api/settings", change);
-  });
-  return h("details", {class: "columns"}, h("summary", {"data-testid": "columns"}, `Columns and units of ${record.file}`), form);
+/** Read a file in another way than it was. */
+function rereading(file) {
+  const line = h("p", {class: "refusal", role: "status"});
+  return [chooser(file, line, `Columns and units of ${file}`), line];
 }
-

@@ -17,7 +17,7 @@ export function beginStatus() {
   watch((server) => [Boolean(server.current), server.records.length > 0], takeable);
   watch((server) => server.job, drawJob);
   byId("cancel").addEventListener("click", cancel);
-  watch((server, ui) => [ui.connection, ui.notice, server.problem, server.session_folder], drawAlert);
+  watch((server, ui) => [ui.connection, heard(server, ui.notice) ? null : ui.notice, server.problem, server.session_folder], drawAlert);
   byId("alert-close").addEventListener("click", () => setUi({notice: null}));
   watch((server) => [server.job?.what, server.ranking?.status, presentStep(server)?.label], announce);
   watch((server, ui) => ui.loaded, (loaded) => document.body.classList.toggle("loaded", loaded));
@@ -65,6 +65,9 @@ function drawJob(job) {
     bar.value = job.done;
   } else bar.removeAttribute("value");
 }
+
+/** Whether a notice stands beside the file that it is about. */
+const heard = (server, notice) => server.files.some(({problem}) => problem === notice);
 
 function drawAlert([connection, notice, problem, folder]) {
   const say = {
