@@ -13,6 +13,7 @@ from typing import Any
 import rdpi_gym as rg
 from rdpi_gym.laboratory import jobs, views
 from rdpi_gym.laboratory.desk import Desk
+from rdpi_gym.laboratory.entries import error_um
 from rdpi_gym.laboratory.events import Events
 from rdpi_gym.laboratory.session import Step
 from rdpi_gym.laboratory.telling import cards_of
@@ -153,7 +154,7 @@ class Models(Desk):
         plant, kind = refit["plant"], step.made["kind"]
         if step.held or kind in ("set", "settled") or plant is None:
             return step
-        if kind != "fit" and refit["validation_um"] >= step.validation_um:
+        if kind != "fit" and error_um(refit) >= step.validation_um:
             return step
         better = replace(
             step,

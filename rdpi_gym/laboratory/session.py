@@ -12,6 +12,7 @@ from typing import Any, get_type_hints
 
 import rdpi_gym as rg
 from rdpi_gym.laboratory.bringing import REFUSED, read
+from rdpi_gym.laboratory.entries import error_um, refit_of, result_of
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checked import check_type
 from rdpi_gym.support.errors import InputError
@@ -137,7 +138,7 @@ class Ranking:
             form = next((c["form"] for c in self.candidates if c["effect"] == effect), None)
         if form is not None:
             return usable.get(form)
-        return min(usable.values(), key=lambda r: r["validation_um"], default=None)
+        return min(usable.values(), key=error_um, default=None)
 
     @property
     def candidates(self) -> list[Mapping[str, Any]]:
@@ -282,6 +283,10 @@ class Session:
         again = parse_json(line, JOURNAL)
         if "step" in again and again["do"] in ("step", "update"):
             Step.from_dict(again["step"])
+        if again["do"] == "refit":
+            refit_of(again["refit"])
+        if again["do"] == "ranking":
+            result_of(again.get("result"))
         try:
             handle = os.open(self.folder / JOURNAL, _APPEND, 0o666)
             try:
@@ -333,13 +338,13 @@ class Session:
         """Let what was done on a step take effect."""
         before = self.rankings.get(step, Ranking(step))
         if event["do"] == "refit":
-            refit = event["refit"]
+            refit = refit_of(event["refit"])
             tried = {**before.refits, (refit["effect"], refit["form"]): refit}
             self.rankings[step] = replace(before, refits=tried)
         elif event["do"] == "ranking":
             refits = {} if event["status"] == "running" else before.refits
             self.rankings[step] = Ranking(
-                step, event["status"], refits, event.get("result"), event.get("problem")
+                step, event["status"], refits, result_of(event.get("result")), event.get("problem")
             )
         elif event["do"] == "payoff":
             self.payoffs[step] = dict(event["payoff"])

@@ -74,8 +74,9 @@ def noise_um(session: Session) -> float | None:
     current = session.current
     for step in [] if current is None else reversed(session.path):
         ranking = session.rankings.get(step)
-        if ranking is not None and ranking.result is not None:
-            return float(ranking.result["noise_floor"])
+        result = None if ranking is None else ranking.result
+        if result is not None and result["noise_floor"] is not None:
+            return float(result["noise_floor"])
     said = [session.said[s]["noise_um"] for s in session.path if s in session.said]
     return min(said, default=None)
 
@@ -101,7 +102,8 @@ def _ranking(session: Session, pictures: Mapping[str, Any]) -> dict[str, Any] | 
 def _settled(step: Step, result: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the error of the model as the ranking ended with it, where that leaves less."""
     final = result["final"]
-    if result.get("settled") is None or final["validation_rmse"] >= step.validation_um:
+    left_um = final["validation_rmse"]
+    if result["settled"] is None or left_um is None or left_um >= step.validation_um:
         return None
     return {"train_um": final["train_rmse"], "validation_um": final["validation_rmse"]}
 

@@ -263,7 +263,7 @@ def title_of(effect: str) -> str:
 
 def cards(
     ranking: Ranking,
-    base_um: float,
+    base_um: float | None,
     noise_um: float | None,
     core: type[Any],
     present: set[str],
@@ -367,8 +367,8 @@ def _values(
     ]
 
 
-def _share(base_um: float, with_um: float | None, noise_um: float | None) -> float | None:
-    if with_um is None or noise_um is None:
+def _share(base_um: float | None, with_um: float | None, noise_um: float | None) -> float | None:
+    if base_um is None or with_um is None or noise_um is None:
         return None
     excess = base_um**2 - noise_um**2
     return None if excess <= 0 else (base_um**2 - with_um**2) / excess

@@ -487,7 +487,7 @@ def journal_documents() -> list[Document]:
     step = Step("s1", None, "Base model", {"kind": "fit", "core": None}, P5, 0.5, 0.6, {"run": 0.5})
     second = {**step.to_dict(), "id": "s2", "parent": "s1", "held": ["delta2_s"]}
     entry = {"bytes": 1000, "problem": None, "row": 3, "column": "u"}
-    ranked = {"effect": "creep", "form": "", "share_of_excess": 0.5, "confidence": "likely"}
+    ranked = {"effect": "creep", "form": "", "share_of_excess": 0.5, "confidence": 0.9}
     ranked |= {"indistinguishable": ["resonance"], "remarks": ["a"], "probability": 0.5}
     left = {"remainder": "", "portrait_lines": [], "next_experiment": None, "noise_floor": 0.01}
     left |= {
