@@ -18,6 +18,7 @@ from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import NO_FIT, FirstSteps, JointFit, first_steps, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.parallel import run_cases
@@ -227,10 +228,17 @@ def refit(
     if kind is None:
         return attempt(lambda: assess(setting, "", setting.fit(hysteresis, present)))
     make = partial(_refit, setting, hysteresis, present, kind, starts, least_um)
-    return attempt(make, kind.name, kind.form)
+    # a user's effect may raise anything; what else ours raises is a fault of the program
+    caught = NO_FIT if kind.name in CATALOGUE else (Exception,)
+    return attempt(make, kind.name, kind.form, caught)
 
 
-def attempt(make: Callable[[], Outcome], effect: str = "", form: str = "") -> Outcome:
+def attempt(
+    make: Callable[[], Outcome],
+    effect: str = "",
+    form: str = "",
+    caught: tuple[type[Exception], ...] = NO_FIT,
+) -> Outcome:
     """Refit a candidate, or say why there is no refit: none of several ends a search.
 
     Parameters
@@ -239,6 +247,8 @@ def attempt(make: Callable[[], Outcome], effect: str = "", form: str = "") -> Ou
         Refits it.
     effect, form
         Of the candidate.
+    caught
+        Errors that mean that there is none.
 
     Examples
     --------
@@ -247,7 +257,7 @@ def attempt(make: Callable[[], Outcome], effect: str = "", form: str = "") -> Ou
     """
     try:
         return make()
-    except NO_FIT as error:
+    except caught as error:
         return _without_fit(effect, form, _reason(error))
 
 
