@@ -63,9 +63,10 @@ def _synthesised(
 ) -> LinearSystem:
     try:
         import control  # 3 s; nothing else here needs it
+        import slycot  # noqa: F401 - where it lacks, control says so as if the weights were at fault
     except ImportError as error:
         raise InputError(
-            f"h-infinity needs python-control and slycot ({error}); install rdpi-gym[robust]"
+            f"h-infinity needs python-control and slycot, which is GPL ({error}); install rdpi-gym[robust]"
         ) from error
     b, c = np.frombuffer(numbers[1]), np.frombuffer(numbers[2])
     path = LinearSystem(np.frombuffer(numbers[0]).reshape(len(b), len(b)), b, c, numbers[3])

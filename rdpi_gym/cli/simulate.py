@@ -9,6 +9,7 @@ import typer
 
 import rdpi_gym as rg
 from rdpi_gym.cli.options import OutOption, SeedOption, as_typed, words
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import progress_bar
 
 
@@ -37,11 +38,14 @@ def simulate(
 
     Writes one CSV file for each record into DIR/data, and what is hidden into DIR/truth.json.
     """
+    names = words(hide)
+    if names == []:  # as a variable of the shell is that was never set
+        raise InputError("--hide names no effect; give one, as in creep, or leave it out")
     typed = {"hide": "--hide", "noise_um": "--noise-um", "ts_factor": "--ts-factor"}
     with as_typed(typed), progress_bar() as show:
         data = rg.simulate(
             model,
-            "random" if hide == "random" else words(hide),
+            "random" if hide == "random" else names,
             seed=seed,
             noise_um=noise_um,
             ts_factor=ts_factor,

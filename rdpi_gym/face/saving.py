@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, effect_from_dict
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import parse_json, write_atomic
+from rdpi_gym.support.files import exists, parse_json, write_atomic
 from rdpi_gym.support.npz import Npz, open_npz
 from rdpi_gym.support.words import quoted, some
 
@@ -80,7 +80,7 @@ def read_result(path: Path | str, kinds: Mapping[str, type[R]]) -> R:
         The file is missing, damaged, no result, or one of another kind.
     """
     source = Path(path)
-    if not source.exists():
+    if not exists(source):
         raise InputError(f"{source} does not exist; give a file that a result was saved to")
     try:
         with open_npz(source) as archive:

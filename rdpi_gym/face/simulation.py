@@ -58,7 +58,7 @@ def simulate(
         :data:`rdpi_gym.plants`.
     hide
         Names of effects to hide, sized at random so that they show, or ``random``: one that is
-        drawn; nothing by default.
+        drawn; nothing by default, or of an empty list.
     seed
         Of every random draw.
     noise_um
@@ -108,8 +108,6 @@ def _names(hide: Sequence[str] | Literal["random"] | str | None) -> list[str]:
     if hide is None or hide == "random":
         return []
     names = [hide] if isinstance(hide, str) else list(hide)
-    if not names:
-        raise InputError("hide names no effect; give one, as in creep, or leave it out")
     for name in names:
         if name == "random":
             raise InputError("hide: random stands alone; give it without other effects")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from rdpi_gym.identification.joint import kept_samples
+from rdpi_gym.identification.joint import NO_FIT, kept_samples
 from rdpi_gym.identification.nonnegative import signed_least_squares
 from rdpi_gym.identification.plausibility import check_motion
 from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
@@ -154,7 +154,11 @@ def _fitted(kind: type[Core], train: Sequence[Record], name: str, report: Progre
     starts = kind.starts(data_scale(train))
     for done, start in enumerate(starts):
         report(f"starts of {kind.name}", done, len(starts))
-        begun.append(problem.searched(start, _FIRST_STEPS))
+        try:
+            begun.append(problem.searched(start, _FIRST_STEPS))
+        except NO_FIT as error:  # another start may lead somewhere
+            if start is starts[-1] and not begun:
+                raise InputError(f"core {kind.name}: {error}") from error
     best = min(begun, key=lambda point: point.squares)
     best = problem.searched(best.core, _STEPS)
     price, smooth, passes = _smoothest(train, starts, best.core)

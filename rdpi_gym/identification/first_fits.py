@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import JointFit, first_steps, fit_joint
+from rdpi_gym.identification.joint import NO_FIT, JointFit, first_steps, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
@@ -85,6 +85,25 @@ def first_fit(
         for variant in variants
     ]  # fmt: skip
     return min(fits, key=lambda fit: fit.train_rmse_um)
+
+
+def or_none(fit: Callable[[], JointFit | None]) -> JointFit | None:
+    """Return a fit, or None where it leaves the bounds of its numbers: one of several is dropped.
+
+    Parameters
+    ----------
+    fit
+        Fits it.
+
+    Examples
+    --------
+    >>> or_none(lambda: 1 // 0) is None
+    True
+    """
+    try:
+        return fit()
+    except NO_FIT:
+        return None
 
 
 def with_one_more(

@@ -100,8 +100,8 @@ def fit(
     quantities = data.quantities if isinstance(data, Dataset) else Quantities()
     train, validation, title = _records(data)
     _check(train, n, rate_bandwidth_hz, min_motion)
-    stack, means_um = stack_records(train, rate_bandwidth_hz)
     check_motion(train)
+    stack, means_um = stack_records(train, rate_bandwidth_hz)
     _check_gain(stack)
     bounds = set_bounds(stack, n, min_motion)
     point, evaluations = search(

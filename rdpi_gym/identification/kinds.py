@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from rdpi_gym.identification.cores import CoreFit, is_at_bound, judged, stating
-from rdpi_gym.identification.first_fits import first_fit, with_one_more
+from rdpi_gym.identification.first_fits import first_fit, or_none, with_one_more
 from rdpi_gym.identification.held_out import left_by
-from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.identification.joint import NO_FIT, JointFit, fit_joint
 from rdpi_gym.identification.kind_rules import Way, judged_way, told_apart
 from rdpi_gym.identification.plausibility import check_motion
 from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
@@ -126,7 +127,7 @@ def choose_kind(
             report("kinds of hysteresis", done, len(present))
             try:
                 fit = first_fit(records, CORES[kind], effects, scale)
-            except InputError as error:
+            except NO_FIT as error:
                 refused[kind] = str(error)
                 continue
             if fit is not None and math.isfinite(fit.train_rmse_um):
@@ -142,7 +143,10 @@ def choose_kind(
         wider = _near(ways, _HOPEFUL)
         for done, way in enumerate(wider):
             report("kinds with an effect more", done, len(wider))
-            tried = (with_one_more(train, way.fit, CATALOGUE[name], scale) for name in _BESIDES)
+            tried = (
+                or_none(partial(with_one_more, train, way.fit, CATALOGUE[name], scale))
+                for name in _BESIDES
+            )
             fits = [judged_way(fit, validation) for fit in tried if fit is not None]
             more = min(fits, key=_left, default=way)
             if _left(more) < (1.0 - _TAKES) * _left(way):
@@ -155,8 +159,10 @@ def choose_kind(
     for done, way in enumerate(near):
         report("kinds that come near", done, len(near))
         variant = way.fit.variant
-        fit = fit_joint(told, variant.hysteresis, variant.effects, _PASSES, samples=_SAMPLES)
-        ways[ways.index(way)] = judged_way(fit, validation)
+        core, effects = variant.hysteresis, variant.effects
+        fit = or_none(partial(fit_joint, told, core, effects, _PASSES, samples=_SAMPLES))
+        if fit is not None:
+            ways[ways.index(way)] = judged_way(fit, validation)
     found = told_apart(ways, told)
     stated = {
         way.core.name: stating(

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.identification.residuals import RecordResidual
-from rdpi_gym.measurement import Quantities, Record, longest_counted
+from rdpi_gym.measurement import LARGEST, Quantities, Record, longest_counted
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import digits, micrometres
@@ -40,13 +40,15 @@ _SEGMENTS = 16
 # Standard deviations that a loop has to be wide to turn anywhere.
 _CERTAIN = 5.0
 _TYPICAL_STROKE_UM = 30.0
+# Motion below is none: its squares over those of the largest command lose their digits.
+_LEAST_MOTION_UM = 1.0 / LARGEST
 # Factor beyond the known strokes from which on nothing is searched.
 _BEYOND = 1e3
 _UNITS_UM = {"m": 1e6, "mm": 1e3, "nm": 1e-3}
 
 
 def check_motion(records: Sequence[Record]) -> None:
-    """Refuse records in which the displacement never changes.
+    """Refuse records in which the displacement never changes, and none at all.
 
     Parameters
     ----------
@@ -66,9 +68,11 @@ def check_motion(records: Sequence[Record]) -> None:
     ...
     rdpi_gym.support.errors.InputError: the displacement never changes: it is 3 µm in run; check the sensor, and the column of y with --columns y=NAME
     """
+    if not records:
+        raise InputError("no record to fit; give at least one training record whose voltage moves")
     for record in records:
         y = record.y_um[record.error_mask]
-        if y.size and np.ptp(y) > 1e-12 * np.max(np.abs(y)):
+        if y.size and np.ptp(y) > max(1e-12 * np.max(np.abs(y)), _LEAST_MOTION_UM):
             return
     first = next((r for r in records if r.error_mask.any()), None)
     if first is not None:

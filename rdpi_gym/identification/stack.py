@@ -98,7 +98,7 @@ def stack_records(
     Raises
     ------
     InputError
-        No record, or a record of which no sample counts.
+        A record of which no sample counts.
 
     Examples
     --------
@@ -108,8 +108,6 @@ def stack_records(
     >>> stack.rate_V_s.tolist(), stack.y_um.tolist(), means_um.tolist()
     ([0.0, 2.0, 4.0], [-1.0, 0.0, 1.0], [6.0])
     """
-    if not records:
-        raise InputError("no record to fit; give at least one training record whose voltage moves")
     means = np.empty(len(records))
     for r, record in enumerate(records):
         if not record.error_mask.any():

@@ -17,7 +17,7 @@ import rdpi_gym as rg
 from rdpi_gym.measurement.encoding import read_lines
 from rdpi_gym.measurement.settings import parse_settings
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import open_regular, write_atomic
+from rdpi_gym.support.files import exists, open_regular, write_atomic
 from rdpi_gym.support.temporaries import temporary, writing
 from rdpi_gym.support.words import quoted
 
@@ -103,7 +103,7 @@ def copy_in(source: Path, folder: Path) -> list[str]:
     InputError
         There is no such file, none in the folder, or too many or too large ones.
     """
-    if not source.exists():
+    if not exists(source):
         raise InputError(f"{source} does not exist; give a data file or a folder of data files")
     files = [source]
     if source.is_dir():

@@ -17,6 +17,7 @@ import rdpi_gym as rg
 from rdpi_gym import measurement
 from rdpi_gym.face.laboratory import OpenLab
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import exists
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -107,7 +108,7 @@ def session_folder(session: PathLike[str] | str | None) -> Path:
     from rdpi_gym.laboratory.session import JOURNAL, read_journal
 
     folder = Path(time.strftime("rdpi-lab-%Y%m%d-%H%M%S") if session is None else session)
-    if folder.is_file():
+    if exists(folder) and folder.is_file():
         raise InputError(f"--session {folder} is a file; give a folder")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / JOURNAL).exists():
         raise InputError(
@@ -133,6 +134,6 @@ def _serving() -> ModuleType:
 
 
 def _existing(path: Path) -> Path:
-    if not path.exists():
+    if not exists(path):
         raise InputError(f"{path} does not exist; give a data file or a folder of data files")
     return path

@@ -82,9 +82,9 @@ class Step:
         for name, hint in get_type_hints(cls).items():
             check_type(getattr(step, name), hint, f"a step's {name}")
         check_type(list(step.held), Sequence[str], "a step's held")
-        for said in (step.id, step.parent):
-            if said is not None and not _STEP.fullmatch(said):
-                raise InputError(f"{quoted(said)} names no step")
+        for step_name in filter(None, (step.id, step.parent)):
+            if not _STEP.fullmatch(step_name):
+                raise InputError(f"{quoted(step_name)} names no step")
         if step.parent is not None and int(step.parent[1:]) >= int(step.id[1:]):
             raise InputError(f"step {step.id} cannot be made from {step.parent}")
         return step

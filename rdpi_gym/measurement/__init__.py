@@ -6,6 +6,7 @@ from rdpi_gym.measurement.options import COLUMNS, UNITS, DataOptions, parse_colu
 from rdpi_gym.measurement.published import DATA_HINT, measured_data
 from rdpi_gym.measurement.quantities import Quantities, Quantity, stated_quantities
 from rdpi_gym.measurement.record import (
+    LARGEST,
     Dataset,
     Record,
     Role,
@@ -20,6 +21,7 @@ __all__ = [
     "COLUMNS",
     "DATA_HINT",
     "JITTER",
+    "LARGEST",
     "MIN_SAMPLES",
     "UNITS",
     "DataOptions",

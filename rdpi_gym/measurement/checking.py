@@ -10,13 +10,13 @@ import numpy as np
 from rdpi_gym.measurement.missing import bridge, filled_times, unknown_times
 from rdpi_gym.measurement.options import OTHER, unit_factor
 from rdpi_gym.measurement.quantities import Quantities
-from rdpi_gym.measurement.record import BoolArray, Record
-from rdpi_gym.measurement.sampling import JITTER, rounding, to_uniform
+from rdpi_gym.measurement.record import LARGEST, BoolArray, Record, out_of_range
+from rdpi_gym.measurement.sampling import JITTER, rounding, to_uniform, with_lost
 from rdpi_gym.measurement.table import Table
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
-_LARGEST, _LAST_PERIOD = 1e100, 2.0**53
+_LAST_PERIOD = 2.0**53
 # A displacement beyond all others by this part of their range, of a voltage so far within its own.
 _BEYOND, _INSIDE = 0.03, 0.1
 MIN_SAMPLES = 16
@@ -236,7 +236,7 @@ def _times(
             f"{table.where('t', row)}: time goes from {t_s[row - 1]:.9g} to {t_s[row]:.9g} s; "
             "it must increase from sample to sample"
         )
-    mean = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    mean = float(t_s[-1] - t_s[0]) / max(with_lost(t_s)[0].size - 1, 1)
     if sampling_time_s is not None and abs(mean / sampling_time_s - 1) > JITTER:
         raise InputError(
             f"{table.where('t', 0)}: time steps by {mean:.6g} s on average where {said} "
@@ -249,15 +249,14 @@ def _check_finite(table: Table, columns: Mapping[str, Array], first: int) -> Non
     bad = [
         (first + int(np.argmin(finite)), name)
         for name, values in columns.items()
-        # a value whose square is no float is none that an instrument gave; NaN is at most nothing
-        if not (finite := np.abs(values[first:]) <= _LARGEST).all()
+        # the record would refuse it too, but not by line; NaN is at most nothing
+        if not (finite := np.abs(values[first:]) <= LARGEST).all()
     ]
     if bad:
         row, name = min(bad)
         value = columns[name][row]
-        wrong = "too large for a measurement" if np.isfinite(value) else "no finite number"
         raise InputError(
-            f"{table.where(name, row)}: {value:g} is {wrong}; mend or remove this sample"
+            f"{table.where(name, row)}: {value:g} is {out_of_range(value)}; mend or remove this sample"
         )
 
 

@@ -20,6 +20,7 @@ from rdpi_gym.measurement.table import Table
 from rdpi_gym.measurement.text import read_text
 from rdpi_gym.measurement.units import plain_unit
 from rdpi_gym.support.errors import InputError, printable
+from rdpi_gym.support.files import exists
 from rdpi_gym.support.words import some
 
 TEXTS = (".csv", ".txt", ".dat", ".tsv")
@@ -173,13 +174,13 @@ def _part(path: Path | str, options: DataOptions, remarks: list[str]) -> _Part:
             "the path of the data is empty; give a data file or a folder of data files"
         )
     source = Path(path)
+    if not exists(source):
+        raise InputError(f"{source} does not exist; give a data file or a folder of data files")
     if source.is_dir():
         folder, files = source, _data_files(source, remarks)
-    elif source.exists():
+    else:
         _ending(source)
         folder, files = source.parent, [source]
-    else:
-        raise InputError(f"{source} does not exist; give a data file or a folder of data files")
     settings = Settings()
     toml = folder / SETTINGS_FILE
     if toml.exists():
@@ -281,12 +282,12 @@ def _roles(
         return roles
     named = [name for name in names if by_name[name] == roles[name] == "validation"]
     if named:
-        remarks.append(f"--validate {pattern!r} was not needed: {', '.join(named)} is named so")
+        remarks.append(f"--validate {pattern!r} was not needed: {some(named)} is named so")
         return roles
     matched = {name for name in names if fnmatchcase(name, pattern)}
     if not matched:
         raise InputError(
-            f"--validate {pattern!r} matches no record with changing u; they are {', '.join(names)}"
+            f"--validate {pattern!r} matches no record with changing u; they are {some(names)}"
         )
     for name in names:
         if name in matched:

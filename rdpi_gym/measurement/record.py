@@ -17,6 +17,14 @@ BoolArray = NDArray[np.bool_]
 Role = Literal["train", "validation", "test"]
 ROLES: tuple[Role, ...] = get_args(Role)
 _COLUMNS = ("t_s", "u_V", "y_um", "reference_um", "temperature_C", "period", "error_mask")
+LARGEST = 1e30
+"""Largest size of a value of a record, in any unit; so many seconds pass at most from sample to sample.
+
+Nothing that was measured is larger. Fourth powers of a rate, the largest value over the smallest
+sampling time, are formed by some models: beyond this they are no floats any more.
+"""
+SHORTEST_S = 1.0 / LARGEST
+"""Shortest sampling time of a record (s), for the same reason."""
 _CONSTANT_U_V = 1e-9  # below this a voltage is constant: no amplifier moves by a nanovolt
 
 _SHORT_GAP = 8  # samples
@@ -64,7 +72,8 @@ class Record:
     Raises
     ------
     InputError
-        Arrays of different lengths, a sampling time that is not above 0, an unknown role.
+        Arrays of different lengths, a value that is no finite number or beyond :data:`LARGEST`, a
+        sampling time that is not above 0, an unknown role.
 
     Examples
     --------
@@ -102,9 +111,20 @@ class Record:
                     f"record {self.name}: {key} has shape {column.shape}; "
                     f"give one value for each of the {samples} times"
                 )
-        if not self.ts_s > 0:
+        for key, column in {**columns, "before_V": self.before_V}.items():
+            # NaN is within no bounds
+            if column is not None and not (
+                -LARGEST <= np.min(column, initial=0.0) <= np.max(column, initial=0.0) <= LARGEST
+            ):
+                row = int(np.argmin(np.abs(column) <= LARGEST))
+                raise InputError(
+                    f"record {self.name}: {key}[{row}] is {column[row]:g}, {out_of_range(column[row])}; "
+                    "mend it or remove this sample"
+                )
+        if not SHORTEST_S <= self.ts_s <= LARGEST:
             raise InputError(
-                f"record {self.name}: ts_s is {self.ts_s}; give a sampling time above 0 s"
+                f"record {self.name}: ts_s is {self.ts_s}; give a sampling time above 0 s, from "
+                f"{SHORTEST_S:g} to {LARGEST:g} s"
             )
         if self.role not in ROLES:
             raise InputError(
@@ -170,6 +190,17 @@ class Record:
         """Smallest and largest displacement (µm) of the samples that count, or of all."""
         y = self.y_um[self.error_mask] if self.error_mask.any() else self.y_um
         return float(np.min(y)), float(np.max(y))
+
+
+def out_of_range(value: float) -> str:
+    """Say what is wrong with a value that no record may have.
+
+    Examples
+    --------
+    >>> out_of_range(float("nan")), out_of_range(1e31)
+    ('no finite number', 'too large for a measurement')
+    """
+    return "too large for a measurement" if np.isfinite(value) else "no finite number"
 
 
 def longest_counted(record: Record) -> Record | None:

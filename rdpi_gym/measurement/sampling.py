@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rdpi_gym.measurement.missing import MOST_MISSING
 from rdpi_gym.measurement.record import BoolArray
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import digits
+
+Places: TypeAlias = Array | NDArray[np.intp]
 
 JITTER = 0.01
 """Largest deviation of a time step from the mean step, over it, that counts as uniform."""
 _WORTH_SAYING = 1e-4
 _GAP_STEPS = 5.0  # a longer step is a hole in the record, not jitter
+_LOST = 1.5  # steps from which on a step is nearer to two: between its ends a sample was lost
 _DECIMALS = 12
 _FEWEST, _BOTH = 16, 0.05  # samples; share of the steps that the rarer length has
 _EXACT = 1e-3  # of a decimal: so far a time may be off it by the arithmetic of a converted unit
@@ -36,7 +43,7 @@ class Grid:
     columns
         The other columns, each (M,).
     measured
-        (M,) bool; False inside a hole of the record, where values are only interpolated.
+        (M,) bool; False where a sample was lost, or more of them: its values are only interpolated.
     remarks
         What was done.
     jitter_s
@@ -64,24 +71,31 @@ def rounding(t_s: Array) -> float:
     """
     if t_s.size < _FEWEST or not np.isfinite(t_s).all() or t_s[-1] <= t_s[0]:
         return 0.0
-    span, mean = float(t_s[-1] - t_s[0]), float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    decimal = _decimal(t_s, float(t_s[-1] - t_s[0]) / (t_s.size - 1))
+    if not decimal:
+        return 0.0
     even = np.linspace(t_s[0], t_s[-1], t_s.size)
+    steps = np.diff(np.round(t_s / decimal))
+    longer = float(np.mean(steps > steps.min()))
+    near = float(np.max(np.abs(t_s - even))) <= 1.01 * decimal
+    # of a few steps that are longer, each is a sample that was lost
+    both = steps.max() - steps.min() == 1 and _BOTH < longer < 1.0 - _BOTH
+    return decimal if steps.min() >= 0 and both and near else 0.0
+
+
+def _decimal(t_s: Array, step_s: float) -> float:
+    """Return the largest decimal (s) of which all times are multiples, not far below a step, or 0."""
+    span = float(t_s[-1] - t_s[0])
     for decimals in range(-3, _DECIMALS):
         decimal = 10.0**-decimals
-        if decimal < JITTER * mean:
+        if decimal < JITTER * step_s:
             return 0.0
         if decimal > span:
             continue
         ticks = t_s / decimal
-        whole = np.round(ticks)
-        if np.max(np.abs(ticks - whole)) > max(_EXACT, 1e-15 * float(np.max(np.abs(ticks)))):
-            continue
-        steps = np.diff(whole)
-        longer = float(np.mean(steps > steps.min()))
-        near = float(np.max(np.abs(t_s - even))) <= 1.01 * decimal
-        # of a few steps that are longer, each is a sample that was lost
-        both = steps.max() - steps.min() == 1 and _BOTH < longer < 1.0 - _BOTH
-        return decimal if steps.min() >= 0 and both and near else 0.0
+        off = np.max(np.abs(ticks - np.round(ticks)))
+        if off <= max(_EXACT, 1e-15 * float(np.max(np.abs(ticks)))):
+            return decimal
     return 0.0
 
 
@@ -96,8 +110,8 @@ def to_uniform(
 
     Where every step is within 1 % of the mean step, or the times are those of an even clock that
     were rounded, the samples stay as they are and the times become the uniform grid between the
-    first and the last one. Else the columns are interpolated linearly at the median step
-    (``period`` keeps its last value).
+    first and the last one; samples that such a clock lost, up to a fifth, are put back. Else the
+    columns are interpolated linearly at the median step (``period`` keeps its last value).
 
     Parameters
     ----------
@@ -123,13 +137,25 @@ def to_uniform(
     >>> grid.t_s.tolist(), grid.columns["u"].tolist()
     ([0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 2.0, 3.0, 4.0])
     """
+    counts = np.ones(t_s.size, dtype=np.bool_) if scored is None else scored
+    found = _even(t_s, columns, counts, sampling_time_s)
+    whole, rows = with_lost(t_s)
+    if found is None and rows.size < whole.size:
+        scored = np.zeros(whole.size, dtype=np.bool_)
+        scored[rows] = counts
+        found = _even(whole, _at(np.arange(whole.size), rows, columns), scored, sampling_time_s)
+        if found is not None:
+            found = replace(found, remarks=(*found.remarks, _said_lost(whole, rows)))
+    return found or _resampled(t_s, columns, counts, where)
+
+
+def _even(
+    t_s: Array, columns: Mapping[str, Array], counts: BoolArray, sampling_time_s: float | None
+) -> Grid | None:
+    """Return the samples as they are, on the grid of an even clock; None where it is none."""
     samples = t_s.size
-    steps = np.diff(t_s)
-    median = float(np.median(steps))
     even = np.linspace(t_s[0], t_s[-1], samples)
     ts_s = float(t_s[-1] - t_s[0]) / (samples - 1)
-    jitter = float(np.max(np.abs(steps - ts_s))) / ts_s
-    counts = np.ones(samples, dtype=np.bool_) if scored is None else scored
     if decimal := rounding(t_s):
         said = (
             f"times are rounded to {decimal:g} s: taken as even, {ts_s:.6g} s apart, which is the "
@@ -140,12 +166,79 @@ def to_uniform(
             said = f"times are rounded to {decimal:g} s: taken as {ts_s:.6g} s apart, as was said"
             return Grid(even, ts_s, columns, counts, (said,))
         return Grid(even, ts_s, columns, counts, (said,), _beyond_rounding(t_s, decimal))
+    jitter = float(np.max(np.abs(np.diff(t_s) - ts_s))) / ts_s
     # small deviations of one sign would add up to a clock that is wrong by whole samples
     if jitter <= JITTER and np.max(np.abs(t_s - even)) <= ts_s / 2:
         said = f"time steps jitter by up to {100 * jitter:.2g} % of the mean step: taken as even"
         is_said = jitter > _WORTH_SAYING
         return Grid(even, ts_s, columns, counts, (said,) if is_said else (), off_even(t_s, ts_s))
+    return None
 
+
+def with_lost(t_s: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Put back the times of rows that were lost, evenly between their neighbours.
+
+    Parameters
+    ----------
+    t_s : float64[N]
+        Times (s), increasing.
+
+    Returns
+    -------
+    float64[M]
+        The times: the same ones where none was lost, or more than a fifth.
+    intp[N]
+        Where the given ones stand among them.
+
+    Examples
+    --------
+    >>> t_s, rows = with_lost(np.array([0.0, 1.0, 2.0, 4.0, 5.0]))
+    >>> t_s.tolist(), rows.tolist()
+    ([0.0, 1.0, 2.0, 3.0, 4.0, 5.0], [0, 1, 2, 4, 5])
+    """
+    steps = np.diff(t_s)
+    usual = steps[steps < _LOST * np.median(steps)]
+    # where most steps are 0 s, times are rounded coarsely
+    taken = np.maximum(np.round(steps / usual.mean()), 1.0) if usual.size else np.ones(steps.size)
+    samples = 1.0 + float(taken.sum())
+    if samples - t_s.size > MOST_MISSING * samples:
+        taken = np.ones(steps.size)
+    rows = np.concatenate([[0], np.cumsum(taken)]).astype(np.intp)
+    if rows[-1] + 1 == t_s.size:
+        return t_s, rows
+    whole: Array = np.interp(np.arange(rows[-1] + 1), rows, t_s)
+    if decimal := _decimal(t_s, float(usual.mean())):
+        whole = np.round(whole / decimal) * decimal
+    whole[rows] = t_s
+    return whole, rows
+
+
+def _said_lost(t_s: Array, rows: NDArray[np.intp]) -> str:
+    lost = np.setdiff1d(np.arange(t_s.size), rows)
+    return (
+        f"left out of the error, simulated through in a straight line: {lost.size} of {t_s.size} "
+        f"samples ({digits(100 * lost.size / t_s.size)} %) that the times skip, the first at "
+        f"{t_s[lost[0]]:.9g} s"
+    )
+
+
+def _at(grid: Places, t_s: Places, columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Return columns at other times: in straight lines between samples, ``period`` held."""
+    return {
+        name: values[np.searchsorted(t_s, grid, side="right") - 1]
+        if name == "period"
+        else np.interp(grid, t_s, values)
+        for name, values in columns.items()
+    }
+
+
+def _resampled(t_s: Array, columns: Mapping[str, Array], counts: BoolArray, where: str) -> Grid:
+    """Return the columns at the median step of a clock that is not even."""
+    samples = t_s.size
+    steps = np.diff(t_s)
+    median = float(np.median(steps))
+    ts_s = float(t_s[-1] - t_s[0]) / (samples - 1)
+    jitter = float(np.max(np.abs(steps - ts_s))) / ts_s
     length = (t_s[-1] - t_s[0]) / median
     if length > _LARGEST_GROWTH * samples:
         k = int(np.argmax(steps))
@@ -155,28 +248,27 @@ def to_uniform(
         )
     grid = t_s[0] + median * np.arange(int(np.floor(length * (1 + 1e-12))) + 1)
     last = np.clip(np.searchsorted(t_s, grid, side="right") - 1, 0, samples - 2)
-    holes = steps > _GAP_STEPS * median
+    holes = steps > _LOST * median
     from_sample = np.minimum(grid - t_s[last], t_s[last + 1] - grid)
     measured = ~(holes[last] & (from_sample > median / 2))
     remarks: tuple[str, ...] = (
         f"time steps differ by up to {100 * jitter:.3g} % from the mean step: resampled at "
         f"the median step, {median:.6g} s, by linear interpolation, {samples} samples became {grid.size}",
     )
-    if holes.any():
+    if not measured.all():
         remarks += (
             f"left out of the error: {int(np.sum(~measured))} samples interpolated across "
-            f"{int(np.sum(holes))} gap(s) longer than {_GAP_STEPS:g} steps",
+            f"{int(np.sum(holes))} gap(s) longer than {_LOST:g} steps",
         )
-    resampled = {
-        name: values[np.searchsorted(t_s, grid, side="right") - 1]
-        if name == "period"
-        else np.interp(grid, t_s, values)
-        for name, values in columns.items()
-    }
     # what lies beside a sample that does not count is made of it
     beside = np.interp(grid, t_s, counts.astype(np.float64))
     return Grid(
-        grid, median, resampled, measured & (beside > _NEARLY), remarks, off_even(t_s, median)
+        grid,
+        median,
+        _at(grid, t_s, columns),
+        measured & (beside > _NEARLY),
+        remarks,
+        off_even(t_s, median),
     )
 
 

@@ -29,7 +29,7 @@ def run_command(name: str, command: Callable[[], int | None]) -> int:
     Returns
     -------
     int
-        The command's status; 2 on bad input or a full disk, 130 when interrupted (one line on
+        The command's status; 2 on bad input or where the system refuses a file, 130 when interrupted (one line on
         standard error each); 141 where nobody reads its output any more, in silence.
 
     Examples
@@ -60,14 +60,22 @@ def _answered(name: str, command: Callable[[], int | None]) -> int:
     except Exception as error:
         if _was_interrupted(error):
             return INTERRUPTED
-        if isinstance(error, OSError) and is_full(error):
-            place = f" ({error.filename})" if error.filename else ""
-            return _refuse(name, f"the disk is full{place}; {FREE_SPACE}")
+        if isinstance(error, OSError):
+            return _refuse(name, _refused_by_system(error))
         # Typer's usage errors carry their own sentence and exit status.
         format_message = getattr(error, "format_message", None)
         if format_message is None:
             raise
         return _refuse(name, format_message())
+
+
+def _refused_by_system(error: OSError) -> str:
+    place = f" ({error.filename})" if error.filename else ""
+    if is_full(error):
+        return f"the disk is full{place}; {FREE_SPACE}"
+    return (
+        f"the system refuses{place}: {error.strerror or error}; give another path, or mend this one"
+    )
 
 
 def _was_interrupted(error: BaseException | None) -> bool:
@@ -78,7 +86,8 @@ def _was_interrupted(error: BaseException | None) -> bool:
 
 
 def _refuse(name: str, message: str) -> int:
-    print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
+    with suppress(OSError):  # nobody reads it, or there is no room for it
+        print(f"{name}: {InputError(' '.join(message.split()))}", file=sys.stderr)
     return REFUSED
 
 

@@ -28,7 +28,9 @@ def check_folder(folder: Path, option: str = "--out") -> Path:
     'new'
     """
     try:
-        there = next(each for each in (folder, *folder.parents) if each.exists())
+        # a link that leads nowhere is in the way too
+        places = (folder, *folder.parents)
+        there = next(each for each in places if each.is_symlink() or each.exists())
         if not there.is_dir():
             raise InputError(
                 f"{option} {folder} cannot be written: {there} is a file; give a folder"

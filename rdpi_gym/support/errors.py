@@ -7,7 +7,10 @@ import re
 # C0 and C1 controls, the separators of lines and paragraphs, what turns the direction of writing
 # around, and lone surrogates, which no encoding can write.
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-_LONGEST = 1000
+# Most characters of a line that is still read, with the name of a command before it 400, and of one
+# word in it, as a path is. Of what is longer both ends are shown: they say most.
+_LONGEST, _LONGEST_WORD = 380, 160
+_LONG_WORD = re.compile(rf"\S{{{_LONGEST_WORD + 1},}}")
 
 
 def printable(text: str) -> str:
@@ -25,7 +28,7 @@ class InputError(ValueError):
     """Bad input: one line that says what is wrong, where, and what would be right.
 
     The command line prints the line and exits with status 2. Whatever of a file or of the user's
-    words stands in it, it is one line without control characters.
+    words stands in it, it is one line of at most 380 characters, without control characters.
 
     Parameters
     ----------
@@ -56,5 +59,11 @@ class InputError(ValueError):
 
 
 def _line(text: str) -> str:
-    line, half = printable(text), _LONGEST // 2
-    return line if len(line) <= _LONGEST else f"{line[:half]} ... {line[-half:]}"
+    words = _LONG_WORD.sub(lambda word: _ends(word[0], _LONGEST_WORD), printable(text))
+    return _ends(words, _LONGEST)
+
+
+def _ends(text: str, most: int) -> str:
+    """Return a text, of one that is too long what stands at its ends."""
+    half = (most - 5) // 2
+    return text if len(text) <= most else f"{text[:half]} ... {text[-half:]}"

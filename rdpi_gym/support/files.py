@@ -111,6 +111,32 @@ def write_json(path: Path | str, document: dict[str, Any]) -> Path:
     )
 
 
+def exists(path: Path | str) -> bool:
+    r"""Whether something is at a path.
+
+    Raises
+    ------
+    InputError
+        The system cannot tell: a name that is too long, a folder that may not be read, links in a ring.
+
+    Examples
+    --------
+    >>> exists("/"), exists("no such file")
+    (True, False)
+    >>> exists("a\0b")
+    Traceback (most recent call last):
+    ...
+    rdpi_gym.support.errors.InputError: a\x00b cannot be read (embedded null byte)
+    """
+    try:
+        Path(path).stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read ({_reason(error)})") from error
+    return True
+
+
 def open_regular(path: Path | str) -> BufferedReader:
     """Open a regular file to read its bytes; nothing else is data.
 
@@ -279,7 +305,7 @@ def read_json(
     source = Path(path)
     formats = (document_format,) if isinstance(document_format, str) else document_format
     document_format = " or ".join(formats)
-    if not source.exists():
+    if not exists(source):
         raise InputError(f"{source} does not exist; give the path of a {document_format} file")
     document = parse_json(read_utf8(source, LARGEST_JSON), str(source))
     if not isinstance(document, dict) or document.get("format") not in formats:

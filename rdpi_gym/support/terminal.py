@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import codecs
 import io
+import os
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from rdpi_gym.support.errors import printable
@@ -62,7 +64,8 @@ def plain(text: str) -> str:
 def plain_output() -> Iterator[None]:
     """Let standard output and standard error take any text, and obey none; as before afterwards.
 
-    What an encoding other than UTF-8 lacks is spelled (µm as um) or replaced by a question mark.
+    What an encoding other than UTF-8 lacks is spelled (µm as um) or replaced by a question mark. Where a
+    process has no such stream, as after ``>&-``, what is printed goes nowhere.
     """
     codecs.register_error(_ERRORS, _spell)
     before = sys.stdout, sys.stderr
@@ -73,13 +76,14 @@ def plain_output() -> Iterator[None]:
     ]
     for stream, _ in strict:
         stream.reconfigure(errors=_ERRORS)
-    sys.stdout, sys.stderr = (_wrapped(stream) for stream in before)
-    try:
-        yield
-    finally:
-        sys.stdout, sys.stderr = before
-        for stream, errors in strict:
-            stream.reconfigure(errors=errors)
+    with ExitStack() as opened:
+        sys.stdout, sys.stderr = (_wrapped(stream, opened) for stream in before)
+        try:
+            yield
+        finally:
+            sys.stdout, sys.stderr = before
+            for stream, errors in strict:
+                stream.reconfigure(errors=errors)
 
 
 def console(*, stderr: bool = False, width: int = 140) -> Console:
@@ -122,9 +126,10 @@ def console(*, stderr: bool = False, width: int = 140) -> Console:
     return made
 
 
-def _wrapped(stream: TextIO) -> TextIO:
-    # None where a process has no such stream
-    if stream is None or isinstance(stream, _Plain):
+def _wrapped(stream: TextIO | None, opened: ExitStack) -> TextIO:
+    if stream is None:  # this may also take the number that no file that is written later may have
+        return opened.enter_context(Path(os.devnull).open("w", encoding="utf-8"))
+    if isinstance(stream, _Plain):
         return stream
     return cast(TextIO, _Plain(stream))
 

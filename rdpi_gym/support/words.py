@@ -9,6 +9,7 @@ from reprlib import Repr
 from typing import Literal
 
 _WIDTH = 60
+_MOST_ZEROS = 15  # that a number without exponent is written with: more are not counted at a glance
 _QUOTE = Repr()
 _QUOTE.maxstring = _QUOTE.maxother = _QUOTE.maxlong = _WIDTH
 _QUOTE.maxlist = _QUOTE.maxtuple = _QUOTE.maxdict = 4
@@ -28,7 +29,7 @@ def number(value: float, count: int = 3, exponent: Exponent = "rare") -> str:
     count
         Significant digits; zeros at the end are left out.
     exponent
-        ``never``; ``rare``, only below 1e-4 and from 1e6 on; ``usual``, also for large numbers of
+        ``never``, up to fifteen zeros; ``rare``, only below 1e-4 and from 1e6 on; ``usual``, also for large numbers of
         more digits than `count`; ``short``, as that but without the zeros of the power.
 
     Examples
@@ -46,7 +47,7 @@ def number(value: float, count: int = 3, exponent: Exponent = "rare") -> str:
     mantissa, e, power = text.partition("e")
     if not e or exponent == "usual":
         return text
-    if exponent == "short":
+    if exponent == "short" or abs(int(power)) > _MOST_ZEROS:
         return f"{mantissa}e{int(power)}"
     if exponent == "rare":
         return f"{float(text):g}" if 1e-4 < abs(value) < 1e6 else text
@@ -54,12 +55,12 @@ def number(value: float, count: int = 3, exponent: Exponent = "rare") -> str:
 
 
 def digits(value: float, count: int = 2) -> str:
-    """Write a number in a sentence: few significant digits, no exponent.
+    """Write a number in a sentence: few significant digits, no exponent up to fifteen zeros.
 
     Examples
     --------
-    >>> digits(110.3), digits(-0.01234), digits(2.0, 3)
-    ('110', '-0.012', '2')
+    >>> digits(110.3), digits(-0.01234), digits(2.0, 3), digits(2e-300)
+    ('110', '-0.012', '2', '2e-300')
     """
     return number(value, count, "never")
 

@@ -1,6 +1,8 @@
 """Linear feedback: what is designed is what runs, modes are damped, and certificates hold."""
 
+import sys
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -15,11 +17,16 @@ from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import load_effect
+from rdpi_gym.support.errors import InputError
 
 TS = 1e-4
 STATIC = P10.with_hysteresis(P10.hysteresis.static())
 DAMPERS = ("integral-resonant", "positive-position", "dual-loop")
-LOOPS = ("pi-preview", *DAMPERS, "smith-predictor", "lqg-preview", "h-infinity")
+needs_slycot = pytest.mark.skipif(
+    find_spec("slycot") is None, reason="h-infinity needs slycot, of the extra robust alone"
+)
+H_INFINITY = pytest.param("h-infinity", marks=needs_slycot)
+LOOPS = ("pi-preview", *DAMPERS, "smith-predictor", "lqg-preview", H_INFINITY)
 
 
 def stage(**values):
@@ -182,7 +189,11 @@ def worst_growth(loop: LinearSystem, low, high, rng):
                 "lowpass_hz": 2100.0,
             },
         ),
-        ("h-infinity", {"bandwidth_hz": 500.0, "effort": 7e-3, "roll_off_hz": 4000.0}),
+        pytest.param(
+            "h-infinity",
+            {"bandwidth_hz": 500.0, "effort": 7e-3, "roll_off_hz": 4000.0},
+            marks=needs_slycot,
+        ),
     ],
 )
 def test_damped_feedback_alone_reaches_beyond_the_mode(name, settings):
@@ -228,3 +239,11 @@ def test_feedback_takes_off_what_an_adaptive_feedforward_leaves():
             errors.append(task.error_um.copy())
         left[name] = float(np.sqrt(np.mean(np.square(errors[600:]))))
     assert left["adaptive-dual-loop"] < 0.8 * left["adaptive-feedforward"]
+
+
+def test_h_infinity_says_what_it_needs(monkeypatch):
+    """Without slycot, python-control would have it that no controller exists for these weights."""
+    pytest.importorskip("control", reason="h-infinity needs the extra robust")
+    monkeypatch.setitem(sys.modules, "slycot", None)
+    with pytest.raises(InputError, match=r"needs python-control and slycot, .* rdpi-gym\[robust\]"):
+        made("h-infinity", STAGE, {"bandwidth_hz": 61.5})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rdpi_gym.identification import fit
 from rdpi_gym.measurement import DataOptions, load
 
 
@@ -80,6 +81,34 @@ def test_times_that_are_missing_are_filled(write, sine_lines, rows) -> None:
 def test_a_column_of_times_that_says_nothing_is_refused(write, sine_lines, refusal) -> None:
     line = refusal(write("run.csv", with_cells(sine_lines(), range(40), 0, "0.5")))
     assert "39 of 40 times are missing or stand there twice" in line
+
+
+@pytest.mark.parametrize("gone", [[200], [1], [150, 151, 152], range(100, 120), [7, 50, 51, 300]])
+@pytest.mark.parametrize(("ts_s", "decimals", "options"), [
+    (5e-3, 6, DataOptions()),
+    (3.328e-4, 4, DataOptions()),
+    (3.328e-4, 4, DataOptions(sampling_time_s=3.328e-4)),
+    (1.0 / 3.0, 9, DataOptions(skip_s=2.0)),
+])  # fmt: skip
+def test_a_row_that_is_lost_counts_as_one_that_is_no_number(
+    write, gone, ts_s, decimals, options
+) -> None:
+    k = np.arange(400)
+    u = 20.0 * np.sin(0.06 * k) * np.linspace(0.3, 1.0, k.size)
+    y = 0.6 * u + 0.8 * np.abs(np.sin(u / 7.0)) + 0.01 * np.cos(991.0 * k)
+    lines = [f"{7 + t:.{decimals}f},{a},{b}" for t, a, b in zip(ts_s * k, u, y, strict=True)]
+    told = [f"{line.split(',')[0]},nan,nan" if i in gone else line for i, line in enumerate(lines)]
+    lost = [line for i, line in enumerate(lines) if i not in gone]
+    forms = [
+        load(write(f"{name}.csv", "\n".join(["t,u,y", *rows]) + "\n"), options)
+        for name, rows in (("told", told), ("lost", lost))
+    ]
+    a, b = (form.records[0] for form in forms)
+    np.testing.assert_array_equal(a.error_mask, b.error_mask)
+    np.testing.assert_array_equal(a.u_V, b.u_V)
+    np.testing.assert_array_equal(a.y_um, b.y_um)
+    np.testing.assert_allclose(a.t_s, b.t_s, rtol=1e-12)
+    assert fit(forms[0], 3).train_rmse_um == pytest.approx(fit(forms[1], 3).train_rmse_um, rel=1e-9)
 
 
 def test_what_is_missing_in_what_is_skipped_is_bridged_in_its_history(write, sine_lines) -> None:

@@ -65,7 +65,26 @@ def test_a_gap_is_bridged_but_does_not_count() -> None:
     np.testing.assert_array_equal(np.flatnonzero(~grid.measured), np.arange(50, 70))
     np.testing.assert_array_equal(grid.columns["u"], np.arange(120.0))
     np.testing.assert_array_equal(grid.columns["period"], np.arange(120) >= 70)
-    assert grid.remarks[1].startswith("left out of the error: 20 samples interpolated across 1 gap")
+    assert grid.remarks == (
+        "left out of the error, simulated through in a straight line: 20 of 120 samples (17 %) that "
+        "the times skip, the first at 50 s",
+    )
+
+
+def test_gaps_of_more_than_a_fifth_are_bridged_and_do_not_count() -> None:
+    t = np.r_[np.arange(50), np.arange(90, 120)].astype(float)
+    grid = to_uniform(t, {"u": t}, "run.csv")
+    np.testing.assert_array_equal(np.flatnonzero(~grid.measured), np.arange(50, 90))
+    assert grid.remarks[1].startswith("left out of the error: 40 samples interpolated across 1 gap")
+
+
+def test_a_row_that_a_shaken_clock_lost_does_not_count() -> None:
+    t = np.arange(200) + np.random.default_rng(0).uniform(-0.1, 0.1, 200)
+    grid = to_uniform(np.delete(t, [50, 51, 120]), {"u": np.delete(t, [50, 51, 120])}, "run.csv")
+    assert "resampled" in grid.remarks[0]
+    left_out = np.flatnonzero(~grid.measured)
+    assert {50, 51, 120} <= set(left_out.tolist())
+    assert left_out.size < 10
 
 
 @pytest.mark.parametrize(("ts_s", "decimals"), [(3.328e-4, 4), (1.95e-3, 3), (3e-5, 4)])
@@ -86,9 +105,9 @@ def test_the_step_that_the_user_gives_holds_for_rounded_times() -> None:
 
 
 def test_samples_that_were_lost_are_no_rounding() -> None:
-    """One millisecond that is missing is a gap, and a clock that wanders is not even."""
+    """One millisecond that is missing is a lost sample, and a clock that wanders is not even."""
     lost = np.delete(np.arange(1000), 500) * 1e-3
-    assert "resampled" in to_uniform(lost, {"u": lost}, "run.csv").remarks[0]
+    assert "that the times skip" in to_uniform(lost, {"u": lost}, "run.csv").remarks[0]
     wandering = np.cumsum(np.random.default_rng(0).choice([1e-3, 2e-3], 1000))
     assert "resampled" in to_uniform(wandering, {"u": wandering}, "run.csv").remarks[0]
 

@@ -126,6 +126,28 @@ def test_a_full_disk_is_one_line():
     assert run.stderr.count(b"\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("line", "status"), [("rdpi effects creep", 0), ("rdpi --help", 0), ("rdpi fit nothing.csv", 2)]
+)
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-", "2>/dev/full"])
+def test_a_stream_that_is_closed_is_one_that_nobody_reads(line, status, closed):
+    run = shell(f"{line} {closed}")
+    assert run.returncode == status
+    assert run.stderr.count(b"\n") == (status == 2 and "2>" not in closed)
+    assert (b"creep" in run.stdout) == ("creep" in line and ">&-" not in closed.replace("2>&-", ""))
+
+
+def test_what_the_system_refuses_is_one_line(capsys):
+    def opens():
+        Path("a" * 300).read_bytes()
+
+    assert run_command("rdpi", opens) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "File name too long" in said
+    assert len(said) < 400
+
+
 def test_errors_of_our_own_are_not_hidden():
     with pytest.raises(ZeroDivisionError):
         run_command("rdpi", lambda: 1 // 0)

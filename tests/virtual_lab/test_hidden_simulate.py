@@ -112,6 +112,7 @@ def test_without_noise_and_secret_it_is_the_plant(tmp_path, capsys):
         (["--hide", "creep,creep"], "creep is there twice"),
         (["--hide", "random,creep"], "random stands alone"),
         (["--hide", ","], "--hide names no effect"),
+        (["--hide", ""], "--hide names no effect"),
         (["--noise-um", "-0.01"], "--noise-um is -0.01"),
         (["--noise-um", "nan"], "--noise-um is nan"),
         (["--noise-um", "loud"], "--noise-um"),

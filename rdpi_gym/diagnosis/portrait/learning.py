@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
-from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess, attempt
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
@@ -77,7 +78,7 @@ def learn_forms(
 ) -> list[Outcome]:
     """Refit the forms of the block; those with two memories where one memory comes near the best.
 
-    Forms whose memory came out shorter than the samples are left out: they are static ones that a
+    A form that does not converge has no fit. Forms whose memory came out shorter than the samples are left out: they are static ones that a
     compensator takes for what they are not.
 
     Parameters
@@ -96,12 +97,19 @@ def learn_forms(
         simpler = found.get(form.form.replace("two memories", "memory"))
         starts: Sequence[Effect] = form.starts(setting.scale)
         if simpler is not None:
-            if simpler.mean_square > _NEAR * min(o.mean_square for o in found.values()):
+            if simpler.fit is None or simpler.mean_square > _NEAR * min(
+                o.mean_square for o in found.values()
+            ):
                 continue
             starts = form.from_simpler(simpler.fitted, setting.scale)
-        found[form.form] = learn(setting, hysteresis, present, starts)
+        make = partial(learn, setting, hysteresis, present, starts)
+        found[form.form] = attempt(make, form.name, form.form)
     progress(f"forms of {kind.name}", len(kinds), len(kinds))
-    return [outcome for outcome in found.values() if are_shown(outcome.fitted, setting.scale)]
+    return [
+        outcome
+        for outcome in found.values()
+        if outcome.fit is None or are_shown(outcome.fitted, setting.scale)
+    ]
 
 
 def are_shown(block: Effect, scale: DataScale) -> bool:

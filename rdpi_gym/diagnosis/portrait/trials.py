@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
 
 from rdpi_gym.diagnosis.portrait.learning import are_shown, learn
-from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess, attempt
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, forms_of
 from rdpi_gym.plant.effects.unknown import Unknown
@@ -111,7 +112,7 @@ def try_all(
     """
     kinds = {(k.place, _nature(k)): k for k in _kinds()}
     shortest_s, longest_s = setting.scale.shortest_s, setting.scale.longest_s
-    found = [_tried(setting, outcome, "both", frozenset()) for outcome in forms]
+    found = [_tried(setting, o, "both", frozenset()) for o in forms if o.fit is not None]
     near = leading(found).score + _NEAR
     single = [t for t in found if t.nature != "with two memories"]
     worth = {t.nature for t in single if t.score < near}
@@ -124,8 +125,9 @@ def try_all(
             start = start.with_values({"time_constant_s": tau})
         for drive in drives:
             held = _held(type(start), drive)
-            outcome = learn(setting, hysteresis, present, [start], held)
-            found.append(_tried(setting, outcome, drive, held))
+            outcome = attempt(partial(learn, setting, hysteresis, present, [start], held))
+            if outcome.fit is not None:
+                found.append(_tried(setting, outcome, drive, held))
     found = [t for t in found if are_shown(t.block, setting.scale)]
     if leading(found).time_constants_s:
         slow = [t for t in found if t.nature == "with memory"]

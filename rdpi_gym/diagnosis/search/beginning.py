@@ -8,7 +8,7 @@ from typing import Any
 from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.base_models import begun
 from rdpi_gym.diagnosis.search.bench import Bench, State
-from rdpi_gym.diagnosis.search.candidates import refit
+from rdpi_gym.diagnosis.search.candidates import assess
 from rdpi_gym.diagnosis.search.core_choice import (
     AUTO,
     Fitted,
@@ -56,10 +56,10 @@ class Beginning(Bench):
             return CoreChoice(RDPI.name, clockwise=clockwise)
         if asked is not None and asked != AUTO:
             return CoreChoice(asked, clockwise=clockwise)
-        ways = fit_kinds(self.setting, [RDPI, *turning(clockwise)], self._progress)
-        if asked is None:  # RDPI as long as no other kind is clearly better
-            own = next(way.outcome for way in ways if way.kind is RDPI)
-            if not instead(ways, own, self._seed):
+        ways = fit_kinds(self.setting, [RDPI, *turning(clockwise)], self._progress, say=self.say)
+        if asked is None or not ways:  # RDPI as long as no other kind is clearly better
+            own = next((way.outcome for way in ways if way.kind is RDPI), None)
+            if not ways or (own is not None and not instead(ways, own, self._seed)):
                 return CoreChoice(RDPI.name, clockwise=clockwise)
         return choose(self.setting, ways, clockwise, self._seed)
 
@@ -86,10 +86,12 @@ class Beginning(Bench):
                 return list(ways)
             return simpler(ways, Fitted(RDPI, state.outcome), self.noise_um, self._seed)
 
-        ways = better(fit_kinds(self.setting, kinds, self._progress, (), least_um))
+        ways = better(fit_kinds(self.setting, kinds, self._progress, (), least_um, self.say))
         if state.effects and not ways:
             # effects that stand in for the core are none beside it, but others may be
-            beside = fit_kinds(self.setting, kinds, self._progress, state.effects, least_um)
+            beside = fit_kinds(
+                self.setting, kinds, self._progress, state.effects, least_um, self.say
+            )
             ways = better(beside)
         if not ways:
             return None
@@ -130,7 +132,8 @@ class Beginning(Bench):
                 f"or leave out --core {kind.name}"
             )
         self._progress("base model", 0, 1)
-        state = State(refit(self.setting, begun(self.setting, kind, present), present, None))
+        fit = self.setting.fit(begun(self.setting, kind, present), present)
+        state = State(assess(self.setting, "", fit))
         self._update_noise(state)
         state = self.past_outliers(self.past_openings(state))
         state = self._smoothed(state)

@@ -16,7 +16,15 @@ from rdpi_gym.diagnosis.hygiene import inspect, limits
 from rdpi_gym.diagnosis.hygiene.finding import BoolArray, Finding
 from rdpi_gym.diagnosis.hygiene.spikes import spikes
 from rdpi_gym.diagnosis.search.base_models import on_comb
-from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, Trial, assess, refit, refit_all
+from rdpi_gym.diagnosis.search.candidates import (
+    Outcome,
+    Setting,
+    Trial,
+    assess,
+    attempt,
+    refit,
+    refit_all,
+)
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor, numerical_floor
 from rdpi_gym.diagnosis.search.openings import leaving_out, misleading, outliers_left, unknown_past
@@ -161,21 +169,34 @@ class Bench:
 
     def again(self, state: State) -> State:
         """Return a model refitted to the samples that count now."""
-        state = State(refit(self.setting, state.hysteresis, state.effects, None))
+        state = self._moved(state, refit(self.setting, state.hysteresis, state.effects, None))
         self._update_noise(state)
         return state
 
     def without(self, state: State, names: Sequence[str]) -> State:
-        """Return the model without some effects, refitted."""
+        """Return the model without some effects, refitted; where that fails, with an infinite error."""
         kept = in_chain_order(e for e in state.effects if e.name not in names)
-        fit = self.setting.fit(state.hysteresis, kept)
-        return State(assess(self.setting, "", fit))
+        return State(refit(self.setting, state.hysteresis, kept, None))
 
     def on_whole_comb(self, state: State) -> State:
         """Return a model refitted on the whole comb."""
-        whole = on_comb(state.hysteresis, self.setting.train)
-        fit = self.setting.fit(whole, state.effects)
-        return self._smoothed(State(assess(self.setting, "", fit)))
+
+        def refitted() -> Outcome:
+            whole = on_comb(state.hysteresis, self.setting.train)
+            return refit(self.setting, whole, state.effects, None)
+
+        return self._smoothed(self._moved(state, attempt(refitted)))
+
+    def _moved(self, state: State, outcome: Outcome) -> State:
+        """Return a refit of a model, or where there is none the model as it stands, with a remark."""
+        if outcome.fit is not None:
+            return State(outcome)
+        self.say(f"a refit of the model {outcome.remark}; it stays where it was")
+        return State(assess(self.setting, "", state.fit))
+
+    def say(self, remark: str) -> None:
+        """Add a remark on the search, once."""
+        self.remarks = tuple(dict.fromkeys((*self.remarks, remark)))
 
     def _smoothed(self, state: State) -> State:
         """Return a model with weights as smooth as held-out records like them best."""
@@ -186,7 +207,7 @@ class Bench:
             if price == self.setting.smoothness:
                 continue
             setting = replace(self.setting, smoothness=price)
-            trial = State(assess(setting, "", setting.fit(state.hysteresis, state.effects)))
+            trial = State(refit(setting, state.hysteresis, state.effects, None))
             if trial.outcome.mean_square < (1.0 - _SMOOTHER) * best.outcome.mean_square:
                 best, chosen = trial, setting
         self.setting = chosen

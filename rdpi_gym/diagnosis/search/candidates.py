@@ -15,9 +15,10 @@ from rdpi_gym.diagnosis.search.traces import nearest
 from rdpi_gym.identification.first_fits import FIRST_SAMPLES
 from rdpi_gym.identification.held_out import PIECES, left_by, pieces_of
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import FirstSteps, JointFit, first_steps, fit_joint
+from rdpi_gym.identification.joint import NO_FIT, FirstSteps, JointFit, first_steps, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.parallel import run_cases
@@ -201,6 +202,8 @@ def refit(
 ) -> Outcome:
     """Fit the core, the effects present and a candidate together, from each of its starts.
 
+    A candidate of which no fit comes about ends nothing: its outcome says why.
+
     Parameters
     ----------
     setting
@@ -223,7 +226,60 @@ def refit(
         Of the start with the smallest training error.
     """
     if kind is None:
-        return assess(setting, "", setting.fit(hysteresis, present))
+        return attempt(lambda: assess(setting, "", setting.fit(hysteresis, present)))
+    make = partial(_refit, setting, hysteresis, present, kind, starts, least_um)
+    # a user's effect may raise anything; what else ours raises is a fault of the program
+    caught = NO_FIT if kind.name in CATALOGUE else (Exception,)
+    return attempt(make, kind.name, kind.form, caught)
+
+
+def attempt(
+    make: Callable[[], Outcome],
+    effect: str = "",
+    form: str = "",
+    caught: tuple[type[Exception], ...] = NO_FIT,
+) -> Outcome:
+    """Refit a candidate, or say why there is no refit: none of several ends a search.
+
+    Parameters
+    ----------
+    make
+        Refits it.
+    effect, form
+        Of the candidate.
+    caught
+        Errors that mean that there is none.
+
+    Examples
+    --------
+    >>> attempt(lambda: 1 // 0, "creep").remark
+    'did not converge: ZeroDivisionError: integer division or modulo by zero'
+    """
+    try:
+        return make()
+    except caught as error:
+        return _without_fit(effect, form, _reason(error))
+
+
+def _without_fit(effect: str, form: str, reason: str) -> Outcome:
+    nowhere = Errors(math.inf, math.inf, math.inf, {})
+    return Outcome(
+        effect, None, nowhere, np.zeros((0, PIECES)), f"did not converge: {reason}", form
+    )
+
+
+def _reason(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}".splitlines()[0]
+
+
+def _refit(
+    setting: Setting,
+    hysteresis: Core,
+    present: Sequence[Effect],
+    kind: type[Effect],
+    starts: Sequence[Effect] | None,
+    least_um: float,
+) -> Outcome:
     present = [effect for effect in present if effect.name != kind.name]
     troubles: list[str] = []
     held = frozenset() if kind.kinked is None else frozenset({f"{kind.name}.{kind.kinked}"})
@@ -235,33 +291,24 @@ def refit(
             near = fits[0] if fits and not held else None
             try:
                 fit = setting.first_steps(hysteresis, effects, steps, held, near, least_um)
-            except Exception as error:  # a user's effect may raise anything; the others go on
-                troubles.append(f"{type(error).__name__}: {error}".splitlines()[0])
+            except NO_FIT as error:  # another start may lead somewhere
+                troubles.append(_reason(error))
                 continue
             if math.isfinite(fit.train_rmse_um):
                 fits.append(fit)
         return sorted(fits, key=lambda fit: fit.train_rmse_um)
 
-    places: Sequence[Effect]
-    try:
-        places = kind.starts(setting.scale) if starts is None else starts
-        least_um *= _by_chance(setting, kind)
-        if (held or kind.form) and len(places) > _LOOKED_AT:
-            # a form has starts for each optimum: most are seen to be worse at once
-            bare = setting.first_steps(hysteresis, present, 0)
-            places = nearest(setting.train, bare, places, FIRST_SAMPLES, _LOOKED_AT)
-    except Exception as error:
-        places, troubles = (), [f"{type(error).__name__}: {error}".splitlines()[0]]
+    places = kind.starts(setting.scale) if starts is None else starts
+    least_um *= _by_chance(setting, kind)
+    if (held or kind.form) and len(places) > _LOOKED_AT:
+        # a form has starts for each optimum: most are seen to be worse at once
+        bare = setting.first_steps(hysteresis, present, 0)
+        places = nearest(setting.train, bare, places, FIRST_SAMPLES, _LOOKED_AT)
     if kind.form and len(places) > _RACED:
         places = [_own(fit.variant, kind.name) for fit in begun(places, 0)[:_RACED]]
     first = begun(places, 0 if held else _FIRST_STEPS)
     if not first:
-        nowhere = Errors(math.inf, math.inf, math.inf, {})
-        reason = troubles[0] if troubles else "the error is not finite"
-        return Outcome(
-            kind.name, None, nowhere, np.zeros((0, PIECES)), f"did not converge: {reason}",
-            kind.form,
-        )  # fmt: skip
+        return _without_fit(kind.name, kind.form, (*troubles, "the error is not finite")[0])
     variant, hopeful = first[0].variant, first[0].train_rmse_um < least_um
     if held:
         best = setting.fit(variant.hysteresis, variant.effects, AS_IT_IS, held, SEARCH_SAMPLES)
@@ -297,6 +344,11 @@ def past_cusps(setting: Setting, outcome: Outcome, present: Sequence[Effect]) ->
     present
         Effects added before.
     """
+    moved = attempt(lambda: _past_cusps(setting, outcome, present))
+    return outcome if moved.fit is None else moved
+
+
+def _past_cusps(setting: Setting, outcome: Outcome, present: Sequence[Effect]) -> Outcome:
     if outcome.fit is None:
         return outcome
     fit = outcome.fit

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,13 +12,13 @@ from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.identification.first_fits import first_fit
 from rdpi_gym.identification.held_out import beats
+from rdpi_gym.identification.joint import NO_FIT
 from rdpi_gym.identification.kind_rules import judged_way, told_apart
 from rdpi_gym.identification.kinds import beside
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import in_chain_order
-from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import joined
 
@@ -75,6 +75,7 @@ def fit_kinds(
     report: Progress,
     effects: Sequence[Effect] = (),
     least_um: float = math.inf,
+    say: Callable[[str], None] = lambda remark: None,
 ) -> list[Fitted]:
     """Refit kinds of hysteresis with effects beside them, best held-out error first.
 
@@ -83,13 +84,15 @@ def fit_kinds(
     setting
         The data.
     kinds
-        The cores; one with more gains than the records tell is left out.
+        The cores; one with more gains than the records tell, or without a fit, is left out.
     report
         Called as kinds are done.
     effects
         Where those that fit the kind begin; empty: a creep and a lag.
     least_um
         Training error (µm rms) that the first steps of a kind have to reach.
+    say
+        Called with a remark on each kind that is left out.
     """
     found = []
     for done, kind in enumerate(kinds):
@@ -97,7 +100,8 @@ def fit_kinds(
         own = in_chain_order(e for e in effects or beside(setting.scale) if type(e).fits_in(kind))
         try:
             fit = first_fit(setting.train, kind, own, setting.scale, setting.smoothness, least_um)
-        except InputError:
+        except NO_FIT as error:
+            say(f"the core {kind.name} was left out: {error}")
             continue
         if fit is not None and math.isfinite(fit.train_rmse_um):
             found.append(Fitted(kind, assess(setting, "", fit)))

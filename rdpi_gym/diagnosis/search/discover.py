@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
-from rdpi_gym.diagnosis.results import Candidate, SearchResult
+from rdpi_gym.diagnosis.results import Candidate, CoreChoice, SearchResult
 from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.conclusion import Search, conclude, nearest_of
 from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.diagnosis.search.refits import OnCandidate
 from rdpi_gym.diagnosis.telling import told
+from rdpi_gym.identification.joint import NO_FIT
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
@@ -137,9 +138,9 @@ def discover(
         if second.state.outcome.mean_square < _CLEARLY * way.state.outcome.mean_square:
             laboratory, way, notes = untouched, second, its_notes
     chosen = laboratory.other_core(way.state)
-    if chosen is not None:
-        base = without_base.base_of(chosen)
-        second, its_notes = _ended(without_base, _Way(base, base), given)
+    afresh = None if chosen is None else _begun_on(without_base, chosen, laboratory)
+    if chosen is not None and afresh is not None:
+        second, its_notes = _ended(without_base, afresh, given)
         if laboratory.gives_way(way.state, second.state):
             laboratory, way, notes = without_base, second, its_notes
         else:
@@ -184,6 +185,16 @@ def _ended(laboratory: Laboratory, way: _Way, given: PlantModel[Any] | None) -> 
         if not swapped or len(way.rounds) >= MOST_ROUNDS or laboratory.at_floor(way.state):
             return way, notes
         way = replace(way, state=laboratory.on_whole_comb(way.state))
+
+
+def _begun_on(untouched: Laboratory, core: CoreChoice, laboratory: Laboratory) -> _Way | None:
+    """Return the way that begins with another core; None, with a remark, where it has no fit."""
+    try:
+        base = untouched.base_of(core)
+    except NO_FIT as error:
+        laboratory.say(f"the core {core.kind} was left out: {error}")
+        return None
+    return _Way(base, base)
 
 
 def _second_first(way: _Way, laboratory: Laboratory) -> Ranked | None:

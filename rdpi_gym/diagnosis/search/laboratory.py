@@ -22,6 +22,7 @@ from rdpi_gym.diagnosis.search.ranking import LEAST_GAIN, of_effect
 from rdpi_gym.diagnosis.search.rounds import of_class
 from rdpi_gym.diagnosis.search.separability import typical_effects
 from rdpi_gym.diagnosis.search.stability import LEAST_STABLE, in_blocks, stability
+from rdpi_gym.identification.joint import NO_FIT
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.effects.unknown import Unknown
@@ -163,6 +164,13 @@ class Laboratory(Pruning):
 
     def portrait(self, state: State, nearest: Sequence[Candidate]) -> Portrait | None:
         """Draw the portrait of what a model misses, beside the effects that came nearest to it."""
+        try:
+            return self._drawn(state, nearest)
+        except NO_FIT as error:
+            self.say(f"no portrait of what is missing could be drawn: {error}")
+            return None
+
+    def _drawn(self, state: State, nearest: Sequence[Candidate]) -> Portrait | None:
         setting = self.searched
         whole = on_comb(state.hysteresis, setting.train)
         fitted = State(assess(setting, "", setting.fit(whole, state.effects)))

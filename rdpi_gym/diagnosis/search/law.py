@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.diagnosis.search.candidates import SEARCH_SAMPLES, Outcome, Setting, assess
+from rdpi_gym.diagnosis.search.candidates import SEARCH_SAMPLES, Outcome, Setting, assess, attempt
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.plant import RDPI, PlantModel
@@ -85,10 +85,16 @@ def _to_threshold_law(
     str
         The sentence.
     """
-    assert outcome.fit is not None
-    found = _best_law(setting, outcome.fit, given or _MOST_PLAYS)
-    law = assess(setting, "", found if given else _without_tail(found))
-    assert law.fit is not None
+    fit = outcome.fit
+    assert fit is not None
+
+    def found() -> Outcome:
+        best = _best_law(setting, fit, given or _MOST_PLAYS)
+        return assess(setting, "", best if given else _without_tail(best))
+
+    law = attempt(found)
+    if law.fit is None:
+        return outcome, f"the thresholds stay those of the comb: that of Eq. 8 {law.remark}"
     plays = law.fit.variant.hysteresis.n
     cost = law.mean_square - outcome.mean_square
     allowed = _COST * (noise_um**2 + outcome.mean_square)

@@ -53,6 +53,8 @@ def misleading(
     others = tuple(effect for effect in start.effects if effect.name != "initial_memory")
     here = {type(effect) for effect in start.effects}
     bare = outcome if others == start.effects else refit(setting, start.hysteresis, others, None)
+    if bare.fit is None:
+        return bad
     most = _TAKEN * _opened(setting, bare, bad)
     if _opened(setting, outcome, bad) < most:
         return {}

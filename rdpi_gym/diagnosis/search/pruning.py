@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.bench import State
-from rdpi_gym.diagnosis.search.candidates import assess, refit
+from rdpi_gym.diagnosis.search.candidates import refit
 from rdpi_gym.diagnosis.search.forms import better_forms, in_best_form, simplified
 from rdpi_gym.diagnosis.search.openings import leaving_out, misleading, missed, unknown_past
 from rdpi_gym.diagnosis.search.ranking import AT_FLOOR, SETTLED_GAIN, not_missed, own_bounds, rank
@@ -41,6 +41,8 @@ class Pruning(Rounds):
             return state, []
         whole = replace(self._whole, smoothness=self.setting.smoothness)
         now = refit(whole, state.hysteresis, state.effects, None)
+        if now.fit is None:
+            return state, []
         tried = [refit(whole, state.hysteresis, state.effects, k) for k in forms_of(kind)]
         ranked = rank(now, in_best_form(tried, self.noise_um), [kind], self.noise_um, self._seed)
         best = ranked[0]
@@ -48,7 +50,8 @@ class Pruning(Rounds):
             return state, []
         still = misleading(whole, best.outcome, self._openings, self.noise_um)
         self.setting = leaving_out(whole, still)
-        state = State(refit(self.setting, state.hysteresis, best.outcome.fit.variant.effects, None))
+        outcome = refit(self.setting, state.hysteresis, best.outcome.fit.variant.effects, None)
+        state = self._moved(State(best.outcome), outcome)
         self._update_noise(state)
         return state, [replace(best.candidate, errors=state.outcome.errors)]
 
@@ -117,7 +120,10 @@ class Pruning(Rounds):
             most = state.outcome.errors.train_rmse_um * (1.0 + SETTLED_GAIN)
             outcomes = [o for o in outcomes if o.errors.train_rmse_um <= most and not own_bounds(o)]
             own = replace(state.outcome, effect=step.effect, form=step.form)
-            without = assess(self.setting, "", self.setting.fit(state.hysteresis, others))
+            without = refit(self.setting, state.hysteresis, others, None)
+            if without.fit is None:  # there is nothing to compare with
+                settled.append(step)
+                continue
             ranked = rank(
                 without, [own, *outcomes], [*kinds, self.catalogue[step.effect]], self.noise_um,
                 self._seed, SETTLED_GAIN,

@@ -11,7 +11,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.hygiene import Finding
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
-from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.identification.joint import NO_FIT, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
@@ -107,10 +107,13 @@ def record_clocks(
             left = [r for r in train if r.name not in found and r.name != name]
             here = clocked
             if left and name in {r.name for r in train}:
-                fit = fit_joint(
-                    left, variant.hysteresis, variant.effects, _REFITS,
-                    samples=_SAMPLES, smoothness=smoothness,
-                )  # fmt: skip
+                try:
+                    fit = fit_joint(
+                        left, variant.hysteresis, variant.effects, _REFITS,
+                        samples=_SAMPLES, smoothness=smoothness,
+                    )  # fmt: skip
+                except NO_FIT:  # nobody is left to ask about this record
+                    continue
                 here = {n: _Clocked(fit.variant, r) for n, r in whole.items()}
             others = [c for n, c in here.items() if n != name and n not in found]
             wishes = {

@@ -15,8 +15,10 @@ from rdpi_gym.diagnosis.search.candidates import (
     CHANCE,
     SEARCH_SAMPLES,
     Outcome,
+    Setting,
     Trial,
     assess,
+    attempt,
     past_cusps,
     refit,
 )
@@ -36,7 +38,7 @@ from rdpi_gym.diagnosis.search.traces import taken_by
 from rdpi_gym.diagnosis.search.vetoes import hear
 from rdpi_gym.identification.first_fits import FIRST_SAMPLES
 from rdpi_gym.identification.jacobian import simulate_effects
-from rdpi_gym.identification.joint import FirstSteps
+from rdpi_gym.identification.joint import NO_FIT, FirstSteps, JointFit
 from rdpi_gym.plant.effects.base import Effect, forms_of
 from rdpi_gym.support.errors import InputError
 
@@ -74,7 +76,11 @@ class Rounds(Beginning):
             Trial(kind, state.effects, start)
             for kind, start in zip(kinds.values(), starts, strict=True)
         ]
-        begun = self.setting.first_steps(self._plays(state), state.effects, 0)
+        try:
+            begun = self.setting.first_steps(self._plays(state), state.effects, 0)
+        except NO_FIT as error:
+            self.say(f"nothing was tried beside the model: its own refit failed ({error})")
+            return []
         least_um = self._least_um(begun)
         simple = self._refit(state, [*new, *better_forms(state.effects, scale)], task, least_um)
         leaders = [past_cusps(self.setting, o, state.effects) for o in simple[:_LEADERS]]
@@ -149,8 +155,9 @@ class Rounds(Beginning):
 
     def need(self, ranked: Sequence[Ranked], kind: type[Effect]) -> None:
         """Refuse where an effect that was asked for cannot be fitted."""
-        if ranked[0].outcome.fit is None:
-            raise InputError(f"{kind.name}: {ranked[0].outcome.remark}")
+        if not ranked or ranked[0].outcome.fit is None:
+            remarks = [r.outcome.remark for r in ranked] or [*self.remarks]
+            raise InputError(f"{kind.name}: {remarks[-1]}")
 
     def rivals(
         self, state: State, chosen: Candidate, field: Sequence[Ranked]
@@ -239,6 +246,8 @@ class Rounds(Beginning):
         kinds = [self.catalogue[name] for name in asked]
         here = in_blocks(self.setting)
         now = refit(here, state.hysteresis, state.effects, None)
+        if now.fit is None:
+            return []
         tried = [
             refit(here, state.hysteresis, state.effects, form)
             for kind in kinds
@@ -256,7 +265,7 @@ class Rounds(Beginning):
         if not self._heard([best]):
             return []
         self.setting, self._whole, self._is_within = here, in_blocks(self._whole), True
-        self.remarks = (*self.remarks, WITHIN)
+        self.say(WITHIN)
         return [best]
 
     def _asked_within(self, ranked: Sequence[Ranked]) -> set[str]:
@@ -276,12 +285,14 @@ class Rounds(Beginning):
         if here is None:
             return []
         asked = [r for r in ranked if r.train_share >= _ASKED and r.candidate.share > 0.0]
-        now = assess(here, "", here.fit(state.hysteresis, state.effects, samples=SEARCH_SAMPLES))
+        now = _as_it_stands(here, state.fit)
+        if now.fit is None:
+            return []
         for r in self._heard([r for r in asked if not r.worse]):
             assert r.outcome.fit is not None
-            start = r.outcome.fit.variant
-            fit = here.fit(start.hysteresis, start.effects, samples=SEARCH_SAMPLES)
-            turned_round = assess(here, r.candidate.effect, fit)
+            turned_round = _as_it_stands(here, r.outcome.fit, r.candidate.effect)
+            if turned_round.fit is None:
+                continue
             kinds = [type(r.outcome.fitted)]
             again = rank(now, [turned_round], kinds, self.noise_um, self._seed)[0]
             if again.earned:
@@ -302,7 +313,7 @@ class Rounds(Beginning):
             if veto is None:
                 left.append(r)
             else:
-                self.remarks = tuple(dict.fromkeys((*self.remarks, f"{name} vetoed: {veto}")))
+                self.say(f"{name} vetoed: {veto}")
         return left
 
     def _pair(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
@@ -334,6 +345,14 @@ class Rounds(Beginning):
             Ranked(best[1], of_effect(together.candidate, best[1].fit, name), True)
             for name in best[2]
         ]
+
+
+def _as_it_stands(setting: Setting, fit: JointFit, effect: str = "") -> Outcome:
+    """Refit a model to other data from where it stands; without a fit where that fails."""
+    core, effects = fit.variant.hysteresis, fit.variant.effects
+    return attempt(
+        lambda: assess(setting, effect, setting.fit(core, effects, samples=SEARCH_SAMPLES)), effect
+    )
 
 
 def _bounds_hit(ranked: Ranked) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess, attempt
 from rdpi_gym.identification.held_out import beats
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record, hold_out_blocks
@@ -199,7 +199,8 @@ def stability(
             kept = tuple(e for e in variant.effects if e.name != name)
             fields = [kept, *(in_chain_order([*kept, rival]) for rival in others)]
             outcomes = [_quick(here, variant.hysteresis, f, smoothness) for f in fields]
-            won[name].append(min(beats(o.pieces, full.pieces, rng) for o in outcomes))
+            shares = (beats(o.pieces, full.pieces, rng) for o in outcomes if o.fit is not None)
+            won[name].append(0.0 if full.fit is None else min(shares, default=1.0))
             if split is ways[0]:
                 without_um[name] = outcomes[0].errors.validation_rmse_um
     return {name: Standing(float(np.mean(won[name])), without_um[name]) for name in rivals}
@@ -208,7 +209,10 @@ def stability(
 def _quick(
     setting: Setting, hysteresis: Core, effects: Sequence[Effect], smoothness: float
 ) -> Outcome:
-    fit = fit_joint(
-        setting.train, hysteresis, effects, _PASSES, samples=_SAMPLES, smoothness=smoothness
-    )
-    return assess(setting, "", fit)
+    def refitted() -> Outcome:
+        fit = fit_joint(
+            setting.train, hysteresis, effects, _PASSES, samples=_SAMPLES, smoothness=smoothness
+        )
+        return assess(setting, "", fit)
+
+    return attempt(refitted)

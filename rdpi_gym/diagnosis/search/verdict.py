@@ -12,7 +12,7 @@ from rdpi_gym.diagnosis.results import Verdict
 from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
-from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.identification.joint import NO_FIT, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
@@ -156,7 +156,10 @@ def _corrected(setting: Setting, variant: Variant[Core]) -> Variant[Core]:
     """Return the model fitted to records from which the motion between samples is taken off."""
     for _ in range(_CORRECTIONS):
         train = [replace(r, y_um=r.y_um - _change(variant, r)) for r in setting.train]
-        variant = fit_joint(train, variant.hysteresis, variant.effects).variant
+        try:
+            variant = fit_joint(train, variant.hysteresis, variant.effects).variant
+        except NO_FIT:
+            return variant
     return variant
 
 

@@ -73,11 +73,15 @@ class ThresholdCore(Core):
         return self._kept(np.flatnonzero(near).tolist() if near.any() else [0])
 
     def on(self, whole: Self) -> Self:
-        """Return the core on the thresholds of another one, with weights where it has them."""
+        """Return the core on the thresholds of another one: each weight at the nearest of them.
+
+        None is lost where the other comb has other thresholds, so that the gain at a turn stays.
+        """
         before, own = self._apart
-        known = dict(zip(self.thresholds_V, own, strict=True))
-        weights = (*before, *(known.get(r, 0.0) for r in whole.thresholds_V))
-        return self._with(weights, whole.thresholds_V)
+        rest, weights = np.array(whole.thresholds_V), np.zeros(len(whole.thresholds_V))
+        for threshold_V, weight in zip(self.thresholds_V, own, strict=True):
+            weights[np.argmin(np.abs(rest - threshold_V))] += weight
+        return self._with((*before, *weights.tolist()), whole.thresholds_V)
 
     def slim(self) -> Self:
         """Return the core without the thresholds that have no weight; those of a law stay together."""
