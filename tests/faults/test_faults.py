@@ -37,3 +37,23 @@ def test_every_writer_leaves_the_old_or_the_new_and_a_rerun_completes(tmp_path):
     )
     for name, least in LEAST.items():
         assert int(counts[name]) >= least
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="children are forked")
+def test_a_command_that_is_killed_leaves_whole_files_and_a_rerun_completes(tmp_path):
+    program = (
+        "import random, sys; from pathlib import Path; import rdpi_gym.cli\n"
+        "from tests.faults.commands import CHEAP, commands, disturb\n"
+        "for name in CHEAP:\n"
+        "    print(disturb(name, commands()[name], Path(sys.argv[1]), random.Random(name), 1))\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program, tmp_path],
+        cwd=TOP,
+        env={**os.environ, "PYTHONPATH": str(TOP)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    print(run.stdout)
+    assert run.returncode == 0, run.stderr[-2000:]
