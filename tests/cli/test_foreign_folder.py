@@ -67,7 +67,6 @@ def loaded(folder):
     "words",
     [
         BENCH,
-        "bench --task Stage --draws 2 --controllers pi --jobs 2 --out out",
         "discover run.csv --jobs 2 --out out",
         "fit run.mat --plays 3 --out out",
     ],
