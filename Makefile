@@ -3,13 +3,14 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 OUT ?= results/bench
+SEED ?= $(shell date +%Y%m%d)
 QUICK := tests/test_house.py tests/plant tests/signals tests/measurement tests/support tests/identification tests/baselines
 
 # Tests run in two processes: threads of BLAS and OpenMP beside them would wait for each other on two cores.
 check test: export OMP_NUM_THREADS = 1
 check test: export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: audit bench check test docs clean
+.PHONY: audit bench check test fuzz docs clean
 
 bench: .venv/.core
 	$(BIN)/rdpi bench --out $(OUT)
@@ -26,6 +27,11 @@ check: .venv/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2 -q -m "not slow" $(QUICK)
+
+# A night's attacks on every reader; the seed is that of the day, and is printed.
+fuzz: .venv/.dev
+	$(BIN)/python -m tests.fuzz --structured --cases 100000 --seed $(SEED)
+	$(BIN)/python -m tests.fuzz --cases 100000 --seed $(SEED)
 
 # What is installed, and what of it is known to be vulnerable.
 audit: .venv/.dev

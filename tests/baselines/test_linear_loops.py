@@ -2,7 +2,6 @@
 
 import sys
 from dataclasses import replace
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -22,11 +21,7 @@ from rdpi_gym.support.errors import InputError
 TS = 1e-4
 STATIC = P10.with_hysteresis(P10.hysteresis.static())
 DAMPERS = ("integral-resonant", "positive-position", "dual-loop")
-needs_slycot = pytest.mark.skipif(
-    find_spec("slycot") is None, reason="h-infinity needs slycot, of the extra robust alone"
-)
-H_INFINITY = pytest.param("h-infinity", marks=needs_slycot)
-LOOPS = ("pi-preview", *DAMPERS, "smith-predictor", "lqg-preview", H_INFINITY)
+LOOPS = ("pi-preview", *DAMPERS, "smith-predictor", "lqg-preview", "h-infinity")
 
 
 def stage(**values):
@@ -189,11 +184,7 @@ def worst_growth(loop: LinearSystem, low, high, rng):
                 "lowpass_hz": 2100.0,
             },
         ),
-        pytest.param(
-            "h-infinity",
-            {"bandwidth_hz": 500.0, "effort": 7e-3, "roll_off_hz": 4000.0},
-            marks=needs_slycot,
-        ),
+        ("h-infinity", {"bandwidth_hz": 500.0, "effort": 7e-3, "roll_off_hz": 4000.0}),
     ],
 )
 def test_damped_feedback_alone_reaches_beyond_the_mode(name, settings):

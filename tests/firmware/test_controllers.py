@@ -66,8 +66,6 @@ def allowed(program: Program) -> float:
 @needs_gcc
 @pytest.mark.parametrize("name", [name for name in CONTROLLERS if name not in PLANS])
 def test_every_controller_gives_the_commands_of_its_python(name: str, tmp_path: Path) -> None:
-    if name == "h-infinity":
-        pytest.importorskip("slycot", reason="h-infinity needs slycot, of the extra robust alone")
     program = controller_program(name, P10, TS_S)
     assert off_by(program, tmp_path) <= allowed(program)
     assert program.exact or program.inexact_because
