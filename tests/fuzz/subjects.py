@@ -505,11 +505,11 @@ SHARES = {
 }
 """How many of 20,000 damaged files each reader has."""
 STRUCTURED = {
-    "npz/structure": 4_000,
-    "result/structure": 1_200,
+    "npz/structure": 3_000,
+    "result/structure": 700,
     "plant/structure": 4_600,
     "truth/structure": 300,
-    "signal/structure": 1_800,
+    "signal/structure": 3_300,
     "dataset.toml/structure": 1_000,
     "matlab-v5/structure": 2_200,
     "matlab-v7.3/structure": 2_600,
