@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from typing import TextIO
 
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.guard import INTERRUPTED, say_interrupted
@@ -55,7 +56,7 @@ def _answered(name: str, command: Callable[[], int | None]) -> int:
     except InputError as error:
         return _refuse(name, str(error))
     except BrokenPipeError:
-        _drop_output()
+        _drop(sys.stdout)
         return NO_READER
     except Exception as error:
         if _was_interrupted(error):
@@ -86,14 +87,16 @@ def _was_interrupted(error: BaseException | None) -> bool:
 
 
 def _refuse(name: str, message: str) -> int:
-    with suppress(OSError):  # nobody reads it, or there is no room for it
-        print(f"{name}: {InputError(' '.join(message.split()))}", file=sys.stderr)
+    try:
+        print(f"{name}: {InputError(' '.join(message.split()))}", file=sys.stderr, flush=True)
+    except OSError:  # nobody reads it, or there is no room for it
+        _drop(sys.stderr)
     return REFUSED
 
 
-def _drop_output() -> None:
-    """Let nothing be written to a pipe that is closed, at the end of the process either."""
+def _drop(stream: TextIO) -> None:
+    """Let nothing be written to a stream that takes nothing, at the end of the process either."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
+        os.dup2(nowhere, stream.fileno())
         os.close(nowhere)

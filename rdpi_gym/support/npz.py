@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import os
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, cast
 
 import numpy as np
@@ -75,6 +77,12 @@ class Npz:
         member = self._members[name]
         if member.compress_type not in _METHODS:
             raise ValueError(f"{quoted(name)} is compressed in a way that NumPy does not use")
+        try:
+            return self._array(name, member)
+        except (EOFError, SyntaxError, TokenError, OverflowError, zlib.error) as error:
+            raise ValueError(f"{quoted(name)} is damaged ({error})") from error
+
+    def _array(self, name: str, member: zipfile.ZipInfo) -> NDArray[np.generic]:
         with self._archive.open(member) as stream:
             version = npy.read_magic(stream)
             header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
