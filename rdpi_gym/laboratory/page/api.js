@@ -22,23 +22,38 @@ async function answer(response) {
 // The secret of the address goes into a header: cookies and addresses would reach other servers and eyes.
 // What is stored belongs to this address and port alone.
 const KEY = "rdpi-lab-token";
+let kept = ""; // where a browser stores nothing, this tab has it until it is reloaded
+
+function token() {
+  try {
+    return localStorage.getItem(KEY) ?? kept;
+  } catch {
+    return kept;
+  }
+}
+
+function keep(given) {
+  kept = given;
+  try {
+    localStorage.setItem(KEY, given);
+  } catch { /* kept in this tab alone */ }
+}
 
 const send = (path, {headers = {}, ...options} = {}) =>
-  fetch(path, {...options, headers: {...headers, Authorization: `Bearer ${localStorage.getItem(KEY) ?? ""}`}});
+  fetch(path, {...options, headers: {...headers, Authorization: `Bearer ${token()}`}});
 
 /** Take the secret out of the address; the ticket of a browser's first address is exchanged for the token. */
 async function enter() {
   const given = new URLSearchParams(location.hash.slice(1));
   if (!given.has("token") && !given.has("ticket")) return;
   history.replaceState(null, "", location.pathname);
-  let token = given.get("token");
-  if (!token) {
+  if (given.has("token")) keep(given.get("token"));
+  else {
     const response = await fetch("/api/token", {headers: {Authorization: `Ticket ${given.get("ticket")}`}});
     const body = await response.json();
     if (!response.ok) throw new Problem(body.problem);
-    ({token} = body);
+    keep(body.token);
   }
-  localStorage.setItem(KEY, token);
 }
 
 async function ask(path, options) {
