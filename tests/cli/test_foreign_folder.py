@@ -67,6 +67,7 @@ def loaded(folder):
     "words",
     [
         BENCH,
+        "submit pi --task Bare --draws 2 --jobs 2 --out out",
         "discover run.csv --jobs 2 --out out",
         "fit run.mat --plays 3 --out out",
     ],
