@@ -484,7 +484,7 @@ def fit_joint(
 
 
 NO_FIT = (ValueError, ArithmeticError)
-"""What a fit raises that leaves the bounds of its numbers or the floats: of one of several, that one is
+"""Errors of a fit that leaves the bounds of its numbers or the floats: of one of several, that one is
 dropped. InputError and LinAlgError are among them; any other error is a fault of the program."""
 
 

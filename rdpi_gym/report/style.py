@@ -150,4 +150,5 @@ def matplotlib_style() -> dict[str, Any]:
         "xtick.color": MUTED,
         "ytick.color": MUTED,
         "svg.hashsalt": "rdpi",
+        "text.usetex": False,  # a matplotlibrc of the current folder would have LaTeX run
     }

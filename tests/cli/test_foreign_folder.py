@@ -47,6 +47,8 @@ def folder(tmp_path):
         comments="",
     )
     savemat(made / "run.mat", columns)
+    # Matplotlib obeys it: LaTeX would be run, with a preamble of the folder
+    (made / "matplotlibrc").write_text("text.usetex: True\n")
     return made
 
 
