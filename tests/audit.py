@@ -1,4 +1,4 @@
-"""What the environment is made of, and what of it is known to be vulnerable: ``make audit``.
+"""Bill of materials of the environment, and its known vulnerabilities: ``make audit``.
 
 Writes a software bill of materials (CycloneDX) of `.venv` to ``build/sbom.json``, and asks the package
 index for known vulnerabilities. A finding is printed and ends with status 0: it comes from outside, at

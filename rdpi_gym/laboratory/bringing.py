@@ -15,7 +15,7 @@ import numpy as np
 
 import rdpi_gym as rg
 from rdpi_gym.measurement.encoding import read_lines
-from rdpi_gym.measurement.settings import parse_settings
+from rdpi_gym.measurement.settings import LARGEST, parse_settings
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import exists, open_regular, write_atomic
 from rdpi_gym.support.temporaries import temporary, writing
@@ -25,8 +25,6 @@ SETTINGS = "dataset.toml"
 ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".mat", ".npz")
 """Of files that may hold a record."""
 MOST_FILES, MOST_BYTES = 64, 256 * 2**20
-LARGEST_SETTINGS = 2**20
-"""Bytes of a ``dataset.toml``."""
 REFUSED = "refused"
 _LONGEST = 120  # characters of a file's name
 _LINE, _COLUMN = re.compile(r"\bline (\d+)"), re.compile(r"\bcolumn (\w+)")
@@ -121,7 +119,7 @@ def copy_in(source: Path, folder: Path) -> list[str]:
     settings = (source if source.is_dir() else source.parent) / SETTINGS
     folder.mkdir(parents=True, exist_ok=True)
     if settings.exists() and not (folder / SETTINGS).exists():
-        document = _document(settings, data_files(settings.parent))
+        document = _document(settings, [file.stem for file in data_files(settings.parent)])
         if not source.is_dir():  # without records that are not there
             stems = {file.stem for file in files}
             own = document.get("records", {})
@@ -136,10 +134,10 @@ def copy_in(source: Path, folder: Path) -> list[str]:
     return [safe_name(file.name) for file in files]
 
 
-def _document(settings: Path, files: Iterable[Path]) -> dict[str, Any]:
-    """Return what a ``dataset.toml`` says of data files, or refuse it in one line."""
-    text = "\n".join(read_lines(settings, LARGEST_SETTINGS))
-    parse_settings(text, str(settings), [file.stem for file in files])
+def _document(settings: Path, records: Iterable[str] | None = None) -> dict[str, Any]:
+    """Return what a ``dataset.toml`` says, or refuse it in one line; of these records alone, if given."""
+    text = "\n".join(read_lines(settings, LARGEST))
+    parse_settings(text, str(settings), records)
     return tomllib.loads(text)
 
 
@@ -218,7 +216,7 @@ def _set_aside(folder: Path, names: Iterable[str]) -> None:
     aside = folder.parent / REFUSED
     aside.mkdir(exist_ok=True)
     document = settings_of(folder)
-    kept = _records(document)
+    kept = dict(document.get("records", {}))
     moved = {stem: kept.pop(stem) for stem in (Path(name).stem for name in names) if stem in kept}
     if moved:
         write_atomic(aside / SETTINGS, _toml({"records": moved}))
@@ -234,19 +232,14 @@ def _take_back(folder: Path) -> None:
     if not aside.exists():
         return
     files = data_files(aside)
-    stems, moved = {file.stem for file in files}, _records(settings_of(aside))
+    stems, moved = {file.stem for file in files}, settings_of(aside).get("records", {})
     if moved := {stem: table for stem, table in moved.items() if stem in stems}:
         document = settings_of(folder)
-        records = {**moved, **_records(document)}
+        records = {**moved, **document.get("records", {})}
         write_atomic(folder / SETTINGS, _toml({**document, "records": records}))
     for file in files:
         file.replace(folder / file.name)
     (aside / SETTINGS).unlink(missing_ok=True)
-
-
-def _records(document: Mapping[str, Any]) -> dict[str, Any]:
-    found = document.get("records")
-    return dict(found) if isinstance(found, Mapping) else {}
 
 
 def record_settings(folder: Path, record: str) -> dict[str, Any]:
@@ -259,9 +252,9 @@ def record_settings(folder: Path, record: str) -> dict[str, Any]:
     record
         Its name: that of its file without ending.
     """
-    aside = settings_of(folder.parent / REFUSED)
-    found = {**_records(aside), **_records(settings_of(folder))}.get(record)
-    return dict(found) if isinstance(found, Mapping) else {}
+    places = (folder.parent / REFUSED, folder)
+    found = [settings_of(place).get("records", {}) for place in places]
+    return dict({**found[0], **found[1]}.get(record, {}))
 
 
 def all_files(folder: Path) -> list[Path]:
@@ -302,7 +295,7 @@ def _short(error: InputError, folder: Path) -> str:
 def settings_of(folder: Path) -> dict[str, Any]:
     """Return what the ``dataset.toml`` of a session says; empty without one or where it is damaged."""
     try:
-        return _document(folder / SETTINGS, all_files(folder))
+        return _document(folder / SETTINGS)  # a record that it names may have been discarded
     except InputError:
         return {}
 
@@ -332,7 +325,7 @@ def write_settings(folder: Path, changes: Mapping[str, Any], records: Iterable[s
     for key in ("title", "skip_s"):
         if key in changes:
             document[key] = changes[key]
-    own = document["records"] = _records(document)
+    own = document.setdefault("records", {})
     for name in _table(changes, "records"):
         entry = own[name] = record_settings(folder, name)
         for said, value in _table(_table(changes, "records"), name).items():

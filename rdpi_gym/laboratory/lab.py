@@ -18,6 +18,7 @@ from rdpi_gym.laboratory.examples import examples, folder_of
 from rdpi_gym.laboratory.models import Models, Pending
 from rdpi_gym.laboratory.session import Step, check_folder
 from rdpi_gym.laboratory.telling import noise_um, state_of
+from rdpi_gym.measurement.settings import LARGEST
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.files import read_bytes, write_atomic
@@ -221,7 +222,7 @@ class Lab(Models):
         records = [r.name for r in session.data.records] if session.data is not None else []
         records += [f.stem for f in bringing.data_files(folder) if f.stem not in records]
         path = folder / bringing.SETTINGS
-        before = read_bytes(path, bringing.LARGEST_SETTINGS) if path.exists() else None
+        before = read_bytes(path, LARGEST) if path.exists() else None
         bringing.write_settings(folder, changes, records)
         try:
             return await self.open()

@@ -122,11 +122,11 @@ def preview(session: Session, name: str, separator: str | None = None) -> dict[s
             and (entry["problem"] is not None) == is_refused
             and _has(head.columns, other, separator, matlab)
         ]
-    stated = {**_inner(document, "columns"), **_inner(own, "columns")}
+    stated = {**document.get("columns", {}), **own.get("columns", {})}
     chosen = guess_columns(head, stated)
-    units = _units(head, chosen, {**_inner(document, "units"), **_inner(own, "units")})
+    units = _units(head, chosen, {**document.get("units", {}), **own.get("units", {})})
     for role, side in _SIDES.items():
-        if side in _inner(document, "quantities") and units[role] == _USUAL[role]:
+        if side in document.get("quantities", {}) and units[role] == _USUAL[role]:
             units[role] = ""
     return {
         "record": file.stem,
@@ -217,11 +217,6 @@ def _units(
     names = {column.source: column.name for column in head.columns}
     by_header = {role: header_unit(role, names.get(chosen.get(role, ""), "")) for role in REQUIRED}
     return {role: str(stated.get(role) or by_header[role] or _USUAL[role]) for role in REQUIRED}
-
-
-def _inner(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    found = document.get(key)
-    return found if isinstance(found, Mapping) else {}
 
 
 def _has(columns: Sequence[Column], other: Path, separator: str, matlab: MatlabReader) -> bool:

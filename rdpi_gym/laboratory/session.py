@@ -198,7 +198,7 @@ class Session:
         self.data_folder.mkdir(parents=True, exist_ok=True)
         for number, event in enumerate(self.events(), 1):
             try:
-                self._fold(event)
+                self._fold(_checked(event))
             except (KeyError, TypeError, AttributeError, ValueError) as error:
                 raise _damaged(folder, number) from error
         # what was running when the server died runs no more
@@ -280,13 +280,7 @@ class Session:
             The journal cannot be written, or could not be read again.
         """
         line = json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n"
-        again = parse_json(line, JOURNAL)
-        if "step" in again and again["do"] in ("step", "update"):
-            Step.from_dict(again["step"])
-        if again["do"] == "refit":
-            refit_of(again["refit"])
-        if again["do"] == "ranking":
-            result_of(again.get("result"))
+        again = _checked(parse_json(line, JOURNAL))
         try:
             handle = os.open(self.folder / JOURNAL, _APPEND, 0o666)
             try:
@@ -321,7 +315,7 @@ class Session:
             else:
                 self.files[event["name"]] = dict(event["entry"])
         elif event["do"] in ("step", "update"):
-            step = Step.from_dict(event["step"])
+            step: Step = event["step"]
             self.steps[step.id] = step
             if event["do"] == "step":
                 self._count += 1
@@ -338,18 +332,29 @@ class Session:
         """Let what was done on a step take effect."""
         before = self.rankings.get(step, Ranking(step))
         if event["do"] == "refit":
-            refit = refit_of(event["refit"])
+            refit = event["refit"]
             tried = {**before.refits, (refit["effect"], refit["form"]): refit}
             self.rankings[step] = replace(before, refits=tried)
         elif event["do"] == "ranking":
             refits = {} if event["status"] == "running" else before.refits
             self.rankings[step] = Ranking(
-                step, event["status"], refits, result_of(event.get("result")), event.get("problem")
+                step, event["status"], refits, event["result"], event.get("problem")
             )
         elif event["do"] == "payoff":
             self.payoffs[step] = dict(event["payoff"])
         elif event["do"] == "said":
             self.said[step] = {k: event[k] for k in ("sentence", "noise_um")}
+
+
+def _checked(event: Event) -> Event:
+    """Return an event whose step is built, and whose refit or ranking has every field."""
+    if event["do"] in ("step", "update"):
+        return {**event, "step": Step.from_dict(event["step"])}
+    if event["do"] == "refit":
+        return {**event, "refit": refit_of(event["refit"])}
+    if event["do"] == "ranking":
+        return {**event, "result": result_of(event.get("result"))}
+    return event
 
 
 def check_folder(folder: Path) -> None:

@@ -18,7 +18,8 @@ from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.words import quoted
 
 SETTINGS_FILE = "dataset.toml"
-_LARGEST = 2**20  # bytes
+LARGEST = 2**20
+"""Most bytes of a ``dataset.toml`` that is read."""
 _BLANKS = str.maketrans("\t\r\n", "   ")
 _KEYS = ("title", "skip_s", "columns", "units", "quantities", "records")
 _QUANTITY_KEYS = ("name", "symbol", "unit")
@@ -117,10 +118,10 @@ def read_settings(path: Path, record_names: Iterable[str]) -> Settings:
     ...     read_settings(path, ["run"]).records["run"].mask_s
     ((1.0, 2.5),)
     """
-    return parse_settings("\n".join(read_lines(path, _LARGEST)), str(path), record_names)
+    return parse_settings("\n".join(read_lines(path, LARGEST)), str(path), record_names)
 
 
-def parse_settings(text: str, path: str, record_names: Iterable[str]) -> Settings:
+def parse_settings(text: str, path: str, record_names: Iterable[str] | None = None) -> Settings:
     """Parse the text of a ``dataset.toml``; see :func:`read_settings`.
 
     Parameters
@@ -130,7 +131,7 @@ def parse_settings(text: str, path: str, record_names: Iterable[str]) -> Setting
     path
         Its name, for the error line.
     record_names
-        Records in its folder.
+        Records in its folder; None: it may name any.
 
     Raises
     ------
@@ -155,9 +156,10 @@ def parse_settings(text: str, path: str, record_names: Iterable[str]) -> Setting
     columns = _table(document, "columns", path)
     inputs = _inputs(columns, where)
     check_columns(columns, where)
-    names = list(record_names)
     records = _table(document, "records", path)
-    _refuse_unknown(f"{path}, [records]", records, names)
+    _refuse_unknown(
+        f"{path}, [records]", records, records if record_names is None else record_names
+    )
     return Settings(
         title=_text(document, "title", path),
         skip_s=_skip(document, path) or 0.0,

@@ -9,12 +9,12 @@ from contextlib import suppress
 from typing import TextIO
 
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.guard import INTERRUPTED, say_interrupted
+from rdpi_gym.support.guard import INTERRUPTED, REFUSED, say_interrupted
 from rdpi_gym.support.interrupts import interruptible
 from rdpi_gym.support.temporaries import FREE_SPACE, is_full
 from rdpi_gym.support.terminal import plain_output
 
-REFUSED, NO_READER = 2, 141
+NO_READER = 141
 
 
 def run_command(name: str, command: Callable[[], int | None]) -> int:

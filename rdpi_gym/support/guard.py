@@ -7,14 +7,13 @@ import os
 import signal
 import sys
 
-INTERRUPTED = 130
-"""Status of a command that was interrupted."""
+INTERRUPTED, REFUSED = 130, 2
+"""Status of a command that was interrupted, and of one that was refused."""
 _COMMANDS = ("-m", "rdpi")  # `python -m rdpi_gym` while it imports this package, and the script
 _SHOW_CURSOR = "\x1b[?25h"
 SAFE_PATH = "PYTHONSAFEPATH"
 """Environment variable: where it is set, Python finds no module in the current folder."""
 _COMPILER_CONFIG = ".numba_config.yaml"
-_REFUSED = 2
 
 
 def is_command() -> bool:
@@ -34,7 +33,7 @@ def guard() -> None:
             "move it away, or start from another folder",
             file=sys.stderr,
         )
-        sys.exit(_REFUSED)
+        sys.exit(REFUSED)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, end_at_once)
 

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 CHEAP = ("fit", "export c")
-"""Of every test run."""
+"""Commands of every test run."""
 _TIMED = ("tasks.md", "tasks.csv", "leaderboard.md", "leaderboard.csv")
 """Files with times of a machine, which two runs may round alike and a third may not."""
 _DATA = ("data/stairs.csv", "data/validation-stairs.csv")

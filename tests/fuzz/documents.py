@@ -319,7 +319,7 @@ def candidates() -> Iterator[Subject]:
 
 @contextmanager
 def submissions() -> Iterator[Subject]:
-    """What a submission says of itself, beside its code and its rows."""
+    """Description of a submission, beside its code and its rows."""
     from benchmarks.stages.submission import FILE, read_submission
 
     with submitted() as folder:
@@ -417,7 +417,7 @@ def hyperparameters() -> Iterator[Subject]:
 
 
 class Learner:
-    """What a checkpoint is made of, without a training."""
+    """Parts of a checkpoint, without a training."""
 
     kind, timesteps, updates = "sac", 100, 7
 
@@ -437,7 +437,7 @@ class Learner:
 
 @contextmanager
 def checkpoints() -> Iterator[Subject]:
-    """What an interrupted training goes on from: description, archive of tensors, replay buffer."""
+    """Checkpoint of an interrupted training: description, archive of tensors, replay buffer."""
     from baselines.learned.checkpoint import _seal, load_checkpoint, save_checkpoint
 
     with tempfile.TemporaryDirectory() as name:
@@ -535,7 +535,7 @@ def read_journal(folder: Path) -> Any:
 
 
 def settings_documents() -> list[Document]:
-    """What is said of the data of a session, beside a file that is not read with it."""
+    """Settings of the data of a session, beside a file that is not read with it."""
     return [
         replace(
             each,
@@ -702,4 +702,4 @@ MAKERS: dict[str, Callable[[], AbstractContextManager[Subject]]] = {
     "folders": folders,
     "program": partial(_plain, program_documents, read_program),
 }
-"""What each reader of `subjects.STRUCTURED` is attacked with."""
+"""Attacks on each reader of `subjects.STRUCTURED`."""

@@ -146,3 +146,19 @@ def test_a_refused_file_is_not_told_of_options_that_the_laboratory_lacks(folder)
         assert "--columns" in str(refused.value)
         assert "--" not in problem.line
         assert str(refused.value).startswith(f"{folder / problem.line}; ")
+
+
+def test_settings_of_refused_files_survive_another_that_is_discarded(tmp_path):
+    folder = tmp_path / "data"
+    folder.mkdir()
+    rows = "".join(f"{k},{k % 9},{k}\n" for k in range(40))
+    (folder / "good.csv").write_text("t,u,y\n" + rows)
+    for name in ("one", "other"):
+        (folder / f"{name}.csv").write_text("a,b,c\n" + rows)
+    separators = {name: {"separator": "comma"} for name in ("one", "other")}
+    bringing.write_settings(folder, {"records": separators}, ["good", "one", "other"])
+    assert set(bringing.read(folder).problems) == {"one.csv", "other.csv"}
+    bringing.refused_file(folder, "one.csv").unlink()
+    assert bringing.record_settings(folder, "other") == {"separator": "comma"}
+    assert set(bringing.read(folder).problems) == {"other.csv"}
+    assert bringing.record_settings(folder, "other") == {"separator": "comma"}

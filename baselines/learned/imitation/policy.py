@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -163,5 +164,5 @@ def _arrays(path: Path, sha256: str) -> dict[str, Any]:
     try:
         with open_npz(path) as archive:
             return {name: archive.read(name).astype(np.float32) for name in ARRAYS}
-    except Exception as error:  # a damaged archive raises whatever its reader trips over
+    except (ValueError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path.name} holds no arrays of a student ({quoted(error)})") from error
