@@ -26,20 +26,6 @@ def spline_weights(order: int) -> Array:
     Row q is (1 + z)^(order - q) (2 (z - 1))^q / 2^order, a spline's q-th derivative per sample:
     smoothing and derivatives share one frequency response but (2 tan(ω Ts / 2))^q, which at 740 Hz
     and 0.1 ms is 2 % above (ω Ts)^q. So the coefficients of a fit mean the same for any two signals.
-
-    Parameters
-    ----------
-    order
-        Even.
-
-    Returns
-    -------
-    float64[order, order + 1]
-
-    Examples
-    --------
-    >>> (16 * spline_weights(4)[:2]).tolist()
-    [[1.0, 4.0, 6.0, 4.0, 1.0], [-2.0, -4.0, 0.0, 4.0, 2.0]]
     """
     rows = []
     for q in range(order):

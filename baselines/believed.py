@@ -22,19 +22,7 @@ POWERS = 4
 
 
 def hysteresis_inverse(belief: PlantModel, layout: ObservationLayout) -> Feedforward:
-    """Return the inverse of a belief's hysteresis: the classical one of RDPI, else the bracketed search.
-
-    Parameters
-    ----------
-    belief, layout
-        As :class:`baselines.base.Baseline`.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> hysteresis_inverse(P10, ObservationLayout.for_plant(P10, ts_s=1e-4)).name
-    'classical-reference-rate'
-    """
+    """Return the inverse of a belief's hysteresis: the classical one of RDPI, else the bracketed search."""
     inverse: type[Feedforward] = (
         ClassicalReferenceRate if isinstance(belief.hysteresis, RDPI) else CoreInverse
     )
@@ -47,42 +35,12 @@ def answered(
     wanted_um: Array,
     memory: Array,
 ) -> Array:
-    """Return u(k+1) (V), ``(B,)``, with which the hysteresis gives what is wanted.
-
-    Parameters
-    ----------
-    inverse
-        Of the hysteresis.
-    observation
-        ``(B, D)``.
-    wanted_um
-        Displacement (µm) at k + 1, ``(B,)``.
-    memory
-        The inverse's, changed in place.
-    """
+    """Return u(k+1) (V), ``(B,)``, with which the hysteresis gives what is wanted."""
     return inverse.next_command(observation, np.stack([wanted_um, wanted_um]), memory)
 
 
 def believed_inverse(belief: PlantModel, ts_s: float) -> tuple[float, Array]:
-    """Return the belief's delay in samples, and its linear effects' inverse in powers of θ.
-
-    Parameters
-    ----------
-    belief
-        The plant with its effects.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    float, float64[POWERS]
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> believed_inverse(P10, 1e-4)[1].tolist()
-    [1.0, 0.0, 0.0, 0.0]
-    """
+    """Return the belief's delay in samples, and its linear effects' inverse in powers of θ."""
     delay, series = 0.0, np.array([1.0, *[0.0] * (POWERS - 1)])
     for effect in belief.effects:
         sampled = effect.sampled_at(ts_s)
@@ -95,11 +53,5 @@ def believed_inverse(belief: PlantModel, ts_s: float) -> tuple[float, Array]:
 
 
 def ahead_by(samples: float, powers: int = POWERS) -> Array:
-    """Return what looks ahead by so many samples, in powers of θ.
-
-    Examples
-    --------
-    >>> ahead_by(2.0).round(3).tolist()
-    [1.0, 2.0, 2.0, 1.333]
-    """
+    """Return what looks ahead by so many samples, in powers of θ."""
     return np.array([samples**q / math.factorial(q) for q in range(powers)])

@@ -20,22 +20,6 @@ from rdpi_gym.support.arrays import Array
 def pack_inverse(models: Sequence[RDPI], ts_s: float) -> Array:
     """Pack the inverse's parameters: 1/a_0, b_i, thresholds at rest s_i (µm), a_0 δ2, rate pole.
 
-    Parameters
-    ----------
-    models
-        One model a lane, all with the same n.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    float64[2n + 4, B]
-
-    Examples
-    --------
-    >>> pack_inverse([RDPI.from_law([1.0, 1.0], 2.0, 0.0)], 1e-4).ravel().tolist()
-    [1.0, -0.5, 2.0, 0.0, 0.0, 0.0]
-
     Notes
     -----
     c_i = a_0 + ... + a_i, b_i = -a_i / (c_i c_{i-1}), s_i = Σ_{j<i} c_j (r_{j+1} - r_j); with Eq. 8
@@ -51,25 +35,7 @@ def pack_inverse(models: Sequence[RDPI], ts_s: float) -> Array:
 
 
 def inverse_memory(model: RDPI, memory_V: ArrayLike) -> Array:
-    """State of the inverse that belongs to the plant's play states.
-
-    Parameters
-    ----------
-    model
-        The RDPI parameters.
-    memory_V
-        ξ_i (V), ``(n,)``.
-
-    Returns
-    -------
-    float64[n]
-        η_i = c_i ξ_i + Σ_{j>i} a_j ξ_j (µm).
-
-    Examples
-    --------
-    >>> inverse_memory(RDPI.from_law([1.0, 0.5, 0.5], 2.0, 0.0), [1.0, 2.0]).tolist()
-    [2.5, 4.0]
-    """
+    """State of the inverse that belongs to the plant's play states."""
     xi = np.asarray(memory_V, dtype=np.float64)
     a = np.asarray(model.weights[1:])
     c = np.cumsum(model.weights)[1:]
@@ -88,21 +54,7 @@ def classical_own_rate(
     high: float = np.inf,
     step: float = np.inf,
 ) -> None:
-    """Inverse at the rate of its own command, one sample old, literal or low-passed as `p` says.
-
-    Parameters
-    ----------
-    y_r : float64[T, B]
-        Reference (µm), offset removed.
-    p, state : float64[2n + 4, B], float64[n + 2, B]
-        As :func:`pack_inverse`; rows of the state: u(k-1) (V), v(k-1) (V/s), η_i (µm).
-    ts : float
-        Sampling time (s).
-    u : float64[T, B]
-        Filled with the command (V).
-    low, high, step : float
-        Range of the command and its largest change in one sample (V).
-    """
+    """Inverse at the rate of its own command, one sample old, literal or low-passed as `p` says."""
     n = (p.shape[0] - 4) // 2
     for t in range(y_r.shape[0]):
         for b in range(y_r.shape[1]):

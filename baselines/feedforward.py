@@ -19,18 +19,7 @@ from rdpi_gym.support.errors import InputError
 
 
 def checked_reference(reference_um: ArrayLike) -> Array:
-    """Return a reference (µm) as a contiguous float64[T, B].
-
-    Raises
-    ------
-    InputError
-        It has another shape, no sample or no lane, or is not finite.
-
-    Examples
-    --------
-    >>> checked_reference([[0, 1], [2, 3]]).shape
-    (2, 2)
-    """
+    """Return a reference (µm) as a contiguous float64[T, B]."""
     block = np.ascontiguousarray(reference_um, dtype=np.float64)
     if block.ndim != 2 or block.size == 0:
         raise InputError(

@@ -118,17 +118,7 @@ class TrueHorizon(Baseline):
 
 
 def second_differences(horizon: int) -> Array:
-    """Return what makes second differences of two past samples and those of a horizon.
-
-    Returns
-    -------
-    float64[horizon, horizon + 2]
-
-    Examples
-    --------
-    >>> second_differences(1).tolist()
-    [[1.0, -2.0, 1.0]]
-    """
+    """Return what makes second differences of two past samples and those of a horizon."""
     bends = np.zeros((horizon, horizon + 2))
     for i in range(horizon):
         bends[i, i : i + 3] = 1.0, -2.0, 1.0

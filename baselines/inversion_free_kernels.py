@@ -41,21 +41,7 @@ def inversion_free_own_rate(
     high: float = np.inf,
     step: float = np.inf,
 ) -> None:
-    """Eq. 6 with the rate of its own command: literal, or low-passed where `p` says so.
-
-    Parameters
-    ----------
-    y_r : float64[T, B]
-        Reference (µm).
-    p, state : float64[2n + 4, B], float64[n + 2, B]
-        Packed parameters and state; the state is moved to the end of the block.
-    ts : float
-        Sampling time (s).
-    u : float64[T, B]
-        Filled with the command (V).
-    low, high, step : float
-        Range of the command and its largest change in one sample (V).
-    """
+    """Eq. 6 with the rate of its own command: literal, or low-passed where `p` says so."""
     pole_row = p.shape[0] - 2
     for t in range(y_r.shape[0]):
         for b in range(y_r.shape[1]):
@@ -79,19 +65,7 @@ def inversion_free_given_rate(
     high: float = np.inf,
     step: float = np.inf,
 ) -> None:
-    """Eq. 6 with thresholds given through a rate.
-
-    Parameters
-    ----------
-    y_r, v : float64[T, B]
-        Reference (µm) and the rate that sets the thresholds (V/s).
-    p, state : float64[2n + 4, B], float64[n + 2, B]
-        Packed parameters and state; u(k-1) and the play states are moved to the end of the block.
-    u : float64[T, B]
-        Filled with the command (V).
-    low, high, step : float
-        Range of the command and its largest change in one sample (V).
-    """
+    """Eq. 6 with thresholds given through a rate."""
     for t in range(y_r.shape[0]):
         for b in range(y_r.shape[1]):
             command = limited(_command(y_r[t, b], b, p, state), state[0, b], low, high, step)

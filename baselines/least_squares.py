@@ -100,17 +100,7 @@ class ForgettingLeastSquares:
         return memory[-self.size :]
 
     def learn(self, memory: Array, phi: Array, z: Array, counts: NDArray[np.bool_]) -> None:
-        """Take one sample in, and solve where the turn has come.
-
-        Parameters
-        ----------
-        memory
-            ``float64[rows, B]``, moved on in place.
-        phi, z
-            ``(F, B)`` and ``(B,)``.
-        counts
-            ``(B,)``: where false the lane learns nothing, and forgets nothing.
-        """
+        """Take one sample in, and solve where the turn has come."""
         due = _take_in(memory, phi, z, counts, self.kept)
         if not due.any():
             return

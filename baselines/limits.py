@@ -41,13 +41,7 @@ class Limits(NamedTuple):
 
 @njit(cache=True)
 def limited(command: float, last: float, low: float, high: float, step: float) -> float:
-    """Return what is allowed of one command (V) after `last` (V; NaN: no command yet).
-
-    Examples
-    --------
-    >>> limited(9.0, 1.0, -5.0, 5.0, 2.0), limited(9.0, math.nan, -5.0, 5.0, 2.0)
-    (3.0, 5.0)
-    """
+    """Return what is allowed of one command (V) after `last` (V; NaN: no command yet)."""
     allowed = min(max(command, low), high)
     if not np.isnan(last):
         allowed = min(max(allowed, last - step), last + step)
@@ -56,17 +50,7 @@ def limited(command: float, last: float, low: float, high: float, step: float) -
 
 @njit(cache=True)
 def limit_block(u: Array, last: Array, low: float, high: float, step: float) -> None:
-    """Clip commands to their range and to the largest change from sample to sample, in place.
-
-    Parameters
-    ----------
-    u : float64[T, B]
-        Commands (V); what is allowed of them on return.
-    last : float64[B]
-        Command (V) before the block, moved to its last one.
-    low, high, step : float
-        As :class:`Limits` (V).
-    """
+    """Clip commands to their range and to the largest change from sample to sample, in place."""
     for t in range(u.shape[0]):
         for b in range(u.shape[1]):
             last[b] = u[t, b] = limited(u[t, b], last[b], low, high, step)

@@ -69,11 +69,5 @@ class LQGPreview(LinearFeedback):
 
 
 def riccati(a: Array, b: Array, q: Array, r: float) -> Array:
-    """Solve the discrete algebraic Riccati equation of one input.
-
-    Examples
-    --------
-    >>> riccati(np.eye(1), np.eye(1), np.eye(1), 1.0).round(3).tolist()
-    [[1.618]]
-    """
+    """Solve the discrete algebraic Riccati equation of one input."""
     return np.asarray(solve_discrete_are(a, b, q, np.array([[r]])), dtype=np.float64)

@@ -43,15 +43,6 @@ class Rows:
 
 
 def shift_in(ring: Array, newest: Array) -> None:
-    """Move a block on by one: its oldest entry is dropped and `newest` becomes its last, in place.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> ring = np.array([[1.0], [2.0]])
-    >>> shift_in(ring, np.array([3.0]))
-    >>> ring.ravel().tolist()
-    [2.0, 3.0]
-    """
+    """Move a block on by one: its oldest entry is dropped and `newest` becomes its last, in place."""
     ring[:-1] = ring[1:].copy()
     ring[-1] = newest

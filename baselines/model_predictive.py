@@ -169,14 +169,7 @@ class ModelPredictive(Tunable):
 
 
 def with_mode_at(belief: PlantModel, factor: float) -> PlantModel:
-    """Return a belief with its mode at so many times its frequency; one without a mode as it is.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> with_mode_at(P10, 0.6) == P10
-    True
-    """
+    """Return a belief with its mode at so many times its frequency; one without a mode as it is."""
     effects = [
         type(e).within_bounds(**{**e.values, "f0_hz": factor * e.values["f0_hz"]})
         if e.name == "resonance"
@@ -189,29 +182,7 @@ def with_mode_at(belief: PlantModel, factor: float) -> PlantModel:
 def horizon_gains(
     model: LinearSystem, horizon: int, smoothness: float
 ) -> tuple[Array, Array, Array]:
-    """Return the first w of the plan as gains on the reference ahead, the state, and the last two w.
-
-    Parameters
-    ----------
-    model
-        From w to y.
-    horizon
-        Samples N.
-    smoothness
-        ρ.
-
-    Returns
-    -------
-    float64[N], float64[n], float64[2]
-
-    Examples
-    --------
-    Without dynamics, and hardly a price, w is the next reference:
-
-    >>> from baselines.loops.systems import gain
-    >>> (np.round(horizon_gains(gain(1.0), 3, 1e-9)[0], 6) + 0.0).tolist()
-    [1.0, 0.0, 0.0]
-    """
+    """Return the first w of the plan as gains on the reference ahead, the state, and the last two w."""
     free, pulse = [], [model.d]
     row = model.c
     for _ in range(horizon):

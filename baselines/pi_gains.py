@@ -40,29 +40,6 @@ class Gains(NamedTuple):
 def simc_gains(model: Core, ts_s: float) -> Gains:
     """Tune a PI controller to the plant between its slopes a_0 and A.
 
-    Parameters
-    ----------
-    model
-        The belief's hysteresis core; what follows says of RDPI what holds for any.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    Gains
-
-    Raises
-    ------
-    InputError
-        Ts is not above zero.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> gains = simc_gains(PAPER_IV_B.static(), 1e-4)
-    >>> round(gains.proportional_V_um * PAPER_IV_B.A, 3), round(gains.integral_V_um_s * 1e-4 * PAPER_IV_B.A, 3)
-    (0.15, 0.5)
-
     Notes
     -----
     While all plays slide, the plant is A (1 - s / z0) behind one sample of delay: no lag, and by
@@ -88,34 +65,6 @@ def gains_within_margin(gains: Gains, belief: PlantModel, ts_s: float) -> Gains:
     It sees what the belief has: a mode of the true plant that the belief lacks is met with gains
     for a plant without one, and :meth:`baselines.pi.PI.warning` says up to which frequency such a
     mode makes the loop unstable.
-
-    Parameters
-    ----------
-    gains
-        For the hysteresis alone.
-    belief
-        The plant with its effects; those that are not linear, and creep, change little.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    Gains
-        The same without such effects. Else both gains times the largest factor, or the integral
-        gain alone where that may be larger so, for which |1 / (1 + L)| is at most 2 with all plays
-        sliding and with all sticking, as for every smaller factor: then the loop is stable, since
-        it is stable without gain.
-
-    Examples
-    --------
-    >>> from dataclasses import replace
-    >>> from rdpi_gym.plant import P10
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> ringing = replace(P10, effects=(load_effect("resonance")(f0_hz=500.0, damping=0.02),))
-    >>> bare = simc_gains(P10.hysteresis, 5e-5)
-    >>> found = gains_within_margin(bare, ringing, 5e-5)
-    >>> found.integral_V_um_s < 0.1 * bare.integral_V_um_s
-    True
     """
     linear = [e for e in belief.effects if type(e).block in (delay_block, linear_block)]
     if not linear:

@@ -37,23 +37,10 @@ PATIENCE, PROGRESS = 10, 0.02
 def learning_recursion(model: Core, ts_s: float) -> tuple[float, float]:
     """Return how L is sampled: the weight of the sample ahead, 0 or 1/2, and the pole.
 
-    Parameters
-    ----------
-    model
-        The hysteresis core.
-    ts_s
-        Sampling time (s).
-
     Notes
     -----
     1 / (1 - jω / z0) with jω as (1 - z⁻¹) / Ts backwards in time, L = 1 / (1 + κ (1 - z)), or
     trapezoidal, which has a zero where the literal plant's gain changes its sign, z = -1.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> [learning_recursion(m, 5e-5)[0] for m in (PAPER_IV_B, PAPER_IV_B.band_limited(800.0))]
-    [0.5, 0.0]
     """
     lag = 1.0 / (model.zero_rad_s * ts_s)
     ahead = 0.0 if nyquist_gain(model, ts_s) > 0.0 else 0.5
@@ -65,17 +52,6 @@ def learning_filter(error: Array, ahead: float, pole: float, smooth: float, lear
     """Low-pass an error both ways, so without phase, then run L backwards.
 
     Beyond its ends the error is taken to stay as it is there, so nothing wraps around.
-
-    Parameters
-    ----------
-    error : float64[T, B]
-        Tracking error (µm).
-    ahead, pole : float
-        As :func:`learning_recursion` returns them.
-    smooth : float
-        Pole of the low-pass.
-    learned : float64[T, B]
-        Filled with the filtered error (µm).
     """
     samples, lanes = error.shape
     learned[0] = error[0]
@@ -101,37 +77,7 @@ def invert_ahead(
     starts_V: Sequence[Array],
     enough_um: float,
 ) -> Array:
-    """Return the commands that bring a model at rest along a reference, as well as was found.
-
-    Parameters
-    ----------
-    belief
-        The model that is inverted.
-    ts_s
-        Sampling time (s).
-    limits
-        Range of the command and its largest change.
-    reference_um
-        ``(K, B)``.
-    starts_V
-        Commands (V) to begin from, each ``(K, B)``; row 0 is the command at rest and stays.
-    enough_um
-        RMS error (µm) at which a lane is done.
-
-    Returns
-    -------
-    float64[K, B]
-        For each lane the command with the smallest RMS error of all that were tried.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> plant, limits = named_plant("P5"), Limits(-25.0, 25.0, math.inf)
-    >>> r = 10.0 * np.sin(2 * np.pi * 50.0 * 5e-5 * np.arange(800))[:, None]
-    >>> u = invert_ahead(plant, 5e-5, limits, r, [np.zeros_like(r)], 1e-6)
-    >>> bool(np.abs(Plant(plant, 5e-5).simulate(u) - r).max() < 0.02)
-    True
-    """
+    """Return the commands that bring a model at rest along a reference, as well as was found."""
     best = np.full(reference_um.shape[1], np.inf)
     command = np.empty_like(reference_um)
     for start in starts_V:

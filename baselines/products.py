@@ -13,21 +13,6 @@ def product(matrix: Array, columns: Array) -> Array:
 
     A library's product takes them in an order that hangs on the number of lanes, so that what a
     controller does in one of them differs in the last digit.
-
-    Parameters
-    ----------
-    matrix : float64[R, K] or float64[K]
-        The same for all lanes.
-    columns : float64[K, B]
-
-    Returns
-    -------
-    float64[R, B] or float64[B]
-
-    Examples
-    --------
-    >>> product(np.array([1.0, 2.0]), np.array([[1.0, 10.0], [3.0, 30.0]])).tolist()
-    [7.0, 70.0]
     """
     if not matrix.size:  # a model without states
         return np.zeros((*matrix.shape[:-1], columns.shape[1]))
@@ -51,21 +36,7 @@ def _products(matrix: Array, columns: Array) -> Array:
 
 @njit(cache=True)
 def lane_products(one: Array, other: Array) -> Array:
-    """Return Σ_k one[k] other[k] of every lane, terms added one after the other.
-
-    Parameters
-    ----------
-    one, other : float64[K, B]
-
-    Returns
-    -------
-    float64[B]
-
-    Examples
-    --------
-    >>> lane_products(np.array([[1.0], [2.0]]), np.array([[3.0], [4.0]])).tolist()
-    [11.0]
-    """
+    """Return Σ_k one[k] other[k] of every lane, terms added one after the other."""
     out = np.zeros(one.shape[1])
     for k in range(one.shape[0]):
         for b in range(one.shape[1]):

@@ -83,21 +83,7 @@ class RingingMonitor:
     def watch(
         self, memory: Array, error_um: Array, reference_um: Array
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Take one sample in.
-
-        Parameters
-        ----------
-        memory
-            ``float64[rows, B]``, moved on in place.
-        error_um, reference_um
-            ``(B,)``.
-
-        Returns
-        -------
-        trust : float64[B]
-            A view of the memory.
-        ringing : bool[B]
-        """
+        """Take one sample in."""
         ringing: NDArray[np.bool_] = _watch(memory, error_um, reference_um, *self.numbers)
         return memory[7], ringing
 

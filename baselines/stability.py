@@ -22,13 +22,7 @@ CUTOFF_FRACTION = 0.6
 
 
 def spectral_radius(polynomial: Array) -> float:
-    """Largest magnitude of a polynomial's roots; 0 where it has none.
-
-    Examples
-    --------
-    >>> round(spectral_radius(np.array([1.0, 0.0, -0.25])), 12)
-    0.5
-    """
+    """Largest magnitude of a polynomial's roots; 0 where it has none."""
     return float(np.abs(np.roots(polynomial)).max(initial=0.0))
 
 
@@ -37,84 +31,30 @@ def nyquist_gain(model: Core, ts_s: float) -> float:
 
     It is above zero where the sampled plant has minimum phase: its zero is then within the unit
     circle, be it for a long Ts or for a rate that is low-passed below A / (2π S δ2).
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> round(nyquist_gain(PAPER_IV_B, 5e-5), 2)
-    -8.26
-    >>> nyquist_gain(PAPER_IV_B.band_limited(800.0), 5e-5) > 0
-    True
     """
     p = model.rate_pole(ts_s)
     return model.A + 2.0 * model.rate_gain_um_s_V / ts_s * (1.0 - p) / (1.0 + p)
 
 
 def inversion_free_polynomial(model: RDPI, ts_s: float) -> Array:
-    """Return the loop of Eq. 6 on its own rate, z² + (g - p - w) z + w - g p with w = g q (1 - p).
-
-    Parameters
-    ----------
-    model
-        The compensator's model; its rate bandwidth sets p.
-    ts_s
-        Sampling time (s).
-
-    Examples
-    --------
-    P5 is stable only while Ts > g δ2 = 0.252 ms:
-
-    >>> from rdpi_gym.plant import PAPER_III_B
-    >>> [spectral_radius(inversion_free_polynomial(PAPER_III_B, ts)) < 1 for ts in (2.5e-4, 2.6e-4)]
-    [False, True]
-    """
+    """Return the loop of Eq. 6 on its own rate, z² + (g - p - w) z + w - g p with w = g q (1 - p)."""
     p = model.rate_pole(ts_s)
     w = model.g * model.delta2_s / ts_s * (1.0 - p)
     return np.array([1.0, model.g - p - w, w - model.g * p])
 
 
 def classical_polynomial(model: RDPI, ts_s: float) -> Array:
-    """Return the loop of the classical inverse on its own rate, z² - (p + w) z + w, w = κ (1 - p).
-
-    Parameters
-    ----------
-    model
-        The model that is inverted; its rate bandwidth sets p.
-    ts_s
-        Sampling time (s).
-
-    Examples
-    --------
-    P10 is stable only while Ts > S δ2 / A = 0.194 ms:
-
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> [spectral_radius(classical_polynomial(PAPER_IV_B, ts)) < 1 for ts in (1.9e-4, 2e-4)]
-    [False, True]
-    """
+    """Return the loop of the classical inverse on its own rate, z² - (p + w) z + w, w = κ (1 - p)."""
     p = model.rate_pole(ts_s)
     w = model.S * model.delta2_s / (model.A * ts_s) * (1.0 - p)
     return np.array([1.0, -(p + w), w])
 
 
 def limiting_cutoff_hz(model: RDPI) -> float:
-    """Cut-off A / (2π S δ2) (Hz) below which an own rate may be low-passed as Ts → 0.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B
-    >>> round(limiting_cutoff_hz(PAPER_III_B)), round(limiting_cutoff_hz(PAPER_IV_B))
-    (1055, 820)
-    """
+    """Cut-off A / (2π S δ2) (Hz) below which an own rate may be low-passed as Ts → 0."""
     return model.zero_rad_s / (2.0 * math.pi)
 
 
 def default_cutoff_hz(model: RDPI) -> float:
-    """Low-pass (Hz) of the low-passed compensators: 500, or 0.6 of the limit where that is lower.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B
-    >>> default_cutoff_hz(PAPER_III_B), round(default_cutoff_hz(PAPER_IV_B))
-    (500.0, 492)
-    """
+    """Low-pass (Hz) of the low-passed compensators: 500, or 0.6 of the limit where that is lower."""
     return min(DEFAULT_CUTOFF_HZ, CUTOFF_FRACTION * limiting_cutoff_hz(model))

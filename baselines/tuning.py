@@ -71,13 +71,7 @@ class Knob:
         self.checked(self.default)
 
     def checked(self, value: object) -> float:
-        """Return a value as a float.
-
-        Raises
-        ------
-        InputError
-            It is no finite number, or out of range.
-        """
+        """Return a value as a float."""
         if not is_finite(value) or not self.low <= float(value) <= self.high:  # type: ignore[arg-type]
             unit = "" if self.unit == "1" else f" {self.unit}"
             raise InputError(
@@ -86,13 +80,7 @@ class Knob:
         return float(value)  # type: ignore[arg-type]
 
     def at(self, part: float) -> float:
-        """Return the value that part of the range from the default, within the range.
-
-        Examples
-        --------
-        >>> Knob("cutoff_hz", 10.0, 1000.0, 100.0, "Hz", logarithmic=True).at(-0.25)
-        31.622776601683793
-        """
+        """Return the value that part of the range from the default, within the range."""
         value = self.default + part * (self.high - self.low)
         if self.logarithmic:
             value = self.default * math.pow(self.high / self.low, part)
@@ -100,32 +88,7 @@ class Knob:
 
 
 def checked_settings(name: str, knobs: Sequence[Knob], settings: Mapping[str, Any]) -> Settings:
-    """Return settings for every knob of a controller: what is given, else the default.
-
-    Parameters
-    ----------
-    name
-        The controller's, for errors.
-    knobs
-        What can be turned of it.
-    settings
-        Some of them by name.
-
-    Raises
-    ------
-    InputError
-        A setting is none of the knobs, or out of range.
-
-    Examples
-    --------
-    >>> knobs = (Knob("gain", 0.0, 2.0, 1.0), Knob("lead", 0.0, 5.0, 0.5))
-    >>> checked_settings("pi", knobs, {"lead": 2})
-    {'gain': 1.0, 'lead': 2.0}
-    >>> checked_settings("pi", knobs, {"leed": 2})
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: pi has no setting 'leed'; did you mean 'lead'? It has gain, lead
-    """
+    """Return settings for every knob of a controller: what is given, else the default."""
     known = {knob.name: knob for knob in knobs}
     for given in settings:
         if given not in known:
@@ -172,30 +135,7 @@ class Tuning:
 
 
 def read_tunings(path: Path, name: str, knobs: Sequence[Knob]) -> dict[str, Tuning]:
-    """Read what was found for a controller, by task.
-
-    Parameters
-    ----------
-    path
-        The file.
-    name
-        The controller's.
-    knobs
-        What can be turned of it.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, of another controller, or has a setting that this one has not
-        or that is out of its range.
-
-    Examples
-    --------
-    >>> read_tunings(Path("no.json"), "pi", ())
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: no.json does not exist; give the path of a rdpi-tuned file
-    """
+    """Read what was found for a controller, by task."""
     document = read_json(path, FORMAT, VERSION)
     if document.get("controller") != name:
         raise InputError(
@@ -210,17 +150,7 @@ def read_tunings(path: Path, name: str, knobs: Sequence[Knob]) -> dict[str, Tuni
 
 
 def write_tunings(path: Path, name: str, tunings: Mapping[str, Tuning]) -> Path:
-    """Write what was found for a controller; :func:`read_tunings` reads it.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> found = {"Bare": Tuning({}, (), "rdpi tune pi", 0, 1000, 0.1)}
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = write_tunings(Path(folder) / "pi.json", "pi", found)
-    ...     read_tunings(path, "pi", ()) == found
-    True
-    """
+    """Write what was found for a controller; :func:`read_tunings` reads it."""
     document = {"format": FORMAT, "version": VERSION, "controller": name}
     return write_json(path, document | {"tasks": {k: asdict(v) for k, v in tunings.items()}})
 
@@ -298,29 +228,7 @@ class Tunable(Baseline):
 
 
 def committed_tuning(kind: type[Tunable], belief: PlantModel) -> Tuning | None:
-    """Return what is committed of a controller for beliefs with these effects.
-
-    Parameters
-    ----------
-    kind
-        The controller's class.
-    belief
-        What it will know of the plant.
-
-    Returns
-    -------
-    Tuning or None
-        Of the task whose belief has the same effects, else of the first task in the file; None
-        where there is no file.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> class Nobody(Tunable):
-    ...     name = "nobody"
-    >>> print(committed_tuning(Nobody, P10))
-    None
-    """
+    """Return what is committed of a controller for beliefs with these effects."""
     tunings = _committed(kind)
     if not tunings:
         return None

@@ -21,13 +21,7 @@ _HERE = Path(__file__).parent
 
 
 def studies() -> dict[str, str]:
-    """Return the first line of each study's docstring by the study's name.
-
-    Examples
-    --------
-    >>> studies()["sample_speed"].startswith("Speed")
-    True
-    """
+    """Return the first line of each study's docstring by the study's name."""
     found = {}
     for path in (*_HERE.glob("[a-z]*.py"), *_HERE.glob("*/__main__.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -41,18 +35,7 @@ def studies() -> dict[str, str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study that is named, or list them all.
-
-    Parameters
-    ----------
-    arguments
-        Its name and its options; those of the process by default.
-
-    Returns
-    -------
-    int
-        The study's status.
-    """
+    """Run the study that is named, or list them all."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     return run_command("studies", lambda: _run(words))
 

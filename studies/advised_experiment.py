@@ -52,13 +52,7 @@ class Case:
 
 
 def make(plants: int, seed: int) -> list[Case]:
-    """Return the cases: effects and records in turn.
-
-    Examples
-    --------
-    >>> [case.plant.subject[0] for case in make(3, 0)]
-    ['actuator_lag', 'asymmetry', 'backlash']
-    """
+    """Return the cases: effects and records in turn."""
     names = sorted(HIDEABLE)
     return [
         Case(study.Case("single", (names[k % len(names)],), 1000 + k, seed), GIVEN[k % len(GIVEN)])
@@ -110,15 +104,7 @@ def _study(asked: Namespace) -> None:
 
 
 def report(rows: Sequence[Row], plants: int, seed: int) -> str:
-    """Return the table as Markdown.
-
-    Parameters
-    ----------
-    rows
-        As :func:`run_case` returns them.
-    plants, seed
-        Of the command.
-    """
+    """Return the table as Markdown."""
     done = [row for row in rows if row["status"] == "done"]
     open_ = [row for row in done if len(row["before"]["probable"]) > 1]
     made = [row for row in open_ if row["after"] is not None]

@@ -149,13 +149,7 @@ def _told(candidate: Mapping[str, Any]) -> Told:
 
 
 def fitted(known: Sequence[Known]) -> Calibration:
-    """Fit the probabilities to searches whose truth is known.
-
-    Parameters
-    ----------
-    known
-        The searches.
-    """
+    """Fit the probabilities to searches whose truth is known."""
     samples: dict[str, list[tuple[dict[str, float], bool]]] = {name: [] for name in KINDS}
     for one in known:
         for name, own in one.samples().items():
@@ -200,13 +194,7 @@ def _logistic(
 
 
 def calibration_error(chances: Array, true: Array) -> float:
-    """Return the mean distance of probability and frequency, over ten bins of equal counts.
-
-    Examples
-    --------
-    >>> calibration_error(np.full(100, 0.7), np.arange(100) % 10 < 7)
-    0.0
-    """
+    """Return the mean distance of probability and frequency, over ten bins of equal counts."""
     order = np.argsort(chances, kind="stable")
     parts = np.array_split(order, min(_BINS, len(order)))
     gaps = [abs(float(np.mean(chances[k]) - np.mean(true[k]))) * len(k) for k in parts]
@@ -252,17 +240,7 @@ Judged = Mapping[str, Mapping[str, tuple[Array, Array]]]
 def report(
     found: Calibration, count: int, checked: Mapping[str, Sequence[Known]]
 ) -> tuple[str, Judged]:
-    """Return the tables as Markdown, and the probabilities with what is true, by study and question.
-
-    Parameters
-    ----------
-    found
-        What was fitted.
-    count
-        To how many searches.
-    checked
-        Other searches, by study.
-    """
+    """Return the tables as Markdown, and the probabilities with what is true, by study and question."""
     errors, sets, judged = [], [], {}
     weights = {
         "added": found.named, "class": found.in_class, "not added": found.unnamed,
@@ -311,13 +289,7 @@ def report(
 
 
 def picture(judged: Judged) -> bytes:
-    """Draw how often what is called so probable is true, one panel a study.
-
-    Parameters
-    ----------
-    judged
-        As :func:`report` returns them.
-    """
+    """Draw how often what is called so probable is true, one panel a study."""
     style: Any = matplotlib_style()
     shown = ("added", "class", "not added")
     with rc_context(style):

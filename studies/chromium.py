@@ -22,13 +22,7 @@ _OWN = re.compile(r"(http://127\.0\.0\.1:\d+/|data:|blob:)")
 
 @contextmanager
 def chromium() -> Iterator[Any]:
-    """Open Chromium, without a window.
-
-    Raises
-    ------
-    InputError
-        It is not installed, or Playwright's Python package is not.
-    """
+    """Open Chromium, without a window."""
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
     try:
         from playwright.sync_api import sync_playwright
@@ -160,18 +154,6 @@ class LabPage:
         """Wait until an expression is true, and return for how long (s).
 
         The page's policy forbids the browser's own way to wait.
-
-        Parameters
-        ----------
-        told
-            JavaScript.
-        look_ms
-            Time (ms) from look to look.
-
-        Raises
-        ------
-        InputError
-            It is not true after five minutes.
         """
         began = time.monotonic()
         while not self.tab.evaluate(told):

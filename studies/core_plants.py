@@ -53,18 +53,7 @@ _TS_S, _LEG_S = 1e-3, 2.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Fit the plants and write them.
-
-    Parameters
-    ----------
-    arguments
-        Words after the command; those of the process by default.
-
-    Returns
-    -------
-    int
-        0, else as :func:`~rdpi_gym.support.command.run_command` says.
-    """
+    """Fit the plants and write them."""
     return Options("core_plants", __doc__, out=LIBRARY).run(arguments, _run)
 
 
@@ -102,14 +91,7 @@ def _of_the_damper(
 
 
 def published() -> PlantModel[Any]:
-    """Return LuGre's friction with the numbers of the paper: force (N) over displacement (µm).
-
-    Examples
-    --------
-    >>> plant = published()
-    >>> plant.name, round(plant.hysteresis.steady_um(0.0), 6)
-    ('lugre-1995', 1.5)
-    """
+    """Return LuGre's friction with the numbers of the paper: force (N) over displacement (µm)."""
     s0 = 1e5  # N/m; s1 = √s0 N s/m, s2 = 0.4 N s/m, Fc = 1 N, Fs = 1.5 N, vs = 1 mm/s
     core = LuGre(1e-6 * s0, 1e-6 * math.sqrt(s0), 1e-6 * 0.4, 1e6 / s0, 1.5, 1e3)
     quantities = Quantities(Quantity("displacement", "x", "µm"), Quantity("force", "F", "N"))

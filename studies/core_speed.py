@@ -58,11 +58,6 @@ def cases() -> dict[str, Core]:
 
     Those of plays or stops have ten, as P10 has; the others the numbers that a fit begins with, and
     a length of 10 V.
-
-    Examples
-    --------
-    >>> {core.name for core in cases().values()} == set(CORES)
-    True
     """
     found: dict[str, Core] = {}
     for name, kind in CORES.items():
@@ -116,29 +111,7 @@ def _commands(lanes: int, period: int) -> Array:
 def measure(
     rounds: int, lanes: Sequence[int] = LANES, periods: Sequence[int] = PERIODS
 ) -> pd.DataFrame:
-    """Measure every core in turn with the RDPI model.
-
-    Parameters
-    ----------
-    rounds
-        How often.
-    lanes
-        Numbers of lanes.
-    periods
-        Samples of a period of the command.
-
-    Returns
-    -------
-    DataFrame
-        One row a core, number of lanes and of samples a period: median nanoseconds of a sample and
-        lane of both, and the median of the rounds' ratios of samples a second, core over RDPI, in a
-        block and in calls of one sample.
-
-    Examples
-    --------
-    >>> bool(measure(rounds=1, lanes=[16], periods=[50])["block_ratio"].min() > 0.0)
-    True
-    """
+    """Measure every core in turn with the RDPI model."""
     rows = []
     for period in periods:
         for count in lanes:

@@ -65,28 +65,7 @@ print("COST " + json.dumps({
 
 
 def cost(data: Path, candidates: Sequence[str], jobs: int) -> dict[str, Any]:
-    """Discover what is hidden in a process of its own and return what it cost.
-
-    Parameters
-    ----------
-    data
-        Folder of records.
-    candidates
-        Effects that are tried.
-    jobs
-        Processes.
-
-    Returns
-    -------
-    dict
-        ``seconds``, ``cpu_s`` (of the main process), ``main_mib``, ``worker_mib``, ``found``,
-        ``verdict``.
-
-    Raises
-    ------
-    RuntimeError
-        The process failed.
-    """
+    """Discover what is hidden in a process of its own and return what it cost."""
     threads = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL")}
     done = subprocess.run(
         [sys.executable, "-c", _RUN, str(data), str(jobs), ",".join(candidates)],
@@ -103,19 +82,7 @@ def cost(data: Path, candidates: Sequence[str], jobs: int) -> dict[str, Any]:
 
 
 def measure(folder: Path, ts_factor: float, candidates: int, repeats: int) -> dict[str, Any]:
-    """Discover what is hidden in one data set and return a row of the table.
-
-    Parameters
-    ----------
-    folder
-        For the data.
-    ts_factor
-        Factor on the protocol's sampling times.
-    candidates
-        Effects that are tried, the hidden ones among them.
-    repeats
-        Runs; the fastest counts.
-    """
+    """Discover what is hidden in one data set and return a row of the table."""
     data = folder / f"data-{ts_factor:g}"
     if not data.exists():
         simulate(data, ",".join(HIDDEN), ts_factor)
@@ -136,17 +103,7 @@ def measure(folder: Path, ts_factor: float, candidates: int, repeats: int) -> di
 
 
 def simulate(folder: Path, hidden: str, ts_factor: float) -> None:
-    """Write a data set with hidden effects, as ``rdpi simulate`` does.
-
-    Parameters
-    ----------
-    folder
-        Where to.
-    hidden
-        Effects.
-    ts_factor
-        Factor on the protocol's sampling times.
-    """
+    """Write a data set with hidden effects, as ``rdpi simulate`` does."""
     from rdpi_gym.cli import main as rdpi
 
     arguments = ["simulate", "--hide", hidden, "--ts-factor", str(ts_factor), "--out", str(folder)]
@@ -161,14 +118,7 @@ def _training_samples(data: Path) -> int:
 
 
 def exponent(rows: pd.DataFrame, over: str) -> float:
-    """Return how seconds of computing grow: the slope over a column, both in logarithms.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame({"samples": [1.0, 2.0, 4.0], "cpu_s": [3.0, 6.0, 12.0]})
-    >>> round(exponent(table, "samples"), 6)
-    1.0
-    """
+    """Return how seconds of computing grow: the slope over a column, both in logarithms."""
     return float(np.polyfit(np.log(rows[over]), np.log(rows["cpu_s"]), 1)[0])
 
 
@@ -183,15 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def oversample(folder: Path, samples: int) -> None:
-    """Write three records of P10 with creep and a sensor lag, 100,000 samples a second.
-
-    Parameters
-    ----------
-    folder
-        Where to.
-    samples
-        Of all records together.
-    """
+    """Write three records of P10 with creep and a sensor lag, 100,000 samples a second."""
     from dataclasses import replace
 
     from rdpi_gym.measurement import Record

@@ -87,13 +87,7 @@ def cases(per: int, seed: int) -> list[Case]:
 
 
 def drawn(case: Case) -> tuple[Core, Mechanism | None, Dataset]:
-    """Draw a plant and what is hidden in it, and take its records.
-
-    Raises
-    ------
-    InputError
-        No effect that was drawn shows.
-    """
+    """Draw a plant and what is hidden in it, and take its records."""
     stream = zlib.crc32(case.key.encode())
     for redraw in range(_REDRAWS):
         rng = np.random.default_rng([stream, redraw])
@@ -230,16 +224,7 @@ def _study(chosen: Namespace) -> None:
 
 
 def report(rows: Sequence[Row], per: int, seed: int) -> str:
-    """Return the tables as Markdown.
-
-    Examples
-    --------
-    >>> row = {"status": "done", "kind": "stop", "hides": True, "effect": "creep", "chosen": "stop",
-    ...        "alike": [], "right": True, "added": ["creep"], "first": True, "floors": 1.0,
-    ...        "seconds": 2.0, "verdict": "explained"}
-    >>> report([row], 1, 1).splitlines()[2][:62]
-    'The first 1 of 20 plants. The kind is named, or stands among t'
-    """
+    """Return the tables as Markdown."""
     done = [row for row in rows if row["status"] == "done"]
     single, none = ([r for r in done if r["hides"] is hides] for hides in (True, False))
     failed, every = len(rows) - len(done), len(cases(per, seed))

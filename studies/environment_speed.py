@@ -47,17 +47,7 @@ CASES: dict[str, dict[str, Any]] = {
 
 
 def step_without_sampling(env: gym.Env[Any, Any], duration_s: float, seed: int) -> float:
-    """Measure steps per second as ``benchmark_step`` does, with actions drawn beforehand.
-
-    Parameters
-    ----------
-    env
-        The environment.
-    duration_s
-        For how long to step (s).
-    seed
-        Of the environment and the actions.
-    """
+    """Measure steps per second as ``benchmark_step`` does, with actions drawn beforehand."""
     env.action_space.seed(seed)
     actions = [env.action_space.sample() for _ in range(1000)]
     env.reset(seed=seed)
@@ -94,29 +84,7 @@ MEASURES: dict[str, Callable[[Any, Any, int], float]] = {
 def measure(
     rounds: int, duration_s: float, measures: Sequence[str] = tuple(MEASURES)
 ) -> pd.DataFrame:
-    """Measure every case in turn with the yardstick.
-
-    Parameters
-    ----------
-    rounds
-        How often.
-    duration_s
-        Of each measurement (s).
-    measures
-        Keys of `MEASURES`.
-
-    Returns
-    -------
-    DataFrame
-        One row a case and measure: median steps per second of ours and of the yardstick, median,
-        smallest and largest of the rounds' ratios.
-
-    Examples
-    --------
-    >>> table = measure(rounds=1, duration_s=0.01, measures=["benchmark_step"])
-    >>> table["case"].tolist() == list(CASES)
-    True
-    """
+    """Measure every case in turn with the yardstick."""
     yardstick = gym.make(YARDSTICK)
     rows = []
     for (case, keywords), name in product(CASES.items(), measures):

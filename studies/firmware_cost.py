@@ -61,13 +61,7 @@ def stage() -> PlantModel[Any]:
 
 
 def cases() -> Mapping[str, Callable[[], Source]]:
-    """Return what is exported, by what the table calls it.
-
-    Examples
-    --------
-    >>> "pi-classical-reference-rate" in cases()
-    True
-    """
+    """Return what is exported, by what the table calls it."""
 
     def made(model: PlantModel[Any], name: str | None, ts_s: float = TS_S) -> Callable[[], Source]:
         return lambda: package_of(model, ts_s, name).source
@@ -83,20 +77,7 @@ def cases() -> Mapping[str, Callable[[], Source]]:
 def measure(
     names: Sequence[str] | None = None, samples: int = SAMPLES
 ) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Return the costs, and why there are none by case.
-
-    Parameters
-    ----------
-    names
-        Keys of :func:`cases`; None: all.
-    samples
-        Of each one's vectors; of a network's a twentieth.
-
-    Raises
-    ------
-    InputError
-        A tool is not installed.
-    """
+    """Return the costs, and why there are none by case."""
     tool = missing()
     if tool is not None:
         raise InputError(f"{tool} is not installed; apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm")  # fmt: skip

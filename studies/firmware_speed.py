@@ -46,21 +46,7 @@ _PYTHON_STEPS = 1000
 
 
 def measure(rounds: int, names: Sequence[str] = CONTROLLERS) -> pd.DataFrame:
-    """Measure controllers on P10, ten plays.
-
-    Parameters
-    ----------
-    rounds
-        How often.
-    names
-        Of the controllers.
-
-    Returns
-    -------
-    DataFrame
-        One row a controller: medians of nanoseconds a step in every precision that it has and in
-        Python, and how many steps of C in double one of Python lasts.
-    """
+    """Measure controllers on P10, ten plays."""
     rows = []
     for name in names:
         source = package_of(P10, TS_S, name).source

@@ -48,22 +48,7 @@ EXPERIMENTS = (
 
 
 def records_of(model: PlantModel, noise_um: float = 0.0, seed: int = 0) -> list[Record]:
-    """Sines of several frequencies, amplitudes and sampling times, from a plant at rest.
-
-    Parameters
-    ----------
-    model
-        The plant.
-    noise_um
-        Standard deviation (µm) of white noise on the displacement.
-    seed
-        Of the noise.
-
-    Examples
-    --------
-    >>> [record.ts_s for record in records_of(P10)]
-    [0.001, 0.0002, 5e-05, 2e-05]
-    """
+    """Sines of several frequencies, amplitudes and sampling times, from a plant at rest."""
     rng = np.random.default_rng(seed)
     records = []
     for frequency_hz, amplitude_V, ts_s, offset_um in EXPERIMENTS:
@@ -96,15 +81,7 @@ def recovery() -> pd.DataFrame:
 
 
 def coverage(draws: int, seed: int) -> pd.DataFrame:
-    """Fit noisy data of P10 again and again: how often an interval holds the true value.
-
-    Parameters
-    ----------
-    draws
-        Number of noise realisations.
-    seed
-        Of the first one.
-    """
+    """Fit noisy data of P10 again and again: how often an interval holds the true value."""
     truth = true_parameters(P10)
     results = [fit(records_of(P10, NOISE_UM, seed + k)) for k in range(draws)]
     rows = []
@@ -128,19 +105,7 @@ def coverage(draws: int, seed: int) -> pd.DataFrame:
 def speed(
     name: str, records: Sequence[Record], validation: Sequence[Record], rounds: int
 ) -> pd.DataFrame:
-    """Time the fit and both forms of the yardstick in turn, on the same records.
-
-    Parameters
-    ----------
-    name
-        What the records are.
-    records
-        Records to fit.
-    validation
-        Records to judge by, one offset free in each; may be empty.
-    rounds
-        How often; medians count. Each takes five fits and one run of either yardstick.
-    """
+    """Time the fit and both forms of the yardstick in turn, on the same records."""
     fit(records), yardstick(records, method="trf"), yardstick(records, method="SLSQP")  # compile
     ours, theirs, quadratic = [], [], []
     for _ in range(rounds):

@@ -32,23 +32,7 @@ LANES = (1, 64, 4096)
 
 
 def measure(jax: Any, lanes: int, steps: int) -> dict[str, float]:
-    """Step an environment with JAX on the other side.
-
-    Parameters
-    ----------
-    jax
-        The package.
-    lanes
-        Plants side by side.
-    steps
-        How many.
-
-    Returns
-    -------
-    dict
-        Share of the steps (%) at which actions and observations share their memory, and medians
-        (µs) of taking an observation over, of a copy of it, and of a step.
-    """
+    """Step an environment with JAX on the other side."""
     envs = gym.make_vec(
         "rdpi_gym/PiezoTracking-v0", num_envs=lanes, vectorization_mode="vector_entry_point"
     )

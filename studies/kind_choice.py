@@ -222,15 +222,7 @@ def _study(chosen: Namespace) -> None:
 
 
 def report(rows: Sequence[Row], per: int, seed: int) -> str:
-    """Return the tables as Markdown.
-
-    Examples
-    --------
-    >>> row = {"status": "done", "kind": "stop", "effect": "", "right": True, "exact": True,
-    ...        "alike": [], "sure": True, "chosen": "stop", "seconds": 2.0}
-    >>> report([row], 1, 1).splitlines()[2]
-    'The first 1 of 20 plants. The kind is named, or stands among those said to be alike, in 1 of 1 (100 %); a wrong kind is named alone in 0. 1.0 names a plant.'
-    """
+    """Return the tables as Markdown."""
     frame = pd.DataFrame([row for row in rows if row["status"] == "done"])
     failed = sum(row["status"] != "done" for row in rows)
     frame["with"] = ["an effect" if effect else "none" for effect in frame["effect"]]
@@ -260,15 +252,7 @@ def report(rows: Sequence[Row], per: int, seed: int) -> str:
 
 
 def silence_report(rows: Sequence[Row], seed: int) -> str:
-    """Return the table of plants of RDPI without effects as Markdown.
-
-    Examples
-    --------
-    >>> row = {"status": "done", "protocol": "standard", "chosen": "rdpi", "whole": False,
-    ...        "told": "stop", "alike": ["rdpi"], "seconds": 2.0}
-    >>> silence_report([row], 1).splitlines()[2]
-    'No other core is preferred on 1 of 1 plants of RDPI without effects; told to choose (`--core auto`), the'
-    """
+    """Return the table of plants of RDPI without effects as Markdown."""
     frame = pd.DataFrame([row for row in rows if row["status"] == "done"])
     failed = sum(row["status"] != "done" for row in rows)
     frame["silent"] = frame["chosen"] == RDPI.name

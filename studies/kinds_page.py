@@ -37,18 +37,7 @@ _SCALE = DataScale(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the page and its picture.
-
-    Parameters
-    ----------
-    arguments
-        Words after the command; those of the process by default.
-
-    Returns
-    -------
-    int
-        0, else as :func:`~rdpi_gym.support.command.run_command` says.
-    """
+    """Write the page and its picture."""
     options = Options("kinds_page", __doc__, out=OUT)
     return options.run(arguments, _run)
 
@@ -60,13 +49,7 @@ def _run(options: Namespace) -> None:
 
 
 def page_text() -> str:
-    """Return the page.
-
-    Examples
-    --------
-    >>> page_text().splitlines()[0]
-    '# Kinds of hysteresis'
-    """
+    """Return the page."""
     kinds = CORES.values()
     overview = table(
         ["name", "kind", "loops turn", "small loops", "depends on the rate"],

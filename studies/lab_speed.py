@@ -89,13 +89,7 @@ def go_ahead() -> bool:
 
 
 def dropped_record(samples: int) -> Record:
-    """Return a record of a stage with creep: loops of many sizes, then steps.
-
-    Examples
-    --------
-    >>> dropped_record(1000).y_um.shape
-    (1000,)
-    """
+    """Return a record of a stage with creep: loops of many sizes, then steps."""
     plant = replace(
         rg.plants["P10"], effects=(CATALOGUE["creep"]().with_values({"gain_per_decade": 0.02}),)
     )
@@ -146,25 +140,7 @@ def _round(browser: Any, file: Path, session: Path) -> dict[str, float]:
 
 
 def report(rounds: pd.DataFrame, cores: int, load: float, ahead: bool) -> str:
-    """Return the table as Markdown.
-
-    Parameters
-    ----------
-    rounds
-        One a row, a column of times (s) for each key of :data:`ASKED_S`.
-    cores
-        Of the machine.
-    load
-        Processes that wanted one of them, over the last minute.
-    ahead
-        Whether those that were measured went ahead of the others.
-
-    Examples
-    --------
-    >>> quick = pd.DataFrame([dict.fromkeys(ASKED_S, 0.01)])
-    >>> "8 of 8 are within" in report(quick, 2, 1.0, True)
-    True
-    """
+    """Return the table as Markdown."""
     lines = [
         {
             "what is waited for": name,

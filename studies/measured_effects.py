@@ -30,13 +30,7 @@ FSM_TRAIN, FSM_VALIDATION = 3, 2
 
 
 def mirror_axis(folder: Path) -> Dataset:
-    """One input and one displacement of the mirror, at 100 and 300 mV rms.
-
-    Parameters
-    ----------
-    folder
-        The folder that holds ``fsm_float32.npz``.
-    """
+    """One input and one displacement of the mirror, at 100 and 300 mV rms."""
     records = []
     clock = 0.0
     with np.load(folder / "fsm_float32.npz", allow_pickle=False) as arrays:
@@ -72,21 +66,7 @@ def mirror_axis(folder: Path) -> Dataset:
 
 
 def splits(dataset: Dataset) -> dict[str, Dataset]:
-    """Return a data set of one record to fit and one to validate on, split in four ways.
-
-    Parameters
-    ----------
-    dataset
-        As published.
-
-    Examples
-    --------
-    >>> t = np.arange(400) * 0.01
-    >>> one, two = (Record(name, t, np.sin(t), np.sin(t), ts_s=0.01) for name in ("one", "two"))
-    >>> ways = splits(Dataset("two", (one, replace(two, role="validation"))))
-    >>> [sum(int(r.error_mask.sum()) for r in data.train) for data in ways.values()]
-    [400, 300, 400, 600]
-    """
+    """Return a data set of one record to fit and one to validate on, split in four ways."""
     (first,), (second,) = dataset.train, dataset.validation
     counted = np.flatnonzero(first.error_mask)
     later = np.arange(first.t_s.size) >= counted[0] + round(1.0 / first.ts_s)

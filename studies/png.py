@@ -12,21 +12,7 @@ COLOURS = 128
 
 
 def small_png(picture: bytes) -> bytes:
-    """Return a PNG picture with few colours: lines on paper take less than half of the bytes.
-
-    Parameters
-    ----------
-    picture
-        A PNG file.
-
-    Examples
-    --------
-    >>> stream = io.BytesIO()
-    >>> Image.new("RGB", (4, 4), (10, 20, 30)).save(stream, "PNG")
-    >>> few = Image.open(io.BytesIO(small_png(stream.getvalue())))
-    >>> few.mode, few.convert("RGB").getpixel((0, 0))
-    ('P', (10, 20, 30))
-    """
+    """Return a PNG picture with few colours: lines on paper take less than half of the bytes."""
     pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(np.int32)
     height, width, _ = pixels.shape
     found, place, counts = np.unique(
@@ -41,20 +27,7 @@ def small_png(picture: bytes) -> bytes:
 
 
 def screen_png(picture: bytes) -> bytes:
-    """Return a PNG picture of a screen with 256 colours, rare ones of thin lines among them.
-
-    Parameters
-    ----------
-    picture
-        A PNG file.
-
-    Examples
-    --------
-    >>> stream = io.BytesIO()
-    >>> Image.new("RGB", (4, 4), (10, 20, 30)).save(stream, "PNG")
-    >>> Image.open(io.BytesIO(screen_png(stream.getvalue()))).mode
-    'P'
-    """
+    """Return a PNG picture of a screen with 256 colours, rare ones of thin lines among them."""
     whole = Image.open(io.BytesIO(picture)).convert("RGB")
     few = whole.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     return _written(few)

@@ -54,15 +54,7 @@ def _study(chosen: Namespace) -> None:
 
 
 def line(task: str, first: Sequence[Row], second: Sequence[Row]) -> dict[str, object]:
-    """Return what the table says of a task.
-
-    Parameters
-    ----------
-    task
-        Its short name.
-    first, second
-        Rows of the same controllers on the two sets.
-    """
+    """Return what the table says of a task."""
     leaders = [rivals_of(ranking(rows))["controller"].iloc[0] for rows in (first, second)]
     rare = sorted({row["plant"] for row in first if row["failure"]})
     return {

@@ -31,24 +31,7 @@ def study_rows(
     rooms: Sequence[str],
     files: Sequence[Path],
 ) -> list[Row]:
-    """Make the rows of cases that the folder of a study does not have, and return those of all.
-
-    Parameters
-    ----------
-    cases
-        Each with a ``key``.
-    run_case
-        Makes the row of a case.
-    chosen
-        Options of the command: ``out`` (folder) and ``jobs`` (processes).
-    rooms, files
-        Rooms of the package, and files of the study, of which a change makes rows stale.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be used.
-    """
+    """Make the rows of cases that the folder of a study does not have, and return those of all."""
     code = fingerprint(code_parts([*room_files(*rooms), *files]))
     with progress_bar() as show:
         return run_rows(

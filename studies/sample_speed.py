@@ -39,37 +39,12 @@ _PARTS: dict[str, dict[str, Any]] = {
 
 
 def signals() -> list[Signal]:
-    """Return one signal of each kind, with its defaults where it has them.
-
-    Examples
-    --------
-    >>> [signal.name for signal in signals()] == list(SIGNALS)
-    True
-    """
+    """Return one signal of each kind, with its defaults where it has them."""
     return [kind(**_PARTS.get(name, {})) for name, kind in SIGNALS.items()]
 
 
 def measure(rounds: int, samples: int) -> pd.DataFrame:
-    """Measure every case in turn with its yardstick.
-
-    Parameters
-    ----------
-    rounds
-        How often.
-    samples
-        Of a signal, and lines of a file.
-
-    Returns
-    -------
-    DataFrame
-        One row a case: median processor time (ms) of ours and of the yardstick, median, smallest
-        and largest of the rounds' ratios.
-
-    Examples
-    --------
-    >>> measure(rounds=1, samples=200)["case"].tolist()[-1]
-    'read a text file'
-    """
+    """Measure every case in turn with its yardstick."""
     t = np.linspace(0.0, 20.0, samples)
     rows = [_row(s.name, partial(s, t), "np.sin", partial(np.sin, t), rounds) for s in signals()]
     with tempfile.TemporaryDirectory() as folder:

@@ -87,17 +87,7 @@ def run_case(case: Case, code: str) -> Row:
 def included(
     bench: Laboratory, base: State, seed: int
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return by effect the share of resampled regressions that have it, and its size there (µm rms).
-
-    Parameters
-    ----------
-    bench
-        The data.
-    base
-        The base model.
-    seed
-        Of the resampling.
-    """
+    """Return by effect the share of resampled regressions that have it, and its size there (µm rms)."""
     scale, variant = bench.setting.scale, base.fit.variant
     library = [(name, effect) for name in CATALOGUE for effect in _places(name, scale)]
     blocks = bench.setting if bench.dataset.holds_out_quarters else in_blocks(bench.setting)
@@ -190,15 +180,7 @@ def _study(asked: Namespace) -> None:
 
 
 def report(by_name: Mapping[str, Sequence[Row]], part: str, seed: int) -> str:
-    """Return the table as Markdown.
-
-    Parameters
-    ----------
-    by_name
-        Rows of the same cases, by who made them.
-    part, seed
-        Of the cases.
-    """
+    """Return the table as Markdown."""
     said = []
     for name, rows in by_name.items():
         done = [row for row in rows if row["status"] == "done"]

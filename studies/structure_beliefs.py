@@ -31,18 +31,7 @@ _TS_S, _DURATION_S = 1e-4, 0.4
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Fit the beliefs and write them.
-
-    Parameters
-    ----------
-    arguments
-        Words after the command; those of the process by default.
-
-    Returns
-    -------
-    int
-        0, else as :func:`~rdpi_gym.support.command.run_command` says.
-    """
+    """Fit the beliefs and write them."""
     return Options("structure_beliefs", __doc__, out=BELIEFS).run(arguments, _run)
 
 
@@ -63,13 +52,7 @@ def _run(options: Namespace) -> None:
 
 
 def records_of(truth: PlantModel) -> list[Record]:
-    """Return what the core of a stage shows in three experiments, with noise.
-
-    Parameters
-    ----------
-    truth
-        The stage; its effects are left out.
-    """
+    """Return what the core of a stage shows in three experiments, with noise."""
     bare = replace(truth, effects=())
     low, high = truth.command_range_V
     rng = np.random.default_rng(1)

@@ -38,28 +38,7 @@ COLUMNS = (
 
 
 def measure(task: str, timesteps: int, seeds: int, plants: int, runs: Path) -> pd.DataFrame:
-    """Teach the students of a task and score them, there and on the tasks of `ALSO`.
-
-    Parameters
-    ----------
-    task
-        Short name of that which they are taught on.
-    timesteps
-        Of a training.
-    seeds
-        How many, from 0 on.
-    plants
-        Test draws.
-    runs
-        Folder of the trainings.
-
-    Returns
-    -------
-    DataFrame
-        One row a student and one of the rival, on each task: mean of the middle half of the error with its
-        interval, and 90th percentile (%), plants on which it failed (%), command variation (V/s), the
-        first over the rival's; last error of the training on validation draws over its least.
-    """
+    """Teach the students of a task and score them, there and on the tasks of `ALSO`."""
     policies, held = {}, {}
     for seed in range(seeds):
         taught = Teaching(out=runs / f"{task}-{seed}", task=task, timesteps=timesteps, seed=seed)

@@ -87,18 +87,7 @@ rdpi score results/entry --seed-file secret.txt --out results/judged
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the page.
-
-    Parameters
-    ----------
-    arguments
-        Words after the command; those of the process by default.
-
-    Returns
-    -------
-    int
-        0, else as :func:`~rdpi_gym.support.command.run_command` says.
-    """
+    """Write the page."""
     return Options("tasks_page", __doc__, out=OUT).run(arguments, _run)
 
 
@@ -107,13 +96,7 @@ def _run(options: Namespace) -> None:
 
 
 def page_text() -> str:
-    """Return the page.
-
-    Examples
-    --------
-    >>> page_text().startswith("# The registered tasks")
-    True
-    """
+    """Return the page."""
     rows = [
         [
             f"[{task.name}](#{task.name.lower()})",

@@ -38,22 +38,7 @@ CHANGES = ((0.0, 0.1), (1.0, 1.2))
 
 
 def measure(task: str, plants: int) -> pd.DataFrame:
-    """Hold what is said of a task's student against what happens.
-
-    Parameters
-    ----------
-    task
-        Short name.
-    plants
-        Validation draws, beyond those that students are chosen on.
-
-    Returns
-    -------
-    DataFrame
-        One row a change: its factors, root mean square of what it changes of the error (nm), and of
-        that the share of the variance that is said in each picture, median over the lanes (%); below
-        zero, nothing said were better.
-    """
+    """Hold what is said of a task's student against what happens."""
     policy = find_learned(f"imitation-{task.lower()}")
     assert isinstance(policy, StudentPolicy)
     rows = []

@@ -52,13 +52,7 @@ def plant_model() -> PlantModel:
 
 
 def seconds_per_call(run: Run, device: torch.device, duration_s: float) -> float:
-    """Time one call (s) over calls that take `duration_s` together.
-
-    Examples
-    --------
-    >>> seconds_per_call(lambda: None, torch.device("cpu"), 1e-3) > 0.0
-    True
-    """
+    """Time one call (s) over calls that take `duration_s` together."""
     own_time = device.type == "cpu" and torch.get_num_threads() == 1
     clock = time.process_time if own_time else time.perf_counter
     calls = 1
@@ -168,19 +162,7 @@ CASES: dict[tuple[str, str], Case] = {
 def measure(
     lanes: Sequence[int], device: torch.device, rounds: int, duration_s: float
 ) -> Iterator[dict[str, Any]]:
-    """Measure every case at every number of lanes; yields rows of the table as they are done.
-
-    Parameters
-    ----------
-    lanes
-        Numbers of lanes B.
-    device
-        Where torch runs.
-    rounds
-        How often the implementations and the copy are measured in turn; medians count.
-    duration_s
-        Of each measurement (s).
-    """
+    """Measure every case at every number of lanes; yields rows of the table as they are done."""
     for count in lanes:
         for (workload, parameters), case in CASES.items():
             runs, moved = case(count, device)
@@ -212,21 +194,7 @@ def measure(
 
 
 def agreement(device: torch.device, samples: int = 2000, lanes: int = 64) -> pd.DataFrame:
-    """Largest difference from the float64 kernels over a run, relative to the stroke.
-
-    Parameters
-    ----------
-    device
-        Where torch runs.
-    samples, lanes
-        Length T and lanes B of the run: sines of 1 to 100 Hz over the command range.
-
-    Examples
-    --------
-    >>> table = agreement(torch.device("cpu"), samples=50, lanes=2)
-    >>> bool(table["plays in float32"].iloc[0] < 1e-6)
-    True
-    """
+    """Largest difference from the float64 kernels over a run, relative to the stroke."""
     measured = named_plant("picma")
     cases = {
         "P10, rate low-passed at 800 Hz": (plant_model(), torch.float64),

@@ -128,14 +128,7 @@ ENTRANTS: Mapping[str, Callable[[Path, int], Path]] = {
 
 
 def best_fixed(rankings: pd.DataFrame) -> dict[str, Any]:
-    """Return the first row of the task whose controller neither learns nor adapts.
-
-    Examples
-    --------
-    >>> rankings = pd.DataFrame({"task": "Stage", "controller": ["adaptive-inverse", "h-infinity"]})
-    >>> best_fixed(rankings)["controller"]
-    'h-infinity'
-    """
+    """Return the first row of the task whose controller neither learns nor adapts."""
     rows = rankings[rankings["task"] == TASK]
     fixed = rows[~rows["controller"].str.startswith(ADAPTIVE)]
     first: dict[str, Any] = fixed.to_dict("records")[0]  # type: ignore[assignment]
@@ -143,24 +136,7 @@ def best_fixed(rankings: pd.DataFrame) -> dict[str, Any]:
 
 
 def row_of(entrant: str, seed: int, folder: Path, plants: int) -> dict[str, Any]:
-    """Train and score, or read what was kept.
-
-    Parameters
-    ----------
-    entrant
-        Of :data:`ENTRANTS`.
-    seed
-        Of the training.
-    folder
-        Of this run.
-    plants
-        Test plants.
-
-    Returns
-    -------
-    dict
-        ``entrant, seed, seconds, failed, p90_percent, iqm_percent``.
-    """
+    """Train and score, or read what was kept."""
     kept = folder / "row.json"
     if kept.exists():
         row: dict[str, Any] = read_json(kept, _FORMAT, _VERSION)["row"]
@@ -184,24 +160,7 @@ def _seconds() -> float:
 
 
 def medians(rows: pd.DataFrame, rival_percent: float) -> pd.DataFrame:
-    """Return a line for each entrant: medians over its seeds, and how many are ahead of the rival.
-
-    Parameters
-    ----------
-    rows
-        Of :func:`row_of`.
-    rival_percent
-        Interquartile mean of the best fixed compensator.
-
-    Examples
-    --------
-    >>> rows = pd.DataFrame({
-    ...     "entrant": "imitation", "seed": [0, 1, 2], "seconds": [30.0, 40.0, 35.0], "failed": 0.0,
-    ...     "p90_percent": 0.4, "iqm_percent": [0.2, 0.4, 0.1],
-    ... })
-    >>> medians(rows, 0.31).to_dict("records")[0]["ahead"]
-    2
-    """
+    """Return a line for each entrant: medians over its seeds, and how many are ahead of the rival."""
     lines = []
     for entrant, part in rows.groupby("entrant", sort=False):
         figures = part[["seconds", "failed", "p90_percent", "iqm_percent"]].median()
@@ -218,24 +177,12 @@ def medians(rows: pd.DataFrame, rival_percent: float) -> pd.DataFrame:
 
 
 def by_entrant(table: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """Return the lines of :func:`medians` under the names of their entrants.
-
-    Examples
-    --------
-    >>> by_entrant(pd.DataFrame({"entrant": ["imitation"], "seconds": [35.0]}))["imitation"]["seconds"]
-    35.0
-    """
+    """Return the lines of :func:`medians` under the names of their entrants."""
     return {line["entrant"]: line for line in table.to_dict("records")}  # type: ignore[misc]
 
 
 def is_reached(line: Mapping[Any, Any]) -> bool:
-    """Say whether an entrant's medians are below the best fixed compensator's, within the minute.
-
-    Examples
-    --------
-    >>> is_reached({"over_best_fixed": 0.8, "seconds": 30.0})
-    True
-    """
+    """Say whether an entrant's medians are below the best fixed compensator's, within the minute."""
     return bool(line["over_best_fixed"] < 1.0 and line["seconds"] <= GOAL_S)
 
 

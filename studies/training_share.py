@@ -60,29 +60,7 @@ class Stopwatch:
 
 
 def measure(case: str, lanes: int, updates: int, seed: int = 0) -> dict[str, Any]:
-    """Train for some updates after a first one, which compiles.
-
-    Parameters
-    ----------
-    case
-        Of :data:`CASES`.
-    lanes
-        Plants side by side.
-    updates
-        Updates that are timed, each after ``n_steps`` of every lane.
-    seed
-        Of the training.
-
-    Returns
-    -------
-    dict
-        ``case, lanes, steps, seconds, environment_s, share_percent``.
-
-    Raises
-    ------
-    InputError
-        Stable-Baselines3 refuses what is asked for.
-    """
+    """Train for some updates after a first one, which compiles."""
     from stable_baselines3 import PPO
 
     from baselines.learned.run import Run

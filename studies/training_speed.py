@@ -37,13 +37,7 @@ _LEFT_OUT = "No CUDA device was there: the training on a device is left out."
 
 
 def cases(device: bool) -> tuple[tuple[str, int], ...]:
-    """Return the cases that are measured, with or without a device.
-
-    Examples
-    --------
-    >>> cases(device=False) == CASES
-    True
-    """
+    """Return the cases that are measured, with or without a device."""
     return (*CASES, ON_DEVICE) if device else CASES
 
 
@@ -70,25 +64,7 @@ class Uninterrupted:
 
 
 def measure(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
-    """Train for some rollouts after a first one.
-
-    Parameters
-    ----------
-    algorithm, threads
-        Of :func:`cases`.
-    rollouts
-        That are timed, each with its update.
-
-    Returns
-    -------
-    dict
-        ``learner, threads, lanes, epochs, steps, seconds, process_s``.
-
-    Raises
-    ------
-    InputError
-        The training refuses what is asked for.
-    """
+    """Train for some rollouts after a first one."""
     learner, run, epochs = (
         _reference(threads)
         if algorithm == "ppo"
@@ -133,14 +109,7 @@ def _reference(threads: int) -> tuple[Any, Any, int]:
 
 
 def measure_all(rounds: int, rollouts: int, progress: Progress = silent) -> pd.DataFrame:
-    """Measure every case in turn, some rounds.
-
-    Returns
-    -------
-    DataFrame
-        One row a case: medians over the rounds of steps per second of the clock and of the process,
-        and the best of each.
-    """
+    """Measure every case in turn, some rounds."""
     found, asked = [], cases(has_device())
     for done in range(rounds * len(asked)):
         progress("training", done, rounds * len(asked))

@@ -29,17 +29,7 @@ GOAL = 1.2
 
 
 def row_of(seed: int, curve: pd.DataFrame) -> dict[str, Any]:
-    """Return what a learning curve, ``training.csv``, says of a training's end.
-
-    Examples
-    --------
-    >>> curve = pd.DataFrame({
-    ...     "timesteps": [0, 10, 20], "seconds": [0.0, 1.0, 2.0], "rmse_um": [9.0, 0.5, 0.6],
-    ...     "command_variation_V_s": [1.0, 5.0, 6.0], "compensator_rmse_um": [1.0, 1.0, 1.0],
-    ... })
-    >>> row_of(0, curve)["last_over_best"]
-    1.2
-    """
+    """Return what a learning curve, ``training.csv``, says of a training's end."""
     last, best = curve.iloc[-1], curve.iloc[int(curve["rmse_um"].to_numpy().argmin())]
     return {
         "seed": seed,

@@ -26,25 +26,7 @@ _CALLS = 20
 
 
 def bytes_a_lane(plays: int, preview: int) -> dict[str, int]:
-    """Count the bytes that a step of the bare plant reads and writes for one lane.
-
-    Parameters
-    ----------
-    plays
-        Number of play operators n.
-    preview
-        Samples of the reference shown ahead.
-
-    Returns
-    -------
-    dict
-        Bytes by what they are; float64 all but observations, actions and flags.
-
-    Examples
-    --------
-    >>> sum(bytes_a_lane(plays=10, preview=8).values())
-    647
-    """
+    """Count the bytes that a step of the bare plant reads and writes for one lane."""
     observation = 4 * (preview + 3)
     return {
         "parameters read": 8 * (2 * plays + 4),
@@ -63,11 +45,6 @@ def operations_a_lane(plays: int) -> dict[str, int]:
     """Count the arithmetic operations of a step of the bare plant for one lane.
 
     A sum, a product, a comparison, a minimum and a rounding are one operation each.
-
-    Examples
-    --------
-    >>> sum(operations_a_lane(plays=10).values())
-    162
     """
     return {
         "play operators and their sum": 9 * plays,
@@ -103,13 +80,7 @@ def _multiply_and_add(x: Array) -> None:
 
 
 def microseconds(call: Callable[[], object], repeats: int) -> float:
-    """Return the median time of a call (µs) over `repeats` short measurements.
-
-    Examples
-    --------
-    >>> microseconds(lambda: None, repeats=3) < 1e3
-    True
-    """
+    """Return the median time of a call (µs) over `repeats` short measurements."""
     call()
     times = []
     for _ in range(repeats):
@@ -135,26 +106,7 @@ def bare_kernel(env: PiezoTrackingVectorEnv) -> Callable[[], None]:
 
 
 def roofline(lanes: int, repeats: int) -> pd.DataFrame:
-    """Measure the ceilings, and what the default environment's step takes beside them.
-
-    Parameters
-    ----------
-    lanes
-        Number of lanes B.
-    repeats
-        Of each measurement; the median counts.
-
-    Returns
-    -------
-    DataFrame
-        One row a quantity: ``quantity``, ``one_thread``, ``two_threads`` and ``unit``.
-
-    Examples
-    --------
-    >>> table = roofline(lanes=64, repeats=1).set_index("quantity")
-    >>> table.loc["bytes of a lane and step", "one_thread"]
-    np.float64(647.0)
-    """
+    """Measure the ceilings, and what the default environment's step takes beside them."""
     envs = {n: PiezoTrackingVectorEnv(lanes, threads=n, randomise=0.1) for n in (1, 2)}
     layout, plays = envs[1].layout, envs[1].nominal.hysteresis.n
     moved = sum(bytes_a_lane(plays, layout.preview).values())

@@ -149,35 +149,7 @@ def measure(
     threads: Sequence[int] = THREADS,
     cases: Sequence[str] = tuple(CASES),
 ) -> pd.DataFrame:
-    """Measure every case in turn with the yardstick and the bare kernel.
-
-    Parameters
-    ----------
-    rounds
-        How often.
-    duration_s
-        Of each measurement (s).
-    lanes
-        Number of lanes.
-    threads
-        Numbers of threads.
-    cases
-        Keys of `CASES`, "defaults" the first.
-
-    Returns
-    -------
-    DataFrame
-        One row a case and number of threads: median million steps per second of ours, of the
-        yardstick and of the bare kernel; medians of the rounds' ratios, with their range for the
-        yardstick's; `share_of_defaults` is over the defaults with as many threads, `load` how many
-        processes wanted the cores.
-
-    Examples
-    --------
-    >>> table = measure(rounds=1, duration_s=0.01, lanes=8, threads=[1], cases=["defaults"])
-    >>> table[["case", "share_of_defaults"]].to_numpy().tolist()
-    [['defaults', 1.0]]
-    """
+    """Measure every case in turn with the yardstick and the bare kernel."""
     yardstick = gym.make_vec(YARDSTICK, num_envs=lanes, vectorization_mode="vector_entry_point")
     envs = {
         (case, count): gym.make_vec(

@@ -48,14 +48,7 @@ def inverse_of(effect: Effect | type[Effect]) -> type[Inverse] | None:
 
 
 def without_inverse(effect: Effect) -> str:
-    """Name an effect that is not undone, and what would be where another form of it is.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> without_inverse(load_effect("mains_hum").forms[0]())
-    'mains_hum, with harmonics'
-    """
+    """Name an effect that is not undone, and what would be where another form of it is."""
     if effect.form and effect.name in INVERSES:
         return f"{effect.full_name()} (the simplest form of {effect.name} has an inverse)"
     return effect.full_name()

@@ -141,15 +141,7 @@ def _rest_input(effects: Sequence[Effect], ts_s: float, rest_V: float) -> float:
 
 
 def followed(law: Effect, rate_V_s: Array, ts_s: float) -> Array:
-    """Return the rate (V/s) that sets the thresholds by a law without memory, ``float64[T, B]``.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> law = load_effect("rate_law")(exponent=0.5, reference_rate_V_s=100.0)
-    >>> followed(law, np.array([[-400.0]]), 1e-4).tolist()
-    [[-200.0]]
-    """
+    """Return the rate (V/s) that sets the thresholds by a law without memory, ``float64[T, B]``."""
     column = np.array(law.coefficients(ts_s, RDPI((1.0,), (), 0.0)))
     parameters = np.repeat(column[:, None], rate_V_s.shape[1], axis=1)
     out = np.empty_like(rate_V_s)
@@ -159,13 +151,7 @@ def followed(law: Effect, rate_V_s: Array, ts_s: float) -> Array:
 
 
 def start_stages(stages: Sequence[Inverse], y: Array) -> tuple[list[Array], Array]:
-    """Return the memories of stages where an output has been held, and what leaves the last one.
-
-    Examples
-    --------
-    >>> start_stages([], np.zeros(2))
-    ([], array([0., 0.]))
-    """
+    """Return the memories of stages where an output has been held, and what leaves the last one."""
     states = []
     for stage in stages:
         state, y = stage.start(y)
@@ -176,30 +162,7 @@ def start_stages(stages: Sequence[Inverse], y: Array) -> tuple[list[Array], Arra
 def run_stages(
     stages: Sequence[tuple[Inverse, slice]], y: Array, state: Array, begins: bool
 ) -> Array:
-    """Run stages one after the other.
-
-    Parameters
-    ----------
-    stages
-        Each with the rows of its memory.
-    y
-        Wanted outputs, ``float64[T, B]``.
-    state
-        All memory, ``float64[S, B]``.
-    begins
-        Whether the first row is the first sample of an episode: what a stage that looks ahead says
-        of samples before it is dropped.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> late = replace(P10, effects=(load_effect("delay")(delay_s=2e-4),))
-    >>> stage = inverses_of(late, 1e-4, 40.0, 0.0, shown_ahead=2).output[0]
-    >>> y = np.array([[1.0], [2.0], [3.0]])
-    >>> run_stages([(stage, slice(0, 0))], y, np.empty((0, 1)), begins=True).tolist()
-    [[3.0]]
-    """
+    """Run stages one after the other."""
     for stage, rows in stages:
         y = stage.run(y, state[rows])
         if begins:

@@ -24,24 +24,7 @@ UNDONE = (congruency_block, congruency_centred_block, congruency_polynomial_bloc
 
 
 def growth(effect: Effect, ts_s: float, model: RDPI) -> Array:
-    """Return g_k (1/V^k) of y = a_0 u + (Σ g_k u^k) Σ a_i ξ_i, k = 0, 1, ...
-
-    Parameters
-    ----------
-    effect
-        Congruency in a form whose kernel is among :data:`UNDONE`.
-    ts_s
-        Sampling time (s).
-    model
-        The RDPI parameters.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> model = RDPI((1.0, 0.5), (1.0,), 0.0)
-    >>> growth(load_effect("congruency")(coefficient=0.1, span_V=10.0), 1e-4, model).tolist()
-    [1.0, 0.0, 0.001]
-    """
+    """Return g_k (1/V^k) of y = a_0 u + (Σ g_k u^k) Σ a_i ξ_i, k = 0, 1, ..."""
     _, first, *others = effect.coefficients(ts_s, model)
     if type(effect).block is congruency_block:
         return np.array([1.0, 0.0, first])
@@ -54,26 +37,7 @@ def growth(effect: Effect, ts_s: float, model: RDPI) -> Array:
 def rising_range(
     model: RDPI, powers: Array, command_range_V: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the part of a command range (V) about zero over which the displacement rises.
-
-    Parameters
-    ----------
-    model
-        The RDPI parameters.
-    powers
-        As :func:`growth`. Where weights fall with the command the displacement may turn: with every
-        play sticking where a_0 + S Σ k g_k u^k is zero, sliding where a_0 + S Σ (k + 1) g_k u^k is.
-    command_range_V
-        Lowest and highest command (V).
-
-    Examples
-    --------
-    >>> low, high = rising_range(
-    ...     RDPI((1.0, 0.5), (1.0,), 0.0), np.array([1.0, 0.0, -1e-4]), (-50.0, 200.0)
-    ... )
-    >>> low, round(high, 9)
-    (-50.0, 100.0)
-    """
+    """Return the part of a command range (V) about zero over which the displacement rises."""
     low, high = command_range_V
     largest, k = max(abs(low), abs(high)), np.arange(1, len(powers))
     for first, factors in ((model.a0, k), (model.a0 + model.S * powers[0], k + 1)):
@@ -103,23 +67,7 @@ def _excess(
 def congruent_inverse_block(
     y: Array, v: Array, powers: Array, p: Array, state: Array, low: float, high: float, u: Array
 ) -> None:
-    """Solve y = a_0 u + (Σ g_k u^k) Σ a_i ξ_i for each sample by bisection over the range.
-
-    Parameters
-    ----------
-    y : float64[T, B]
-        Wanted displacement (µm).
-    v : float64[T, B]
-        Rate that sets the thresholds (V/s).
-    powers : float64[K]
-        g_k (1/V^k), k = 0 ... K - 1.
-    p, state : float64[2n + 4, B], float64[n + 2, B]
-        Parameters and state as :mod:`rdpi_gym.plant.cores.play` has them; the play states are moved on.
-    low, high : float
-        Range of the command (V); the nearer end where no command reaches y.
-    u : float64[T, B]
-        Filled with the command (V).
-    """
+    """Solve y = a_0 u + (Σ g_k u^k) Σ a_i ξ_i for each sample by bisection over the range."""
     n = (p.shape[0] - 4) // 2
     for t in range(y.shape[0]):
         for b in range(y.shape[1]):

@@ -58,14 +58,7 @@ class DelayInverse(PreviewFilter):
 
 
 def delay_weights(effect: Effect, ts_s: float) -> tuple[Array, Array]:
-    """Weights that undo a delay, and the offsets (samples) of what they weigh.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> delay_weights(load_effect("delay")(delay_s=3e-4), 1e-4)
-    (array([1.]), array([3.]))
-    """
+    """Weights that undo a delay, and the offsets (samples) of what they weigh."""
     whole, part = _samples(effect, ts_s)
     if part == 0.0:
         return np.ones(1), np.array([float(whole)])

@@ -23,33 +23,14 @@ from rdpi_gym.support.arrays import Array
 
 
 def powers_of_theta(polynomial: ArrayLike, order: int) -> Array:
-    """Expand a polynomial in z, z = e^θ, in powers of θ.
-
-    Parameters
-    ----------
-    polynomial
-        Coefficients of z⁰, z¹, ...
-    order
-        Highest power of θ.
-
-    Examples
-    --------
-    >>> powers_of_theta([-1.0, 1.0], 2).tolist()
-    [0.0, 1.0, 0.5]
-    """
+    """Expand a polynomial in z, z = e^θ, in powers of θ."""
     p = np.asarray(polynomial, dtype=np.float64)
     i = np.arange(p.size, dtype=np.float64)
     return np.array([float(p @ i**q) / math.factorial(q) for q in range(order + 1)])
 
 
 def power_ratio(numerator: Array, denominator: Array) -> Array:
-    """Divide two power series of the same length.
-
-    Examples
-    --------
-    >>> power_ratio(np.array([1.0, 0.0, 0.0]), np.array([1.0, -1.0, 0.0])).tolist()
-    [1.0, 1.0, 1.0]
-    """
+    """Divide two power series of the same length."""
     ratio = np.zeros(len(numerator))
     for q in range(len(numerator)):
         known = ratio[:q] @ denominator[q:0:-1]
@@ -58,27 +39,7 @@ def power_ratio(numerator: Array, denominator: Array) -> Array:
 
 
 def inverse_series(column: Sequence[float], order: int) -> Array:
-    """Expand 1 / H(e^θ) of a linear effect in powers of θ.
-
-    Parameters
-    ----------
-    column
-        The effect's coefficients, as :func:`rdpi_gym.plant.effects.linear.linear_block` reads them.
-    order
-        Highest power.
-
-    Returns
-    -------
-    float64[order + 1]
-
-    Examples
-    --------
-    τ = 4 Ts; the continuous lag has 1 + 4 θ:
-
-    >>> from rdpi_gym.plant.effects.linear import pack_lag
-    >>> inverse_series(pack_lag(4e-4, 1e-4), 2).round(4).tolist()
-    [1.0, 4.0, -0.0832]
-    """
+    """Expand 1 / H(e^θ) of a linear effect in powers of θ."""
     m = round(math.sqrt(len(column) + 3.0)) - 2
     p = np.asarray(column, dtype=np.float64)
     f = p[: m * m].reshape(m, m)
@@ -91,24 +52,7 @@ def inverse_series(column: Sequence[float], order: int) -> Array:
 
 
 def preview_weights(series: Array, offsets: ArrayLike) -> Array:
-    """Weights of the samples of a window with given powers of θ and the smallest sum of squares.
-
-    Parameters
-    ----------
-    series
-        c_q of Σ w_j e^{jθ} = Σ c_q θ^q.
-    offsets
-        j of the window's samples, more than the series has terms or as many.
-
-    Returns
-    -------
-    float64[len(offsets)]
-
-    Examples
-    --------
-    >>> preview_weights(np.array([0.0, 1.0, 0.0]), np.array([-1, 0, 1])).round(9).tolist()
-    [-0.5, -0.0, 0.5]
-    """
+    """Weights of the samples of a window with given powers of θ and the smallest sum of squares."""
     j = np.asarray(offsets, dtype=np.float64)
     rows = np.array([j**q / math.factorial(q) for q in range(len(series))])
     return np.asarray(np.linalg.pinv(rows) @ series, dtype=np.float64)

@@ -12,25 +12,7 @@ _NOTHING = 1e-12
 
 
 def turns(slope: ArrayLike) -> tuple[float, float]:
-    """Return the zeros of 1 + Σ c_k s^k, k = 1, 2, ..., next to s = 0 on either side.
-
-    Parameters
-    ----------
-    slope
-        c_k, ``(K,)``.
-
-    Returns
-    -------
-    tuple of float
-        The largest zero below, -inf without one, and the smallest above, inf without one.
-
-    Examples
-    --------
-    >>> [round(zero, 9) for zero in turns([0.0, -4.0])]
-    [-0.5, 0.5]
-    >>> turns([0.0, 1.0])
-    (-inf, inf)
-    """
+    """Return the zeros of 1 + Σ c_k s^k, k = 1, 2, ..., next to s = 0 on either side."""
     c = np.array(slope, dtype=np.float64)
     zeros = np.roots([*np.where(np.abs(c) < _NOTHING, 0.0, c)[::-1], 1.0])
     real = zeros.real[np.abs(zeros.imag) <= 1e-9 * np.abs(zeros)].tolist()

@@ -32,24 +32,7 @@ _LARGEST = {_MODEL: 2**28, _REPLAY: 2**34}  # bytes; what is larger is not even 
 def save_checkpoint(
     folder: Path, learner: Keepable, progress: dict[str, Any], finished: bool = False
 ) -> None:
-    """Keep a learner as it is now, instead of what was kept before.
-
-    Parameters
-    ----------
-    folder
-        Holds one folder a checkpoint, named by its step.
-    learner
-        The learner; what it draws next is not kept, see :mod:`baselines.learned.course`.
-    progress
-        Whatever else is needed to go on, as JSON.
-    finished
-        Nothing goes on from it: the replay buffer is left out.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written.
-    """
+    """Keep a learner as it is now, instead of what was kept before."""
     newest = folder / f"{learner.timesteps:012d}"
     with replaced_folder(newest) as fresh:
         networks = io.BytesIO()
@@ -77,18 +60,7 @@ def save_checkpoint(
 
 
 def load_checkpoint(folder: Path, learner: Keepable) -> dict[str, Any] | None:
-    """Bring a learner to where the newest checkpoint left it.
-
-    Returns
-    -------
-    dict or None
-        What was given as `progress`; None where there is no checkpoint.
-
-    Raises
-    ------
-    InputError
-        The checkpoint was cut off, is of another version, or of another learner.
-    """
+    """Bring a learner to where the newest checkpoint left it."""
     kept = _checkpoints(folder)
     if not kept:
         return None

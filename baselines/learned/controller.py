@@ -94,13 +94,7 @@ class LearnedController(Baseline):
     def next_command(
         self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
     ) -> Array:
-        """Return the network's answer; see :meth:`baselines.base.Baseline.next_command`.
-
-        Raises
-        ------
-        InputError
-            The observation shows less of the reference ahead than the policy was trained with.
-        """
+        """Return the network's answer; see :meth:`baselines.base.Baseline.next_command`."""
         check_preview(self.layout, self.needed_preview)
         shown = np.ascontiguousarray(observation[:, self._columns], dtype=np.float32)
         past = state[: self._rows].T.astype(np.float32)

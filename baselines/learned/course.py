@@ -64,13 +64,7 @@ class Course:
         self._before_s = kept["seconds"]
 
     def before_rollout(self) -> dict[str, float]:
-        """End the stretch where it is full; seed the next, or the first after an interruption.
-
-        Returns
-        -------
-        dict
-            The evaluation at the end of a stretch; empty within one.
-        """
+        """End the stretch where it is full; seed the next, or the first after an interruption."""
         if self.progress is not None:
             self.progress("training", self.learner.timesteps, self.run.timesteps)
         stretch = self.learner.timesteps // self.run.every

@@ -18,24 +18,7 @@ from rdpi_gym.support.errors import InputError
 def make_lanes(
     plants: Sequence[PlantModel], lanes: int, samples: int, **keywords: Any
 ) -> SideBySideVectorEnv:
-    """Make lanes of several plants, as many of each as can be, with SAME_STEP autoreset.
-
-    Parameters
-    ----------
-    plants
-        The nominal truths.
-    lanes
-        Number of lanes in all.
-    samples
-        Length of an episode.
-    keywords
-        Of the environment.
-
-    Raises
-    ------
-    InputError
-        Fewer lanes than plants, plants of other sizes, or keywords that make no environment.
-    """
+    """Make lanes of several plants, as many of each as can be, with SAME_STEP autoreset."""
     return SideBySideVectorEnv(
         [
             gym.make_vec(
@@ -53,19 +36,7 @@ def make_lanes(
 
 
 def lanes_of_each(plants: Sequence[PlantModel], lanes: int) -> list[int]:
-    """Divide lanes among plants, as many for each as can be.
-
-    Raises
-    ------
-    InputError
-        Fewer lanes than plants.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> lanes_of_each([P10, P10, P10], 7)
-    [3, 2, 2]
-    """
+    """Divide lanes among plants, as many for each as can be."""
     if lanes < len(plants):
         raise InputError(f"{lanes} lanes for {len(plants)} plants; give at least one for each")
     return [len(part) for part in np.array_split(np.arange(lanes), len(plants))]

@@ -26,24 +26,7 @@ Row = dict[str, float | None]
 
 
 def check_folder(out: Path, document: Mapping[str, Any]) -> None:
-    """See that a folder is new, or holds a training with the same options; nothing is written.
-
-    Parameters
-    ----------
-    out
-        The folder.
-    document
-        All that the result depends on, as ``config.json`` says it.
-
-    Raises
-    ------
-    InputError
-        It holds something else.
-
-    Examples
-    --------
-    >>> check_folder(Path("a folder that is not there"), {"seed": 0})
-    """
+    """See that a folder is new, or holds a training with the same options; nothing is written."""
     config = out / CONFIG
     if config.exists():
         check_same(read_json(config, FORMAT, VERSION), document, out)
@@ -60,13 +43,7 @@ def begin_folder(out: Path, document: dict[str, Any]) -> None:
 
 
 def curve_text(rows: Sequence[Row]) -> str:
-    """Return ``training.csv``.
-
-    Examples
-    --------
-    >>> curve_text([]).count(",")
-    9
-    """
+    """Return ``training.csv``."""
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
@@ -75,13 +52,7 @@ def curve_text(rows: Sequence[Row]) -> str:
 
 
 def read_curve(out: Path) -> list[dict[str, float]]:
-    """Read ``training.csv`` of a folder, one row an evaluation; NaN where there is no number.
-
-    Raises
-    ------
-    InputError
-        It is missing, or was not written by a training.
-    """
+    """Read ``training.csv`` of a folder, one row an evaluation; NaN where there is no number."""
     text = read_utf8(out / CURVE, _LARGEST_CURVE)
     rows = list(csv.DictReader(io.StringIO(text)))
     try:
@@ -96,29 +67,7 @@ def read_curve(out: Path) -> list[dict[str, float]]:
 def check_same(
     found: Mapping[str, Any], asked: Mapping[str, Any], out: Path, what: str = "training"
 ) -> None:
-    """Refuse to go on in a folder of other options, and name the first that differs.
-
-    Parameters
-    ----------
-    found, asked
-        Options as JSON holds them: those of the folder, and those that are asked for.
-    out
-        The folder.
-    what
-        It holds.
-
-    Raises
-    ------
-    InputError
-        They differ.
-
-    Examples
-    --------
-    >>> check_same({"options": {"seed": 0}}, {"options": {"seed": 1}}, Path("run"))
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: run holds a training with options.seed 0, asked for is 1; ...
-    """
+    """Refuse to go on in a folder of other options, and name the first that differs."""
     before, now = _flat(found), _flat(json.loads(json.dumps(asked)))
     for name in [*now, *before]:
         if before.get(name) != now.get(name):

@@ -17,13 +17,7 @@ from rdpi_gym.support.folders import settled_folder
 
 
 def find_learned(name: str) -> Policy | StudentPolicy:
-    """Return the policy in a folder, or a shipped one by its name: a network, or a student.
-
-    Raises
-    ------
-    InputError
-        There is none, or it cannot be read.
-    """
+    """Return the policy in a folder, or a shipped one by its name: a network, or a student."""
     folder = policy_folder(name)
     formats = (networks.FORMAT, students.FORMAT)
     newest = max(networks.VERSION, students.VERSION)
@@ -35,20 +29,7 @@ def find_learned(name: str) -> Policy | StudentPolicy:
 def controller_of(
     policy: Policy | StudentPolicy, belief: PlantModel, layout: ObservationLayout
 ) -> Baseline:
-    """Make the controller of a policy.
-
-    Parameters
-    ----------
-    policy
-        What was trained.
-    belief, layout
-        As :class:`baselines.base.Baseline`.
-
-    Raises
-    ------
-    InputError
-        The policy does not fit the layout.
-    """
+    """Make the controller of a policy."""
     if isinstance(policy, StudentPolicy):
         return StudentController(policy, belief, layout)
     return LearnedController(policy, belief, layout)

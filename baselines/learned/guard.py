@@ -162,24 +162,7 @@ class Guarded(Baseline):
 def guarded(
     policy: Policy | StudentPolicy, belief: PlantModel, layout: ObservationLayout
 ) -> Guarded:
-    """Return a trained policy with its monitor and :data:`FALLBACK`, which is alone at another Ts.
-
-    Parameters
-    ----------
-    policy
-        What was trained.
-    belief, layout
-        As :class:`baselines.base.Baseline`.
-
-    Examples
-    --------
-    >>> from baselines.learned.policy import find_policy
-    >>> from rdpi_gym.plant import P10
-    >>> policy = find_policy("ppo-increment")
-    >>> slow = ObservationLayout.for_plant(P10, ts_s=1e-3, preview=8)
-    >>> guarded(policy, P10, slow).warning()
-    'the policy does not run at Ts = 0.001 s: pi-preview alone'
-    """
+    """Return a trained policy with its monitor and :data:`FALLBACK`, which is alone at another Ts."""
     own = controller_of(policy, belief, layout) if policy.runs_at(layout.ts_s) else None
     fallback = known_controller(FALLBACK)(belief, layout)
     return Guarded(own, fallback, policy.seen)

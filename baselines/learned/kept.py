@@ -37,13 +37,7 @@ class Trained:
         return abs(ts_s - self.layout.ts_s) <= 1e-9 * self.layout.ts_s
 
     def check_runs(self, layout: ObservationLayout) -> None:
-        """Refuse a loop of another sampling time.
-
-        Raises
-        ------
-        InputError
-            It was trained at another.
-        """
+        """Refuse a loop of another sampling time."""
         if not self.runs_at(layout.ts_s):
             raise InputError(
                 f"a policy trained at Ts = {self.layout.ts_s:g} s belongs to another observation layout than "
@@ -52,21 +46,7 @@ class Trained:
 
 
 def check_preview(layout: ObservationLayout, needed: int) -> None:
-    """Refuse observations that show less of the reference ahead than a policy was shown.
-
-    Raises
-    ------
-    InputError
-        They show less.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> check_preview(ObservationLayout.for_plant(P10, 1e-4, preview=4), 8)
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: the policy was shown 8 samples of the reference ahead and belongs to another observation layout than one of preview 4
-    """
+    """Refuse observations that show less of the reference ahead than a policy was shown."""
     if layout.preview < needed:
         raise InputError(
             f"the policy was shown {needed} samples of the reference ahead and belongs "
@@ -75,24 +55,7 @@ def check_preview(layout: ObservationLayout, needed: int) -> None:
 
 
 def write_policy(folder: Path, file: str, weights: bytes, document: Mapping[str, Any]) -> Path:
-    """Write a policy's weights and description; what was in the folder is replaced as a whole.
-
-    Parameters
-    ----------
-    folder
-        The policy's.
-    file
-        Name of the file of weights.
-    weights
-        What it holds.
-    document
-        The description, but for the hash of the weights.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written, or holds something else.
-    """
+    """Write a policy's weights and description; what was in the folder is replaced as a whole."""
     if folder.exists() and not (folder / DESCRIPTION).is_file():
         raise InputError(f"{folder} exists and holds no policy; give another folder")
     with replaced_folder(folder) as fresh:
@@ -104,16 +67,7 @@ def write_policy(folder: Path, file: str, weights: bytes, document: Mapping[str,
 
 @contextmanager
 def read_as(what: str, source: Path) -> Iterator[None]:
-    """Say of whatever a description trips over where it stands, and that it describes no such thing.
-
-    Examples
-    --------
-    >>> with read_as("policy", Path("policy.json")):
-    ...     {}["layout"]
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: policy.json does not describe a policy (KeyError('layout'))
-    """
+    """Say of whatever a description trips over where it stands, and that it describes no such thing."""
     try:
         yield
     except InputError as error:
@@ -123,13 +77,7 @@ def read_as(what: str, source: Path) -> Iterator[None]:
 
 
 def check_whole(content: bytes, sha256: str, name: str) -> None:
-    """Refuse the content of a file that was not written with its description.
-
-    Raises
-    ------
-    InputError
-        Its hash is another.
-    """
+    """Refuse the content of a file that was not written with its description."""
     if hashlib.sha256(content).hexdigest() != sha256:
         raise InputError(
             f"{name} is not the file that was saved with it; perhaps one of them was cut off"

@@ -90,10 +90,4 @@ class Learner(Keepable, Protocol):
         """Seed every generator, and begin an episode in all lanes."""
 
     def learn(self, timesteps: int, between: Between) -> None:
-        """Take so many steps more.
-
-        Raises
-        ------
-        DivergedError
-            Weights have become useless.
-        """
+        """Take so many steps more."""

@@ -69,13 +69,7 @@ class Network:
 
     @classmethod
     def of(cls, modules: Sequence[nn.Module]) -> Network:
-        """Describe linear layers with activations between and behind them.
-
-        Raises
-        ------
-        InputError
-            The modules are something else.
-        """
+        """Describe linear layers with activations between and behind them."""
         linear = [module for module in modules[::2] if isinstance(module, nn.Linear)]
         between = {type(module).__name__ for module in modules[1:-1:2]}
         if len(linear) * 2 != len(modules) or len(between) > 1:

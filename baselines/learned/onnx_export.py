@@ -63,11 +63,6 @@ def description(policy: Policy) -> dict[str, Any]:
 
     ``observation`` names the entries of the input, k being the present sample; displacements and
     commands are scaled as ``layout`` says.
-
-    Parameters
-    ----------
-    policy
-        What was trained.
     """
     layout = policy.layout
     ahead = [f"reference(k+{i})" for i in range(1, layout.preview + 1)]
@@ -92,23 +87,6 @@ def export_onnx(policy: Policy, out: Path) -> Path:
     Input ``observation``, float32 ``(batch, size)``: the environment's observation with its history
     behind, as :class:`rdpi_gym.envs.wrappers.history.History` stacks it, not scaled. Output ``action``,
     float32 ``(batch, 1)`` in [-1, 1]. The metadata holds :func:`description`.
-
-    Parameters
-    ----------
-    policy
-        What was trained.
-    out
-        The file, ``.onnx``; it is whole or absent, and one that was there is replaced.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        The extra ``onnx`` is not installed, or the file cannot be written.
     """
     check_file(out, ["onnx", "onnxscript"])
     return write_atomic(out, _model(policy))

@@ -13,27 +13,7 @@ from rdpi_gym.support.onnx_metadata import METADATA
 
 
 def check_file(out: Path, packages: Sequence[str]) -> None:
-    """Refuse what no file can be written to, and an installation that cannot write it.
-
-    Parameters
-    ----------
-    out
-        The file.
-    packages
-        What has to be there to write it.
-
-    Raises
-    ------
-    InputError
-        It does not end in ``.onnx``, it is a folder, or a package is missing.
-
-    Examples
-    --------
-    >>> check_file(Path("policy.pt"), ["onnx"])
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: policy.pt is no file to export to; give one that ends in .onnx
-    """
+    """Refuse what no file can be written to, and an installation that cannot write it."""
     if out.suffix != ".onnx" or out.is_dir():
         raise InputError(f"{out} is no file to export to; give one that ends in .onnx")
     for name in packages:
@@ -46,15 +26,7 @@ def check_file(out: Path, packages: Sequence[str]) -> None:
 
 
 def content(model: Any, description: Mapping[str, Any]) -> bytes:
-    """Return what a file holds: a model with its description, and nothing of how it was made.
-
-    Parameters
-    ----------
-    model
-        An ``onnx.ModelProto``; what an exporter noted of its own code is taken out.
-    description
-        What JSON holds.
-    """
+    """Return what a file holds: a model with its description, and nothing of how it was made."""
     import onnx
 
     for part in (model.graph, *model.graph.node, *model.graph.value_info):

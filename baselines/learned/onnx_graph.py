@@ -72,17 +72,7 @@ class Graph:
         return self.call("Concat", *parts, axis=-1)
 
     def model(self, outputs: Mapping[str, Signal]) -> Any:
-        """Return the model, checked.
-
-        Parameters
-        ----------
-        outputs
-            By name; ``(batch, ...)``.
-
-        Returns
-        -------
-        onnx.ModelProto
-        """
+        """Return the model, checked."""
         import onnx
         from onnx import TensorProto, helper, numpy_helper
 

@@ -105,13 +105,7 @@ class Policy(Trained):
         return Network.of(list(self.actor))
 
     def save(self, folder: Path) -> Path:
-        """Write ``policy.json`` and ``weights.pt``; what was in the folder is replaced as a whole.
-
-        Raises
-        ------
-        InputError
-            The folder cannot be written, or holds something else.
-        """
+        """Write ``policy.json`` and ``weights.pt``; what was in the folder is replaced as a whole."""
         weights = io.BytesIO()
         torch.save(self.actor.state_dict(), weights)
         document = {
@@ -129,14 +123,7 @@ class Policy(Trained):
 
     @classmethod
     def load(cls, folder: Path) -> Policy:
-        """Read a policy; no code in its files is executed.
-
-        Raises
-        ------
-        InputError
-            A file is missing, was cut off, is of another version, does not fit the other, or names a
-            controller that is none of this package's.
-        """
+        """Read a policy; no code in its files is executed."""
         folder = settled_folder(folder)
         source = folder / DESCRIPTION
         document = read_json(source, FORMAT, VERSION)
@@ -145,29 +132,12 @@ class Policy(Trained):
 
 
 def find_policy(name: str) -> Policy:
-    """Return the policy in a folder, or a shipped one by its name.
-
-    Raises
-    ------
-    InputError
-        There is none, or it cannot be read.
-    """
+    """Return the policy in a folder, or a shipped one by its name."""
     return Policy.load(policy_folder(name))
 
 
 def policy_folder(name: str) -> Path:
-    """Return the folder of a policy, of a shipped one by its name.
-
-    Raises
-    ------
-    InputError
-        There is none.
-
-    Examples
-    --------
-    >>> policy_folder("ppo-increment").name
-    'ppo-increment'
-    """
+    """Return the folder of a policy, of a shipped one by its name."""
     if not name:
         raise InputError("the name of the policy is empty; give its folder")
     shipped = sorted(path.parent.name for path in SHIPPED.glob(f"*/{DESCRIPTION}"))

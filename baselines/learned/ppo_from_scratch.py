@@ -139,24 +139,7 @@ class Agent(nn.Module):
 
 
 def train(options: Options) -> Path:
-    """Train, and write ``policy`` and ``training.csv``.
-
-    Parameters
-    ----------
-    options
-        What is asked for.
-
-    Returns
-    -------
-    Path
-        Folder of the policy as it is at the end.
-
-    Raises
-    ------
-    InputError
-        Options that no environment can be made of, a training that diverged (nothing is written
-        then), or a folder that cannot be written.
-    """
+    """Train, and write ``policy`` and ``training.csv``."""
     # One seed for everything that torch draws; the plants have the environment's.
     torch.manual_seed(options.seed)
     torch.set_num_threads(options.threads)

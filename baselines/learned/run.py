@@ -45,24 +45,7 @@ class Run:
         algorithm: Callable[..., Any],
         samples: int = 0,
     ) -> Run:
-        """Read the hyper-parameters, and see that the folder is new or was of the same options.
-
-        Parameters
-        ----------
-        options
-            What is asked for.
-        name
-            Of the algorithm, as on the command line.
-        algorithm
-            What takes the hyper-parameters by name.
-        samples
-            Of each lane that a stretch has at least, where its length is not asked for.
-
-        Raises
-        ------
-        InputError
-            Bad hyper-parameters, or the folder holds something else; nothing is written yet.
-        """
+        """Read the hyper-parameters, and see that the folder is new or was of the same options."""
         settings = read_settings(options.file(name), algorithm)
         timesteps = options.timesteps or settings.timesteps
         package = algorithm.__module__.partition(".")[0]

@@ -142,13 +142,7 @@ class SearchSpace:
 
 
 def read_space(path: Path) -> SearchSpace:
-    """Read a search space: a mapping of names to a list of values or to ``{low, high, log}``.
-
-    Raises
-    ------
-    InputError
-        The file is missing or no YAML, or a name has something else.
-    """
+    """Read a search space: a mapping of names to a list of values or to ``{low, high, log}``."""
     document = read_yaml(path)
     if not isinstance(document, dict) or not document:
         raise InputError(f"{path} is no search space; give names with a list, or with low and high")

@@ -67,20 +67,7 @@ class Watch:
         return memory
 
     def take(self, memory: Array, observation: NDArray[np.floating[Any]]) -> Array:
-        """Take one sample in, and return the averages.
-
-        Parameters
-        ----------
-        memory
-            ``float64[rows, B]``, moved on in place.
-        observation
-            ``(B, D)``.
-
-        Returns
-        -------
-        float64[4, B]
-            In the order of :data:`WATCHED`.
-        """
+        """Take one sample in, and return the averages."""
         means, before = memory[: len(WATCHED)], memory[len(WATCHED) :]
         now = np.asarray(observation, dtype=np.float64)[:, self._columns].T
         steps = np.nan_to_num(now - before)
@@ -123,22 +110,7 @@ class Witnessed:
 
 
 def checked_seen(document: Any) -> dict[str, float]:
-    """Return what a description says was seen; empty where it is of before this was kept.
-
-    Raises
-    ------
-    InputError
-        Another key, or no number above 0.
-
-    Examples
-    --------
-    >>> checked_seen(None)
-    {}
-    >>> checked_seen({"error": -1.0})
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: seen is {'error': -1.0}; give numbers above 0 for reference_step, error, measured_step, command_step
-    """
+    """Return what a description says was seen; empty where it is of before this was kept."""
     if document is None:
         return {}
     if (

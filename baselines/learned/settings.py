@@ -78,21 +78,7 @@ class Settings:
 
 
 def read_settings(path: Path, algorithm: Callable[..., Any]) -> Settings:
-    """Read hyper-parameters for the environment of this package.
-
-    Parameters
-    ----------
-    path
-        YAML with one mapping an environment; the one under ``default`` serves those not named.
-    algorithm
-        Class of Stable-Baselines3 that takes them.
-
-    Raises
-    ------
-    InputError
-        The file is missing or no YAML, names no such environment, or has a key that neither the
-        algorithm nor this package knows.
-    """
+    """Read hyper-parameters for the environment of this package."""
     left = read_values(path)
     try:
         lanes, timesteps = _count(left, "n_envs"), _count(left, "n_timesteps")
@@ -106,18 +92,7 @@ def read_settings(path: Path, algorithm: Callable[..., Any]) -> Settings:
 
 
 def read_values(path: Path) -> dict[str, Any]:
-    """Read hyper-parameters as the file has them, see :func:`read_settings`.
-
-    Raises
-    ------
-    InputError
-        The file is missing or no YAML, or names no such environment.
-
-    Examples
-    --------
-    >>> read_values(SHIPPED / "ppo.yml")["gamma"]
-    0.95
-    """
+    """Read hyper-parameters as the file has them, see :func:`read_settings`."""
     document = read_yaml(path)
     entries = document if isinstance(document, dict) else {}
     values = entries.get(ENVIRONMENT_ID, entries.get("default"))
@@ -127,13 +102,7 @@ def read_values(path: Path) -> dict[str, Any]:
 
 
 def read_yaml(path: Path) -> Any:
-    """Read YAML of plain values, a few hundred of them at most: an alias can stand for millions.
-
-    Raises
-    ------
-    InputError
-        The file is missing, no YAML, or has other or more values.
-    """
+    """Read YAML of plain values, a few hundred of them at most: an alias can stand for millions."""
     text = read_utf8(path, _LARGEST)
     try:
         document = yaml.safe_load(text)

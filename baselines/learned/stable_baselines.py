@@ -111,13 +111,7 @@ class StableBaselinesLearner:
             getattr(model, "actor", model.policy).reset_noise(model.n_envs)
 
     def learn(self, timesteps: int, between: Between) -> None:
-        """Take so many steps more.
-
-        Raises
-        ------
-        DivergedError
-            Weights have become useless.
-        """
+        """Take so many steps more."""
         try:
             self.model.learn(
                 timesteps,

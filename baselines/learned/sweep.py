@@ -49,29 +49,7 @@ def sweep(
     space: Path | None = None,
     progress: Progress | None = None,
 ) -> Sweep:
-    """Train with hyper-parameters that Optuna chooses; the same call goes on with a sweep.
-
-    Parameters
-    ----------
-    options
-        Of every training; `out` is the folder of the sweep, `hyperparameters` what is changed.
-    algorithm
-        Name, as on the command line.
-    train
-        Trains with it.
-    trials
-        How many trainings in all.
-    space
-        YAML, see :func:`baselines.learned.search_space.read_space`; None: that of this release.
-    progress
-        Called as steps are done.
-
-    Raises
-    ------
-    InputError
-        Optuna is missing, the space or an option is bad, the folder holds something else, or every
-        training diverged.
-    """
+    """Train with hyper-parameters that Optuna chooses; the same call goes on with a sweep."""
     if not is_whole(trials, 1):
         raise InputError(f"sweep is {shown(trials)}; give the number of trials, 1 or more")
     found = read_space(space or SPACES / f"{algorithm}.yml")

@@ -76,11 +76,5 @@ class Sweep:
 
 
 def text_of(value: Any) -> str:
-    """Return a hyper-parameter as tables have it.
-
-    Examples
-    --------
-    >>> text_of([64, 64]), text_of(0.95)
-    ('[64, 64]', '0.95')
-    """
+    """Return a hyper-parameter as tables have it."""
     return value if isinstance(value, str) else json.dumps(value)

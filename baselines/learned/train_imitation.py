@@ -15,25 +15,7 @@ __all__ = ["Options", "train"]
 
 
 def train(options: Options, progress: Progress | None = None) -> Path:
-    """Teach, or go on with what was interrupted.
-
-    Parameters
-    ----------
-    options
-        What is asked for.
-    progress
-        Called with the number of steps done, and in all.
-
-    Returns
-    -------
-    Path
-        Folder of the policy that did best on the validation draws.
-
-    Raises
-    ------
-    InputError
-        A folder that holds something else.
-    """
+    """Teach, or go on with what was interrupted."""
     check_folder(options.out, options.document())
     torch.set_num_threads(options.threads)
     begin_folder(options.out, options.document())

@@ -36,25 +36,7 @@ class Options(TrainingOptions):
 
 
 def train(options: Options, progress: Progress | None = None) -> Path:
-    """Train, or go on with what was interrupted.
-
-    Parameters
-    ----------
-    options
-        What is asked for.
-    progress
-        Called with the number of steps done, and in all.
-
-    Returns
-    -------
-    Path
-        Folder of the policy that did best on held-out plants and references.
-
-    Raises
-    ------
-    InputError
-        Options that nothing can be trained with, or a folder that holds something else.
-    """
+    """Train, or go on with what was interrupted."""
     # What was asked for; a folder with a run of other options is refused.
     run = Run.open(options, "native-ppo", NativePPO, samples=2 * options.episode)
     # The agent, its networks drawn from the seed, among the plants that write what they show into
@@ -65,13 +47,7 @@ def train(options: Options, progress: Progress | None = None) -> Path:
 
 
 def learner_of(run: Run, device: str | None) -> PPOLoop:
-    """Return what learns: among the kernels of a CPU, or on a device of torch.
-
-    Raises
-    ------
-    InputError
-        A device that is not there, or options that nothing can be trained with.
-    """
+    """Return what learns: among the kernels of a CPU, or on a device of torch."""
     if device is None:
         return NativeLearner(run)
     from baselines.learned.device.learner import DeviceLearner  # the plant in torch, where needed

@@ -26,25 +26,7 @@ class Options(TrainingOptions):
 
 
 def train(options: Options, progress: Progress | None = None) -> Path:
-    """Train, or go on with what was interrupted.
-
-    Parameters
-    ----------
-    options
-        What is asked for.
-    progress
-        Called with the number of steps done, and in all.
-
-    Returns
-    -------
-    Path
-        Folder of the policy that did best on held-out plants and references.
-
-    Raises
-    ------
-    InputError
-        Options that nothing can be trained with, or a folder that holds something else.
-    """
+    """Train, or go on with what was interrupted."""
     # What was asked for; a folder with a run of other options is refused.
     run = Run.open(options, "sac", SAC)
     # The agent, its networks drawn from the seed, among thousands of plants side by side: it is

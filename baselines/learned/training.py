@@ -13,27 +13,7 @@ from rdpi_gym.support.progress import Progress
 
 
 def learn(run: Run, learner: Learner, progress: Progress | None = None) -> Path:
-    """Train, from the newest checkpoint on; the best policy so far lies in ``policy``.
-
-    Parameters
-    ----------
-    run
-        The training.
-    learner
-        Fresh.
-    progress
-        Called as steps are done.
-
-    Returns
-    -------
-    Path
-        Folder of the policy.
-
-    Raises
-    ------
-    InputError
-        The checkpoint cannot be read, or the training diverged.
-    """
+    """Train, from the newest checkpoint on; the best policy so far lies in ``policy``."""
     course = Course(run, learner, progress)
     begin_folder(run.options.out, run.document())
     kept = load_checkpoint(run.options.out / CHECKPOINT, learner)

@@ -23,22 +23,7 @@ _LARGEST_INDEX = 2**20  # of what says which bytes are which tensor
 def read_tensors(
     path: Path, sha256: str | None = None, device: torch.device | str = "cpu"
 ) -> Mapping[str, Any]:
-    """Read what `torch.save` wrote of a mapping of tensors, and of mappings of these.
-
-    Parameters
-    ----------
-    path
-        The file.
-    sha256
-        What its content must hash to, if anything.
-    device
-        Where the tensors go.
-
-    Raises
-    ------
-    InputError
-        No regular file, too large, another content than was hashed, or something else than tensors.
-    """
+    """Read what `torch.save` wrote of a mapping of tensors, and of mappings of these."""
     content = read_bytes(path, _LARGEST)
     if sha256 is not None:
         check_whole(content, sha256, path.name)
@@ -53,20 +38,7 @@ def read_tensors(
 
 
 def read_weights(path: Path, sha256: str, expected: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Read the weights of a network.
-
-    Parameters
-    ----------
-    path, sha256
-        As :func:`read_tensors`.
-    expected
-        Weights of a network that is built as the file's should be.
-
-    Raises
-    ------
-    InputError
-        As :func:`read_tensors`; other names or shapes than those expected, a weight that is not finite.
-    """
+    """Read the weights of a network."""
     found = read_tensors(path, sha256)
     if list(found) != list(expected):
         raise InputError(

@@ -62,47 +62,7 @@ def measure_loop(
     at: Literal["reference", "reading"] = "reference",
     seed: int = 0,
 ) -> LoopResponse:
-    """Let a loop track a multisine, and take the ratios of its lines.
-
-    Parameters
-    ----------
-    controller
-        Fresh; its belief may be another plant.
-    truth
-        The plant.
-    layout
-        What is shown.
-    amplitude_um
-        Root mean square (µm) of the multisine: small beside the thresholds, so that plays stick and
-        the loop is linear, large beside the noise.
-    samples, periods
-        Of one period, and how many; the last half of them is looked at.
-    lines
-        Number of lines, evenly in the logarithm of frequency.
-    highest_hz
-        Frequency (Hz) of the last line; by default a third of the sampling frequency. Above a mode a
-        feedforward drives hard, and plays that slide for a fast line yield to a slow one.
-    at
-        ``reference``: the whole controller, feedforward and preview included. ``reading``: the
-        reference rests, and the multisine is taken off the sensor's reading, so that the feedback
-        alone follows it; its error is 1 / (1 + L).
-    seed
-        Of their phases and of the sensor's noise.
-
-    Raises
-    ------
-    InputError
-        The loop diverges.
-
-    Examples
-    --------
-    >>> from baselines.static_gain import StaticGain
-    >>> from rdpi_gym.plant import P10
-    >>> layout = ObservationLayout.for_plant(P10, ts_s=1e-4)
-    >>> loop = measure_loop(StaticGain(P10, layout), P10, layout, 0.05, samples=200)
-    >>> loop.bandwidth_hz(6.0) > 3000.0
-    True
-    """
+    """Let a loop track a multisine, and take the ratios of its lines."""
     rng = np.random.default_rng(seed)
     highest = samples / 3.0 if highest_hz is None else highest_hz * samples * layout.ts_s
     bins = np.unique(np.geomspace(1.0, highest, lines).round().astype(int))

@@ -85,27 +85,7 @@ def certify(
     sector: tuple[float, float],
     steady: Sequence[float] = (1.0,),
 ) -> Certificate:
-    """Look at open loops of the gain that they were designed for.
-
-    Parameters
-    ----------
-    loops
-        Open loops L, fed back negatively: of the path with all plays sticking, sliding, or others.
-    z
-        Points of the unit circle, close together where a loop has its peaks.
-    sector
-        Lowest and highest gain of the hysteresis over that of the design.
-    steady
-        Gains of it at which the poles are computed.
-
-    Examples
-    --------
-    >>> from baselines.loops.systems import integrator, unit_delay
-    >>> z = np.exp(1j * np.geomspace(1e-5, np.pi, 300))
-    >>> loop = unit_delay() * integrator(1e-4).times(2000.0)
-    >>> certify([loop], z, (0.5, 2.0)).line()
-    'passive: stable for any hysteresis of at most 2 times the believed gain; poles within 0.8'
-    """
+    """Look at open loops of the gain that they were designed for."""
     low, high = sector
     radius = max((gain(g) * loop).closed().radius for loop in loops for g in steady)
     responses = [loop.response(z) for loop in loops]
@@ -127,22 +107,6 @@ def harmful_mode_hz(loop: Response, angles: Array, ts_s: float) -> float:
 
     Its peak is 1 / (2 ζ), ζ of :data:`SMALLEST_DAMPING`: where |L| is above 2 ζ, it lifts the loop
     above 1 at a phase that turns by 180 degrees.
-
-    Parameters
-    ----------
-    loop
-        Frequency response of the open loop.
-    angles
-        Where (rad a sample).
-    ts_s
-        Sampling time (s).
-
-    Examples
-    --------
-    >>> angles = np.geomspace(1e-4, np.pi, 500)
-    >>> loop = 0.01 / (np.exp(1j * angles) - 1.0)
-    >>> round(harmful_mode_hz(loop, angles, 1e-4), -1)
-    400.0
     """
     harmful = np.abs(loop) > 2.0 * SMALLEST_DAMPING
     return float(angles[harmful].max(initial=0.0) / (2.0 * np.pi * ts_s))
@@ -151,26 +115,7 @@ def harmful_mode_hz(loop: Response, angles: Array, ts_s: float) -> float:
 def loop_warning(
     certified: Certificate, harmful_hz: float | None, belief: PlantModel, ts_s: float
 ) -> str | None:
-    """Say in one line what is wrong with a loop before it drives anything.
-
-    Parameters
-    ----------
-    certified
-        What is certain of it.
-    harmful_hz
-        Frequency (Hz) below which a mode that the belief lacks makes it unstable; None where the
-        belief has a mode.
-    belief
-        What is believed of the plant.
-    ts_s
-        Sampling time (s).
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> loop_warning(Certificate(0.9, (0.5, 2.0), 1.0, False), 800.0, P10, 1e-4)
-    'belief P10 has no mode, and one below 800 Hz (damping 0.02) makes the loop unstable'
-    """
+    """Say in one line what is wrong with a loop before it drives anything."""
     if not certified.stable:
         return (
             f"outside its stability limit: pole magnitude {certified.radius:.3g} at Ts = {ts_s:g} s "

@@ -82,15 +82,7 @@ class BeliefPath:
 
 
 def belief_path(belief: PlantModel, ts_s: float) -> BeliefPath:
-    """Return what a belief says of the path; effects that are not linear, and creep, are left out.
-
-    Parameters
-    ----------
-    belief
-        The plant with its effects.
-    ts_s
-        Sampling time (s).
-    """
+    """Return what a belief says of the path; effects that are not linear, and creep, are left out."""
     linear = [e for e in belief.effects if is_linear(e)]
     dynamics = linear_part(linear, belief.hysteresis, ts_s)
     # the response turns by ω times the delay where ω is small
@@ -112,14 +104,7 @@ def is_linear(effect: Effect) -> bool:
 
 
 def linear_part(effects: Sequence[Effect], core: Core, ts_s: float) -> LinearSystem:
-    """Return the linear ones of effects in a row, as a system.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> linear_part([], PAPER_IV_B, 1e-4).order
-    0
-    """
+    """Return the linear ones of effects in a row, as a system."""
     system = gain(1.0)
     for effect in filter(is_linear, effects):
         system = effect_system(effect, core, ts_s) * system
@@ -127,16 +112,7 @@ def linear_part(effects: Sequence[Effect], core: Core, ts_s: float) -> LinearSys
 
 
 def effect_system(effect: Effect, core: Core, ts_s: float) -> LinearSystem:
-    """Return a linear effect, or a delay, as a system.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> ringing = load_effect("resonance")(f0_hz=500.0, damping=0.02)
-    >>> round(effect_system(ringing, PAPER_IV_B, 1e-4).radius, 4)
-    0.9937
-    """
+    """Return a linear effect, or a delay, as a system."""
     column = np.array(effect.coefficients(ts_s, core))
     if type(effect).block is delay_block:
         whole, part = int(column[0]), float(column[1])
@@ -149,29 +125,14 @@ def effect_system(effect: Effect, core: Core, ts_s: float) -> LinearSystem:
 
 
 def sliding_system(core: Core, ts_s: float) -> LinearSystem:
-    """Return all plays sliding over A: 1 - κ (1 - z⁻¹) (1 - p) / (1 - p z⁻¹).
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> sliding_system(PAPER_IV_B.static(), 1e-4).d
-    1.0
-    """
+    """Return all plays sliding over A: 1 - κ (1 - z⁻¹) (1 - p) / (1 - p z⁻¹)."""
     p = core.rate_pole(ts_s)
     lead = core.rate_gain_um_s_V / (ts_s * core.A) * (1.0 - p)
     return LinearSystem(np.array([[p]]), np.ones(1), np.array([lead * (p - 1.0)]), 1.0 + lead)
 
 
 def grid(path: BeliefPath, ts_s: float, points: int = 600) -> tuple[Array, Response]:
-    """Return angles (rad a sample) up to half the sampling frequency, close about the mode, and z.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> angles, z = grid(belief_path(P10, 1e-4), 1e-4)
-    >>> len(angles), bool(abs(z[-1] + 1.0) < 1e-9)
-    (600, True)
-    """
+    """Return angles (rad a sample) up to half the sampling frequency, close about the mode, and z."""
     angles = np.geomspace(1e-5, math.pi, points)
     if path.mode is not None:
         width = 1.0 + path.mode.damping * np.linspace(-20.0, 20.0, 201)

@@ -14,22 +14,7 @@ FACTORS = np.geomspace(1e-5, 10.0, 241)
 
 
 def integral_shape(settings: Mapping[str, float], ts_s: float) -> LinearSystem:
-    """Return (1 / s + t_p) (1 + ω_2 / s) / (τ s + 1): integral, proportional, again integral.
-
-    Parameters
-    ----------
-    settings
-        ``proportional_s``: t_p (s); ``second_integral_hz``: ω_2 / 2π (Hz), 0: none;
-        ``lowpass_hz``: 1 / (2π τ) (Hz).
-    ts_s
-        Sampling time (s).
-
-    Examples
-    --------
-    >>> settings = {"proportional_s": 1e-4, "second_integral_hz": 0.0, "lowpass_hz": 1e3}
-    >>> integral_shape(settings, 1e-4).order
-    2
-    """
+    """Return (1 / s + t_p) (1 + ω_2 / s) / (τ s + 1): integral, proportional, again integral."""
     shape = integrator(ts_s) + gain(settings["proportional_s"])
     if settings["second_integral_hz"]:
         again = integrator(ts_s).times(2.0 * math.pi * settings["second_integral_hz"])
@@ -39,26 +24,7 @@ def integral_shape(settings: Mapping[str, float], ts_s: float) -> LinearSystem:
 
 
 def largest_factor(loops: Sequence[Response], sensitivity: float = 2.0) -> float:
-    """Return the largest factor of some open loops at which |1 / (1 + L)| stays within a bound.
-
-    Parameters
-    ----------
-    loops
-        Frequency responses of loops that are stable where nothing is fed back.
-    sensitivity
-        The bound; 2 leaves a gain margin of 2 and a phase margin of 29 degrees at least.
-
-    Returns
-    -------
-    float
-        The bound holds for every smaller factor too, so the loops are stable.
-
-    Examples
-    --------
-    >>> z = np.exp(1j * np.linspace(1e-3, np.pi, 500))
-    >>> round(largest_factor([1.0 / (z - 1.0)]), 2)  # an integrator behind one sample of delay
-    1.0
-    """
+    """Return the largest factor of some open loops at which |1 / (1 + L)| stays within a bound."""
     allowed = 0.0
     for factor in FACTORS.tolist():
         if min(float(np.abs(1.0 + factor * loop).min()) for loop in loops) < 1.0 / sensitivity:

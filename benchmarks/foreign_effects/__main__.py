@@ -35,20 +35,7 @@ OUT = Path("studies/results/foreign")
 
 
 def main(arguments: Sequence[str] | None = None, engine: Engine = discover_engine) -> int:
-    """Run the study, print its targets, and write its tables.
-
-    Parameters
-    ----------
-    arguments
-        Words after the command; those of the process by default.
-    engine
-        What is put to the test.
-
-    Returns
-    -------
-    int
-        0, else as :func:`~rdpi_gym.support.command.run_command` says.
-    """
+    """Run the study, print its targets, and write its tables."""
     return options().run(arguments, partial(_study, engine=engine))
 
 
@@ -65,18 +52,7 @@ def options() -> Options:
 
 
 def part_of(cases: Sequence[Case], part: str) -> list[Case]:
-    """Return every n-th case, from the k-th on, of ``k/n``.
-
-    Raises
-    ------
-    InputError
-        Something else than k/n with 1 <= k <= n.
-
-    Examples
-    --------
-    >>> [case.number for case in part_of(make_cases(["none"], 5), "2/2")]
-    [1, 3]
-    """
+    """Return every n-th case, from the k-th on, of ``k/n``."""
     stated = re.fullmatch(r"(\d{1,6})/(\d{1,6})", part)
     if stated is None or not 1 <= int(stated[1]) <= int(stated[2]):
         raise InputError(f"--part is {quoted(part)}; give which part of how many, for example 1/2")

@@ -64,13 +64,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What names the case in a store.
-
-        Examples
-        --------
-        >>> Case("double", ("creep", "delay"), 2).key
-        'double/creep+delay/2/seed 0'
-        """
+        """What names the case in a store."""
         return f"{self.study}/{'+'.join(self.subject) or 'nothing'}/{self.number}/seed {self.seed}"
 
 
@@ -99,28 +93,7 @@ class Prepared:
 def make_cases(
     studies: Sequence[str], per_study: int | None = None, seed: int = 0
 ) -> list[Case]:  # fmt: skip
-    """List the cases of studies; subjects take turns, so that any beginning is a fair sample.
-
-    Parameters
-    ----------
-    studies
-        Of :data:`NUMBERS`.
-    per_study
-        Plants of each study; those of :data:`NUMBERS` by default.
-    seed
-        Of the study.
-
-    Raises
-    ------
-    InputError
-        An unknown study.
-
-    Examples
-    --------
-    >>> cases = make_cases(["single", "double", "triple", "none", "outside"])
-    >>> len(cases), len({case.key for case in cases})
-    (1000, 1000)
-    """
+    """List the cases of studies; subjects take turns, so that any beginning is a fair sample."""
     cases = []
     for study in studies:
         if study not in NUMBERS:
@@ -142,15 +115,7 @@ def _subjects(study: str) -> list[tuple[str, ...]]:
 
 
 def prepare(case: Case) -> Prepared:
-    """Draw a plant and an experiment that show what is hidden, and take the records.
-
-    Raises
-    ------
-    MaskedError
-        No draw shows it.
-    InputError
-        The files of a degraded record cannot be read.
-    """
+    """Draw a plant and an experiment that show what is hidden, and take the records."""
     stream = zlib.crc32("+".join((case.study, *case.subject)).encode())
     for redraw in range(_REDRAWS):
         rng = np.random.default_rng([_STREAM, case.seed, case.number, stream, redraw])

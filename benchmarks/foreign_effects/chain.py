@@ -67,15 +67,7 @@ class Bench:
     def displacements(
         self, hidden: Sequence[Mechanism] | None = None, linear: bool = False
     ) -> list[Array]:
-        """Displacement at the recorded samples (µm), without noise, by record.
-
-        Parameters
-        ----------
-        hidden
-            In place of what is hidden.
-        linear
-            Take the command as linear between the samples instead of as it truly was.
-        """
+        """Displacement at the recorded samples (µm), without noise, by record."""
         chosen = self.hidden if hidden is None else hidden
         return [
             self._displacement(drive, start, chosen, linear)
@@ -131,18 +123,6 @@ def close_loop(bench: Bench, noise_um: Sequence[Array]) -> Bench:
 
     The drives hold references. The loop is closed around the plays alone, sample by sample, and
     what the whole plant does besides comes in as a disturbance that the last pass has shown.
-
-    Parameters
-    ----------
-    bench
-        The plant; its drives are references in volts, as if the gain were one.
-    noise_um
-        Noise of the sensor at every sample, by record.
-
-    Returns
-    -------
-    Bench
-        The same plant with the commands that the loop gave, held between samples.
     """
     plant, references = bench.plant, bench.taken.drives
     besides = [np.zeros(d.command_V.size) for d in references]

@@ -133,13 +133,7 @@ def degrade(kind: str, records: list[Sampled], rng: np.random.Generator) -> list
 
 
 def through_files(kind: str, dataset: Dataset, rng: np.random.Generator) -> Dataset:
-    """Write records to files whose stamps or rows are not sound, and read them.
-
-    Raises
-    ------
-    InputError
-        The files cannot be read.
-    """
+    """Write records to files whose stamps or rows are not sound, and read them."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         roles = "".join(f'[records."{r.name}"]\nrole = "{r.role}"\n' for r in dataset.records)

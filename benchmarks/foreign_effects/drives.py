@@ -63,24 +63,12 @@ def smooth(curve: Callable[[Array], Array], samples: int, ts_s: float, parts: in
 
 
 def between(values: Array, parts: int) -> Array:
-    """Go from sample to sample in straight lines.
-
-    Examples
-    --------
-    >>> between(np.array([1.0, 2.0]), 4).tolist()
-    [1.0, 1.25, 1.5, 1.75, 2.0]
-    """
+    """Go from sample to sample in straight lines."""
     points = np.arange((len(values) - 1) * parts + 1)
     return np.interp(points / parts, np.arange(len(values)), values)
 
 
 def held(u_V: Array, parts: int) -> Array:
-    """Hold each sample of a command; a sample is taken in the middle of its hold.
-
-    Examples
-    --------
-    >>> held(np.array([1.0, 2.0]), 4).tolist()
-    [1.0, 1.0, 2.0, 2.0, 2.0]
-    """
+    """Hold each sample of a command; a sample is taken in the middle of its hold."""
     points = np.arange((len(u_V) - 1) * parts + 1)
     return u_V[(points + parts // 2) // parts]

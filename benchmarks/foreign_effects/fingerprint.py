@@ -19,13 +19,7 @@ _OF_THE_FIRST = ("case_row", "outside")  # what is taken from the first study
 
 @cache
 def study_fingerprint() -> str:
-    """Return a hash of the code that a row depends on; comments, docstrings and imports are not.
-
-    Examples
-    --------
-    >>> len(study_fingerprint())
-    16
-    """
+    """Return a hash of the code that a row depends on; comments, docstrings and imports are not."""
     here = Path(__file__).parent
     own = [here / f"{name}.py" for name in _STUDY]
     own += [here.parent / "hidden_effects" / f"{name}.py" for name in _OF_THE_FIRST]

@@ -587,13 +587,7 @@ EFFECTS: tuple[str, ...] = tuple(dict.fromkeys(form.effect for form in FORMS))
 
 
 def draw_form(effect: str, rng: np.random.Generator) -> Form:
-    """Draw one of the forms of an effect.
-
-    Examples
-    --------
-    >>> draw_form("delay", np.random.default_rng(0)).form
-    'whole samples'
-    """
+    """Draw one of the forms of an effect."""
     forms = [form for form in FORMS if form.effect == effect]
     return forms[int(rng.integers(len(forms)))]
 

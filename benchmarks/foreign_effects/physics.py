@@ -69,26 +69,6 @@ def plays_by_turning_points(
 
     A Prandtl-Ishlinskii operator is its virgin curve, and on every later branch twice that curve
     of half the distance from the last turning point that is not wiped out. No play is simulated.
-
-    Parameters
-    ----------
-    u_V : float64[T]
-        Command (V).
-    thresholds_V, weights : float64[n]
-        Increasing thresholds (V), and weights (µm/V).
-    history_V
-        Commands that the plant turned at, from rest at 0 V, before the first sample.
-
-    Returns
-    -------
-    float64[T]
-        Displacement (µm) of the plays.
-
-    Examples
-    --------
-    >>> u = np.array([0.0, 4.0, 2.0, 4.0, 0.0])
-    >>> plays_by_turning_points(u, np.array([1.0]), np.array([0.5])).tolist()
-    [0.0, 1.5, 1.5, 1.5, 0.5]
     """
     past = np.asarray(history_V, dtype=np.float64)
     return np.asarray(_turns(u_V, thresholds_V, weights, past))
@@ -118,24 +98,7 @@ def plays_by_substeps(
     low_V: Array, high_V: Array, shift_V: Array, thresholds_V: Array, weights: Array,
     history_V: Sequence[float] = (),
 ) -> Array:  # fmt: skip
-    """Sum of weighted plays between two envelopes whose thresholds move.
-
-    Parameters
-    ----------
-    low_V, high_V : float64[T]
-        Envelopes of the command (V): a play is within r of them; the same for an ordinary play.
-    shift_V : float64[T]
-        What every threshold is wider by (V).
-    thresholds_V, weights : float64[n]
-        Thresholds at rest (V), and weights (µm/V).
-    history_V
-        Commands that the plant turned at, from rest at 0 V, before the first sample.
-
-    Returns
-    -------
-    float64[T]
-        Displacement (µm) of the plays.
-    """
+    """Sum of weighted plays between two envelopes whose thresholds move."""
     past = np.asarray(history_V, dtype=np.float64)
     return np.asarray(_envelopes(low_V, high_V, shift_V, thresholds_V, weights, past))
 
@@ -143,27 +106,7 @@ def plays_by_substeps(
 def linear(
     x: Array, numerator: Sequence[float], denominator: Sequence[float], step_s: float
 ) -> Array:
-    """Response of a linear system of gain 1 at rest, by the matrix exponential of one step.
-
-    Parameters
-    ----------
-    x : float64[T]
-        Its input, linear between the points of the grid; the system is in equilibrium at the first.
-    numerator, denominator
-        Polynomials in s, highest power first; equal at s = 0.
-    step_s
-        Step of the grid (s).
-
-    Returns
-    -------
-    float64[T]
-        Its output.
-
-    Examples
-    --------
-    >>> linear(np.array([0.0, 1.0, 2.0, 3.0]), [1.0], [1e-3, 1.0], 1e-3).round(3).tolist()
-    [0.0, 0.368, 1.135, 2.05]
-    """
+    """Response of a linear system of gain 1 at rest, by the matrix exponential of one step."""
     from scipy.linalg import expm
 
     order = len(denominator) - 1
@@ -259,20 +202,7 @@ def stuck_and_slipped(x: Array, sticks: float, slips: float) -> Array:
 
 @njit(cache=True)
 def duhem(u: Array, alpha: float, slope: float, initial: float) -> Array:
-    """Coleman-Hodgdon: dy/du = a (b u - y) sgn(du) + c, solved exactly over each step in u.
-
-    Parameters
-    ----------
-    u : float64[T]
-        Command (V), taken from 0 V where y is 0.
-    alpha, slope, initial
-        a (1/V), b (µm/V), c (µm/V).
-
-    Returns
-    -------
-    float64[T]
-        Displacement (µm).
-    """
+    """Coleman-Hodgdon: dy/du = a (b u - y) sgn(du) + c, solved exactly over each step in u."""
     out = np.empty_like(u)
     y, last = 0.0, 0.0
     for k in range(u.shape[0]):

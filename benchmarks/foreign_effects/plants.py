@@ -82,24 +82,7 @@ def fastest_rate_V_s(taken: Taken) -> float:
 
 
 def draw_plant(taken: Taken, rng: np.random.Generator, rated: bool | None = None) -> Foreign:
-    """Draw a plant to suit an experiment.
-
-    Parameters
-    ----------
-    taken
-        The experiment: its span.
-    rng
-        Where from.
-    rated
-        Whether the thresholds grow with the rate; drawn if not given.
-
-    Returns
-    -------
-    Foreign
-        6 to 25 plays with unlike thresholds up to 0.3 to 0.9 of the span, or a density; the plays
-        add 25 to 90 % to the gain; strokes of 1 to 100 µm; noise from one to ten times the first
-        study's, relative to the stroke, white or with a correlation up to 0.5.
-    """
+    """Draw a plant to suit an experiment."""
     span, kind = taken.span_V, rng.random()
     reach = span * rng.uniform(0.3, 0.9)
     n = _DENSE if kind < 0.25 else int(rng.integers(6, 26))
@@ -138,11 +121,5 @@ def noise_of(plant: Foreign, samples: int, rng: np.random.Generator) -> Array:
 def decaying_history(
     start_V: float, reach_V: float, ratio: float, turns: int
 ) -> Sequence[float]:  # fmt: skip
-    """Commands at which a decaying motion about `start_V` turned.
-
-    Examples
-    --------
-    >>> decaying_history(10.0, 8.0, 0.5, 3)
-    [18.0, 6.0, 12.0]
-    """
+    """Commands at which a decaying motion about `start_V` turned."""
     return [start_V + reach_V * (-ratio) ** k for k in range(turns)]

@@ -289,21 +289,7 @@ PROTOCOLS: Mapping[str, Draw] = {
 
 
 def take(protocol: str, rng: np.random.Generator) -> Taken:
-    """Draw an experiment.
-
-    Parameters
-    ----------
-    protocol
-        One of :data:`PROTOCOLS`.
-    rng
-        Where from.
-
-    Examples
-    --------
-    >>> taken = take("two triangles", np.random.default_rng(0))
-    >>> [drive.role for drive in taken.drives], 5_000 <= taken.samples <= 40_000
-    (['train', 'train'], True)
-    """
+    """Draw an experiment."""
     low, high = RANGES_V[int(rng.integers(len(RANGES_V)))]
     centre, span = 0.5 * (low + high), 0.5 * (high - low) * rng.uniform(0.8, 1.0)
     in_motion = protocol != "closed loop" and bool(rng.random() < 0.12)

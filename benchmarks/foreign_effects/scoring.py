@@ -37,36 +37,6 @@ def judge(row: Row) -> dict[str, Any]:
     A name counts as right where it is hidden, and ``by class`` where the records of the case cannot
     tell it from what is hidden (``alike`` of the truth). A name that the case excuses (a memory that
     was there, a delay where u and y are apart) is neither right nor wrong.
-
-    Parameters
-    ----------
-    row
-        As :func:`~benchmarks.foreign_effects.case_row.run_case` returns it, ``done`` or ``failed``.
-
-    Returns
-    -------
-    dict
-        ``study, subject, form, number, seed, status``, ``protocol, degraded, noise_um``;
-        ``between_samples`` (what lies there against the noise), ``findings`` and ``noticed`` (kinds
-        of findings about the data, and whether the degradation is among them); ``first`` (the
-        effect ranked first that is not excused), ``first_exact, first_by_class``; ``found_exact``
-        (all that is hidden was added), ``found_by_class`` (a member of the class for at least one);
-        ``additions`` (effects added that are neither), ``steps``; ``verdict``, ``ratio`` (validation
-        error over the noise), and the keys of
-        :func:`~benchmarks.foreign_effects.sentences.judge_sentences`; ``seconds``.
-
-    Examples
-    --------
-    >>> row = {"study": "single", "subject": ["delay"], "number": 0, "seed": 0, "status": "done",
-    ...        "noise_um": 0.01, "validation_um": 0.011, "verdict": "explained", "seconds": 1.0,
-    ...        "ranking": [{"effect": "sensor_lag"}], "steps": [{"effect": "sensor_lag"}],
-    ...        "truth": {"noise_um": 0.01, "sampling_um": 0.0, "rates_hz": [1e3], "hidden": [],
-    ...                  "protocol": "multisines", "degraded": "", "excused": [],
-    ...                  "alike": {"delay": ["sensor_lag"]}},
-    ...        "true_left": {"clean_um": 0.001, "by_input_um": 0.001}}
-    >>> judged = judge(row)
-    >>> judged["first_exact"], judged["first_by_class"], judged["additions"]
-    (False, True, 0)
     """
     subject: list[str] = row["subject"] if row["study"] != "outside" else []
     truth: Mapping[str, Any] = row.get("truth", {})

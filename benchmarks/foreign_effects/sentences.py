@@ -33,24 +33,7 @@ _TIMES = ("time_constant_s", "delay_s")
 def what_is_left(
     discovery: SearchResult, records: Sequence[Sampled], hidden: Collection[str] = ()
 ) -> dict[str, float | None]:
-    """Compare a final model with the displacement that no sensor has read, on validation records.
-
-    Parameters
-    ----------
-    discovery
-        With its views.
-    records
-        With what is true at every sample.
-    hidden
-        Names of the effects that are.
-
-    Returns
-    -------
-    dict
-        ``clean_um``: root mean square of what the model leaves of the clean displacement;
-        ``by_input_um``: of the part that follows from the input, where effects that go by the clock
-        are left out of truth and model alike; None where no sample is left to compare.
-    """
+    """Compare a final model with the displacement that no sensor has read, on validation records."""
     plant, by_name = discovery.plant, {s.record.name: s for s in records}
     timed = any(e.name in TIMED for e in plant.effects)
     clean, by_input, count = 0.0, 0.0, 0
@@ -127,34 +110,7 @@ def _square(error: Array, counted: BoolArray) -> float:
 
 
 def judge_sentences(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Judge what a result says of what is left.
-
-    Parameters
-    ----------
-    row
-        With ``truth``, ``true_left`` of :func:`what_is_left`, ``verdict``, ``sampling``, and, where
-        the laboratory gives it, ``left`` and ``numerical_floor_um``.
-
-    Returns
-    -------
-    dict
-        ``clean_ratio`` (clean error over the noise), ``true_share`` (of what is left beyond the
-        noise and the numerical floor, what follows from the input; None where less than half a
-        noise floor is left), ``share_true`` (whether the interval has it; None without either),
-        ``hidden_true`` (whether what follows is no more than what is said could hide),
-        ``explained_true``, ``sampling_true`` (None where not said), ``all_true``.
-
-    Examples
-    --------
-    >>> row = {"truth": {"noise_um": 0.01, "sampling_um": 0.0, "rates_hz": [1e3], "hidden": []},
-    ...        "true_left": {"clean_um": 0.05, "by_input_um": 0.04}, "verdict": "unexplained",
-    ...        "sampling": None, "left": {"low": 0.5, "high": 0.7}}
-    >>> judged = judge_sentences(row)
-    >>> round(judged["true_share"], 2), judged["share_true"], judged["all_true"]
-    (0.64, True, True)
-    >>> judge_sentences(row | {"verdict": "explained"})["all_true"]
-    False
-    """
+    """Judge what a result says of what is left."""
     truth, true_left = row["truth"], row["true_left"]
     noise = truth["noise_um"]
     # what is stated counts as far as the truth itself moves with what lies between the samples
@@ -196,13 +152,6 @@ def sampling_matters(truth: Mapping[str, Any]) -> bool:
     Either the motion between the samples moves the displacement at them by half a noise floor, or
     something that is hidden has a time of fewer than four samples, or a mode above a fifteenth of
     the rate.
-
-    Examples
-    --------
-    >>> truth = {"noise_um": 0.01, "sampling_um": 0.0, "rates_hz": [1e3, 1e4]}
-    >>> hidden = {"effect": "delay", "delay_s": 5e-4}
-    >>> sampling_matters(truth | {"hidden": [hidden]}), sampling_matters(truth | {"hidden": []})
-    (True, False)
     """
     if truth["sampling_um"] > _SAMPLED * truth["noise_um"]:
         return True

@@ -49,13 +49,7 @@ class Target:
 
     @property
     def is_met(self) -> bool:
-        """Whether the share is what is asked for.
-
-        Examples
-        --------
-        >>> Target("all", "", 5.0, 4, 100, at_most=True).is_met, Target("none", "", 98.0, 97, 100).is_met
-        (True, False)
-        """
+        """Whether the share is what is asked for."""
         if self.at_most:
             return self.reached_percent <= self.percent
         return self.reached_percent >= self.percent
@@ -120,16 +114,7 @@ def targets(rows: Sequence[Row]) -> list[Target]:
 
 
 def shares(j: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Summarise judgements by some of their columns.
-
-    Returns
-    -------
-    DataFrame
-        ``cases``, ``failed``; shares (%): ``first_exact, first_by_class, named_exact,
-        named_by_class, explained, wrong`` (cases with a wrong addition), ``sentences_true`` (of
-        the cases that were judged); ``median_ratio`` (validation error over the noise),
-        ``median_clean`` (clean error over the noise), ``median_seconds`` (of CPU), ``first_instead``.
-    """
+    """Summarise judgements by some of their columns."""
     lines: list[dict[str, object]] = []
     if j.empty:
         return pd.DataFrame(lines)

@@ -51,33 +51,7 @@ def remaining_um(
 def sized(
     bench: Bench, forms: Sequence[Form], scale: Scale, rng: np.random.Generator
 ) -> tuple[Bench, dict[str, float]]:
-    """Hide forms, each large enough to leave 3 to 40 noise floors beside the others.
-
-    Parameters
-    ----------
-    bench
-        The plant with nothing hidden.
-    forms
-        To be hidden.
-    scale
-        Of the experiment.
-    rng
-        Where numbers and the first sizes come from.
-
-    Returns
-    -------
-    Bench
-        The plant with the forms hidden.
-    dict
-        What a refit leaves of each, in noise floors, by effect.
-
-    Raises
-    ------
-    MaskedError
-        No size shows them all.
-    UnfitError
-        The records cannot hold an effect.
-    """
+    """Hide forms, each large enough to leave 3 to 40 noise floors beside the others."""
     seeds = rng.integers(2**31, size=len(forms))
     sizes = np.exp(rng.uniform(np.log(0.7), np.log(3.0), len(forms)))
     wanted = np.exp(rng.uniform(np.log(_WANTED[0]), np.log(_WANTED[1]), len(forms)))
@@ -132,23 +106,7 @@ def _without_one(
 
 
 def alike(dataset: Dataset, bench: Bench, names: Sequence[str]) -> dict[str, list[str]]:
-    """Effects of the catalogue that these records cannot tell from some others.
-
-    Parameters
-    ----------
-    dataset
-        The records; those to fit are looked at.
-    bench
-        The plant.
-    names
-        Effects whose doubles are asked for.
-
-    Returns
-    -------
-    dict
-        For each name the effects whose direction, beside the base model, has a cosine above
-        :data:`~rdpi_gym.diagnosis.search.separability.ALIKE` with its own.
-    """
+    """Effects of the catalogue that these records cannot tell from some others."""
     effects = typical_effects(CATALOGUE, data_scale(dataset.train))
     known = [name for name in names if name in effects]
     if not known:

@@ -31,20 +31,7 @@ OUT = Path("studies/results/hidden")
 
 
 def main(arguments: Sequence[str] | None = None, engine: Engine = discover_engine) -> int:
-    """Run the study, print its targets, and write its tables.
-
-    Parameters
-    ----------
-    arguments
-        Words after the command; those of the process by default.
-    engine
-        What is put to the test.
-
-    Returns
-    -------
-    int
-        0, else as :func:`~rdpi_gym.support.command.run_command` says.
-    """
+    """Run the study, print its targets, and write its tables."""
     return options().run(arguments, partial(_study, engine=engine))
 
 

@@ -51,13 +51,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What names the case in a store.
-
-        Examples
-        --------
-        >>> Case("pairs", ("creep", "delay"), 2).key
-        'pairs/creep+delay/2/seed 0/plain'
-        """
+        """What names the case in a store."""
         what = "+".join(self.subject) or "nothing"
         return f"{self.study}/{what}/{self.number}/seed {self.seed}/{self.variant}"
 
@@ -68,29 +62,7 @@ def make_cases(
     seed: int = 0,
     effects: Sequence[str] = HIDEABLE,
 ) -> list[Case]:
-    """List the cases of studies, plant by plant: what an interrupted run has done is a fair sample.
-
-    Parameters
-    ----------
-    studies
-        Of :data:`NUMBERS`.
-    plants
-        Plants for each subject; those of :data:`NUMBERS` by default.
-    seed
-        Of the study.
-    effects
-        Effects to hide; with fewer than all, pairs are pairs of these.
-
-    Raises
-    ------
-    InputError
-        An unknown study.
-
-    Examples
-    --------
-    >>> [case.subject for case in make_cases(["pairs"], 1, effects=("creep", "delay", "backlash"))]
-    [('creep', 'delay'), ('creep', 'backlash'), ('delay', 'backlash')]
-    """
+    """List the cases of studies, plant by plant: what an interrupted run has done is a fair sample."""
     cases = []
     for study in studies:
         if study not in NUMBERS:
@@ -117,26 +89,7 @@ def _subjects(study: str, effects: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def prepare(case: Case) -> tuple[Dataset, dict[str, Any]]:
-    """Simulate a case.
-
-    Returns
-    -------
-    Dataset
-        The records.
-    dict
-        The truth, as JSON.
-
-    Raises
-    ------
-    MaskedError
-        What should be hidden cannot be seen on this plant.
-
-    Examples
-    --------
-    >>> dataset, truth = prepare(Case("none", (), 0))
-    >>> len(dataset.records), truth["hidden"]
-    (16, [])
-    """
+    """Simulate a case."""
     plant, noise_um = random_plant(
         np.random.default_rng([case.seed, case.number]), f"plant {case.number}"
     )

@@ -14,13 +14,7 @@ _STUDY = ("case_row", "cases", "outside", "plants", "transform")
 
 @cache
 def study_fingerprint() -> str:
-    """Return a hash of the code that a row depends on; comments, docstrings and imports are not.
-
-    Examples
-    --------
-    >>> len(study_fingerprint())
-    16
-    """
+    """Return a hash of the code that a row depends on; comments, docstrings and imports are not."""
     here = Path(__file__).parent
     own = [here / f"{name}.py" for name in _STUDY]
     return fingerprint(code_parts([*room_files(*_ROOMS), *own]))

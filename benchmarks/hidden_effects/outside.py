@@ -208,29 +208,7 @@ OUTSIDERS = (Force.name, BoucWen.name, Preisach.name)
 
 
 def draw_outsider(kind: str, truth: Truth, rng: np.random.Generator) -> Outsider:
-    """Draw something outside the catalogue, in the size of a plant.
-
-    Parameters
-    ----------
-    kind
-        One of :data:`OUTSIDERS`.
-    truth
-        The plant: its gains, its span and its noise.
-    rng
-        Where from.
-
-    Raises
-    ------
-    InputError
-        No such kind.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> still = Truth(P10, (), noise_um=0.01, seed=0)
-    >>> draw_outsider("force", still, np.random.default_rng(0)).name
-    'force'
-    """
+    """Draw something outside the catalogue, in the size of a plant."""
     h, span = truth.plant.hysteresis, truth.span_V
     if kind == Force.name:
         return Force(

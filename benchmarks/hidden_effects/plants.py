@@ -11,30 +11,7 @@ NOISE_UM = (0.008, 0.020)
 
 
 def random_plant(rng: np.random.Generator, name: str = "random") -> tuple[PlantModel, float]:
-    """Draw a plant like P10, and the noise of its sensor.
-
-    Parameters
-    ----------
-    rng
-        Where from.
-    name
-        What tables call it.
-
-    Returns
-    -------
-    PlantModel
-        5 to 12 plays with decaying weights of random shape (ratio of neighbours 0.65 to 0.9, each
-        varied by 15 %), their sum within 25 % of P10's and a_0 within 15 %; δ1 within 30 %, δ2
-        within a factor of two; range and stroke as P10.
-    float
-        Noise (µm rms), uniform in :data:`NOISE_UM`.
-
-    Examples
-    --------
-    >>> plant, noise_um = random_plant(np.random.default_rng(0))
-    >>> 5 <= plant.hysteresis.n <= 12, 0.008 <= noise_um <= 0.020
-    (True, True)
-    """
+    """Draw a plant like P10, and the noise of its sensor."""
     h = P10.hysteresis
     n = int(rng.integers(5, 13))
     shape = rng.uniform(0.65, 0.9) ** np.arange(n) * np.exp(rng.normal(0.0, 0.15, n))

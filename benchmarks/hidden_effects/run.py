@@ -38,30 +38,7 @@ def run_study(
     note: Callable[[str], None] | None = None,
     ray_address: str | None = None,
 ) -> list[Row]:
-    """Diagnose what is missing in the store and return the rows of all cases.
-
-    Parameters
-    ----------
-    cases
-        What is asked for.
-    out
-        Folder of the store; rows of code that has changed since are moved aside there.
-    jobs
-        Processes, of one thread each.
-    progress
-        Called as cases are done.
-    engine
-        What is put to the test.
-    note
-        Called with a sentence where rows were set aside or damaged.
-    ray_address
-        Of a Ray cluster that runs the cases in place of processes here.
-
-    Raises
-    ------
-    InputError
-        The folder or the cluster cannot be used.
-    """
+    """Diagnose what is missing in the store and return the rows of all cases."""
     run = partial(run_case, engine=engine)
     return run_rows(cases, out, run, study_fingerprint(), jobs, progress, note, ray_address)
 
@@ -76,22 +53,7 @@ def run_rows(
     note: Callable[[str], None] | None = None,
     ray_address: str | None = None,
 ) -> list[Row]:
-    """Make the rows of cases that a store does not have, and return those of all.
-
-    Parameters
-    ----------
-    cases, out, jobs, progress, note, ray_address
-        As :func:`run_study`.
-    run
-        Makes the row of a case, with its ``key`` and the ``code`` that it is of.
-    code
-        Fingerprint of the code: rows of another are moved aside.
-
-    Raises
-    ------
-    InputError
-        The folder or the cluster cannot be used.
-    """
+    """Make the rows of cases that a store does not have, and return those of all."""
     store = named_rows(out / ROWS_FILE)
     remark = store.remark()
     if remark is not None and note is not None:
@@ -112,18 +74,7 @@ def run_rows(
 
 
 def stored_rows(cases: Sequence[Keyed], out: Path) -> list[Row]:
-    """Return the rows of cases that stand in a folder, whatever code they are of.
-
-    Parameters
-    ----------
-    cases, out
-        As :func:`run_study`; cases without a row are left out.
-
-    Raises
-    ------
-    InputError
-        None of the cases has a row.
-    """
+    """Return the rows of cases that stand in a folder, whatever code they are of."""
     stored = named_rows(out / ROWS_FILE).rows
     rows = [stored[case.key] for case in cases if case.key in stored]
     if not rows:

@@ -18,38 +18,7 @@ LARGEST_RATIO = 1.15
 
 
 def judge(row: Row, confounded: frozenset[frozenset[str]] = CONFOUNDED) -> dict[str, Any]:
-    """Judge one row.
-
-    Parameters
-    ----------
-    row
-        As :func:`~benchmarks.hidden_effects.case_row.run_case` returns it, status ``done`` or ``failed``; a
-        failure finds nothing.
-    confounded
-        Pairs of effects.
-
-    Returns
-    -------
-    dict
-        ``study, subject, number, seed, variant, noise_um, first`` (the effect ranked first),
-        ``first_right`` (the subject, or one confounded with it), ``by_class`` (only the latter),
-        ``found`` (every hidden effect is among the steps), ``additions`` (steps that are none of
-        them), ``ratio`` (validation error over the noise), ``within`` (at most
-        :data:`LARGEST_RATIO`), ``verdict``, ``steps``, ``seconds``.
-
-    Examples
-    --------
-    >>> row = {"study": "single", "subject": ["delay"], "number": 0, "seed": 0, "variant": "plain",
-    ...        "status": "done", "noise_um": 0.01, "validation_um": 0.011, "verdict": "explained",
-    ...        "ranking": [{"effect": "sensor_lag", "indistinguishable": ["delay"]}],
-    ...        "steps": [{"effect": "sensor_lag", "indistinguishable": ["delay"]}], "seconds": 1.0}
-    >>> judged = judge(row)
-    >>> judged["first_right"], judged["found"], judged["additions"]
-    (False, False, 1)
-    >>> judged = judge(row, frozenset({frozenset({"delay", "sensor_lag"})}))
-    >>> judged["first_right"], judged["by_class"], judged["found"], judged["additions"]
-    (True, True, True, 0)
-    """
+    """Judge one row."""
     subject: list[str] = row["subject"]
     ranking, steps = row.get("ranking", []), row.get("steps", [])
     exact = bool(ranking) and ranking[0]["effect"] in subject

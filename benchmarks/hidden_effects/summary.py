@@ -49,15 +49,7 @@ class Target:
 
     @property
     def falsely_added(self) -> str:
-        """The effects added that were not hidden, in words.
-
-        Examples
-        --------
-        >>> Target("outside", "", 100.0, 60, 60, 51, 20).falsely_added
-        '51 on 20 of 60'
-        >>> Target("none", "", 98.0, 100, 100).falsely_added
-        '0'
-        """
+        """The effects added that were not hidden, in words."""
         if not self.false_additions:
             return "0"
         return f"{self.false_additions} on {self.falsely_added_to} of {self.cases}"
@@ -107,13 +99,7 @@ _TARGETS: tuple[tuple[str, str, float, Callable[[pd.DataFrame], pd.Series[bool]]
 
 
 def targets(rows: Sequence[Row]) -> list[Target]:
-    """Set every target beside what was reached, the invariance study's variants one by one.
-
-    Parameters
-    ----------
-    rows
-        Of any studies.
-    """
+    """Set every target beside what was reached, the invariance study's variants one by one."""
     table = judgements(rows)
     if table.empty:
         return []
@@ -145,17 +131,7 @@ def _target(
 
 
 def by_subject(rows: Sequence[Row]) -> pd.DataFrame:
-    """Summarise every study, variant and subject.
-
-    Returns
-    -------
-    DataFrame
-        ``study, variant, subject, cases, masked, failed``; shares of the cases (%):
-        ``first_percent`` (a hidden effect ranked first), ``found_percent`` (all hidden effects
-        added), ``within_percent``; counts: ``by_class`` (first by a confounded pair),
-        ``false_additions``; ``median_ratio``, ``largest_ratio`` (validation error over the noise),
-        ``verdicts``, ``first_instead``, ``median_seconds``.
-    """
+    """Summarise every study, variant and subject."""
     table = judgements(rows)
     masked = pd.Series(
         [
@@ -191,14 +167,7 @@ def by_subject(rows: Sequence[Row]) -> pd.DataFrame:
 
 
 def agreement(rows: Sequence[Row]) -> pd.DataFrame:
-    """Compare every changed data set with the plain one of the same draw.
-
-    Returns
-    -------
-    DataFrame
-        One line a variant: ``variant, cases, same_verdict, same_steps, largest_change_percent``
-        (of the ratio of validation error to noise). Cases without a plain row are left out.
-    """
+    """Compare every changed data set with the plain one of the same draw."""
     table = judgements(rows)
     if table.empty:
         return pd.DataFrame()

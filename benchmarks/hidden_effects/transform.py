@@ -20,32 +20,7 @@ _MILLIVOLTS, _METRES = 1e3, 1e-6
 
 
 def transform(dataset: Dataset, variant: str, seed: int) -> Dataset:
-    """Return the same data set with its records shuffled, in other units, or upside down.
-
-    Parameters
-    ----------
-    dataset
-        As simulated.
-    variant
-        One of :data:`VARIANTS`; ``sampling time halved`` changes nothing here.
-    seed
-        Of the order.
-
-    Raises
-    ------
-    InputError
-        No such variant.
-
-    Examples
-    --------
-    >>> from rdpi_gym.measurement import Record
-    >>> t = np.arange(20) * 1e-3
-    >>> ramp = Dataset("ramp", (Record("ramp", t, t, 8 * t, ts_s=1e-3),))
-    >>> round(float(transform(ramp, "sign reversed", 0).records[0].y_um[-1]), 3)
-    -0.152
-    >>> bool(np.allclose(transform(ramp, "other units", 0).records[0].y_um, 8 * t))
-    True
-    """
+    """Return the same data set with its records shuffled, in other units, or upside down."""
     if variant in (PLAIN, "sampling time halved"):
         return dataset
     if variant == "order shuffled":

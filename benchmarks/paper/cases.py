@@ -61,13 +61,7 @@ class Case:
 
 
 def section_iii(frequency_hz: float, ts_s: float) -> Sine:
-    """Return the reference of Section III-B: amplitude 10 on the five-play model.
-
-    Examples
-    --------
-    >>> section_iii(50.0, 1e-3).samples
-    20
-    """
+    """Return the reference of Section III-B: amplitude 10 on the five-play model."""
     return Sine("P5", PAPER_III_B, 10.0, frequency_hz, ts_s)
 
 
@@ -84,13 +78,7 @@ SWEEP = tuple(
 
 
 def paper_cases() -> tuple[Case, ...]:
-    """Return every simulated case, in the order of the paper.
-
-    Examples
-    --------
-    >>> sorted({case.label for case in paper_cases() if case.label.startswith("Fig. 5")})
-    ['Fig. 5a', 'Fig. 5b', 'Fig. 5c']
-    """
+    """Return every simulated case, in the order of the paper."""
     none = READINGS["none"]
     cases = [
         Case(f"Fig. 3{panel}", Claim.LOOP, none, section_iii(hz, TS_S[0]))

@@ -12,13 +12,7 @@ from rdpi_gym.plant import PAPER_IV_B, RDPI, named_plant
 
 
 def identified_g() -> float:
-    """Return g of the plant that was identified from the measured PICMA record.
-
-    Examples
-    --------
-    >>> round(identified_g(), 2)
-    1.23
-    """
+    """Return g of the plant that was identified from the measured PICMA record."""
     return named_plant("picma").hysteresis.g
 
 
@@ -53,31 +47,14 @@ class StaticRun:
 
 
 def static_plant(g: float) -> RDPI:
-    """Return the plant of Section IV-B without its rate, its plays scaled to S / a_0 = `g`.
-
-    Examples
-    --------
-    >>> round(static_plant(2.0).g, 12), static_plant(2.0).delta2_s
-    (2.0, 0.0)
-    """
+    """Return the plant of Section IV-B without its rate, its plays scaled to S / a_0 = `g`."""
     a0, *plays = PAPER_IV_B.weights
     scaled = (a * g / PAPER_IV_B.g for a in plays)
     return RDPI((a0, *scaled), PAPER_IV_B.thresholds_V, 0.0)
 
 
 def static_runs(lanes: int, seed: int) -> tuple[StaticRun, ...]:
-    """Run Eq. 6 on static plants of several g.
-
-    Parameters
-    ----------
-    lanes, seed
-        Realisations and the seed of what differs between them.
-
-    Examples
-    --------
-    >>> [(x.g, round(x.growth, 3), round(x.spikes, 2)) for x in static_runs(1, seed=0)][::2]
-    [(0.9, 0.9, 1.0), (2.0, 2.0, 3.0)]
-    """
+    """Run Eq. 6 on static plants of several g."""
     found = []
     for g in (0.9, identified_g(), 2.0):
         sine = Sine(

@@ -40,20 +40,6 @@ def on_bench(reading: Reading, sine: Sine, lanes: int, seed: int) -> Tracking:
 
     The plant has its rate low-passed at 800 Hz, is solved at a tenth of Ts, and the error is the
     reference less the sensor's reading at each of these instants, over the last of three periods.
-
-    Parameters
-    ----------
-    reading
-        The compensator.
-    sine
-        Reference, model and the compensator's Ts.
-    lanes, seed
-        Realisations: references that differ by 1e-12, and the sensor's noise.
-
-    Examples
-    --------
-    >>> on_bench(READINGS["none"], SECTION_V, 1, seed=0).max_error > 10.0
-    True
     """
     chain = Chain(reading, sine.hysteresis, sine.ts_s, lanes)
     factors = ensemble_factors(lanes, seed)
@@ -79,13 +65,7 @@ def on_bench(reading: Reading, sine: Sine, lanes: int, seed: int) -> Tracking:
 
 
 def implementations(lanes: int, seed: int) -> Iterator[Implementation]:
-    """Run every realisable reading on each plant, 80 Hz, 40 µm, 50 µs.
-
-    Parameters
-    ----------
-    lanes, seed
-        Realisations and the seed of what differs between them.
-    """
+    """Run every realisable reading on each plant, 80 Hz, 40 µm, 50 µs."""
     for reading in REALISABLE:
         yield Implementation("rate of Eq. 5", track(reading, SECTION_V, lanes, seed))
     for hz in PLANT_LOWPASS_HZ:

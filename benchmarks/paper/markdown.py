@@ -8,36 +8,16 @@ from rdpi_gym.support import markdown, words
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: bool = True) -> str:
-    """Write a table, its first column to the left and the others to the right, if `right`.
-
-    Examples
-    --------
-    >>> print(table(["reading", "max"], [["none", "1.6"]]))
-    | reading | max |
-    | :-- | --: |
-    | none | 1.6 |
-    """
+    """Write a table, its first column to the left and the others to the right, if `right`."""
     return markdown.table(head, rows, range(1, len(head)) if right else ())
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Write a number with a few significant digits.
-
-    Examples
-    --------
-    >>> number(0.70518), number(1e-6), number(470512.0)
-    ('0.705', '1e-6', '4.71e5')
-    """
+    """Write a number with a few significant digits."""
     return words.number(value, digits, "short")
 
 
 def seconds(value: float) -> str:
-    """Write a sampling time in s as a power of ten.
-
-    Examples
-    --------
-    >>> seconds(1e-3), seconds(2.5e-5)
-    ('1e-3 s', '2.5e-5 s')
-    """
+    """Write a sampling time in s as a power of ten."""
     mantissa, _, exponent = f"{value:.3e}".partition("e")
     return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)} s"

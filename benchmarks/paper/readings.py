@@ -182,19 +182,7 @@ class Chain:
         return state
 
     def slide(self, rate_V_s: float) -> float:
-        """Put all lanes where all plays have slid for long, at u(-1) = 0 V and a constant rate.
-
-        Parameters
-        ----------
-        rate_V_s
-            Rate of the command (V/s), above zero.
-
-        Returns
-        -------
-        float
-            The reference (µm) at sample -1 that belongs to this slide: on the ramp A `rate_V_s`
-            from here the compensator of an own rate goes on with this rate.
-        """
+        """Put all lanes where all plays have slid for long, at u(-1) = 0 V and a constant rate."""
         p, n = self._plant, self._hysteresis.n
         r = p[n + 1 : 2 * n + 1] + self._hysteresis.delta2_s * rate_V_s
         self._plant_state[0], self._plant_state[1], self._plant_state[2:] = 0.0, rate_V_s, -r
@@ -208,18 +196,7 @@ class Chain:
         return y_r - self._hysteresis.S * rate_V_s * self._ts_s  # Ω is one sample late
 
     def advance(self, y_r: Array, rate: Array) -> tuple[Array, Array]:
-        """Run a block of the reference.
-
-        Parameters
-        ----------
-        y_r, rate : float64[T, B]
-            Reference (µm) and its rate (µm/s); read only by readings that use them.
-
-        Returns
-        -------
-        u, y : float64[T, B]
-            Command (V) and displacement (µm).
-        """
+        """Run a block of the reference."""
         v = rate * self._scale
         u = self._command(y_r, v)
         y = np.empty_like(u)

@@ -158,31 +158,7 @@ def reproduce_paper(
     sweep: Sequence[Sine] = SWEEP,
     progress: Progress | None = None,
 ) -> PaperResults:
-    """Simulate and judge the paper's figures and numbers.
-
-    Parameters
-    ----------
-    seed
-        Of the perturbations between realisations and of the sensor's noise.
-    realisations
-        Realisations of each compensator that runs on its own rate, 2 or more.
-    cases
-        Cases to run, whole figures, since a case is judged among the others of its figure; all of
-        :func:`benchmarks.paper.cases.paper_cases` by default.
-    sweep
-        References that the error over the sampling time is taken on.
-    progress
-        Told what is next and the work done, of all.
-
-    Returns
-    -------
-    PaperResults
-
-    Raises
-    ------
-    InputError
-        A negative seed or fewer than two realisations.
-    """
+    """Simulate and judge the paper's figures and numbers."""
     if seed < 0:
         raise InputError(f"seed is {seed}; give 0 or above")
     if realisations < 2:

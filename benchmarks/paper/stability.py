@@ -64,25 +64,7 @@ class SlidingLoop:
 
 
 def sliding_loop(reading: Reading, hysteresis: RDPI, ts_s: float) -> SlidingLoop:
-    """Kick the reference of a slide by 1e-8 µm and fit the loop's polynomial to what follows.
-
-    Parameters
-    ----------
-    reading
-        A compensator that runs on its own rate, unfiltered.
-    hysteresis
-        The model.
-    ts_s
-        Sampling time (s).
-
-    Examples
-    --------
-    >>> from benchmarks.paper.readings import READINGS
-    >>> from rdpi_gym.plant import PAPER_III_B
-    >>> loop = sliding_loop(READINGS["literal"], PAPER_III_B, ts_s=2.6e-4)
-    >>> round(loop.c, 4), round(PAPER_III_B.g * PAPER_III_B.delta2_s / 2.6e-4, 4)
-    (0.9686, 0.9686)
-    """
+    """Kick the reference of a slide by 1e-8 µm and fit the loop's polynomial to what follows."""
     _, u, _ = _ramp(reading, hysteresis, ts_s, _FIT_SAMPLES)
     d = u[:, 1] - u[:, 0]
     # the kick enters at the first sample; from the third on the loop is on its own
@@ -91,15 +73,7 @@ def sliding_loop(reading: Reading, hysteresis: RDPI, ts_s: float) -> SlidingLoop
 
 
 def predicted_loop(reading: Reading, hysteresis: RDPI, ts_s: float) -> SlidingLoop:
-    """Return the polynomial that the sliding loop has by the equations.
-
-    Examples
-    --------
-    >>> from benchmarks.paper.readings import READINGS
-    >>> from rdpi_gym.plant import PAPER_III_B
-    >>> round(predicted_loop(READINGS["literal"], PAPER_III_B, ts_s=2.6e-4).growth, 4)
-    0.9842
-    """
+    """Return the polynomial that the sliding loop has by the equations."""
     inverse = reading.structure == "closed-form"
     polynomial = classical_polynomial if inverse else inversion_free_polynomial
     _, b, c = polynomial(hysteresis, ts_s)
@@ -107,15 +81,7 @@ def predicted_loop(reading: Reading, hysteresis: RDPI, ts_s: float) -> SlidingLo
 
 
 def limit_s(reading: Reading, hysteresis: RDPI) -> float:
-    """Find the sampling time (s) at which a disturbance neither grows nor decays.
-
-    Examples
-    --------
-    >>> from benchmarks.paper.readings import READINGS
-    >>> from rdpi_gym.plant import PAPER_III_B
-    >>> round(1e3 * limit_s(READINGS["literal"], PAPER_III_B), 3)
-    0.252
-    """
+    """Find the sampling time (s) at which a disturbance neither grows nor decays."""
     delta2 = hysteresis.delta2_s
     return float(
         brentq(
@@ -193,15 +159,7 @@ def _side(reading: Reading, hysteresis: RDPI, ts_s: float) -> Side:
 
 
 def stability_limit(plant: str, hysteresis: RDPI, reading: Reading) -> Limit:
-    """Find a limit, look at both sides of it, and follow the growth over the sampling time.
-
-    Parameters
-    ----------
-    plant, hysteresis
-        Name and parameters of the model.
-    reading
-        A compensator that runs on its own rate, unfiltered.
-    """
+    """Find a limit, look at both sides of it, and follow the growth over the sampling time."""
     found = limit_s(reading, hysteresis)
     range_s = np.geomspace(*LOOP_TS_S, 30).tolist()
     return Limit(
@@ -221,12 +179,6 @@ def zero_rad_s(hysteresis: RDPI) -> float:
 
     While all plays slide, y = A u - S δ2 u̇ - c: A and S δ2 are regressed from the simulated
     displacement on the command and its rate.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_III_B
-    >>> round(zero_rad_s(PAPER_III_B))
-    6629
     """
     ts_s, samples = 1e-5, 2000
     # the ripple is slow enough that u - δ2 u̇ keeps rising and no play sticks
@@ -269,15 +221,7 @@ class Divergence:
 
 
 def divergence(reading: Reading, sine: Sine) -> Divergence:
-    """Run a sine and a copy of it that is larger by a relative 1e-15.
-
-    Parameters
-    ----------
-    reading
-        The compensator.
-    sine
-        Reference and plant.
-    """
+    """Run a sine and a copy of it that is larger by a relative 1e-15."""
     samples = PERIODS * sine.samples
     y_r = sine.values(0, samples)[:, None] * np.array([1.0, 1.0 + _LAST_BITS])
     rate = np.diff(y_r, axis=0, prepend=y_r[:1]) / sine.ts_s

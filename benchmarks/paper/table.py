@@ -192,13 +192,7 @@ def _spread(run: Tracking) -> str:
 
 
 def to_csv(rows: Iterable[Row]) -> str:
-    """Write rows as CSV, columns as :class:`Row`; empty where there is no number.
-
-    Examples
-    --------
-    >>> to_csv([Row("Fig. 8a", "given", ts_s=5e-5, paper_value=3.0)]).splitlines()[1]
-    'Fig. 8a,given,,,5e-05,,,,3,,,'
-    """
+    """Write rows as CSV, columns as :class:`Row`; empty where there is no number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)

@@ -39,18 +39,7 @@ from rdpi_gym.support.words import joined
 
 
 def paper_markdown(results: PaperResults) -> str:
-    """Write the page.
-
-    Parameters
-    ----------
-    results
-        All cases of :func:`benchmarks.paper.cases.paper_cases`, run.
-
-    Returns
-    -------
-    str
-        Markdown; the figures are named as :mod:`rdpi_gym.report.paper.figures` writes them.
-    """
+    """Write the page."""
     sections: tuple[Callable[[PaperResults], str], ...] = (
         _verdict,
         _how_to_read,

@@ -156,13 +156,7 @@ class Tracking:
 
 
 def ensemble_factors(lanes: int, seed: int) -> Array:
-    """Return factors 1 + 1e-12 N(0, 1) by which the references of an ensemble differ; first is 1.
-
-    Examples
-    --------
-    >>> float(ensemble_factors(3, seed=0)[0])
-    1.0
-    """
+    """Return factors 1 + 1e-12 N(0, 1) by which the references of an ensemble differ; first is 1."""
     factors = 1.0 + PERTURBATION * np.random.default_rng(seed).standard_normal(lanes)
     factors[0] = 1.0
     return factors
@@ -171,33 +165,7 @@ def ensemble_factors(lanes: int, seed: int) -> Array:
 def track(
     reading: Reading, sine: Sine, lanes: int, seed: int, keep_trace: bool = False
 ) -> Tracking:
-    """Simulate three periods of a sine from rest and measure the last.
-
-    Parameters
-    ----------
-    reading
-        How the compensator is read.
-    sine
-        Reference and plant.
-    lanes
-        Realisations; their references differ by a factor 1 + 1e-12 N(0, 1), the first is exact.
-    seed
-        Of these factors.
-    keep_trace
-        Whether the last period of the first realisation is returned too.
-
-    Returns
-    -------
-    Tracking
-
-    Examples
-    --------
-    >>> from benchmarks.paper.readings import READINGS
-    >>> from rdpi_gym.plant import PAPER_III_B
-    >>> run = track(READINGS["literal"], Sine("P5", PAPER_III_B, 10.0, 50.0, 1e-3), 1, seed=0)
-    >>> round(run.max_error, 3), round(run.rms_error, 4)
-    (1.111, 0.7235)
-    """
+    """Simulate three periods of a sine from rest and measure the last."""
     chain = Chain(reading, sine.hysteresis, sine.ts_s, lanes)
     factors = ensemble_factors(lanes, seed)
     measured_from, end = (PERIODS - 1) * sine.samples, PERIODS * sine.samples

@@ -25,18 +25,7 @@ _FLAT = 0.3
 
 
 def order(coarse: Tracking, fine: Tracking) -> tuple[float, float]:
-    """Order p of error ~ Ts^p between two sampling times: of the maximum and of the RMS.
-
-    Examples
-    --------
-    >>> from benchmarks.paper.cases import section_iii
-    >>> from benchmarks.paper.readings import READINGS
-    >>> from benchmarks.paper.tracking import track
-    >>> given = READINGS["given"]
-    >>> runs = [track(given, section_iii(50.0, ts), 1, seed=0) for ts in (1e-4, 1e-5)]
-    >>> [round(p, 2) for p in order(*runs)]
-    [1.0, 1.0]
-    """
+    """Order p of error ~ Ts^p between two sampling times: of the maximum and of the RMS."""
     step = math.log(coarse.sine.ts_s / fine.sine.ts_s)
     return (
         math.log(coarse.median_max_error / fine.median_max_error) / step,
@@ -63,11 +52,6 @@ def judge_series(series: Sequence[Tracking]) -> str:
     """Judge "smaller Ts, smaller error" and "e(k) → 0" on all sampling times of one reading.
 
     What the error tends to is judged by the two smallest.
-
-    Parameters
-    ----------
-    series
-        Runs of one reading and frequency, Ts falling; two or more.
     """
     coarse, fine = series[-2:]
     left = f"{fine.percent:.2g} % of the amplitude"
@@ -94,15 +78,7 @@ def judge_series(series: Sequence[Tracking]) -> str:
 
 
 def judge_step(series: Sequence[Tracking], run: Tracking) -> str:
-    """Judge one sampling time of a series by the next larger one.
-
-    Parameters
-    ----------
-    series
-        As :func:`judge_series`.
-    run
-        One of them.
-    """
+    """Judge one sampling time of a series by the next larger one."""
     if run.reading.structure == "none":
         return f"no compensation: {run.percent:.2g} % of the amplitude"
     if run.percent < _EXACT_PERCENT:
@@ -195,26 +171,7 @@ def note_limit(run: Tracking) -> str:
 
 
 def judge(claim: Claim, series: Sequence[Tracking], run: Tracking) -> str:
-    """Judge one case.
-
-    Parameters
-    ----------
-    claim
-        What the paper says.
-    series
-        The runs that the case is judged among, in the order of the paper.
-    run
-        The case's own run, one of them.
-
-    Examples
-    --------
-    >>> from benchmarks.paper.cases import SECTION_V
-    >>> from benchmarks.paper.readings import READINGS
-    >>> from benchmarks.paper.tracking import track
-    >>> run = track(READINGS["given"], SECTION_V, 1, seed=0)
-    >>> judge(Claim.BOUND, [run], run)
-    'holds: within 3 µm, the model as plant'
-    """
+    """Judge one case."""
     match claim:
         case Claim.LOOP:
             return judge_loop(series[0], run)

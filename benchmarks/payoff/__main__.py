@@ -25,18 +25,7 @@ OUT = Path("studies/results/payoff")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compute the payoff and write its files.
-
-    Parameters
-    ----------
-    arguments
-        Words after the command; those of the process by default.
-
-    Returns
-    -------
-    int
-        0, else as :func:`~rdpi_gym.support.command.run_command` says.
-    """
+    """Compute the payoff and write its files."""
     options = Options("payoff", benchmarks.payoff.__doc__, out=OUT, seed=0, jobs=-1)
     options.add_folder(
         "--beliefs", FOLDER,

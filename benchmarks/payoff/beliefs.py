@@ -27,23 +27,7 @@ FOLDER = Path(__file__).parent / "beliefs"
 
 
 def make_beliefs(hidden: HiddenPlant, folder: Path, seed: int = 0) -> dict[str, PlantModel]:
-    """Return every belief about a plant, from files where they hold.
-
-    Parameters
-    ----------
-    hidden
-        The plant.
-    folder
-        Where the fitted and the discovered belief are kept. A file of other records or of code
-        that has changed since is written anew.
-    seed
-        Of the records.
-
-    Returns
-    -------
-    dict
-        Plants by the names of :data:`BELIEFS`.
-    """
+    """Return every belief about a plant, from files where they hold."""
     kept = {name: _kept(_path(hidden, name, folder), hidden, seed, True) for name in MEASURED}
     found = {name: model for name, model in kept.items() if model is not None}
     if len(found) < len(kept):
@@ -58,13 +42,7 @@ def make_beliefs(hidden: HiddenPlant, folder: Path, seed: int = 0) -> dict[str, 
 def stored_beliefs(
     hidden: HiddenPlant, folder: Path = FOLDER, seed: int = 0
 ) -> dict[str, PlantModel]:
-    """Return every belief about a plant without looking for any; older code's files count.
-
-    Raises
-    ------
-    InputError
-        The fitted or the discovered belief is missing, or is one of another plant.
-    """
+    """Return every belief about a plant without looking for any; older code's files count."""
     found = {}
     for name in MEASURED:
         model = _kept(_path(hidden, name, folder), hidden, seed, False)

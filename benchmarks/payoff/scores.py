@@ -87,32 +87,7 @@ def payoff_table(
     ray_address: str | None = None,
     note: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
-    """Score every compensator with every belief on every plant; an interrupted run goes on.
-
-    Parameters
-    ----------
-    beliefs
-        By plant and by the names of :data:`~benchmarks.payoff.beliefs.BELIEFS`.
-    out
-        Folder of finished rows; those of changed code are set aside there.
-    seed
-        Of the sensor's noise and of random references.
-    jobs
-        Processes; -1: one a core.
-    progress
-        Called as runs are done.
-    ray_address
-        Of a Ray cluster that does the runs in place of processes here.
-    note
-        Called with a sentence where finished rows were damaged.
-
-    Returns
-    -------
-    DataFrame
-        Columns :data:`COLUMNS`. ``fall`` is the RMSE with the bare belief over this one;
-        ``optimality_gap`` and ``command_total_variation`` are relative to the bound that knows
-        the truth.
-    """
+    """Score every compensator with every belief on every plant; an interrupted run goes on."""
     cases = payoff_cases()
     tasks = [
         Task(hidden, controller, name, own[name], seed)
@@ -159,26 +134,14 @@ def _related(rows: Sequence[Row]) -> pd.DataFrame:
 
 
 def payoff_cases() -> list[Case]:
-    """Return the references of the payoff: smooth ones, and two with corners and jumps.
-
-    Examples
-    --------
-    >>> [case.name for case in payoff_cases()][:3]
-    ['sine 10 Hz', 'sine 50 Hz', 'sine 100 Hz']
-    """
+    """Return the references of the payoff: smooth ones, and two with corners and jumps."""
     names = list(dict.fromkeys(name for name, _ in _WANTED))
     every = {(c.reference, c.frequency_hz): c for c in make_stage(P10).cases(names, TS_S)}
     return [every[key] for key in _WANTED]
 
 
 def run_task(task: Task) -> list[Row]:
-    """Score one compensator with one belief on one plant.
-
-    Returns
-    -------
-    list of dict
-        One row a reference.
-    """
+    """Score one compensator with one belief on one plant."""
     stage, cases = make_stage(task.hidden.plant, [TS_S]), payoff_cases()
     layout = ObservationLayout.for_plant(stage.plant, TS_S, preview=PREVIEW)
     references = _references(cases, layout, stage, task.seed)

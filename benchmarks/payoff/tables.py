@@ -23,20 +23,7 @@ METHOD = f"""\
 
 
 def payoff_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Summarise the references of every plant and compensator.
-
-    Parameters
-    ----------
-    table
-        As :func:`benchmarks.payoff.scores.payoff_table` returns it.
-
-    Returns
-    -------
-    DataFrame
-        ``plant, controller``, the geometric mean of the RMSE (%) for each belief, by how much it
-        falls from ``bare`` and from ``fitted`` to ``discovered``, and ``diverged``: the beliefs
-        with which a run diverged or ended in an error, whose means and falls are missing.
-    """
+    """Summarise the references of every plant and compensator."""
     lines = []
     for (plant, controller), rows in table.groupby(["plant", "controller"], sort=False):
         means: dict[str, float] = {}

@@ -48,18 +48,7 @@ class TestSeed:
 
 
 def read_seed(path: Path | None) -> TestSeed:
-    """Read the seed of test draws from a file that holds one whole number; None: the public one.
-
-    Raises
-    ------
-    InputError
-        The file is missing, or holds something else.
-
-    Examples
-    --------
-    >>> read_seed(None).is_public
-    True
-    """
+    """Read the seed of test draws from a file that holds one whole number; None: the public one."""
     if path is None:
         return TestSeed()
     text = read_utf8(path, _LARGEST).strip()

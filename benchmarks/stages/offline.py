@@ -95,32 +95,6 @@ def collect(
 
     Every controller drives an equal share of the episodes, each on a plant, a reference and noise of
     its own. The folder of the dataset is there when all is in it.
-
-    Parameters
-    ----------
-    task
-        Short name or id of a task.
-    controllers
-        As :func:`baselines.make_controller` takes them, ``true-plant-horizon``, which alone is given
-        the true plant, and ``random``.
-    episodes
-        How many in all.
-    out
-        Folder of datasets; this one is ``rdpi-TASK-v0`` in it.
-    steps
-        Of an episode; None: the task's.
-    seed
-        Of all draws.
-    action
-        How the environment reads actions.
-    progress
-        Called as episodes are done.
-
-    Raises
-    ------
-    InputError
-        There is no such task or controller, a number is out of range, Minari is missing, or the
-        folder holds something else.
     """
     asked, names = named_task(task), list(dict.fromkeys(controllers))
     length = asked.samples if steps is None else steps

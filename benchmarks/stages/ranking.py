@@ -27,18 +27,7 @@ BOUND = "bound"
 
 
 def interquartile_mean(values: Array) -> Array:
-    """Mean of the middle half along the last axis, plants at its edges in part.
-
-    Parameters
-    ----------
-    values
-        ``(..., N)``.
-
-    Examples
-    --------
-    >>> float(interquartile_mean(np.array([9.0, 1.0, 2.0, 3.0])))
-    2.5
-    """
+    """Mean of the middle half along the last axis, plants at its edges in part."""
     ordered = np.sort(values, axis=-1)
     n = ordered.shape[-1]
     edges = np.arange(n + 1)
@@ -47,13 +36,7 @@ def interquartile_mean(values: Array) -> Array:
 
 
 def ninetieth(values: Array) -> Array:
-    """90th percentile along the last axis, linear between plants.
-
-    Examples
-    --------
-    >>> float(ninetieth(np.arange(11.0)))
-    9.0
-    """
+    """90th percentile along the last axis, linear between plants."""
     return np.asarray(np.percentile(values, 90.0, axis=-1))
 
 
@@ -66,16 +49,6 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     zero; then that with the smaller interquartile mean, where it does; else they tie. The rank is one
     more than the number of those that are ahead. Controllers that are given the whole reference, and
     the bound, have no rank.
-
-    Parameters
-    ----------
-    rows
-        Of one task and the same plants for all controllers.
-
-    Returns
-    -------
-    DataFrame
-        Columns :data:`COLUMNS`, best first.
     """
     table = pd.DataFrame(list(rows))
     numbers = sorted(table["plant"].unique())
@@ -183,13 +156,7 @@ def rivals_of(ranked: pd.DataFrame) -> pd.DataFrame:
 
 
 def rank_correlation(rows: Sequence[Row]) -> float:
-    """Return :func:`agreement` of the even and of the odd plants of one task, two disjoint draws.
-
-    Parameters
-    ----------
-    rows
-        Of one task.
-    """
+    """Return :func:`agreement` of the even and of the odd plants of one task, two disjoint draws."""
     even, odd = ([row for row in rows if row["plant"] % 2 == parity] for parity in (0, 1))
     return agreement(even, odd)
 
@@ -198,11 +165,6 @@ def agreement(first: Sequence[Row], second: Sequence[Row]) -> float:
     """Return Spearman's correlation of the ranks on two sets of plants of one task.
 
     The bound, and what sees more than the preview, do not count; NaN below three controllers.
-
-    Parameters
-    ----------
-    first, second
-        Rows of the same controllers.
     """
     one, other = (
         rivals_of(ranking(rows)).set_index("controller")["rank"].str.rstrip("=").astype(int)

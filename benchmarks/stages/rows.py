@@ -22,29 +22,12 @@ Key: TypeAlias = tuple[str, str, str, int]
 
 
 def key(row: Mapping[str, Any]) -> Key:
-    """Return what names a row: controller, task, draws, number of the plant.
-
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        It is no row of this benchmark.
-
-    Examples
-    --------
-    >>> key({"controller": "pi", "task": "Stage", "draws": "public seed 2026", "plant": 3})
-    ('pi', 'Stage', 'public seed 2026', 3)
-    """
+    """Return what names a row: controller, task, draws, number of the plant."""
     return str(row["controller"]), str(row["task"]), str(row["draws"]), int(row["plant"])
 
 
 def open_rows(folder: Path) -> RowStore[Key]:
-    """Return the store of the rows in a folder.
-
-    Raises
-    ------
-    InputError
-        The file there is something else, or cannot be read.
-    """
+    """Return the store of the rows in a folder."""
     return RowStore(folder / ROWS_FILE, FORMAT, _key_of_whole)
 
 

@@ -39,11 +39,6 @@ def field() -> list[str]:
     All but the inversion of the belief over the whole reference, which plans for longer than all others
     take together, and those that invert any core, which are the doubles of others: what is believed of
     every task is the RDPI model.
-
-    Examples
-    --------
-    >>> {"pi", "classical-static"} <= set(field()), "preview-inversion" in field()
-    (True, False)
     """
     return [
         name
@@ -85,36 +80,7 @@ def run_tasks(
     factories: Mapping[str, ControllerFactory] | None = None,
     bound: bool = True,
 ) -> Outcome:
-    """Compute what is missing, and return every row that was asked for; an interrupted run goes on.
-
-    Parameters
-    ----------
-    controllers
-        Names, as :func:`baselines.make_controller` takes them.
-    tasks
-        Short names of tasks, or ids.
-    plants
-        Number of test plants of each.
-    out
-        Folder of the row store.
-    seed
-        Of the test draws; the public one by default.
-    jobs
-        Worker processes; -1: one a core.
-    progress
-        Called as units are done.
-    ray_address
-        Of a Ray cluster that does the units in place of processes here.
-    factories
-        What makes further controllers, by name.
-    bound
-        Whether the bound is run beside them.
-
-    Raises
-    ------
-    InputError
-        No such controller, policy or task, or the folder or the cluster cannot be used.
-    """
+    """Compute what is missing, and return every row that was asked for; an interrupted run goes on."""
     drawn = TestSeed() if seed is None else seed
     names = [named_task(task).name for task in tasks]
     made = dict(factories or {})

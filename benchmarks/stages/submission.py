@@ -84,26 +84,7 @@ def submit(
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> tuple[Submission, TaskScores]:
-    """Score a controller on public draws and put all that a leaderboard needs into a folder.
-
-    Parameters
-    ----------
-    controller
-        A name of this package, ``module:attribute`` of one file, or ``learned:`` or ``guarded:`` and a folder.
-    tasks
-        Tasks, by short name or id.
-    plants
-        Number of plants of each.
-    folder
-        Where to.
-    jobs, progress
-        As :func:`benchmarks.stages.run.run_tasks`.
-
-    Raises
-    ------
-    InputError
-        No such controller or task, or a controller whose code is no single file.
-    """
+    """Score a controller on public draws and put all that a leaderboard needs into a folder."""
     names = tuple(dict.fromkeys(named_task(task).name for task in tasks))
     outcome = run_tasks(
         [controller], names, plants, folder, jobs=jobs, progress=progress, bound=False
@@ -131,14 +112,7 @@ def submit(
 
 
 def read_submission(folder: Path) -> Submission:
-    """Read a submission, and see that it is whole.
-
-    Raises
-    ------
-    InputError
-        It is none, of another suite, its controller is not the one that was scored, or rows are
-        missing.
-    """
+    """Read a submission, and see that it is whole."""
     document = read_json(folder / FILE, FORMAT, VERSION)
     where = str(folder / FILE)
     suite = document.get("suite")
@@ -189,22 +163,6 @@ def score_submission(
     """Score a submission on draws of a seed, beside the bound.
 
     The code in the folder is run: score only what you would run anyway.
-
-    Parameters
-    ----------
-    folder
-        As :func:`submit` leaves it.
-    seed
-        Of the draws.
-    out
-        Folder of the rows.
-    jobs, progress
-        As :func:`benchmarks.stages.run.run_tasks`.
-
-    Raises
-    ------
-    InputError
-        As :func:`read_submission`.
     """
     entry = read_submission(folder)
     here = str(folder.resolve())

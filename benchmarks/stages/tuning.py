@@ -130,31 +130,7 @@ def tune(
     plants: int = 16,
     progress: Progress | None = None,
 ) -> Tuned:
-    """Find settings of a controller on training draws of a task; the same call goes on with a search.
-
-    Parameters
-    ----------
-    name
-        Of a controller with knobs.
-    task
-        Short name or id of a task.
-    out
-        Folder of the search and of the settings' file, ``NAME.json``, which keeps other tasks.
-    trials
-        Settings that are tried, the defaults among them.
-    seed
-        Of the draws and of the search.
-    plants
-        Training plants, all lanes of one run.
-    progress
-        Called as trials are done.
-
-    Raises
-    ------
-    InputError
-        The controller has no knobs, there is no such task, a number is out of range, Optuna is
-        missing, or the folder cannot be used.
-    """
+    """Find settings of a controller on training draws of a task; the same call goes on with a search."""
     knobs = _knobs(name)
     asked = named_task(task)
     for what, value in (("trials", trials), ("plants", plants)):
@@ -210,18 +186,7 @@ def _chosen(
 
 
 def certified(name: str, task: str) -> str:
-    """Return what is known of a controller on a task's belief before it drives anything, one line.
-
-    Raises
-    ------
-    InputError
-        No such controller or task.
-
-    Examples
-    --------
-    >>> certified("dual-loop", "Bare").split(":")[0]
-    'dual-loop on Bare, certificate'
-    """
+    """Return what is known of a controller on a task's belief before it drives anything, one line."""
     asked = named_task(task)
     made = make_controller(name, asked.belief(), asked.layout())
     warned = warning_of(made)
@@ -237,17 +202,7 @@ def figures(
     plants: int,
     seed: int | None = None,
 ) -> Figures:
-    """Score a controller with settings on draws of a task.
-
-    Parameters
-    ----------
-    name
-        Of the controller.
-    settings
-        Its settings.
-    task, split, plants, seed
-        What is drawn, see :meth:`rdpi_gym.envs.tasks.StageTask.draw`.
-    """
+    """Score a controller with settings on draws of a task."""
     found: list[float] = []
     samples = 0
     for lanes in task.lanes(split, plants, seed):

@@ -65,13 +65,7 @@ class Unit:
 
 
 def run_unit(unit: Unit) -> list[Row]:
-    """Score a controller on every plant; one that fails leaves rows that say so.
-
-    Returns
-    -------
-    list of dict
-        One row a plant, in their order.
-    """
+    """Score a controller on every plant; one that fails leaves rows that say so."""
     try:
         found = _run(unit)
     except Exception as error:  # a user's controller may raise anything; the others go on
@@ -132,23 +126,7 @@ def _said(controller: Any) -> Row:
 
 
 def plant_scores(task: StageTask, lanes: Lanes, taken: Recording) -> dict[int, Row]:
-    """Return what is measured of each plant: means over its references, and why it failed.
-
-    Parameters
-    ----------
-    task
-        The task.
-    lanes
-        What was run.
-    taken
-        What the run left.
-
-    Returns
-    -------
-    dict
-        By the plant's number; ``failure`` is empty where it did not fail, and ``rmse_percent`` is
-        missing where there is no score.
-    """
+    """Return what is measured of each plant: means over its references, and why it failed."""
     numbers = np.array(lanes.numbers)
     every = [_lane(task, lanes, taken, b) for b in range(len(numbers))]
     rows = {}

@@ -47,27 +47,7 @@ def record(
     references_um: Array,
     rngs: Sequence[np.random.Generator],
 ) -> Recording:
-    """Run a controller on B plants through its ``predict`` alone.
-
-    Parameters
-    ----------
-    controller
-        ``predict(observation, state, episode_start, deterministic) -> (action, state)``, batched;
-        its ``plan(reference_um)`` is called first where it has one.
-    truths
-        One plant a lane.
-    layout
-        What is shown, with actions read as commands.
-    references_um
-        ``(K, B)``.
-    rngs
-        One generator a lane, for the sensors' noise.
-
-    Raises
-    ------
-    Exception
-        Whatever the controller raises.
-    """
+    """Run a controller on B plants through its ``predict`` alone."""
     return play(controller, TrackingTask(truths, layout), references_um, rngs)
 
 
@@ -77,19 +57,7 @@ def play(
     references_um: Array,
     noises: Sequence[NoiseSource],
 ) -> Recording:
-    """Run a controller on tracking problems that are made already; see :func:`record`.
-
-    Parameters
-    ----------
-    controller
-        As there.
-    task
-        The problems, with actions read as commands.
-    references_um
-        ``(K, B)``.
-    noises
-        One a lane, for the sensors' noise.
-    """
+    """Run a controller on tracking problems that are made already; see :func:`record`."""
     samples, lanes = references_um.shape
     layout = task.layout
     observation = task.reset(references_um, noises)
@@ -121,17 +89,6 @@ def microseconds_per_sample(
 
     One that is very slow is given up early; a few decisions that take long, as those in which
     kernels are compiled, are no reason to.
-
-    Parameters
-    ----------
-    controller
-        A fresh one.
-    truth
-        The plant.
-    layout
-        What is shown.
-    reference_um
-        ``(K,)``.
     """
     task = TrackingTask(truth, layout)
     observation = task.reset(reference_um[:, None], [np.random.default_rng(0)])

@@ -20,13 +20,7 @@ _SCORING = ("case.py", "references/*.py", "stages.py", "scoring.py", "episode.py
 
 @cache
 def code_fingerprint() -> str:
-    """Return a hash of the suite's version and of every source file that a score depends on.
-
-    Examples
-    --------
-    >>> len(code_fingerprint())
-    16
-    """
+    """Return a hash of the suite's version and of every source file that a score depends on."""
     files = room_files(*_ROOMS)
     files += Path(baselines.__file__).parent.glob("**/*.py")
     files += [file for name in _SCORING for file in Path(__file__).parent.glob(name)]
@@ -40,13 +34,6 @@ def task_fingerprint(controller: str, plant: PlantModel, believed: PlantModel | 
 
     What else a module of your own reads is not seen: give another folder for results after a change
     of that.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> p5, p10 = named_plant("P5"), named_plant("P10")
-    >>> task_fingerprint("none", p5) == task_fingerprint("none", p10)
-    False
     """
     models = [plant] if believed is None else [plant, believed]
     parts = [json.dumps(model.to_dict(), sort_keys=True).encode() for model in models]

@@ -32,19 +32,7 @@ CONFIDENCE = 0.95
 
 
 def score_table(rows: Sequence[Row]) -> pd.DataFrame:
-    """Relate every row to the bound's on the same truth.
-
-    Parameters
-    ----------
-    rows
-        As the store holds them, the bound's among them.
-
-    Returns
-    -------
-    DataFrame
-        Columns :data:`COLUMNS`, one row a row; one that ended in an error has no numbers. The command's total
-        variation is divided by that of the bound's command, the smallest that tracks.
-    """
+    """Relate every row to the bound's on the same truth."""
     bound = {key(row)[1:]: row for row in rows if row["controller"] == FULL_PREVIEW}
     table = []
     for row in rows:
@@ -65,19 +53,7 @@ def _ratio(row: Row, best: Row, name: str) -> float:
 
 
 def interval(draws: Array) -> tuple[float, float]:
-    """Mean and half-width of its confidence interval by Student's t, NaN below two draws.
-
-    Parameters
-    ----------
-    draws
-        ``(N,)`` independent values, here one a seed.
-
-    Examples
-    --------
-    >>> mean, half = interval(np.array([1.0, 2.0, 3.0]))
-    >>> mean, round(half, 3)
-    (2.0, 2.484)
-    """
+    """Mean and half-width of its confidence interval by Student's t, NaN below two draws."""
     n = len(draws)
     if n < 2:
         return float(np.mean(draws)), float("nan")
@@ -101,19 +77,6 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     Two controllers are tied where the confidence interval of their paired difference includes zero:
     that of the mean, over the drawn seeds, of the difference of the logarithms of their geometric
     means, by Student's t. The bound has no rank.
-
-    Parameters
-    ----------
-    table
-        As :func:`score_table` returns it, without what should not count.
-
-    Returns
-    -------
-    DataFrame
-        Columns :data:`RANKING`, best first. ``rank``: those between whom a chain of ties leads have
-        one number, followed by ``=``; ``bound`` of the bound. ``places``: those that the paired
-        differences leave open. Means are missing where a row ended in an error. ``status``: in how
-        many rows each word of :data:`~benchmarks.tracking.scoring.MEANING` stands.
     """
     rivals = table[table["controller"] != FULL_PREVIEW]
     errors = rivals["rmse_um"].fillna(np.inf)
@@ -181,11 +144,6 @@ def exceeds(differences: ArrayLike) -> bool:
     """Whether paired differences, one a seed, are above zero with all of their confidence interval.
 
     One seed tells nothing of chance: there the difference itself counts.
-
-    Examples
-    --------
-    >>> exceeds([0.9, 1.0, 1.1]), exceeds([-0.9, 1.0, 1.1]), exceeds([0.1])
-    (True, False, True)
     """
     mean, half = interval(np.asarray(differences, dtype=np.float64))
     return mean > (half if np.isfinite(half) else 0.0)
@@ -215,14 +173,7 @@ def _geometric_mean(rows: pd.DataFrame, column: str) -> dict[str, float]:
 
 
 def by_case(table: pd.DataFrame) -> pd.DataFrame:
-    """Summarise every controller and case: geometric means over the drawn seeds.
-
-    Returns
-    -------
-    DataFrame
-        ``controller, plant, reference, frequency_hz, ts_s, rmse_percent, rmse_percent_low,
-        rmse_percent_high, command_total_variation, rmse_um, status``; the status counts all seeds.
-    """
+    """Summarise every controller and case: geometric means over the drawn seeds."""
     names = ["controller", *CASE]
     means = _summary(table, names, with_interval=True)
     um = _summary(table, names, with_interval=False, error="rmse_um")
@@ -232,13 +183,7 @@ def by_case(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_sampling_time(table: pd.DataFrame) -> pd.DataFrame:
-    """Summarise every controller, plant and sampling time: geometric means over the drawn seeds.
-
-    Returns
-    -------
-    DataFrame
-        ``controller, plant, ts_s, rmse_percent, command_total_variation``.
-    """
+    """Summarise every controller, plant and sampling time: geometric means over the drawn seeds."""
     return _summary(table, ["controller", "plant", "ts_s"], with_interval=False)
 
 

@@ -20,26 +20,12 @@ _DESCRIPTION = "policy.json"
 
 
 def is_learned(controller: str) -> bool:
-    """Whether a controller's name is that of a trained policy.
-
-    Examples
-    --------
-    >>> is_learned("learned:results/train/policy"), is_learned("pi")
-    (True, False)
-    """
+    """Whether a controller's name is that of a trained policy."""
     return policy_of(controller) is not None
 
 
 def shipped_policies() -> tuple[list[str], tuple[str, ...]]:
-    """Return the shipped policies that can run here, and one sentence where torch is missing.
-
-    Returns
-    -------
-    list of str
-        Their names as controllers.
-    tuple of str
-        Nothing, or what was left out.
-    """
+    """Return the shipped policies that can run here, and one sentence where torch is missing."""
     names = sorted(path.parent.name for path in POLICIES.glob(f"*/{_DESCRIPTION}"))
     if names and find_spec("torch") is None:
         left_out = f"Left out, since torch is not installed (rdpi-gym[rl]): {', '.join(names)}."
@@ -48,13 +34,7 @@ def shipped_policies() -> tuple[list[str], tuple[str, ...]]:
 
 
 def read_policy(controller: str) -> Policy | StudentPolicy:
-    """Read the policy of a learned controller.
-
-    Raises
-    ------
-    InputError
-        There is none, it cannot be read, or torch is missing.
-    """
+    """Read the policy of a learned controller."""
     try:
         from baselines.learned.found import find_learned  # torch, only where needed
     except ImportError as error:
@@ -63,24 +43,12 @@ def read_policy(controller: str) -> Policy | StudentPolicy:
 
 
 def trained_at_s(controller: str) -> float:
-    """Return the sampling time (s) of a learned controller's training: it runs at no other.
-
-    Raises
-    ------
-    InputError
-        As :func:`read_policy`.
-    """
+    """Return the sampling time (s) of a learned controller's training: it runs at no other."""
     return read_policy(controller).layout.ts_s
 
 
 def corrected_by(controller: str) -> str | None:
-    """Return the name of the baseline that a learned controller corrects; None where there is none.
-
-    Raises
-    ------
-    InputError
-        As :func:`read_policy`.
-    """
+    """Return the name of the baseline that a learned controller corrects; None where there is none."""
     return read_policy(controller).baseline
 
 

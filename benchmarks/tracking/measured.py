@@ -147,26 +147,7 @@ def _difference(
 
 
 def local_gain(model: RDPI, u_V: Array, ts_s: float) -> Array:
-    """Slope dy/du (µm/V) of the model along a record: a_0 plus the weights of the plays that slide.
-
-    Parameters
-    ----------
-    model
-        The RDPI parameters.
-    u_V
-        Applied voltage (V), ``(T,)``.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    float64[T]
-
-    Examples
-    --------
-    >>> local_gain(RDPI.from_law([1.0, 0.5], 1.0, 0.0), np.array([0.0, 0.5, 2.0, 3.0]), 1.0).tolist()
-    [1.0, 1.0, 1.5, 1.5]
-    """
+    """Slope dy/du (µm/V) of the model along a record: a_0 plus the weights of the plays that slide."""
     u = np.ascontiguousarray(u_V, dtype=np.float64)
     rate = np.diff(u, prepend=u[0]) / ts_s
     columns = np.empty((model.n, u.size))

@@ -34,27 +34,7 @@ class Made:
 
 
 def named(controllers: Sequence[Any]) -> Mapping[str, ControllerFactory]:
-    """Name callables and controllers, and return what makes each.
-
-    Parameters
-    ----------
-    controllers
-        Callables ``(belief, layout)``, or controllers with ``predict`` and ``layout``.
-
-    Raises
-    ------
-    InputError
-        Neither of the two.
-
-    Examples
-    --------
-    >>> from baselines import make_controller
-    >>> from rdpi_gym.plant import named_plant
-    >>> plant = named_plant("P5")
-    >>> made = make_controller("pi", plant, ObservationLayout.for_plant(plant, 1e-3))
-    >>> list(named([made, made]))
-    ['PI (made)', 'PI (made) 2']
-    """
+    """Name callables and controllers, and return what makes each."""
     found: dict[str, ControllerFactory] = {}
     for each in controllers:
         if isinstance(each, Controller) and not isinstance(each, type):

@@ -14,24 +14,7 @@ from rdpi_gym.support.files import write_atomic
 
 
 def write_tables(out: Path, evaluation: Evaluation, payoff: pd.DataFrame | None = None) -> Path:
-    """Write every table of a run into a folder; ``measured.csv`` only where it has rows.
-
-    Parameters
-    ----------
-    out
-        The folder.
-    evaluation
-        The results.
-    payoff
-        Scores on plants with hidden effects, as
-        :func:`benchmarks.payoff.scores.payoff_table` returns them: rows of ``leaderboard.csv`` and
-        a section of ``leaderboard.md``.
-
-    Returns
-    -------
-    Path
-        ``leaderboard.md``.
-    """
+    """Write every table of a run into a folder; ``measured.csv`` only where it has rows."""
     table, text = evaluation.table, leaderboard_text(evaluation)
     if payoff is not None:
         table = pd.concat([table, payoff[list(COLUMNS)]], ignore_index=True)

@@ -19,19 +19,7 @@ Key: TypeAlias = tuple[str, str, str, float, float, int]
 
 
 def key(row: Mapping[str, Any]) -> Key:
-    """Return what names a row: controller, plant, reference, frequency (Hz), Ts (s), seed.
-
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        It is no row of the benchmark.
-
-    Examples
-    --------
-    >>> key({"controller": "none", "plant": "P5", "reference": "sine", "frequency_hz": 1,
-    ...      "ts_s": 1e-3, "seed": 0, "rmse_um": 0.5})
-    ('none', 'P5', 'sine', 1.0, 0.001, 0)
-    """
+    """Return what names a row: controller, plant, reference, frequency (Hz), Ts (s), seed."""
     return (
         str(row["controller"]),
         str(row["plant"]),
@@ -43,13 +31,7 @@ def key(row: Mapping[str, Any]) -> Key:
 
 
 def open_rows(folder: Path) -> RowStore[Key]:
-    """Return the store of the rows in a folder.
-
-    Raises
-    ------
-    InputError
-        The file there is something else, or cannot be read.
-    """
+    """Return the store of the rows in a folder."""
     return RowStore(folder / ROWS_FILE, FORMAT, _key_of_whole)
 
 

@@ -46,26 +46,7 @@ def benchmark(
     progress: Progress | None = None,
     ray_address: str | None = None,
 ) -> Outcome:
-    """Compute what is missing or failed and return every row that was asked for.
-
-    Parameters
-    ----------
-    selection
-        What is asked for.
-    out
-        Folder of the row store.
-    jobs
-        Worker processes; -1: one a core.
-    progress
-        Called as tasks are done.
-    ray_address
-        Of a Ray cluster that runs the tasks in place of processes here.
-
-    Raises
-    ------
-    InputError
-        The folder or the cluster cannot be used.
-    """
+    """Compute what is missing or failed and return every row that was asked for."""
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for --out")
     store = open_rows(out)

@@ -62,25 +62,7 @@ def score(
     first: int,
     ts_s: float,
 ) -> Score:
-    """Score one run from sample `first` on.
-
-    Parameters
-    ----------
-    reference_um, displacement_um, command_V, action
-        ``(K,)``: reference and noise-free displacement (µm), command (V), and the action that set
-        it, before it was clipped to [-1, 1].
-    first
-        First sample that counts, 1 or more.
-    ts_s
-        Sampling time (s).
-
-    Examples
-    --------
-    >>> r, u = np.array([0.0, 0.0, 2.0, 0.0, 2.0]), np.array([0.0, 1.0, 1.0, 3.0, 3.0])
-    >>> s = score(r, np.zeros(5), u, np.array([0.0, 0.0, 0.0, 1.2, 0.0]), first=1, ts_s=0.5)
-    >>> s.rmse_um == 2**0.5, s.max_percent, s.command_variation_V_s, s.saturated_percent
-    (True, 100.0, 1.5, 25.0)
-    """
+    """Score one run from sample `first` on."""
     reference = reference_um[first:]
     error = displacement_um[first:] - reference
     to_percent = 100.0 / np.ptp(reference)
@@ -105,29 +87,7 @@ def status(
     ts_s: float,
     identified_V_s: float | None,
 ) -> str:
-    """Say in words what a score alone does not: ``ok``, or what to beware of.
-
-    Parameters
-    ----------
-    scored
-        The score.
-    reference_um
-        The scored part of the reference (µm).
-    warning
-        What the controller says of itself, mostly that it is outside its stability limit.
-    ts_s
-        Sampling time (s).
-    identified_V_s
-        Largest command rate (V/s) that the plant was identified at, if that is known.
-
-    Examples
-    --------
-    >>> s = score(np.arange(3.0), np.arange(3.0), np.arange(3.0), np.zeros(3), first=1, ts_s=0.1)
-    >>> status(s, np.arange(3.0), warning=None, ts_s=0.1, identified_V_s=None)
-    'ok'
-    >>> status(s, np.arange(3.0), warning=None, ts_s=0.1, identified_V_s=5.0)
-    'extrapolated: command rate up to 10 V/s, the plant was identified up to 5 V/s'
-    """
+    """Say in words what a score alone does not: ``ok``, or what to beware of."""
     said = []
     if warning:
         word = UNSTABLE if "stability limit" in warning else WARNED
@@ -147,37 +107,19 @@ def status(
 
 
 def one_line(text: object) -> str:
-    r"""Fold any text to one part of a status: one line of at most 200 characters, no semicolon.
-
-    Examples
-    --------
-    >>> one_line("two;\n  lines")
-    'two, lines'
-    """
+    r"""Fold any text to one part of a status: one line of at most 200 characters, no semicolon."""
     folded = " ".join(str(text).replace(";", ",").split())
     return folded if len(folded) <= 200 else f"{folded[:199]}…"
 
 
 def words(statuses: Sequence[str]) -> set[str]:
-    """Return the short words that statuses begin their parts with.
-
-    Examples
-    --------
-    >>> sorted(words(["ok", "unstable: chatters; saturated: 2 %"]))
-    ['saturated', 'unstable']
-    """
+    """Return the short words that statuses begin their parts with."""
     parts = {part.split(":")[0] for text in statuses for part in text.split("; ")}
     return parts - {"ok"}
 
 
 def tally(statuses: Sequence[str]) -> str:
-    """Say in how many rows each word of their statuses stands, worst first; ``ok`` if in none.
-
-    Examples
-    --------
-    >>> tally(["ok", "ok"]), tally(["ok", "unstable: chatters; saturated: 2 %", "unstable: so"])
-    ('ok', 'unstable 2/3, saturated 1/3')
-    """
+    """Say in how many rows each word of their statuses stands, worst first; ``ok`` if in none."""
     counts = Counter(word for text in statuses for word in words([text]))
     said = [f"{word} {counts[word]}/{len(statuses)}" for word in MEANING if counts[word]]
     return ", ".join(said) or "ok"

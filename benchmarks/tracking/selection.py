@@ -99,38 +99,7 @@ def select(
     belief: str | PlantModel | None = None,
     factories: Mapping[str, ControllerFactory] | None = None,
 ) -> Selection:
-    """Check what is asked for; None is all of it.
-
-    Parameters
-    ----------
-    controllers, plants, references
-        Names; a plant may also be itself.
-    ts_s
-        Sampling times (s); by default those of the suite, the same whatever policies there are, and
-        for the ranking of policies alone those of their training.
-    seeds
-        Seeds; 0 is the nominal plant.
-    own_controllers, own_plants
-        Further ones, ``module:attribute``; a controller also as ``learned:`` and the folder or name
-        of a policy, a plant also by the path of its JSON file.
-    belief
-        What controllers are told of the one plant that is scored, of any core; by default the plant
-        itself. The default plants are left out then.
-    factories
-        What makes further controllers, by the names that tables give them; see
-        :func:`benchmarks.tracking.own.named`.
-
-    Raises
-    ------
-    InputError
-        An unknown name, a policy that cannot be read or runs nowhere, an own controller that does
-        not control, a sampling time that is not above zero, or no case that suits them.
-
-    Examples
-    --------
-    >>> select(["none"], ["P5"], ["sine"], [1e-3], [0]).stages[0].plant.name
-    'P5'
-    """
+    """Check what is asked for; None is all of it."""
     usual = DEFAULT_PLANTS if belief is None else ()
     asked = [*(usual if plants is None else plants), *own_plants]
     models = [

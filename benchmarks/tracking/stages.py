@@ -115,25 +115,7 @@ def make_stage(
     ts_s: Sequence[float] | None = None,
     believed: PlantModel | None = None,
 ) -> Stage:
-    """Prepare a plant for scoring.
-
-    Parameters
-    ----------
-    plant
-        Any plant; a band limit below :data:`RATE_BANDWIDTH_HZ` and a sensor's noise are kept.
-    ts_s
-        Sampling times (s); by default :data:`~benchmarks.tracking.suite.TS_S` with references
-        about 10 Hz, or :data:`~benchmarks.tracking.suite.SLOW_TS_S` with references about 1 Hz for
-        a plant that was identified only at lower rates.
-    believed
-        What controllers are told of the plant, its rate band-limited alike; by default the plant.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> make_stage(named_plant("P5")).plant.hysteresis.rate_bandwidth_hz
-    800.0
-    """
+    """Prepare a plant for scoring."""
     sensor = plant.sensor if plant.sensor.noise_um else replace(plant.sensor, noise_um=NOISE_UM)
     scored = replace(limit_band(plant, RATE_BANDWIDTH_HZ), sensor=sensor)
     slow = _triangle_rate_V_s(plant, 10.0) > (largest_rate_V_s(plant) or math.inf)
@@ -159,14 +141,6 @@ def truth(plant: PlantModel, seed: int) -> PlantModel:
     Every gain, every gap between thresholds and every number of the shape of its hysteresis core is
     multiplied by its own factor, uniform within 1 ± :data:`SPREAD`; see
     :func:`rdpi_gym.envs.truth.randomise_plant`.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> truth(named_plant("P5"), 0) == named_plant("P5")
-    True
-    >>> truth(named_plant("P5"), 1).hysteresis == truth(named_plant("P5"), 1).hysteresis
-    True
     """
     if seed == 0:
         return plant

@@ -27,20 +27,5 @@ REFERENCES = _found()
 
 
 def cases(references: Sequence[str], amplitude_um: float, base_hz: float) -> tuple[Case, ...]:
-    """Build the cases of some references.
-
-    Parameters
-    ----------
-    references
-        Names of :data:`REFERENCES`.
-    amplitude_um
-        Peak (µm).
-    base_hz
-        What the frequencies of all but the sines are multiples of (Hz).
-
-    Examples
-    --------
-    >>> [case.name for case in cases(("steps", "noise"), amplitude_um=10.0, base_hz=10.0)]
-    ['steps 40 Hz', 'noise 50 Hz']
-    """
+    """Build the cases of some references."""
     return tuple(case for name in references for case in REFERENCES[name](amplitude_um, base_hz))

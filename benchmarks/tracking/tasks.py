@@ -121,13 +121,7 @@ def row_keys(task: Task) -> list[Key]:
 
 
 def run_task(task: Task) -> list[Row]:
-    """Score every lane of a task; a controller that fails leaves rows that say so.
-
-    Returns
-    -------
-    list of dict
-        One row a lane, in their order.
-    """
+    """Score every lane of a task; a controller that fails leaves rows that say so."""
     try:
         return _run(task)
     except Exception as error:  # a user's controller may raise anything; the others go on

@@ -18,23 +18,7 @@ _SAMPLES, _LANES = 5, 2
 
 
 def try_controller(name: str, stage: Stage, factory: ControllerFactory | None = None) -> None:
-    """Run a controller for a few samples of two episodes, and see that it controls.
-
-    Parameters
-    ----------
-    name
-        As :func:`baselines.make_controller` takes it.
-    stage
-        A plant that it is to be scored on.
-    factory
-        What makes it, where the name does not say.
-
-    Raises
-    ------
-    InputError
-        It cannot be made, has no ``predict``, raises, or does not answer two observations with two
-        finite actions.
-    """
+    """Run a controller for a few samples of two episodes, and see that it controls."""
     ts_s, belief = min(stage.every_ts_s), stage.belief(name)
     try:
         usual = ObservationLayout.for_plant(stage.plant, ts_s)

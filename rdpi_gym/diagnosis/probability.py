@@ -94,15 +94,7 @@ class Course:
         }
 
     def of_other(self, sign: Sign, kin: Collection[str]) -> dict[str, float]:
-        """Return the features of a candidate that was not added.
-
-        Parameters
-        ----------
-        sign
-            The candidate.
-        kin
-            Effects that are mistaken for it.
-        """
+        """Return the features of a candidate that was not added."""
         names = {step.effect for step in self.added}
         rival = any(sign.effect in step.indistinguishable for step in self.added)
         return self.common | {
@@ -164,13 +156,7 @@ class Calibration:
 
     @classmethod
     def load(cls, path: Path) -> Calibration:
-        """Read what :meth:`to_dict` returns.
-
-        Raises
-        ------
-        InputError
-            The file is missing or not of this kind.
-        """
+        """Read what :meth:`to_dict` returns."""
         fields = Fields(read_json(path, (FORMAT,), VERSION), str(path))
         return cls(
             named=fields.numbers("named"),
@@ -234,27 +220,7 @@ def probabilities(
     kin: Mapping[str, Collection[str]],
     calibration: Calibration | None = None,
 ) -> Probabilities:
-    """Return how probable each effect is that was added or tried.
-
-    Parameters
-    ----------
-    course
-        How the search went.
-    kin
-        By effect, those that are mistaken for it.
-    calibration
-        By default that of the package, which ``python -m studies.calibration`` fits.
-
-    Examples
-    --------
-    >>> from rdpi_gym.diagnosis.results import Candidate, Errors
-    >>> errors = Errors(0.01, 0.0101, 0.1, {})
-    >>> creep = Candidate("creep", errors, {}, {}, 1.0, 0.99, (), "")
-    >>> backlash = Candidate("backlash", errors, {}, {}, 0.9, 0.2, (), "")
-    >>> found = probabilities(Course(0.2, 0.0101, 0.01, [creep], [creep, backlash]), {})
-    >>> found.effects["creep"] > 0.9 > 0.1 > found.effects["backlash"]
-    True
-    """
+    """Return how probable each effect is that was added or tried."""
     fitted = calibration or of_the_package()
     found = {
         sign.effect: chance(fitted.named, course.of_added(place))
@@ -275,13 +241,7 @@ def probabilities(
 
 
 def of_classes(course: Course, calibration: Calibration | None = None) -> list[float]:
-    """Return for each effect that was added how probable it, or one that fits as well, is.
-
-    Parameters
-    ----------
-    course, calibration
-        As :func:`probabilities`.
-    """
+    """Return for each effect that was added how probable it, or one that fits as well, is."""
     fitted = calibration or of_the_package()
     return [chance(fitted.in_class, course.of_added(k)) for k in range(len(course.added))]
 

@@ -36,24 +36,7 @@ _KEPT = frozenset(
 
 
 def told(result: T, quantities: Quantities, keep: Iterable[str] = ()) -> T:
-    """Return a result whose sentences use the quantities of a data set.
-
-    Parameters
-    ----------
-    result
-        A dataclass, a sequence or mapping of them, or a sentence; anything else stays as it is.
-    quantities
-        Of the data set.
-    keep
-        A user's own words, which stay.
-
-    Examples
-    --------
-    >>> from rdpi_gym.measurement import Quantity
-    >>> force = Quantities(output=Quantity("force", "F", "kN"))
-    >>> told({"overall": "The displacement is off by 3 µm."}, force)
-    {'overall': 'The force is off by 3 kN.'}
-    """
+    """Return a result whose sentences use the quantities of a data set."""
     return result if quantities.are_standard else cast("T", _told(result, quantities, tuple(keep)))
 
 

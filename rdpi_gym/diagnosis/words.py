@@ -15,18 +15,7 @@ _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
 
 def sized(effect: Effect) -> str:
-    """Name an effect with its fitted parameters.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> sized(load_effect("resonance")(4530.0, 0.02))
-    'resonance at 4530 Hz (damping 0.02)'
-    >>> sized(load_effect("sensor_lag")(1.5e-4)), sized(load_effect("creep")(0.012))
-    ('sensor_lag (time constant 150 µs)', 'creep (gain per decade 0.012)')
-    >>> sized(load_effect("saturation", "hard rails")(-22.0, 19.0))
-    'saturation, hard rails (low -22 V, high 19 V)'
-    """
+    """Name an effect with its fitted parameters."""
     places, sizes = [], []
     for parameter in effect.parameters:
         value = effect.values[parameter.name]
@@ -51,33 +40,7 @@ def headline(
     undecided: str | None,
     sampling: str | None,
 ) -> str:
-    """Answer a search.
-
-    Parameters
-    ----------
-    asked
-        ``diagnosis``, ``addition``, ``discovery`` or ``removal``.
-    effects
-        What was added, is recommended, or was taken out, as :func:`sized` names it.
-    errors_um
-        Error on the validation records (µm rms) of the base model and of the last.
-    noise_um
-        Noise floor (µm rms).
-    verdict
-        As in the files.
-    undecided
-        Why the data decide nothing, or None.
-    sampling
-        The reservation of the verdict, or None.
-
-    Examples
-    --------
-    >>> mode = "resonance at 4530 Hz (damping 0.02)"
-    >>> headline("diagnosis", [mode], (0.0547, 0.0128), 0.012, "explained", None, None)
-    'Missing: resonance at 4530 Hz (damping 0.02). Error 0.0547 to 0.0128 µm, noise 0.012 µm.'
-    >>> headline("discovery", [], (0.0124, 0.0124), 0.012, "no missing effect", None, None)
-    'Nothing is missing. Error 0.0124 µm, noise 0.012 µm.'
-    """
+    """Answer a search."""
     before, after = (micrometres(error) for error in errors_um)
     noise = f"noise {micrometres(noise_um)}"
     rest = "" if sampling is None else f" {closed(sampling.partition(':')[0])}"

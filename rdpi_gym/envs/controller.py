@@ -75,61 +75,20 @@ ControllerFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Control
 
 
 def make_named_controller(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
-    """Make a controller by its name, with whatever package provides the names.
-
-    Parameters
-    ----------
-    name
-        For example ``classical-static``, or ``module:attribute`` of a :data:`ControllerFactory`.
-    belief
-        What the controller knows of the plant.
-    layout
-        What an observation shows, and how an action is read.
-
-    Raises
-    ------
-    InputError
-        No controller has that name, or the package that would know cannot be imported.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> plant = named_plant("P5")
-    >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-3)
-    >>> type(make_named_controller("pi", plant, layout)).__name__
-    'PI'
-    """
+    """Make a controller by its name, with whatever package provides the names."""
     made: Controller = provided(GROUP)(name, belief, layout)
     return made
 
 
 def certificate_of(controller: Controller) -> str | None:
-    """Return what a controller can prove of its loop on its belief; None: nothing.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> plant = named_plant("P5")
-    >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-3)
-    >>> certificate_of(make_named_controller("pi", plant, layout))
-    'passive: stable for any hysteresis of at most 1 times the believed gain; poles within 0.769634'
-    """
+    """Return what a controller can prove of its loop on its belief; None: nothing."""
     say = getattr(controller, "certificate", None)
     said: str | None = None if say is None else say()
     return said
 
 
 def warning_of(controller: Controller) -> str | None:
-    """Return what a controller says of itself, such as that it is unstable; None: nothing.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> plant = named_plant("P5")
-    >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-3)
-    >>> warning_of(make_named_controller("pi", plant, layout))
-    'belief P5 has no mode, and one below 500 Hz (damping 0.02) makes the loop unstable'
-    """
+    """Return what a controller says of itself, such as that it is unstable; None: nothing."""
     say = getattr(controller, "warning", None)
     said: str | None = None if say is None else say()
     return said

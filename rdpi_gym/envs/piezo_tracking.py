@@ -40,25 +40,7 @@ _OPTIONS = ("reference", "frequency_hz", *PLANT_OPTIONS)
 
 
 def read_options(options: Any, *more: str) -> dict[str, Any]:
-    """Return the options of a reset as a dictionary of their own.
-
-    Parameters
-    ----------
-    options
-        As given; None is no option.
-    more
-        Names of options besides those of the single environment.
-
-    Raises
-    ------
-    InputError
-        They are no dictionary, or hold one that an environment does not have.
-
-    Examples
-    --------
-    >>> read_options({"frequency_hz": 50.0})
-    {'frequency_hz': 50.0}
-    """
+    """Return the options of a reset as a dictionary of their own."""
     if options is None:
         return {}
     if not isinstance(options, Mapping):

@@ -72,13 +72,7 @@ class ReferenceSource:
         return self.make(choice, frequency_at(bounds, float(position)), int(seed))
 
     def make(self, choice: ReferenceChoice, frequency_hz: float, seed: int) -> Signal:
-        """Return the signal that a choice means at a frequency (Hz), from a seed of its own.
-
-        Raises
-        ------
-        InputError
-            An unknown signal or field, or a bad value.
-        """
+        """Return the signal that a choice means at a frequency (Hz), from a seed of its own."""
         if isinstance(choice, Signal):
             return choice
         if not isinstance(choice, str | Mapping):
@@ -109,18 +103,7 @@ class ReferenceSource:
 def reference_choices(
     reference: ReferenceChoice | Sequence[ReferenceChoice],
 ) -> tuple[ReferenceChoice, ...]:
-    """Return one reference, or a sequence of them, as a tuple.
-
-    Raises
-    ------
-    InputError
-        An entry is no name, dictionary or signal.
-
-    Examples
-    --------
-    >>> reference_choices("sine")
-    ('sine',)
-    """
+    """Return one reference, or a sequence of them, as a tuple."""
     if isinstance(reference, str | Mapping | Signal):
         return (reference,)
     choices = tuple(reference) if isinstance(reference, Sequence) else (reference,)
@@ -133,31 +116,14 @@ def reference_choices(
 
 
 def frequency_at(bounds_hz: tuple[float, float], position: float) -> float:
-    """Return the frequency (Hz) at a place of 0 to 1 between two, evenly in its logarithm.
-
-    Examples
-    --------
-    >>> frequency_at((10.0, 10.0), 0.3), frequency_at((1.0, 100.0), 0.5)
-    (10.0, 10.0)
-    """
+    """Return the frequency (Hz) at a place of 0 to 1 between two, evenly in its logarithm."""
     low, high = bounds_hz
     # exp(log(f)) is not f: a frequency that is not drawn stays as given.
     return low if low == high else low * (high / low) ** position
 
 
 def frequency_bounds(frequency_hz: FrequencyChoice) -> tuple[float, float]:
-    """Return a frequency, or its lowest and highest value, as two frequencies (Hz).
-
-    Raises
-    ------
-    InputError
-        Not one or two numbers above zero, or the lowest above the highest.
-
-    Examples
-    --------
-    >>> frequency_bounds(10), frequency_bounds([1.0, 100.0])
-    ((10.0, 10.0), (1.0, 100.0))
-    """
+    """Return a frequency, or its lowest and highest value, as two frequencies (Hz)."""
     try:
         low, high = np.broadcast_to(np.asarray(frequency_hz, dtype=np.float64), 2).tolist()
     except (TypeError, ValueError, OverflowError):

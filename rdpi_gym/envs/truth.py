@@ -27,24 +27,7 @@ PlantChoice: TypeAlias = str | Path | Mapping[str, Any] | PlantModel
 
 
 def choose_plant(choice: PlantChoice) -> PlantModel:
-    """Return the plant that a name, a path, a dictionary or a model means.
-
-    Parameters
-    ----------
-    choice
-        A name of :data:`rdpi_gym.plant.PLANTS`, the path of a plant JSON, what
-        ``PlantModel.to_dict`` returns, or a model.
-
-    Raises
-    ------
-    InputError
-        None of these, or one that describes no plant.
-
-    Examples
-    --------
-    >>> choose_plant("P5").name
-    'P5'
-    """
+    """Return the plant that a name, a path, a dictionary or a model means."""
     if isinstance(choice, PlantModel):
         return choice
     if isinstance(choice, str | Path):
@@ -57,13 +40,7 @@ def choose_plant(choice: PlantChoice) -> PlantModel:
 
 
 def limit_band(model: PlantModel, rate_bandwidth_hz: float | None) -> PlantModel:
-    """Return the plant with its rate's cut-off at most `rate_bandwidth_hz` (Hz), or unchanged (None).
-
-    Examples
-    --------
-    >>> limit_band(choose_plant("P5"), 800.0).hysteresis.rate_bandwidth_hz
-    800.0
-    """
+    """Return the plant with its rate's cut-off at most `rate_bandwidth_hz` (Hz), or unchanged (None)."""
     own = model.hysteresis.rate_bandwidth_hz
     if rate_bandwidth_hz is None:
         return model
@@ -80,12 +57,6 @@ def randomise_plant(
     Every gain, every gap between neighbouring thresholds and every number of the shape is
     multiplied by its own number, uniform over ``1 - half_width`` to ``1 + half_width``, within its
     bounds: the thresholds stay in order. Of the RDPI model that is weights, gaps and δ2.
-
-    Examples
-    --------
-    >>> model = randomise_plant(choose_plant("P5"), 0.1, np.random.default_rng(0))
-    >>> 0.9 <= model.hysteresis.a0 / choose_plant("P5").hysteresis.a0 <= 1.1
-    True
     """
     if half_width == 0.0:
         return model
@@ -95,14 +66,7 @@ def randomise_plant(
 
 
 def drawn_parameters(effect: Effect) -> list[str]:
-    """Return the parameters of an effect that are randomised: all but scales that are chosen.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import CATALOGUE
-    >>> drawn_parameters(CATALOGUE["rate_law"]())
-    ['exponent']
-    """
+    """Return the parameters of an effect that are randomised: all but scales that are chosen."""
     return [parameter.name for parameter in effect.parameters if not parameter.fixed]
 
 
@@ -111,12 +75,6 @@ def effect_at(effect: Effect, levels: Sequence[int], half_width: float) -> Effec
 
     Level 0 is ``1 - half_width`` times its value, the last ``1 + half_width`` times, the others
     evenly between; physical bounds are kept.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import CATALOGUE
-    >>> effect_at(CATALOGUE["creep"](gain_per_decade=0.02), [32], 0.5)
-    Creep(gain_per_decade=0.03)
     """
     middle = (EFFECT_LEVELS - 1) / 2
     values = effect.values
@@ -129,14 +87,6 @@ def randomise_effects(model: PlantModel, half_width: float, rng: np.random.Gener
     """Return the plant with the parameters of its effects drawn about their values.
 
     Each is at a level of its own, see :func:`effect_at`, drawn uniformly.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import CATALOGUE
-    >>> model = replace(choose_plant("P5"), effects=(CATALOGUE["creep"](gain_per_decade=0.02),))
-    >>> drawn = randomise_effects(model, 0.5, np.random.default_rng(0)).effects[0]
-    >>> 0.01 <= drawn.values["gain_per_decade"] <= 0.03
-    True
     """
     if half_width == 0.0:
         return model
@@ -150,18 +100,7 @@ def randomise_effects(model: PlantModel, half_width: float, rng: np.random.Gener
 
 
 def with_parameters(model: PlantModel, parameters: Mapping[str, Any]) -> PlantModel:
-    """Return the plant with other values of some fields of its hysteresis.
-
-    Raises
-    ------
-    InputError
-        An unknown field, or values that no plant has.
-
-    Examples
-    --------
-    >>> with_parameters(choose_plant("P5"), {"delta2_s": 0.0}).hysteresis.delta2_s
-    0.0
-    """
+    """Return the plant with other values of some fields of its hysteresis."""
     document = model.to_dict()
     document["hysteresis"] |= {
         key: x.tolist() if isinstance(x, np.ndarray | np.generic) else x
@@ -174,12 +113,6 @@ def farthest_um(model: PlantModel, layout: ObservationLayout) -> float:
     """Farthest reading from the layout's centre (µm) that commands in its range can cause.
 
     The hysteresis reaches A max |u|; the sensor adds its step and ten standard deviations.
-
-    Examples
-    --------
-    >>> p5 = choose_plant("P5")
-    >>> round(farthest_um(p5, ObservationLayout.for_plant(p5, ts_s=1e-4)), 3)
-    30.425
     """
     reach = model.hysteresis.A * max(map(abs, layout.command_range_V))
     sensor = 10.0 * model.sensor.noise_um + model.sensor.resolution_um
@@ -245,22 +178,7 @@ class TruthSource:
     def draw(
         self, rng: np.random.Generator, options: Mapping[str, Any], layout: ObservationLayout
     ) -> PlantModel:
-        """Return the plant of an episode: what the options say, else one drawn about the nominal.
-
-        Parameters
-        ----------
-        rng
-            Draws the plant.
-        options
-            Of :data:`PLANT_OPTIONS`; others are passed over.
-        layout
-            What the episode can show.
-
-        Raises
-        ------
-        InputError
-            The options say no plant, or one that reaches beyond what can be shown.
-        """
+        """Return the plant of an episode: what the options say, else one drawn about the nominal."""
         model = self.given(options, layout)
         if model is not None:
             return model
@@ -268,13 +186,7 @@ class TruthSource:
         return randomise_effects(model, self.effects_half_width, rng)
 
     def given(self, options: Mapping[str, Any], layout: ObservationLayout) -> PlantModel | None:
-        """Return the plant that the options of an episode say; None where they say nothing of it.
-
-        Raises
-        ------
-        InputError
-            As :meth:`draw`.
-        """
+        """Return the plant that the options of an episode say; None where they say nothing of it."""
         parameters = {key: options[key] for key in PLANT_OPTIONS[1:] if key in options}
         if "plant" not in options and not parameters:
             return None

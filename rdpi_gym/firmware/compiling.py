@@ -17,13 +17,7 @@ _LONGEST_S = 600.0
 
 
 def compiler() -> list[str]:
-    """Return the words that call a C compiler: ``$CC``, else cc, gcc or clang.
-
-    Raises
-    ------
-    InputError
-        There is none.
-    """
+    """Return the words that call a C compiler: ``$CC``, else cc, gcc or clang."""
     named = os.environ.get("CC", "")
     for words in filter(None, (shlex.split(named), ["cc"], ["gcc"], ["clang"])):
         if shutil.which(words[0]):
@@ -33,24 +27,7 @@ def compiler() -> list[str]:
 
 
 def build(sources: Sequence[Path], out: Path, precision: int, include: Path) -> Path:
-    """Compile a program.
-
-    Parameters
-    ----------
-    sources
-        Files of C.
-    out
-        The program that is written.
-    precision
-        Value of ``RDPI_PRECISION``.
-    include
-        Folder of the headers.
-
-    Raises
-    ------
-    InputError
-        The compiler refuses, with its first line that says why.
-    """
+    """Compile a program."""
     words = [*compiler(), *STRICT, f"-DRDPI_PRECISION={precision}", f"-I{include}"]
     done = run([*words, *map(str, sources), "-o", str(out), "-lm"], out.parent)
     if done.returncode:
@@ -60,13 +37,7 @@ def build(sources: Sequence[Path], out: Path, precision: int, include: Path) -> 
 
 
 def run(words: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a program and wait for its end.
-
-    Raises
-    ------
-    InputError
-        It cannot be started, or does not end within ten minutes.
-    """
+    """Run a program and wait for its end."""
     try:
         return subprocess.run(
             words, cwd=folder, capture_output=True, text=True, errors="replace", timeout=_LONGEST_S, check=False

@@ -98,17 +98,7 @@ class ControllerTwin:
 
 
 def observed(layout: ObservationLayout, reference_um: Any, measured_um: Any, applied_V: Any) -> Any:
-    """Return observations ``(B, D)`` of what was measured and commanded.
-
-    Parameters
-    ----------
-    layout
-        Where they show it: as it is in a :class:`PhysicalLayout`, else scaled.
-    reference_um
-        ``(preview + 1, B)``.
-    measured_um, applied_V
-        ``(B,)``.
-    """
+    """Return observations ``(B, D)`` of what was measured and commanded."""
     columns = np.concatenate([reference_um, measured_um[None], applied_V[None]]).T
     if isinstance(layout, PhysicalLayout):
         return columns
@@ -124,33 +114,7 @@ def controller_program(
     preview: int | None = None,
     settings: Mapping[str, float] | None = None,
 ) -> Program:
-    """Return a controller's sample as C.
-
-    Parameters
-    ----------
-    name
-        A key of :data:`baselines.registry.CONTROLLERS`, or ``learned:`` or ``guarded:`` with a policy.
-    belief
-        What it knows of the plant.
-    ts_s
-        Sampling time (s).
-    preview
-        Samples of the reference after r(k) that each step is given; None: as many as it makes use of.
-    settings
-        Of its knobs; None: the committed ones.
-
-    Raises
-    ------
-    InputError
-        It is unknown, plans over the whole reference, or does what has no C.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> program = controller_program("pi-classical-static", named_plant("P10"), ts_s=1e-4)
-    >>> program.memory_numbers, program.preview
-    (15, 1)
-    """
+    """Return a controller's sample as C."""
     made = _made(name, belief, ts_s, preview, settings)
     if hasattr(made, "plan"):
         raise InputError(

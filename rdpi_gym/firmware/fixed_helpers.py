@@ -79,15 +79,7 @@ static int64_t rdpi_part(int64_t x, int32_t part, uint32_t shift)
 
 
 def helpers_for(text: str) -> str:
-    """Return the C functions that a text calls, and those that they call, callees first.
-
-    Examples
-    --------
-    >>> helpers_for("return x;")
-    ''
-    >>> [line.split("(")[0] for line in helpers_for("rdpi_rounded(x, 3u)").splitlines() if "static" in line]
-    ['static uint64_t rdpi_magnitude', 'static int64_t rdpi_rounded']
-    """
+    """Return the C functions that a text calls, and those that they call, callees first."""
     needed = [text]
     for name, function in reversed(_HELPERS.items()):
         if any(re.search(rf"\b{name}\b", each) for each in needed):

@@ -168,32 +168,7 @@ class FixedPoint:
 
 
 def fixed_point_body(controller: Baseline) -> FixedPoint:
-    """Return a controller on integers.
-
-    Parameters
-    ----------
-    controller
-        ``none``, an ``inversion-free-*``, ``static-inverse-multiplicative``, a ``classical-*``, or
-        ``pi`` alone or on one of those.
-
-    Raises
-    ------
-    InputError
-        It is none of them, or one of its coefficients is too large for the format.
-
-    Examples
-    --------
-    >>> from baselines import make_controller
-    >>> from rdpi_gym.envs.layout import ObservationLayout
-    >>> from rdpi_gym.plant import named_plant
-    >>> plant = named_plant("P5")
-    >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-4)
-    >>> body = fixed_point_body(make_controller("pi-classical-static", plant, layout))
-    >>> [f"{part.type} {part.name}[{len(part.rest)}]" for part in body.memory]
-    ['int32_t plays[5]', 'int64_t integral[1]']
-    >>> body.commands_V(body.high).tolist(), body.tolerance
-    (25.0, 4295)
-    """
+    """Return a controller on integers."""
     loop = controller if type(controller) is PI else None
     forward = controller if loop is None else loop.feedforward
     if forward is not None and type(forward) not in _FEEDFORWARDS:

@@ -32,30 +32,7 @@ _WALK = 400
 def program_of(
     model: PlantModel[Any], ts_s: float, controller: str | None = None, preview: int | None = None
 ) -> Program:
-    """Return a plant, or a controller that believes in it, as a program.
-
-    Parameters
-    ----------
-    model
-        The plant.
-    ts_s
-        Sampling time (s).
-    controller
-        A name of this package's controllers, or ``learned:`` or ``guarded:`` and a policy; None: the plant.
-    preview
-        Samples of the reference after r(k); None: as many as the controller makes use of.
-
-    Raises
-    ------
-    InputError
-        No such controller, one that is not causal, an effect without C, a number out of range.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> program_of(named_plant("P5"), 1e-4, "none").kind
-    'controller'
-    """
+    """Return a plant, or a controller that believes in it, as a program."""
     check_ts(ts_s)
     if controller is None:
         if preview is not None:
@@ -77,18 +54,7 @@ def program_of(
 def package_of(
     model: PlantModel[Any], ts_s: float, controller: str | None = None, preview: int | None = None
 ) -> Package:
-    """Return what an export of :func:`program_of` writes.
-
-    Parameters
-    ----------
-    model, ts_s, controller, preview
-        As there.
-
-    Raises
-    ------
-    InputError
-        As there.
-    """
+    """Return what an export of :func:`program_of` writes."""
     program = program_of(model, ts_s, controller, preview)
     recipe: dict[str, Any] = {
         "kind": program.kind,
@@ -106,20 +72,7 @@ def package_of(
 
 
 def package_again(document: Mapping[str, Any], source: str) -> Package:
-    """Return the package that a ``program.json`` describes.
-
-    Parameters
-    ----------
-    document
-        The JSON object; nothing is imported by a name in it.
-    source
-        Named in errors.
-
-    Raises
-    ------
-    InputError
-        A key is missing or unknown, or holds what no export writes.
-    """
+    """Return the package that a ``program.json`` describes."""
     known = {"format", "version", "kind", "model", "ts_s", "exact", "controller", "preview"}
     if others := [key for key in document if key not in known]:
         raise InputError(
@@ -137,12 +90,6 @@ def reach_um(model: PlantModel[Any], ts_s: float) -> tuple[float, float]:
     """Return the displacements (µm) that the ends of a command range reach after a slow walk.
 
     Effects are left out; a drift has no end.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> [round(each, 1) for each in reach_um(named_plant("P5"), 1e-4)]
-    [-28.5, 28.5]
     """
     low, high = model.command_range_V
     rest = min(max(0.0, low), high)

@@ -25,25 +25,6 @@ def plant_program(model: PlantModel[Any], ts_s: float) -> Program:
 
     It begins at rest at the command nearest 0 V, as an episode does. The sensor's noise and its
     rounding are left out: they belong to the test bench.
-
-    Parameters
-    ----------
-    model
-        The plant, with any core and effects.
-    ts_s
-        Sampling time (s).
-
-    Raises
-    ------
-    InputError
-        A core or an effect does what has no C; with the kernel and its line.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> program = plant_program(named_plant("P5"), 1e-4)
-    >>> [table.name for table in program.tables], program.memory_numbers
-    (['core'], 7)
     """
     check_ts(ts_s)
     low, high = model.command_range_V

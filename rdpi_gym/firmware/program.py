@@ -52,15 +52,7 @@ class Twin(Protocol):
     """The same thing in Python: what the code is held against."""
 
     def controller(self, reference_um: Array, measured_um: Array) -> Array:
-        """Return commands (V), float64[T, B], from rest.
-
-        Parameters
-        ----------
-        reference_um
-            float64[T + preview, B]: r(0) on; sample k is answered with r(k) ... r(k + preview).
-        measured_um
-            float64[T, B].
-        """
+        """Return commands (V), float64[T, B], from rest."""
 
     def plant(self, command_V: Array) -> Array:
         """Return displacements (µm), float64[T, B], of commands (V) of that shape, from rest."""

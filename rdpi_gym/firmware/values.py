@@ -77,13 +77,7 @@ Value: TypeAlias = Known | Number | Block
 
 
 def literal(value: float) -> str:
-    """Return a number as C reads it in either precision.
-
-    Examples
-    --------
-    >>> literal(0.5), literal(-2.0), literal(float("inf")), literal(1e304)
-    ('RDPI_C(0.5)', 'RDPI_C(-2.0)', 'RDPI_INFINITY', 'RDPI_WIDE(1e+304, 3e+38f)')
-    """
+    """Return a number as C reads it in either precision."""
     number = float(value)
     if np.isnan(number):
         return "RDPI_NAN"

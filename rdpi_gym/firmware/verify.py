@@ -136,27 +136,6 @@ def verify(
     """Compile an exported folder's code, run it, and compare with Python.
 
     The code is run: verify only what you exported, or trust.
-
-    Parameters
-    ----------
-    folder
-        Written by an export.
-    records, samples
-        Random records, and samples of each.
-    seed
-        Of the records.
-    progress
-        Called as ``progress(stage, done, total)``.
-
-    Returns
-    -------
-    Verification
-        Of its vectors, of the records and of wild inputs, in every precision.
-
-    Raises
-    ------
-    InputError
-        No export, no C compiler, code that does not compile or does not run.
     """
     say = progress or silent
     for name, value in {"records": records, "samples": samples}.items():

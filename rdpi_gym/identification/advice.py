@@ -18,22 +18,7 @@ _CORRELATED = 3.0
 def delta2_warnings(
     point: Point, uncertainty: Uncertainty, spread: RateSpread, bounds: Bounds
 ) -> list[str]:
-    """Say where the data do not determine δ2: rates alike, zero as likely, or a bound.
-
-    Parameters
-    ----------
-    point, uncertainty
-        The optimum and its standard errors.
-    spread
-        Rates of the data.
-    bounds
-        Bounds of the search.
-
-    Returns
-    -------
-    list of str
-        One sentence each; empty where δ2 is determined.
-    """
+    """Say where the data do not determine δ2: rates alike, zero as likely, or a bound."""
     delta2, most = point.theta[1], bounds.delta2_s[1]
     found = []
     if spread.alike:
@@ -62,23 +47,7 @@ def delta2_warnings(
 def bound_warnings(
     point: Point, moving: Sequence[bool], names: Sequence[str], bounds: Bounds
 ) -> list[str]:
-    """Name the parameters that the search left at a bound.
-
-    Parameters
-    ----------
-    point
-        The optimum.
-    moving
-        Whether each regressor (of a_0 ... a_n) moves enough to be weighed.
-    names
-        Names of the records whose memory extremum was searched; empty if none was.
-    bounds
-        Bounds of the search.
-
-    Returns
-    -------
-    list of str
-    """
+    """Name the parameters that the search left at a bound."""
     found = []
     delta1, (least, most) = point.theta[0], bounds.delta1_V
     if not least < delta1 < most:

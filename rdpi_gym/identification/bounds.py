@@ -51,15 +51,7 @@ class Scales(NamedTuple):
 
 
 def data_scales(stack: Stack) -> Scales:
-    """Measure the commands of a stack.
-
-    Examples
-    --------
-    >>> u = np.array([0.0, 1.0, 3.0, 1.0])
-    >>> stack = Stack(u, np.full(4, 2.0), u, np.ones(4), np.array([0, 4]))
-    >>> data_scales(stack)
-    Scales(excursion_V=1.5, slowest_V_s=2.0, fastest_V_s=2.0)
-    """
+    """Measure the commands of a stack."""
     parts = [stack.record(r) for r in range(stack.edges.size - 1)]
     rates = [float(np.sqrt(np.mean(stack.rate_V_s[part] ** 2))) for part in parts]
     excursion = max(float(np.ptp(stack.u_V[part])) for part in parts) / 2
@@ -71,22 +63,6 @@ def set_bounds(stack: Stack, n: int, min_motion: float) -> Bounds:
 
     A threshold above half the largest range slides once at most, one above the largest command
     never; far below the largest δ2, every threshold is beyond that even in the slowest record.
-
-    Parameters
-    ----------
-    stack
-        The records.
-    n
-        Number of plays.
-    min_motion
-        `motion` of the bounds.
-
-    Examples
-    --------
-    >>> u = np.array([0.0, 1.0, 3.0, 1.0])
-    >>> stack = Stack(u, np.full(4, 2.0), u, np.ones(4), np.array([0, 4]))
-    >>> set_bounds(stack, 1, 0.1).delta1_V
-    (0.0015, 3.0)
     """
     scales = data_scales(stack)
     largest = float(np.max(np.abs(stack.u_V)))

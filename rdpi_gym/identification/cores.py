@@ -95,38 +95,6 @@ def fit_core(
     one large loop leaves gains of the core open, uneven ones are priced: at the largest price that
     blocks held out of the training records hardly feel, or at none.
 
-    Parameters
-    ----------
-    data
-        A data set, of which the training records are fitted and the validation records judged, or
-        records, all of which are fitted. Each begins at rest where the plant never moved, or with
-        the history that is recorded before it.
-    kind
-        The core.
-    name
-        Name of the plant.
-    progress
-        Called as starts are done.
-
-    Returns
-    -------
-    CoreFit
-
-    Raises
-    ------
-    InputError
-        No training record that moves, or more gains than samples.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import CORES, P5, Plant
-    >>> t = np.arange(0, 2.0, 1e-3)
-    >>> u = 20 * np.sin(2 * np.pi * t) * t
-    >>> y = Plant(P5, 1e-3).simulate(u)
-    >>> found = fit_core([Record("growing", t, u, y, ts_s=1e-3)], CORES["rdpi"])
-    >>> bool(found.train_rmse_um < 3e-3 * np.ptp(y))
-    True
-
     Notes
     -----
     Golub, Pereyra, SIAM J. Numer. Anal. 10 (1973).

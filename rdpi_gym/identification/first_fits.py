@@ -31,38 +31,6 @@ def first_fit(
     """Refit a kind of hysteresis on few samples, from the starts of which a few steps leave least.
 
     A kind of one start is convex in its weights: it begins on its comb.
-
-    Parameters
-    ----------
-    records
-        Records to fit.
-    kind
-        The core.
-    effects
-        Refitted with it.
-    scale
-        Size of the data.
-    smoothness
-        Price of uneven weights, as :func:`~rdpi_gym.identification.joint.fit_joint` has it.
-    least_um
-        Training error (µm rms) that the steps from the best start have to reach; else None.
-
-    Raises
-    ------
-    InputError
-        More gains than the records tell.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from rdpi_gym.identification.scale import data_scale
-    >>> from rdpi_gym.plant import CORES
-    >>> t = np.arange(4000) * 1e-3
-    >>> u = t * np.sin(2 * np.pi * t)
-    >>> record = Record("growing", t, u, 2.0 * u, ts_s=1e-3)
-    >>> fit = first_fit([record], CORES["stop"], (), data_scale([record]))
-    >>> round(fit.train_rmse_um, 6)
-    0.0
     """
     starts = kind.starts(scale)
     variants: list[Variant[Core]] = [Variant(kind.comb(scale), tuple(effects))]
@@ -88,18 +56,7 @@ def first_fit(
 
 
 def or_none(fit: Callable[[], JointFit | None]) -> JointFit | None:
-    """Return a fit, or None where it leaves the bounds of its numbers: one of several is dropped.
-
-    Parameters
-    ----------
-    fit
-        Fits it.
-
-    Examples
-    --------
-    >>> or_none(lambda: 1 // 0) is None
-    True
-    """
+    """Return a fit, or None where it leaves the bounds of its numbers: one of several is dropped."""
     try:
         return fit()
     except NO_FIT:
@@ -114,17 +71,6 @@ def with_one_more(
     Where the core has several starts, the refit begins at each of them again: what it was without the
     effect is another optimum. None where a few steps from every start of the effect lead away from the
     records.
-
-    Parameters
-    ----------
-    records
-        Records to fit.
-    fit
-        The model.
-    kind
-        The effect.
-    scale
-        Size of the data.
     """
     core, present = fit.variant.hysteresis, fit.variant.effects
     begun = [

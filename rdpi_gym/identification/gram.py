@@ -153,26 +153,7 @@ def _centre(moments: Array, gram: Array, means: Array) -> None:
 def gram_matrices(
     stack: Stack, n: int, delta1: float, delta2: float, extrema: Array
 ) -> tuple[Array, Array]:
-    """Products of the regressors of every record, each less its record's mean.
-
-    Parameters
-    ----------
-    stack : Stack
-        The records.
-    n : int
-        Number of plays.
-    delta1, delta2 : float
-        δ1 (V) and δ2 (s) of Eq. 8.
-    extrema : float64[R]
-        Memory extremum of each record (V).
-
-    Returns
-    -------
-    float64[R, n + 2, n + 2]
-        Gram matrices, columns as stated at the top of the module.
-    float64[R, n + 2]
-        The means that were taken out.
-    """
+    """Products of the regressors of every record, each less its record's mean."""
     records = extrema.shape[0]
     gram, means = np.zeros((records, n + 2, n + 2)), np.zeros((records, n + 2))
     rest, rows = _thresholds(delta1, n), _rows(n + 3)
@@ -192,15 +173,7 @@ def gram_matrices(
 def tangent_matrices(
     stack: Stack, delta1: float, delta2: float, extrema: Array, weights: Array
 ) -> tuple[Array, Array]:
-    """As :func:`gram_matrices`, with the columns of the tangents at weights a_0 ... a_n (µm/V).
-
-    Returns
-    -------
-    float64[R, n + 5, n + 5]
-        Gram matrices.
-    float64[R, n + 5]
-        The means that were taken out.
-    """
+    """As :func:`gram_matrices`, with the columns of the tangents at weights a_0 ... a_n (µm/V)."""
     records, n = extrema.shape[0], weights.shape[0] - 1
     gram, means = np.zeros((records, n + 5, n + 5)), np.zeros((records, n + 5))
     rest, rows = _thresholds(delta1, n), _rows(n + 6)

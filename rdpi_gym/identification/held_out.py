@@ -17,33 +17,14 @@ _DRAWS = 400
 
 
 def left_by(variant: Variant[Any], record: Record) -> Array:
-    """Return what a model leaves of the samples that count (µm), offset free.
-
-    Parameters
-    ----------
-    variant
-        Hysteresis and effects.
-    record
-        The record.
-    """
+    """Return what a model leaves of the samples that count (µm), offset free."""
     left = (record.y_um - simulate_effects([variant], record)[:, 0])[record.error_mask]
     centred: Array = left - left.mean()
     return centred
 
 
 def pieces_of(lefts: Sequence[Array]) -> Array:
-    """Return the mean squares (µm²) of the pieces of records, ``(R, PIECES)``.
-
-    Parameters
-    ----------
-    lefts
-        What a model leaves of each record (µm).
-
-    Examples
-    --------
-    >>> pieces_of([np.array([1.0, 2.0])])[0, :3].tolist()
-    [1.0, 4.0, 2.5]
-    """
+    """Return the mean squares (µm²) of the pieces of records, ``(R, PIECES)``."""
     pieces = []
     for left in lefts:
         squares = left**2
@@ -53,20 +34,7 @@ def pieces_of(lefts: Sequence[Array]) -> Array:
 
 
 def beats(loser: Array, winner: Array, rng: np.random.Generator) -> float:
-    """Return the share of bootstrap draws of pieces in which the winner is better.
-
-    Parameters
-    ----------
-    loser, winner : float64[R, PIECES]
-        Mean squares (µm²) of two models on the same records.
-    rng
-        Where the draws come from.
-
-    Examples
-    --------
-    >>> beats(np.full((1, 8), 2.0), np.full((1, 8), 1.0), np.random.default_rng(0))
-    1.0
-    """
+    """Return the share of bootstrap draws of pieces in which the winner is better."""
     difference = (loser - winner).ravel()
     draws = rng.integers(0, difference.size, (_DRAWS, difference.size))
     return float(np.mean(difference[draws].mean(axis=1) > 0.0))

@@ -97,20 +97,7 @@ def _front(variants: Sequence[Variant[Any]], record: Record) -> tuple[Array, Arr
 
 
 def simulate_effects(variants: Sequence[Variant[Any]], record: Record) -> Array:
-    """Simulate variants of a plant over a record.
-
-    Parameters
-    ----------
-    variants
-        B plants with the same kinds of effects.
-    record
-        Its command and sampling time.
-
-    Returns
-    -------
-    float64[T, B]
-        Displacement (µm) without offset.
-    """
+    """Simulate variants of a plant over a record."""
     whole = record.with_history
     u, v, parameters, state = _front(variants, whole)
     return _behind(variants, whole, u, v, parameters, state)[record.before_V.size :]
@@ -138,20 +125,6 @@ def simulate_between(variant: Variant[Any], record: Record, parts: int) -> Array
     The command and the thresholds are linear from sample to sample, and the rate of Eq. 5 stays
     that over a sampling time: without an effect behind the plays nothing changes, and what changes
     with one is what it does to the motion between the samples.
-
-    Parameters
-    ----------
-    variant
-        The plant.
-    record
-        Its command and sampling time.
-    parts
-        Steps in a sampling time.
-
-    Returns
-    -------
-    float64[T]
-        Displacement (µm) without offset, at the samples of the record.
     """
     early, record = record.before_V.size, record.with_history
     effects = tuple(effect.sampled_at(record.ts_s) for effect in variant.effects)
@@ -228,29 +201,7 @@ def jacobian_rows(
     record: Record,
     kept: NDArray[np.intp],
 ) -> Array:
-    """Derivatives of the displacement over a record, and what the plant leaves of it.
-
-    Parameters
-    ----------
-    base
-        The plant.
-    changed
-        The plant with one number of the core's shape or of an effect changed.
-    steps : float64[K]
-        By how much.
-    gain_steps : float64[G]
-        Change of each of the core's gains.
-    record
-        Its command, sampling time and displacement.
-    kept : int[T']
-        Samples that are asked for, ascending; all are simulated.
-
-    Returns
-    -------
-    float64[T', G + K + 1]
-        Derivatives by the gains and by the changed numbers; last the measured displacement less
-        that of the plant (µm), without offset.
-    """
+    """Derivatives of the displacement over a record, and what the plant leaves of it."""
     kept, record = kept + record.before_V.size, record.with_history
     ahead = [v for v in changed if _changes_front(base, v)]
     behind = [v for v in changed if not _changes_front(base, v)]
@@ -296,18 +247,7 @@ def change_rows(
     record: Record,
     kept: NDArray[np.intp],
 ) -> Array:
-    """Return :func:`jacobian_rows` without the columns of the weights: a few lanes, not dozens.
-
-    Parameters
-    ----------
-    base, changed, steps, record, kept
-        As :func:`jacobian_rows`.
-
-    Returns
-    -------
-    float64[T', K + 1]
-        Derivatives by the changed numbers; last what the plant leaves (µm).
-    """
+    """Return :func:`jacobian_rows` without the columns of the weights: a few lanes, not dozens."""
     kept, record = kept + record.before_V.size, record.with_history
     ahead = [v for v in changed if _changes_front(base, v)]
     behind = [v for v in changed if not _changes_front(base, v)]

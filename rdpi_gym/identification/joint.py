@@ -167,17 +167,7 @@ def free_numbers(
     delta2_scale_s: float,
     held: frozenset[str] = frozenset(),
 ) -> list[Free]:
-    """Return the numbers of the core's shape and every parameter of the effects.
-
-    Parameters
-    ----------
-    core, effects
-        What is fitted.
-    delta2_scale_s
-        Size of δ2 (s) that the data would show.
-    held
-        Parameters that keep their value, as ``effect.parameter``.
-    """
+    """Return the numbers of the core's shape and every parameter of the effects."""
     if isinstance(core, RDPI):
         delta2 = Parameter(
             "delta2_s", "s", 0.0, 100 * delta2_scale_s, (0.0, delta2_scale_s), "δ2 of Eq. 8"
@@ -207,14 +197,7 @@ def _size(effect: Effect, parameter: Parameter) -> float:
 
 
 def kept_samples(records: Sequence[Record], samples: int | None) -> list[NDArray[np.intp]]:
-    """Return which samples of each record enter the squares, as :func:`fit_joint` thins them.
-
-    Examples
-    --------
-    >>> record = Record("ramp", np.arange(6.0), np.arange(6.0), np.arange(6.0), ts_s=1.0)
-    >>> [kept.tolist() for kept in kept_samples([record], 3)]
-    [[0, 2, 4]]
-    """
+    """Return which samples of each record enter the squares, as :func:`fit_joint` thins them."""
     counted = [np.flatnonzero(record.error_mask) for record in records]
     stride = max(1, sum(map(len, counted)) // (MOST_SAMPLES if samples is None else samples))
     return [index[::stride] for index in counted]
@@ -409,33 +392,7 @@ def fit_joint(
     samples: int | None = None,
     smoothness: float = 0.0,
 ) -> JointFit:
-    """Refit the weights, δ2 and every parameter of the effects to records.
-
-    Parameters
-    ----------
-    records
-        Training records; their `error_mask` says which samples count.
-    start
-        Thresholds (kept), and where weights and δ2 start.
-    effects
-        Effects with their starting values.
-    passes
-        Most runs over the records.
-    tolerance
-        Relative fall of the squared error below which the search ends.
-    held
-        Parameters that keep their value, as ``effect.parameter``.
-    samples
-        About how many of the counted samples enter the squares, evenly thinned: the plant is
-        simulated over all, but hundreds for each number are enough. None: every one, up to twice
-        `MOST_SAMPLES`.
-    smoothness
-        Price of uneven weights: the mean square of what is left is raised by this number's square
-        times their :meth:`~rdpi_gym.plant.cores.base.Core.roughness`. Loops of one size tell weights only together with whatever
-        else bends a loop, and the misfit of that then comes back as jagged weights. Measured
-        stacks ask for 0.002 to 0.008; plays that are few and real ask for 0. The errors that are
-        returned are those of the data alone.
-    """
+    """Refit the weights, δ2 and every parameter of the effects to records."""
     problem, best = _begun(records, start, effects, held, samples, smoothness)
     n_weights = len(start.gains)
     here = problem.whole_pass(best)
@@ -526,23 +483,6 @@ def first_steps(
 
     The derivatives by the weights, dozens of lanes, are those of the start or of another one near
     by: the error that is returned is that of a model in which they are linear.
-
-    Parameters
-    ----------
-    records, start, effects, held, samples, smoothness
-        As there.
-    steps
-        Gauss-Newton steps; with 0 the weights alone are solved for.
-    near
-        First steps of another start of the same effects on the same records, comb and samples,
-        whose derivatives by the weights are taken; None: they are simulated.
-    least_um
-        Training error (µm rms) that is not reached, far from it, where a step into the least of the
-        squares, were they as curved everywhere as here, would not: then no further step is gone.
-
-    Returns
-    -------
-    FirstSteps
     """
     problem, best = _begun(records, start, effects, held, samples, smoothness)
     n_weights = len(start.gains)

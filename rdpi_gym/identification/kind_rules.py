@@ -59,15 +59,7 @@ class Way:
 
 
 def judged_way(fit: JointFit, held_out: Sequence[Record]) -> Way:
-    """Return a refit with what it leaves of records held out.
-
-    Parameters
-    ----------
-    fit
-        The refit.
-    held_out
-        The records.
-    """
+    """Return a refit with what it leaves of records held out."""
     lefts = [left_by(fit.variant, record) for record in held_out]
     white = [float(np.mean(np.diff(left) ** 2)) / 2.0 if left.size > 1 else 0.0 for left in lefts]
     return Way(fit, pieces_of(lefts), np.array(white))
@@ -101,28 +93,6 @@ def told_apart(ways: Sequence[Way], records: Sequence[Record], seed: int = 0) ->
     """Compare kinds by what they leave of records held out.
 
     Every record counts alike: by what kinds leave of it over the least that any of them leaves.
-
-    Parameters
-    ----------
-    ways
-        Kinds, judged on the same records.
-    records
-        Records that they were fitted to.
-    seed
-        Of the bootstrap over pieces.
-
-    Examples
-    --------
-    >>> from rdpi_gym.identification.first_fits import first_fit
-    >>> from rdpi_gym.identification.scale import data_scale
-    >>> from rdpi_gym.plant import P5, Plant
-    >>> t = np.arange(0, 2.0, 1e-3)
-    >>> u = 20 * np.sin(2 * np.pi * t) * t
-    >>> record = Record("growing", t, u, Plant(P5, 1e-3).simulate(u), ts_s=1e-3)
-    >>> fits = [first_fit([record], CORES[n], (), data_scale([record])) for n in ("rdpi", "duhem")]
-    >>> told = told_apart([judged_way(fit, [record]) for fit in fits], [record])
-    >>> told.chosen.core.name, told.alike, told.confidence
-    ('rdpi', ('generalised_pi',), 1.0)
     """
     least = np.maximum(np.min([way.pieces.mean(axis=1) for way in ways], axis=0), 1e-300)
     pieces = [way.pieces / least[:, None] for way in ways]
@@ -155,22 +125,6 @@ def same_models(
 
     The numbers of a case that both kinds have are within two standard errors, or putting them there
     changes the displacement by less than a thousandth.
-
-    Parameters
-    ----------
-    core
-        As it was fitted.
-    records
-        Records that it was fitted to.
-    errors
-        Standard errors of the numbers of its shape, by name; None where the data do not fix one.
-
-    Examples
-    --------
-    >>> t = np.arange(0, 2.0, 1e-3)
-    >>> u = 20 * np.sin(2 * np.pi * t) * t
-    >>> same_models(CORES["duhem"](1.0, 0.7, 12.0), [Record("growing", t, u, u, ts_s=1e-3)], {})
-    ('asymmetric_bouc_wen', 'bouc_wen')
     """
     met = {
         case for case, numbers in core.cases.items() if _stands_at(core, numbers, records, errors)

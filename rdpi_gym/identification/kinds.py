@@ -87,30 +87,6 @@ def choose_kind(
     begins away from rest, while others begin there, is left out, for some kinds never forget what
     came before; so is one that no kind explains as it does the others. Without records to validate
     on, blocks of each record are held out.
-
-    Parameters
-    ----------
-    data, name, progress
-        As :func:`fit_core`.
-
-    Returns
-    -------
-    KindChoice
-
-    Raises
-    ------
-    InputError
-        As :func:`fit_core`.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P5, Plant
-    >>> t = np.arange(0, 2.0, 1e-3)
-    >>> u = 20 * np.sin(2 * np.pi * t) * t
-    >>> y = Plant(P5, 1e-3).simulate(u)
-    >>> found = choose_kind([Record("growing", t, u, y, ts_s=1e-3)])
-    >>> found.chosen.plant.hysteresis.name
-    'rdpi'
     """
     dataset = data if isinstance(data, Dataset) else Dataset("records", tuple(data))
     train, validation = list(dataset.train), list(dataset.validation)
@@ -182,21 +158,7 @@ def choose_kind(
 
 
 def from_rest(records: Sequence[Record]) -> list[Record]:
-    """Return the records that begin at 0 V or have a recorded past, where half of all do; else all.
-
-    Parameters
-    ----------
-    records
-        Records that move.
-
-    Examples
-    --------
-    >>> t = np.arange(4.0)
-    >>> begin = {"still": 0.0, "at rest": 0.0, "moving": 2.0}
-    >>> made = [Record(name, t, u0 + t, t, ts_s=1.0) for name, u0 in begin.items()]
-    >>> [record.name for record in from_rest(made)]
-    ['still', 'at rest']
-    """
+    """Return the records that begin at 0 V or have a recorded past, where half of all do; else all."""
     span = max(float(np.ptp(record.u_V)) for record in records)
     kept = [r for r in records if r.before_V.size or abs(float(r.u_V[0])) <= _AT_REST * span]
     return kept if 2 * len(kept) >= len(records) else list(records)
@@ -206,13 +168,6 @@ def explained(records: Sequence[Record], fits: Sequence[JointFit]) -> list[Recor
     """Return the records without those that no fit explains as it does the others.
 
     What is left of those is thrice what is usual, in µm and over their motion.
-
-    Parameters
-    ----------
-    records
-        Records that were fitted.
-    fits
-        Of several kinds.
     """
     if len(records) < _FEWEST:
         return list(records)
@@ -240,11 +195,6 @@ def beside(scale: DataScale) -> tuple[Effect, ...]:
     """Return what every kind is fitted beside: a creep and a lag, which bend and widen loops as well.
 
     Without them the rate-dependent kinds take a lag for hysteresis.
-
-    Parameters
-    ----------
-    scale
-        Size of the data.
     """
     return in_chain_order(CATALOGUE[name].starts(scale)[0] for name in _BESIDE)
 
@@ -276,20 +226,6 @@ def orientation(records: Sequence[Record]) -> bool | None:
     """Return whether loops turn clockwise in the plane of command and displacement.
 
     None where the area that they enclose does not stand out from its scatter over the cycles.
-
-    Parameters
-    ----------
-    records
-        Records that move.
-
-    Examples
-    --------
-    >>> t = np.arange(0.0, 5.0, 1e-3)
-    >>> u, lag, lead = (np.sin(2 * np.pi * t + shift) for shift in (0.0, -0.3, 0.3))
-    >>> orientation([Record("lag", t, u, lag, ts_s=1e-3)])
-    False
-    >>> orientation([Record("lead", t, u, lead, ts_s=1e-3)])
-    True
     """
     areas = []
     for record in records:

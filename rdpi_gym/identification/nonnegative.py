@@ -17,15 +17,7 @@ _DEPENDENT = 1e-13
 
 @njit(cache=True)
 def cholesky_solve(matrix: Array, rhs: Array) -> tuple[bool, Array]:
-    """Solve a small symmetric system whose diagonal is one.
-
-    Returns
-    -------
-    bool
-        False where the matrix is not positive definite; the solution is then worthless.
-    float64[k]
-        The solution.
-    """
+    """Solve a small symmetric system whose diagonal is one."""
     k = rhs.shape[0]
     low, x = np.zeros((k, k)), rhs.copy()
     for i in range(k):
@@ -67,26 +59,6 @@ def bounded_least_squares(
     gram: Array, rhs: Array, allowed: BoolArray, floor: float, guess: BoolArray
 ) -> tuple[Array, BoolArray]:
     """Minimise x'Gx - 2b'x for x >= 0 and x_0 >= floor (Lawson and Hanson's active set).
-
-    Parameters
-    ----------
-    gram : float64[k, k]
-        G, the Gram matrix of the regressors.
-    rhs : float64[k]
-        b, their products with the data.
-    allowed : bool[k]
-        Where False, x_i stays at its bound.
-    floor : float
-        Lower bound of x_0.
-    guess : bool[k]
-        Which are likely to be off their bound: where the search begins, not where it ends.
-
-    Returns
-    -------
-    float64[k]
-        The minimiser.
-    bool[k]
-        True where it is off its bound.
 
     Notes
     -----
@@ -155,25 +127,7 @@ def bounded_least_squares(
 def signed_least_squares(
     gram: Array, rhs: Array, signed: Sequence[bool], allowed: BoolArray, floor: float
 ) -> Array:
-    """Minimise x'Gx - 2b'x where only some x may be negative.
-
-    Parameters
-    ----------
-    gram, rhs, allowed, floor
-        As :func:`bounded_least_squares`.
-    signed
-        Which may be negative: each of them is the difference of two that may not.
-
-    Returns
-    -------
-    float64[k]
-
-    Examples
-    --------
-    >>> every = np.ones(2, dtype=np.bool_)
-    >>> signed_least_squares(np.eye(2), np.array([-1.0, -2.0]), (False, True), every, 0.0).tolist()
-    [0.0, -2.0]
-    """
+    """Minimise x'Gx - 2b'x where only some x may be negative."""
     turned, n = np.flatnonzero(signed), len(rhs)
     index = np.concatenate([np.arange(n), turned])
     signs = np.concatenate([np.ones(n), -np.ones(len(turned))])

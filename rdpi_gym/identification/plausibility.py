@@ -48,26 +48,7 @@ _UNITS_UM = {"m": 1e6, "mm": 1e3, "nm": 1e-3}
 
 
 def check_motion(records: Sequence[Record]) -> None:
-    """Refuse records in which the displacement never changes, and none at all.
-
-    Parameters
-    ----------
-    records
-        Those to fit.
-
-    Raises
-    ------
-    InputError
-        With what may be the cause.
-
-    Examples
-    --------
-    >>> t = np.arange(50) * 0.1
-    >>> check_motion([Record("run", t, t, np.full(50, 3.0), ts_s=0.1)])
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: the displacement never changes: it is 3 µm in run; check the sensor, and the column of y with --columns y=NAME
-    """
+    """Refuse records in which the displacement never changes, and none at all."""
     if not records:
         raise InputError("no record to fit; give at least one training record whose voltage moves")
     for record in records:
@@ -84,20 +65,7 @@ def check_motion(records: Sequence[Record]) -> None:
 
 
 def check_scale(records: Sequence[Record], quantities: Quantities | None = None) -> None:
-    """Refuse strokes so far from any stage that searches over several effects lose their digits.
-
-    Parameters
-    ----------
-    records
-        Those to fit.
-    quantities
-        What was measured, by default a voltage and a displacement.
-
-    Raises
-    ------
-    InputError
-        The stroke is a thousandth of the smallest known, or a thousand times the largest.
-    """
+    """Refuse strokes so far from any stage that searches over several effects lose their digits."""
     low, high = STROKES_UM
     said = _stroke(records, (low / _BEYOND, high * _BEYOND))
     if said is None:
@@ -117,26 +85,7 @@ def plausibility_warnings(
     quantities: Quantities | None = None,
     clockwise: bool | None = False,
 ) -> list[str]:
-    """Say where records or the fit to them are out of all proportion to known stages.
-
-    Parameters
-    ----------
-    left
-        What the fit leaves of each record.
-    delta2_s
-        δ2 of Eq. 8, where the data determine it (s).
-    quantities
-        What was measured, by default a voltage and a displacement; of others no size is out of
-        proportion.
-    clockwise
-        Whether the loops of the hysteresis that was fitted turn clockwise; None: either way. Those
-        of a voltage and a displacement are wrong that way all the same.
-
-    Returns
-    -------
-    list of str
-        One sentence each; empty for what a piezo stage may do.
-    """
+    """Say where records or the fit to them are out of all proportion to known stages."""
     records = [each.record for each in left]
     explained = _explained(left)
     is_piezo = quantities is None or quantities.are_piezo
@@ -179,20 +128,7 @@ def _counted(each: RecordResidual) -> Array:
 
 
 def linear_share(records: Sequence[Record]) -> float:
-    """Return the share of the power of y that is coherent with u, less what chance gives.
-
-    Parameters
-    ----------
-    records
-        Records in which u moves.
-
-    Examples
-    --------
-    >>> t = np.arange(2000) * 1e-3
-    >>> u = np.sin(60 * t) + np.sin(251 * t)
-    >>> round(linear_share([Record("run", t, u, 3.0 * u, ts_s=1e-3)]), 1)
-    1.0
-    """
+    """Return the share of the power of y that is coherent with u, less what chance gives."""
     from scipy.signal import csd, welch
 
     coherent = power = 0.0

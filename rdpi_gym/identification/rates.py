@@ -54,14 +54,6 @@ def rate_spread(stack: Stack) -> RateSpread:
 
     Where the command always moves at the same rate, δ2 |v| is a constant that the thresholds at
     rest hold as well; where every movement takes the same time, a delay does what δ2 does.
-
-    Examples
-    --------
-    >>> t = np.arange(0, 3, 1e-3)
-    >>> u = np.sin(2 * np.pi * t)
-    >>> one = Stack(u, np.gradient(u, t), u, np.ones(t.size), np.array([0, t.size]))
-    >>> rate_spread(one).alike
-    True
     """
     rates, peaks, paces = [], [], []
     for r in range(stack.edges.size - 1):
@@ -94,25 +86,6 @@ def movements(u_V: Array, rate_V_s: Array, ripple: float) -> tuple[Array, Array]
 
     The first and the last movement of a record are cut off by it and left out, unless there is no
     other.
-
-    Parameters
-    ----------
-    u_V, rate_V_s
-        Command (V) and rate (V/s), ``(T,)``.
-    ripple
-        Movements below this part of the range are none.
-
-    Returns
-    -------
-    float64[M], float64[M]
-        M is at least 1.
-
-    Examples
-    --------
-    >>> u = np.array([0.0, 1.0, 0.0, -2.0, 0.0, 2.0, 0.0])
-    >>> size, peak = movements(u, np.diff(u, prepend=0.0), 0.05)
-    >>> size.tolist(), peak.tolist()
-    ([3.0, 4.0], [2.0, 2.0])
     """
     turns = _turning_points(u_V, ripple * float(np.ptp(u_V)))
     if turns.size > 3:

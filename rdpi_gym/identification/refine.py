@@ -42,19 +42,7 @@ class Point(NamedTuple):
 
 @njit(cache=True)
 def moving_plays(gram: Array, motion: float) -> BoolArray:
-    """Say which regressors move by `motion` (rms, as a part of the command's) in some record.
-
-    Parameters
-    ----------
-    gram : float64[R, n + 2, n + 2]
-        Gram matrices of the records.
-    motion : float
-        The part.
-
-    Returns
-    -------
-    bool[n + 1]
-    """
+    """Say which regressors move by `motion` (rms, as a part of the command's) in some record."""
     moving = np.zeros(gram.shape[1] - 1, dtype=np.bool_)
     for r in range(gram.shape[0]):
         least = motion * motion * gram[r, 0, 0]
@@ -100,21 +88,7 @@ def begin(stack: Stack, n: int, theta: Array, bounds: Bounds) -> Point:
 
 @njit(cache=True)
 def normal_equations(tangents: Array, weights: Array) -> tuple[Array, Array]:
-    """Normal matrix and gradient of Eq. 10 over (δ1, δ2, extrema, a_0 ... a_n), offsets taken out.
-
-    Parameters
-    ----------
-    tangents : float64[R, n + 5, n + 5]
-        From :func:`~rdpi_gym.identification.gram.tangent_matrices`.
-    weights : float64[n + 1]
-        The weights they were made at.
-
-    Returns
-    -------
-    float64[P, P], float64[P]
-        J'J and J'e with the Jacobian J of the model's displacement and the error e = y - model,
-        P = 2 + R + n + 1.
-    """
+    """Normal matrix and gradient of Eq. 10 over (δ1, δ2, extrema, a_0 ... a_n), offsets taken out."""
     records, k = tangents.shape[0], weights.shape[0]
     size = 2 + records + k
     matrix, gradient = np.zeros((size, size)), np.zeros(size)
@@ -169,30 +143,7 @@ def refine(
     budget: int,
     tolerance: float,
 ) -> tuple[Point, int]:
-    """Walk downhill from a point: joint Gauss-Newton steps with damping, weights re-solved.
-
-    Parameters
-    ----------
-    stack : Stack
-        The records.
-    start : Point
-        Where to begin.
-    free_memory : bool
-        Whether the memory extrema are searched too.
-    bounds : Bounds
-        Bounds of the parameters.
-    budget : int
-        At most so many passes over the data.
-    tolerance : float
-        Done when a step lowers the cost by less than this part.
-
-    Returns
-    -------
-    Point
-        The best point met.
-    int
-        Passes over the data.
-    """
+    """Walk downhill from a point: joint Gauss-Newton steps with damping, weights re-solved."""
     nonlinear = start.theta.shape[0]
     low, high = np.empty(nonlinear), np.empty(nonlinear)
     low[0], high[0] = bounds.delta1_V

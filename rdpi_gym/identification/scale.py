@@ -18,27 +18,7 @@ _REFERENCE_PART = 0.9
 def plant_ranges(
     records: Sequence[Record],
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the command range (V) of a plant fitted to records, and its references (µm).
-
-    Parameters
-    ----------
-    records
-        Records of one plant.
-
-    Returns
-    -------
-    tuple of float
-        Lowest and highest command: those of the data, a little wider.
-    tuple of float
-        Centre and amplitude of references: nine tenths of the measured stroke.
-
-    Examples
-    --------
-    >>> wave = np.sin(np.linspace(0.0, 2 * np.pi, 1001))
-    >>> record = Record("one", np.arange(1001.0), 10.0 * wave, 5.0 * wave, ts_s=1.0)
-    >>> plant_ranges([record])
-    ((-11.0, 11.0), (0.0, 4.5))
-    """
+    """Return the command range (V) of a plant fitted to records, and its references (µm)."""
     low = min(float(record.u_V.min()) for record in records)
     high = max(float(record.u_V.max()) for record in records)
     least = min(float(record.y_um[record.error_mask].min()) for record in records)
@@ -49,21 +29,7 @@ def plant_ranges(
 
 
 def data_scale(records: Sequence[Record]) -> DataScale:
-    """Return centre, span, stroke, fastest rate and times of the records that move.
-
-    Parameters
-    ----------
-    records
-        Records of one plant.
-
-    Examples
-    --------
-    >>> t = np.arange(1000) * 1e-3
-    >>> wave = 10.0 * np.sin(2 * np.pi * t)
-    >>> scale = data_scale([Record("sine", t, wave, 2 * wave, ts_s=1e-3)])
-    >>> round(scale.span_V, 2), round(scale.stroke_um, 2)
-    (10.0, 20.0)
-    """
+    """Return centre, span, stroke, fastest rate and times of the records that move."""
     low = min(float(r.u_V.min()) for r in records)
     high = max(float(r.u_V.max()) for r in records)
     y_low = min(float(r.y_um[r.error_mask].min()) for r in records)

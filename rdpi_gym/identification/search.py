@@ -36,28 +36,7 @@ _EXTREMA = 41
 def search(
     stack: Stack, n: int, *, free_memory: bool, bounds: Bounds, progress: Progress
 ) -> tuple[Point, int]:
-    """Find the parameters of least squared error, Eq. 10.
-
-    Parameters
-    ----------
-    stack
-        The records.
-    n
-        Number of plays.
-    free_memory
-        Whether each record's memory extremum is searched too; else it is 0.
-    bounds
-        From :func:`~rdpi_gym.identification.bounds.set_bounds`.
-    progress
-        Called with the part (0 to 1) of the search that is done.
-
-    Returns
-    -------
-    Point
-        The optimum.
-    int
-        Evaluations: passes over thinned or whole data.
-    """
+    """Find the parameters of least squared error, Eq. 10."""
     samples, best, evaluations = _THIN_SAMPLES, None, 0
     while True:
         coarse = thin(stack, samples)
@@ -166,22 +145,7 @@ def _descend(
 
 
 def scan_memory(stack: Stack, point: Point, bounds: Bounds) -> Point:
-    """Choose each record's memory extremum on a grid, weights refitted, δ1 and δ2 as they are.
-
-    Parameters
-    ----------
-    stack
-        The records.
-    point
-        Where the search stands.
-    bounds
-        Bounds of the extrema.
-
-    Returns
-    -------
-    Point
-        The same δ1 and δ2 with the extrema found, or `point` where it is better.
-    """
+    """Choose each record's memory extremum on a grid, weights refitted, δ1 and δ2 as they are."""
     n, records = point.weights.size - 1, stack.edges.size - 1
     extrema = np.linspace(-bounds.reach_V, bounds.reach_V, _EXTREMA)
     delta1, delta2 = point.theta[:2]

@@ -49,27 +49,7 @@ class Stack(NamedTuple):
 
 
 def command_rate(u_V: Array, ts_s: float, rate_bandwidth_hz: float | None) -> Array:
-    """Rate of a record's command, Eq. 5, with v(0) = 0.
-
-    Parameters
-    ----------
-    u_V
-        Command (V), ``(T,)``.
-    ts_s
-        Sampling time (s).
-    rate_bandwidth_hz
-        Cut-off (Hz) of the first-order low-pass on the rate; None is the literal rate.
-
-    Returns
-    -------
-    float64[T]
-        Rate (V/s).
-
-    Examples
-    --------
-    >>> command_rate(np.array([0.0, 1.0, 3.0]), 0.5, None).tolist()
-    [0.0, 2.0, 4.0]
-    """
+    """Rate of a record's command, Eq. 5, with v(0) = 0."""
     pole = 0.0 if rate_bandwidth_hz is None else math.exp(-2 * math.pi * rate_bandwidth_hz * ts_s)
     rate = np.empty((u_V.size, 1))
     rate_block(u_V[:, None], np.array([[pole], [0.0]]), np.array([[np.nan], [0.0]]), ts_s, rate)
@@ -79,35 +59,7 @@ def command_rate(u_V: Array, ts_s: float, rate_bandwidth_hz: float | None) -> Ar
 def stack_records(
     records: Sequence[Record], rate_bandwidth_hz: float | None
 ) -> tuple[Stack, Array]:
-    """Concatenate records for a fit.
-
-    Parameters
-    ----------
-    records
-        Records with a moving command; sampling times may differ.
-    rate_bandwidth_hz
-        As :func:`command_rate`.
-
-    Returns
-    -------
-    Stack
-        The samples.
-    float64[R]
-        Mean displacement (µm) of each record over its counted samples.
-
-    Raises
-    ------
-    InputError
-        A record of which no sample counts.
-
-    Examples
-    --------
-    >>> t = np.arange(3) * 0.5
-    >>> run = Record("run", t, np.array([0.0, 1.0, 3.0]), np.array([5.0, 6.0, 7.0]), ts_s=0.5)
-    >>> stack, means_um = stack_records([run], None)
-    >>> stack.rate_V_s.tolist(), stack.y_um.tolist(), means_um.tolist()
-    ([0.0, 2.0, 4.0], [-1.0, 0.0, 1.0], [6.0])
-    """
+    """Concatenate records for a fit."""
     means = np.empty(len(records))
     for r, record in enumerate(records):
         if not record.error_mask.any():
@@ -134,20 +86,6 @@ def thin(stack: Stack, samples: int) -> Stack:
 
     A play operator follows its input's turning points, so what is left out moves it little; each
     sample that is kept stands for its neighbours too.
-
-    Parameters
-    ----------
-    stack
-        The records.
-    samples
-        Keep at least so many; `stack` itself is returned where it has less than twice as many.
-
-    Examples
-    --------
-    >>> u = np.sin(np.linspace(0, 6, 1000))
-    >>> full = Stack(u, np.gradient(u), u, np.ones(1000), np.array([0, 1000]))
-    >>> 50 <= len(thin(full, 50).u_V) < 100
-    True
     """
     if stack.u_V.size < 2 * samples:
         return stack

@@ -26,30 +26,10 @@ def correlation_length(error: Array, mask: NDArray[np.bool_]) -> float:
     One plus twice the sum of the autocorrelation, taken in pairs of lags up to the first pair
     that is not positive; at least 1, which is what white noise gives.
 
-    Parameters
-    ----------
-    error
-        Error of a record, any unit, ``(T,)``.
-    mask
-        Samples that count, ``(T,)``.
-
-    Returns
-    -------
-    float
-
     Notes
     -----
     Geyer, Practical Markov chain Monte Carlo, Statistical Science 7 (1992): the initial positive
     sequence.
-
-    Examples
-    --------
-    >>> white = np.random.default_rng(0).standard_normal(5000)
-    >>> correlation_length(white, np.ones(5000, bool)) < 1.2
-    True
-    >>> slow = np.convolve(white, np.ones(20), "valid")
-    >>> 10 < correlation_length(slow, np.ones(slow.size, bool)) < 40
-    True
     """
     centred = np.where(mask, error - error[mask].mean(), 0.0)
     total, ended = _positive_pairs(centred, _DIRECT_LAGS)
@@ -110,19 +90,6 @@ def standard_errors(
 
     The covariance is that of least squares whose errors have, in record r, a variance and a
     correlation length of their own: (J'J)^-1 (Σ_r variance_r length_r J_r'J_r) (J'J)^-1.
-
-    Parameters
-    ----------
-    point
-        The optimum.
-    counted
-        Samples that count, by record.
-    variances
-        Mean squared error (µm²), by record.
-    lengths
-        From :func:`correlation_length`, by record.
-    free_memory
-        Whether the memory extrema were searched.
 
     Notes
     -----

@@ -50,29 +50,6 @@ def yardstick(records: Sequence[Record], n: int = 10, method: Method = "trf") ->
     quadratic programming, which MATLAB's toolbox is closer to; with the plant's compiled kernel, bounds on every parameter, parameters
     scaled by the start, offsets taken out exactly, and a start from the data: equal weights, half
     of the mean slope in a_0, thresholds over the whole excursion.
-
-    Parameters
-    ----------
-    records
-        Records to fit.
-    n
-        Number of play operators.
-    method
-        ``trf`` (trust-region least squares, the stronger one) or ``SLSQP``.
-
-    Raises
-    ------
-    InputError
-        No record, n below 1, or an unknown method.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import Plant, named_plant
-    >>> t = np.arange(0, 0.4, 1e-3)
-    >>> u = 20 * np.sin(2 * np.pi * 5 * t)
-    >>> y = Plant(named_plant("P5"), 1e-3).simulate(u)
-    >>> yardstick([Record("sine", t, u, y, ts_s=1e-3)], n=5).train_rmse_um < 0.1
-    True
     """
     from scipy.optimize import least_squares, minimize
 

@@ -59,22 +59,7 @@ class Read:
 
 
 def safe_name(name: str) -> str:
-    r"""Return the base name of a file that was sent, as it may stand in a folder.
-
-    Raises
-    ------
-    InputError
-        Nothing is left of it, or it is no data file's.
-
-    Examples
-    --------
-    >>> safe_name("C:\\runs\\../run 1.CSV")
-    'run 1.CSV'
-    >>> safe_name("notes.docx")
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: notes.docx: files that end in '.docx' are not read; give .csv, .txt, .dat, .tsv, .mat, .npz
-    """
+    r"""Return the base name of a file that was sent, as it may stand in a folder."""
     base = re.split(r"[/\\]", name)[-1].lstrip(".")
     safe = "".join(c for c in base if c.isprintable() and c not in '<>:"|?*')[-_LONGEST:].strip()
     ending = Path(safe).suffix.lower()
@@ -87,20 +72,7 @@ def safe_name(name: str) -> str:
 
 
 def copy_in(source: Path, folder: Path) -> list[str]:
-    """Copy a data file, or those of a folder, with what is said of them; return their names.
-
-    Parameters
-    ----------
-    source
-        File or folder.
-    folder
-        Of the session's data.
-
-    Raises
-    ------
-    InputError
-        There is no such file, none in the folder, or too many or too large ones.
-    """
+    """Copy a data file, or those of a folder, with what is said of them; return their names."""
     if not exists(source):
         raise InputError(f"{source} does not exist; give a data file or a folder of data files")
     files = [source]
@@ -142,22 +114,7 @@ def _document(settings: Path, records: Iterable[str] | None = None) -> dict[str,
 
 
 def same(one: Any, other: Any) -> bool:
-    """Return whether data are the same in all that they hold, sample by sample.
-
-    Parameters
-    ----------
-    one, other
-        Data sets, or what stands in them.
-
-    Examples
-    --------
-    >>> import rdpi_gym as rg
-    >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
-    >>> same(data, rg.simulate("P5", seed=1, ts_factor=4.0))
-    True
-    >>> same(data, data.select("stairs"))
-    False
-    """
+    """Return whether data are the same in all that they hold, sample by sample."""
     if type(one) is not type(other):
         return False
     if isinstance(one, np.ndarray):
@@ -170,13 +127,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def read(folder: Path) -> Read:
-    """Read all files of a session; those that are refused are set aside and do not spoil the others.
-
-    Parameters
-    ----------
-    folder
-        Of the session's data.
-    """
+    """Read all files of a session; those that are refused are set aside and do not spoil the others."""
     _take_back(folder)  # other settings may make them readable
     files = data_files(folder)
     if not files:
@@ -243,15 +194,7 @@ def _take_back(folder: Path) -> None:
 
 
 def record_settings(folder: Path, record: str) -> dict[str, Any]:
-    """Return what is said of one record, also of one whose file was refused.
-
-    Parameters
-    ----------
-    folder
-        Of the session's data.
-    record
-        Its name: that of its file without ending.
-    """
+    """Return what is said of one record, also of one whose file was refused."""
     places = (folder.parent / REFUSED, folder)
     found = [settings_of(place).get("records", {}) for place in places]
     return dict({**found[0], **found[1]}.get(record, {}))
@@ -301,23 +244,7 @@ def settings_of(folder: Path) -> dict[str, Any]:
 
 
 def write_settings(folder: Path, changes: Mapping[str, Any], records: Iterable[str]) -> None:
-    """Write what was said of the data into ``dataset.toml``.
-
-    Parameters
-    ----------
-    folder
-        Of the session's data.
-    changes
-        As the page sends them: ``records``, ``quantities``, ``title``, ``skip_s``; as in the file, None
-        takes a key out.
-    records
-        Names of all records that were read.
-
-    Raises
-    ------
-    InputError
-        A key, a record or a value that there is not; the file stays as it was.
-    """
+    """Write what was said of the data into ``dataset.toml``."""
     known = ("records", "quantities", "title", "skip_s")
     if wrong := [key for key in changes if key not in known]:
         raise InputError(f"settings: {quoted(wrong[0])} is unknown; give {', '.join(known)}")

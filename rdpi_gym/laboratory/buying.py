@@ -62,29 +62,7 @@ class Course:
 
 
 def course(reference: Mapping[str, Any], plant: PlantModel, ts_s: float) -> Course:
-    """Return the reference that a user asks for.
-
-    Parameters
-    ----------
-    reference
-        ``kind`` (of :data:`KINDS`), ``amplitude_um``, ``frequency_hz``, ``seconds``, or ``points``:
-        pairs of time (s) and displacement (µm).
-    plant
-        It begins where this plant rests at the command nearest 0 V, and is as large as its usual
-        reference where no amplitude is asked for.
-    ts_s
-        Sampling time (s) of the records; a long run is sampled more slowly.
-
-    Raises
-    ------
-    InputError
-        A kind that there is not, a number out of range.
-
-    Examples
-    --------
-    >>> course({"kind": "sine", "amplitude_um": 2.0, "frequency_hz": 5.0}, rg.plants["P5"], 1e-3).ts_s
-    0.001
-    """
+    """Return the reference that a user asks for."""
     kind = reference.get("kind")
     if kind not in KINDS:
         raise InputError(f"reference: kind {quoted(kind)} is unknown; give {', '.join(KINDS)}")
@@ -175,29 +153,6 @@ def payoff(
     """Let every compensator track a reference, with the belief before and with the one after.
 
     The present model is the plant that they drive, so this is its own answer.
-
-    Parameters
-    ----------
-    before, after
-        The base model, and the present one.
-    reference
-        As :func:`course` takes it.
-    ts_s
-        Sampling time (s) of the records.
-    step
-        That the answer is for.
-    progress
-        Called with how many compensators are done.
-
-    Returns
-    -------
-    dict
-        ``payoff`` of the page's state, with ``note``.
-
-    Raises
-    ------
-    InputError
-        As :func:`course`.
     """
     asked = course(reference, after, ts_s)
     told = replace(before, command_range_V=after.command_range_V, reference_um=after.reference_um)

@@ -168,13 +168,7 @@ class Desk:
         return {"data": self.need_data(), **arguments}
 
     def need_data(self) -> rg.Dataset:
-        """Return the records.
-
-        Raises
-        ------
-        InputError
-            There are none yet.
-        """
+        """Return the records."""
         data = self.session.data
         if data is None:
             raise InputError("there are no data yet; drop a file or take an exercise")

@@ -36,36 +36,12 @@ _FINAL: Fields = {
 
 
 def refit_of(entry: Any) -> Entry:
-    """Return a refit with every field.
-
-    Raises
-    ------
-    InputError
-        A field is of another type.
-
-    Examples
-    --------
-    >>> refit_of({"effect": "creep", "form": "", "at_bound": 3})
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: at_bound of a refit is 3; give a sequence of text
-    """
+    """Return a refit with every field."""
     return _whole(entry, _REFIT, "a refit")
 
 
 def result_of(entry: Any) -> Entry | None:
-    """Return what a ranking ended with, with every field; None where it has not ended.
-
-    Raises
-    ------
-    InputError
-        A field is of another type.
-
-    Examples
-    --------
-    >>> result_of({"noise_floor": 0.01})["candidates"]
-    []
-    """
+    """Return what a ranking ended with, with every field; None where it has not ended."""
     if entry is None:
         return None
     found = _whole(entry, _RESULT, "a ranking")

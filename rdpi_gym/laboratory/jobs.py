@@ -35,28 +35,7 @@ def rank(
     core: str | None,
     jobs: int,
 ) -> dict[str, Any]:
-    """Rank all candidates on a model; without one, a base model is fitted first.
-
-    Parameters
-    ----------
-    tell
-        Hears of ``refit``: a base model that was fitted at once, then the base model of the search
-        and each candidate, as :func:`refit_to_dict` writes them.
-    data
-        The records.
-    model
-        To start from.
-    core
-        The kind of hysteresis of a base model: a name, ``auto``, or None: RDPI unless another is
-        clearly better.
-    jobs
-        Processes.
-
-    Returns
-    -------
-    dict
-        The object of ``diagnosis.json``, without what only pages need.
-    """
+    """Rank all candidates on a model; without one, a base model is fitted first."""
     if model is None:
         first = _first_fit(data, core)
         if first is not None:
@@ -98,68 +77,30 @@ def _first_fit(data: rg.Dataset, core: str | None) -> PlantModel | None:
 
 
 def refit(tell: Tell, data: rg.Dataset, model: PlantModel, held: list[str]) -> dict[str, Any]:
-    """Fit a model anew from where it stands, some of its parameters held.
-
-    Parameters
-    ----------
-    tell
-        Not called.
-    data, model, held
-        As :meth:`rdpi_gym.Inspection.refit`.
-    """
+    """Fit a model anew from where it stands, some of its parameters held."""
     return refit_to_dict(rg.inspect(data).refit(model, held))
 
 
 def simulate(tell: Tell, model: str, hide: list[str], seed: int, ts_factor: float) -> rg.Dataset:
-    """Simulate the standard protocol with hidden effects, as if it had been measured.
-
-    Parameters
-    ----------
-    tell
-        Hears how far it is.
-    model, hide, seed, ts_factor
-        As :func:`rdpi_gym.simulate`.
-    """
+    """Simulate the standard protocol with hidden effects, as if it had been measured."""
     found = rg.simulate(model, hide, seed=seed, ts_factor=ts_factor, progress=tell.progress)
     return rg.Dataset.of(found)
 
 
 def add(tell: Tell, effect: str, data: rg.Dataset, model: PlantModel, jobs: int) -> dict[str, Any]:
-    """Add an effect that was not tried before, or ``unknown``: the block that records teach.
-
-    Parameters
-    ----------
-    tell
-        Hears how far it is.
-    effect, data, model, jobs
-        As :func:`rdpi_gym.add`.
-    """
+    """Add an effect that was not tried before, or ``unknown``: the block that records teach."""
     found = rg.add(effect, data, model, jobs=jobs, progress=tell.progress)
     added = {"effect": effect, "form": found.added[0].form, "plant": found.plant.to_dict()}
     return added | _errors(found.final)
 
 
 def payoff(tell: Tell, **asked: Any) -> dict[str, Any]:
-    """Let compensators track a reference with two beliefs.
-
-    Parameters
-    ----------
-    tell
-        Hears how far it is.
-    **asked
-        As :func:`rdpi_gym.laboratory.buying.payoff`.
-    """
+    """Let compensators track a reference with two beliefs."""
     return buying.payoff(**asked, progress=tell.progress)
 
 
 def refit_to_dict(refit: rg.Refit) -> dict[str, Any]:
-    """Return the object of the journal for a refit.
-
-    Parameters
-    ----------
-    refit
-        As a search tells it.
-    """
+    """Return the object of the journal for a refit."""
     return {
         "effect": refit.effect,
         "form": refit.form,
@@ -210,18 +151,7 @@ def _small() -> rg.Dataset:
 
 
 def warm_helpers(count: int) -> threading.Thread:
-    """Start the processes among which a ranking divides its candidates, if they do not run yet.
-
-    Parameters
-    ----------
-    count
-        How many.
-
-    Returns
-    -------
-    threading.Thread
-        That waits until they have loaded what they need.
-    """
+    """Start the processes among which a ranking divides its candidates, if they do not run yet."""
 
     def start() -> None:
         for _ in run_cases(_warm, range(count), count):

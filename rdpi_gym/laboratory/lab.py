@@ -403,13 +403,7 @@ class Lab(Models):
         return self.state()
 
     def moved(self, effect: str, parameter: str, value: float) -> PlantModel:
-        """Return the present model with a parameter at another value.
-
-        Raises
-        ------
-        InputError
-            There is no such parameter, or the value is not physical.
-        """
+        """Return the present model with a parameter at another value."""
         plant = self._current().plant
         self._parameter(plant, effect, parameter)
         return _moved(plant, effect, parameter, value)

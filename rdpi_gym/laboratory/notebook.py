@@ -86,18 +86,7 @@ class Repeated:
 
 
 def notebook_of(session: Session) -> str:
-    """Return a notebook (nbformat 4) that repeats the way to the present model.
-
-    Parameters
-    ----------
-    session
-        With a model.
-
-    Raises
-    ------
-    InputError
-        There is no model yet.
-    """
+    """Return a notebook (nbformat 4) that repeats the way to the present model."""
     if session.current is None or session.data is None:
         raise InputError("there is no model yet; drop a file or take an exercise")
     steps = [session.step(name) for name in session.path]

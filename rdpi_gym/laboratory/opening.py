@@ -33,18 +33,7 @@ def in_background(
     browser: bool,
     session: PathLike[str] | str | None,
 ) -> OpenLab:
-    """Open the laboratory in a thread of this process.
-
-    Parameters
-    ----------
-    data, port, browser, session
-        As :func:`rdpi_gym.lab`.
-
-    Raises
-    ------
-    InputError
-        As there.
-    """
+    """Open the laboratory in a thread of this process."""
     sources: list[Path] = []
     written = tempfile.TemporaryDirectory(prefix="rdpi-lab-")  # it lasts as long as `stop`
     if isinstance(data, measurement.Dataset):
@@ -70,20 +59,7 @@ def in_background(
 def serve(
     sources: Sequence[Path], port: int, browser: bool, session: PathLike[str] | str | None
 ) -> None:
-    """Open the laboratory and serve it until the process is interrupted.
-
-    Parameters
-    ----------
-    sources
-        Data files and folders to begin with.
-    port, browser, session
-        As :func:`rdpi_gym.lab`.
-
-    Raises
-    ------
-    InputError
-        As :func:`rdpi_gym.lab`.
-    """
+    """Open the laboratory and serve it until the process is interrupted."""
     existing = [_existing(source) for source in sources]
     serving = _serving()
     place = serving.bind(port)
@@ -98,13 +74,7 @@ def serve(
 
 
 def session_folder(session: PathLike[str] | str | None) -> Path:
-    """Return the folder of a session, made where it is not there.
-
-    Raises
-    ------
-    InputError
-        It is a file, holds something else, or cannot be made.
-    """
+    """Return the folder of a session, made where it is not there."""
     from rdpi_gym.laboratory.session import JOURNAL, read_journal
 
     folder = Path(time.strftime("rdpi-lab-%Y%m%d-%H%M%S") if session is None else session)

@@ -73,30 +73,7 @@ class Head:
 
 
 def preview(session: Session, name: str, separator: str | None = None) -> dict[str, Any]:
-    """Return the beginning of a data file of a session, and how it is or may be read.
-
-    Parameters
-    ----------
-    session
-        The session.
-    name
-        Of the file, read or refused.
-    separator
-        Between its values, by its name; empty: as it is found; None: as its settings say.
-
-    Returns
-    -------
-    dict
-        ``record``; ``columns`` (``source``, ``name``, ``unit``) and the first ``rows``;
-        ``separator`` that was ``chosen`` and that is in effect, ``found``, None where the file is no
-        text; ``chosen`` source and ``units`` of t, u, y (an empty source: no time); ``ts_s``;
-        ``alike``, the other records whose files have the same columns.
-
-    Raises
-    ------
-    InputError
-        There is no such file, or it cannot be read.
-    """
+    """Return the beginning of a data file of a session, and how it is or may be read."""
     folder = session.data_folder
     files = {file.name: file for file in bringing.all_files(folder) if not file.is_symlink()}
     if name not in session.files or name not in files:
@@ -144,30 +121,7 @@ def preview(session: Session, name: str, separator: str | None = None) -> dict[s
 
 
 def guess_columns(head: Head, stated: Mapping[str, Any]) -> dict[str, str | int]:
-    """Guess which columns are time, command and displacement.
-
-    Parameters
-    ----------
-    head
-        The beginning of the file.
-    stated
-        What is settled: sources of t, u, y; one that the file does not offer is not minded.
-
-    Returns
-    -------
-    dict
-        Source of t, u and y: by the words of a name and the unit in its brackets, else by their order.
-        An empty one for t: there is no time.
-
-    Examples
-    --------
-    >>> names = ["Position [nm]", "Time [ms]", "Amplifier input [mV]"]
-    >>> guess_columns(Head([Column(name, name) for name in names]), {})
-    {'t': 'Time [ms]', 'u': 'Amplifier input [mV]', 'y': 'Position [nm]'}
-    >>> rows = [["0", "1.5", "9"], ["0", "1.6", "8"]]
-    >>> guess_columns(Head([Column(k, f"column {k}") for k in range(3)], rows), {})
-    {'t': '', 'u': 0, 'y': 1}
-    """
+    """Guess which columns are time, command and displacement."""
     columns = {column.source: column for column in head.columns}
     positions = dict(enumerate(columns))
     found: dict[str, str | int] = {}

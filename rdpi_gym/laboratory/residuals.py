@@ -26,17 +26,7 @@ _MOST_SPANS = 400  # more are no stretches that an eye tells apart
 
 
 def residual_views(record: Record, model_um: Array, noise_um: float | None) -> dict[str, Any]:
-    """Return what a model leaves of a record over time, command, rate, frequency, time at rest.
-
-    Parameters
-    ----------
-    record
-        The record.
-    model_um
-        Displacement of the model (µm), ``(T,)``.
-    noise_um
-        Noise floor (µm rms).
-    """
+    """Return what a model leaves of a record over time, command, rate, frequency, time at rest."""
     counted = record.error_mask
     residual = record.y_um - model_um
     at = thin_index(record.y_um, model_um, samples=_LOOP)
@@ -60,22 +50,7 @@ def residual_views(record: Record, model_um: Array, noise_um: float | None) -> d
 def brushed(
     record: Record, model_um: Array, by: str, low: float | None, high: float | None
 ) -> dict[str, Any]:
-    """Return the samples of a stretch in every view, so that it is seen in all.
-
-    Parameters
-    ----------
-    record, model_um
-        As :func:`residual_views`.
-    by
-        Over what it was brushed: time, command, rate or rest; a band of frequencies is no stretch of time.
-    low, high
-        Its ends: s, V, V/s, and s since the command came to rest; None: open.
-
-    Raises
-    ------
-    InputError
-        There is no such side.
-    """
+    """Return the samples of a stretch in every view, so that it is seen in all."""
     if by not in _OVER:
         raise InputError(f"by is {quoted(by)}; give one of {', '.join(_OVER)}")
     over = _OVER[by](record)

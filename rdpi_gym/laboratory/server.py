@@ -77,25 +77,7 @@ class Place:
 
 
 def bind(port: int = 0) -> Place:
-    """Take a port of the loopback address.
-
-    Parameters
-    ----------
-    port
-        Its number; 0: any that is free.
-
-    Raises
-    ------
-    InputError
-        The port is taken, or not ours to take.
-
-    Examples
-    --------
-    >>> place = bind()
-    >>> place.address.startswith(f"http://127.0.0.1:{place.port}/#token=")
-    True
-    >>> place.socket.close()
-    """
+    """Take a port of the loopback address."""
     bound = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if os.name == "posix":
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -508,13 +490,7 @@ _ACTIONS: Mapping[str, Action] = {
 
 
 def in_thread(server: Server) -> threading.Thread:
-    """Start a server in a thread of its own, as a notebook does.
-
-    Parameters
-    ----------
-    server
-        Not started yet.
-    """
+    """Start a server in a thread of its own, as a notebook does."""
     thread = threading.Thread(target=lambda: asyncio.run(server.run()), daemon=True)
     thread.start()
     return thread

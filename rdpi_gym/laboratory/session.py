@@ -70,13 +70,7 @@ class Step:
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Step:
-        """Build from the object of the journal.
-
-        Raises
-        ------
-        InputError
-            A name that is none of a step, or a value of another type.
-        """
+        """Build from the object of the journal."""
         plant = PlantModel.from_dict(document["plant"], "a step")
         step = cls(**{**document, "plant": plant, "held": tuple(document["held"])})
         for name, hint in get_type_hints(cls).items():
@@ -116,15 +110,7 @@ class Ranking:
     problem: str | None = None
 
     def plant_with(self, effect: str, form: str | None = None) -> PlantModel | None:
-        """Return the model with a candidate, everything refitted; None where it is not there yet.
-
-        Parameters
-        ----------
-        effect
-            Its name.
-        form
-            Of the candidate; None: the one that the ranking chose, or of those so far the best.
-        """
+        """Return the model with a candidate, everything refitted; None where it is not there yet."""
         found = self.refit_of(effect, form)
         if found is None:
             return None
@@ -224,23 +210,11 @@ class Session:
         return self.path[-1] if self.path else None
 
     def plant_of(self, step: str) -> PlantModel:
-        """Return the model of a step.
-
-        Raises
-        ------
-        InputError
-            There is no such step.
-        """
+        """Return the model of a step."""
         return self.step(step).plant
 
     def step(self, step: str) -> Step:
-        """Return a step.
-
-        Raises
-        ------
-        InputError
-            There is no such step.
-        """
+        """Return a step."""
         if step not in self.steps:
             raise InputError(f"step {quoted(step)} is not there; there are {some(self.steps)}")
         return self.steps[step]
@@ -266,19 +240,7 @@ class Session:
         self._data = data
 
     def write(self, event: Event) -> None:
-        """Write down what was done, and let it take effect.
-
-        Parameters
-        ----------
-        event
-            ``do`` says what: ``read``, ``file``, ``step``, ``update``, ``go``, ``refit``,
-            ``ranking``, ``payoff``, ``said``.
-
-        Raises
-        ------
-        InputError
-            The journal cannot be written, or could not be read again.
-        """
+        """Write down what was done, and let it take effect."""
         line = json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n"
         again = _checked(parse_json(line, JOURNAL))
         try:
@@ -295,13 +257,7 @@ class Session:
         self._fold(again)
 
     def events(self) -> Iterator[Event]:
-        """Yield what the journal holds, in order.
-
-        Raises
-        ------
-        InputError
-            It is damaged before its last line.
-        """
+        """Yield what the journal holds, in order."""
         yield from read_journal(self.folder)
 
     def _fold(self, event: Event) -> None:
@@ -358,36 +314,12 @@ def _checked(event: Event) -> Event:
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a session that would read or write elsewhere.
-
-    Parameters
-    ----------
-    folder
-        Of the session; it need not be there.
-
-    Raises
-    ------
-    InputError
-        Its data or its refused files are a link, or one of the three folders holds a link, a FIFO, a
-        device or a socket.
-    """
+    """Refuse a session that would read or write elsewhere."""
     check_plain([folder, folder / DATA_FOLDER, folder / REFUSED])
 
 
 def read_journal(folder: Path) -> Iterator[Event]:
-    """Yield what the journal of a session holds; a last line that is torn is taken off.
-
-    Parameters
-    ----------
-    folder
-        Of the session.
-
-    Raises
-    ------
-    InputError
-        It is damaged before its last line, larger than 64 MiB, or the folder is refused by
-        :func:`check_folder`.
-    """
+    """Yield what the journal of a session holds; a last line that is torn is taken off."""
     path = folder / JOURNAL
     check_folder(folder)
     if not path.exists():

@@ -42,22 +42,7 @@ class Taken:
 
 
 def take(session: Session, name: str, rate_hz: float | None = None) -> Taken:
-    """Return a file to take home.
-
-    Parameters
-    ----------
-    session
-        The session.
-    name
-        One of :data:`FILES`.
-    rate_hz
-        Of the next experiment: samples a second.
-
-    Raises
-    ------
-    InputError
-        There is no such file, or nothing yet to write into it.
-    """
+    """Return a file to take home."""
     if name not in FILES:
         raise InputError(f"{quoted(name)} cannot be taken home; there are {', '.join(FILES)}")
     media_type, make = FILES[name]

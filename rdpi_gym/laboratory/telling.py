@@ -15,15 +15,7 @@ from rdpi_gym.plant import CORES
 def state_of(
     session: Session, job: Job | None, problem: str | None, pictures: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return everything that the page shows but traces.
-
-    Parameters
-    ----------
-    session, job, problem
-        As :class:`~rdpi_gym.laboratory.desk.Desk` has them.
-    pictures
-        Sketches of the effects, or empty.
-    """
+    """Return everything that the page shows but traces."""
     data, current = session.data, session.current
     said = {} if current is None else session.said.get(current, {})
     quantities = Quantities() if data is None else data.quantities
@@ -118,15 +110,7 @@ def _left(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def cards_of(session: Session, step: str, pictures: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the candidates of a step as cards.
-
-    Parameters
-    ----------
-    session, step
-        The session, and one of its steps that was ranked on.
-    pictures
-        Sketches of the effects, or empty.
-    """
+    """Return the candidates of a step as cards."""
     ranking, own = session.rankings[step], session.step(step)
     base = ranking.refits.get(("", ""))
     base_um = own.validation_um if base is None else base["validation_um"]

@@ -32,13 +32,7 @@ _SYMBOLS = {"delta2_s": "δ2", "delta1_V": "δ1"}
 
 
 def numbers(values: Array) -> list[float | None]:
-    """Return numbers as JSON has them, short: four figures are more than a screen shows.
-
-    Examples
-    --------
-    >>> numbers(np.array([1.23456789, np.nan]))
-    [1.23457, None]
-    """
+    """Return numbers as JSON has them, short: four figures are more than a screen shows."""
     return [float(f"{v:.6g}") if math.isfinite(v) else None for v in values.tolist()]
 
 
@@ -48,17 +42,7 @@ def number(value: float | None) -> float | None:
 
 
 def record_row(record: Record, file: str, said: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row of the table of records.
-
-    Parameters
-    ----------
-    record
-        The record.
-    file
-        That it is from.
-    said
-        What ``dataset.toml`` says of it.
-    """
+    """Return a row of the table of records."""
     at = thin_index(record.u_V, record.y_um, samples=_THUMBNAIL)
     return {
         "name": record.name,
@@ -82,13 +66,7 @@ def quantities_of(quantities: Quantities) -> dict[str, Any]:
 
 
 def record_named(data: rg.Dataset, name: str) -> Record:
-    """Return a record.
-
-    Raises
-    ------
-    InputError
-        There is none of that name.
-    """
+    """Return a record."""
     for record in data.records:
         if record.name == name:
             return record
@@ -114,19 +92,7 @@ def trace(
     part: slice,
     points: int = POINTS,
 ) -> dict[str, Any]:
-    """Return a record beside its model, the lowest and the highest of every stretch kept.
-
-    Parameters
-    ----------
-    record
-        The record.
-    model_um, other_um
-        Displacement of the model (µm), and of the model with a candidate, ``(T,)``.
-    part
-        Samples that are shown.
-    points
-        About as many are returned.
-    """
+    """Return a record beside its model, the lowest and the highest of every stretch kept."""
     u, y = record.u_V[part], record.y_um[part]
     model, other = (None if m is None else m[part] for m in (model_um, other_um))
     lines = [y, u] + [y - m for m in (model, other) if m is not None]
@@ -154,15 +120,7 @@ def spans_s(record: Record, chosen: NDArray[np.bool_]) -> list[list[float]]:
 
 
 def step_row(step: Step, say: Callable[[str], str]) -> dict[str, Any]:
-    """Return a step as the page is told of it.
-
-    Parameters
-    ----------
-    step
-        The step.
-    say
-        Turns units into those of the data.
-    """
+    """Return a step as the page is told of it."""
     return {
         "id": step.id,
         "parent": step.parent,
@@ -181,17 +139,7 @@ def step_row(step: Step, say: Callable[[str], str]) -> dict[str, Any]:
 def model_of(
     plant: PlantModel, held: Iterable[str], say: Callable[[str], str] = str
 ) -> dict[str, Any]:
-    """Return core and effects of a model, each parameter with what a slider needs.
-
-    Parameters
-    ----------
-    plant
-        The model.
-    held
-        Parameters that refits leave alone, as ``effect.parameter``.
-    say
-        Turns units into those of the data.
-    """
+    """Return core and effects of a model, each parameter with what a slider needs."""
     errors = plant.identification.get("standard_errors", {})
     core = plant.hysteresis
     shape = [
@@ -250,13 +198,7 @@ def _parameter(
 
 
 def title_of(effect: str) -> str:
-    """Return the name of an effect for a heading.
-
-    Examples
-    --------
-    >>> title_of("actuator_lag")
-    'Actuator lag'
-    """
+    """Return the name of an effect for a heading."""
     words = _TITLES.get(effect, effect.replace("_", " "))
     return words[:1].upper() + words[1:]
 
@@ -270,25 +212,7 @@ def cards(
     pictures: Mapping[str, Any],
     say: Callable[[str], str] = str,
 ) -> list[dict[str, Any]]:
-    """Return the candidates as cards, the best first.
-
-    Parameters
-    ----------
-    ranking
-        Of a step.
-    base_um
-        Validation error of the step (µm rms).
-    noise_um
-        Noise floor (µm rms).
-    core
-        The kind of hysteresis that candidates have to fit.
-    present
-        Effects that the model has: they have no card.
-    pictures
-        As :func:`pictures` returns them, or empty.
-    say
-        Turns units into those of the data.
-    """
+    """Return the candidates as cards, the best first."""
     said = {c["effect"]: c for c in ranking.candidates}
     chosen = set(ranking.result.get("chosen", [])) if ranking.result else set()
     found = []

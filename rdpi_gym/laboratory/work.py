@@ -104,18 +104,7 @@ class Worker:
         return self._process.poll() is None
 
     def begin(self, task: Task, arguments: dict[str, Any], listener: Listener) -> None:
-        """Start a task; one at a time.
-
-        Parameters
-        ----------
-        task
-            A function of a module.
-        arguments
-            Its keywords; they travel to the process.
-        listener
-            Called with every message, in a thread of this process; the last is ``done``,
-            ``refused`` or ``died``.
-        """
+        """Start a task; one at a time."""
         with self._lock:
             self._listener = listener
         try:
@@ -195,15 +184,7 @@ class Workers:
         listener: Listener,
         wanted: Callable[[], bool] = lambda: True,
     ) -> None:
-        """Start a task; what was at work is stopped.
-
-        Parameters
-        ----------
-        task, arguments, listener
-            As :meth:`Worker.begin`.
-        wanted
-            Whether it still is: a cancel may come before it has begun.
-        """
+        """Start a task; what was at work is stopped."""
         self.cancel()
         with self._lock:
             if not wanted():
@@ -262,13 +243,7 @@ def _signal_group(group: int, number: int) -> None:
 
 
 def serve(tasks: IO[bytes], answers: IO[bytes]) -> None:
-    """Do the tasks that come, one after the other, until none can come any more.
-
-    Parameters
-    ----------
-    tasks, answers
-        Where tasks come from, and messages go to.
-    """
+    """Do the tasks that come, one after the other, until none can come any more."""
     lock, told = threading.Lock(), dict[str, float]()
 
     def send(message: Message) -> None:

@@ -9,14 +9,7 @@ from rdpi_gym.laboratory.work import end_with_parent, serve
 
 
 def main(helpers: int | None) -> None:
-    """Do tasks from standard input until there are no more.
-
-    Parameters
-    ----------
-    helpers
-        Processes among which a ranking divides its candidates, started before the first task; None:
-        nothing is loaded before it.
-    """
+    """Do tasks from standard input until there are no more."""
     end_with_parent()
     # what a library prints is no message
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")

@@ -29,34 +29,7 @@ def read_matlab(
     time_needed: bool = True,
     reader: MatlabReader | None = None,
 ) -> Table:
-    """Read a MATLAB file, v5 or v7.3, with 1xN or Nx1 variables, or one struct that holds them.
-
-    Parameters
-    ----------
-    path
-        The file.
-    columns
-        Names of variables by our name.
-    time_needed
-        Whether a file without a time is refused.
-    reader
-        What reads several files; by default this one has a reader of its own.
-
-    Raises
-    ------
-    InputError
-        Not a whole MATLAB file, a missing variable, one that is not a row or column of numbers.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from scipy.io import savemat
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "run.mat"
-    ...     savemat(path, {"t": [0.0, 0.1], "u": [0.0, 1.0], "y": [0.0, 8.0]})
-    ...     read_matlab(path, {}).columns["y"]
-    array([0., 8.])
-    """
+    """Read a MATLAB file, v5 or v7.3, with 1xN or Nx1 variables, or one struct that holds them."""
     if reader is None:
         with MatlabReader() as own:
             return read_matlab(path, columns, time_needed=time_needed, reader=own)
@@ -64,22 +37,7 @@ def read_matlab(
 
 
 def read_npz(path: Path, columns: Mapping[str, str | int], *, time_needed: bool = True) -> Table:
-    """Read a NumPy archive; pickled objects are refused.
-
-    Raises
-    ------
-    InputError
-        Not a whole archive, a missing array, one that is not a row or column of numbers.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "run.npz"
-    ...     np.savez(path, t=[0.0, 0.1], volt=[0.0, 1.0], y=[0.0, 8.0])
-    ...     read_npz(path, {"u": "volt"}).columns["u"]
-    array([0., 1.])
-    """
+    """Read a NumPy archive; pickled objects are refused."""
     return _table(path, partial(_npz, path), "npz", columns, time_needed)
 
 
@@ -120,13 +78,7 @@ def _channels(variables: Variables) -> Variables:
 
 @contextmanager
 def reading(path: Path, kind: str) -> Iterator[None]:
-    """Turn whatever a library raises on a damaged file into one line.
-
-    Raises
-    ------
-    InputError
-        Naming the file.
-    """
+    """Turn whatever a library raises on a damaged file into one line."""
     try:
         yield
     except InputError:

@@ -34,44 +34,7 @@ def make_record(
     note: str = "",
     quantities: Quantities | None = None,
 ) -> Record:
-    """Turn the columns of a file into a record.
-
-    Parameters
-    ----------
-    table
-        What a reader found.
-    name
-        Name of the record.
-    units
-        Unit of a column in the file, by our name; s, V, µm, °C by default.
-    sampling_time_s
-        Sampling time (s) where the file has no time column, or times that are rounded.
-    sampling_said
-        Who says so, for the error line.
-    skip_s
-        Seconds at the start that are simulated and left out of the error.
-    note
-        What the experimenter wrote about it.
-    quantities
-        In whose units u and y are kept, where they are no voltage and no displacement.
-
-    Raises
-    ------
-    InputError
-        More than a fifth of the samples missing, time that runs back, fewer than 16 samples, a
-        sampling time that contradicts the time column, a period that is no whole number: file,
-        line and column.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> t = np.arange(40.0)
-    >>> columns = {"t": t, "u": np.sin(t), "y": np.cos(t)}
-    >>> table = Table(Path("run.npz"), columns, {name: f"variable {name}" for name in columns})
-    >>> record = make_record(table, "run", units={"t": "ms", "y": "nm"}, skip_s=0.01)
-    >>> record.t_s.size, record.ts_s, record.remarks
-    (30, 0.001, ('left out: the first 0.01 s (10 samples)',))
-    """
+    """Turn the columns of a file into a record."""
     if table.rows < MIN_SAMPLES:
         raise InputError(
             f"{table.where('u', max(table.rows - 1, 0))}: the record ends after {table.rows} samples; "
@@ -163,29 +126,7 @@ def _stood_at_zero(u: Array, y: Array, first: int) -> bool:
 
 
 def mask_out(record: Record, stretches_s: Sequence[tuple[float, float]], where: str) -> Record:
-    """Leave stretches of a record out of its error; they are still simulated.
-
-    Parameters
-    ----------
-    record
-        The record.
-    stretches_s
-        From and to (s) on the clock of the record, both included.
-    where
-        Who says so, for the error line.
-
-    Raises
-    ------
-    InputError
-        A stretch behind the record's end or between two samples, or fewer than 16 samples left.
-
-    Examples
-    --------
-    >>> t = np.arange(40.0)
-    >>> masked = mask_out(Record("run", t, t, t, ts_s=1.0), [(5.0, 9.0)], "dataset.toml")
-    >>> int(masked.error_mask.sum()), masked.remarks
-    (35, ('left out of the error, still simulated: 5 to 9 s (5 samples)',))
-    """
+    """Leave stretches of a record out of its error; they are still simulated."""
     t_s, mask, remarks = record.t_s, record.error_mask.copy(), record.remarks
     rounding = 1e-3 * record.ts_s
     for start, end in stretches_s:

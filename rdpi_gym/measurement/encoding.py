@@ -18,56 +18,12 @@ _MARKS = (
 
 
 def read_lines(path: Path, largest: int = LARGEST_TEXT) -> list[str]:
-    r"""Read the lines of a text file, whatever ends them (``\n``, ``\r\n`` or ``\r``).
-
-    Parameters
-    ----------
-    path
-        The file, UTF-8 with or without a byte-order mark, or UTF-16 with one.
-    largest
-        Most bytes that it may have.
-
-    Raises
-    ------
-    InputError
-        The file is no regular one, too large or cannot be read, or is in another encoding: line, column and byte are named.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "run.csv"
-    ...     _ = path.write_bytes(codecs.BOM_UTF8 + b"t,u,y\r\n0,1,2")
-    ...     read_lines(path)
-    ['t,u,y', '0,1,2']
-    """
+    r"""Read the lines of a text file, whatever ends them (``\n``, ``\r\n`` or ``\r``)."""
     return _lines(_text(path, read_bytes(path, largest), True))
 
 
 def read_head(path: Path, most: int) -> list[str]:
-    r"""Read the first whole lines of a text file, as :func:`read_lines` does.
-
-    Parameters
-    ----------
-    path
-        The file.
-    most
-        Bytes that are read of it.
-
-    Raises
-    ------
-    InputError
-        The file is no regular one or cannot be read, or these bytes are in another encoding.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "run.csv"
-    ...     _ = path.write_text("t,u,y\n0,1,2\n1,2,3\n")
-    ...     read_head(path, 15)
-    ['t,u,y', '0,1,2']
-    """
+    r"""Read the first whole lines of a text file, as :func:`read_lines` does."""
     with open_regular(path) as stream:
         raw = stream.read(most + 1)
     is_whole = len(raw) <= most

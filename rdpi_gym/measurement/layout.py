@@ -46,13 +46,7 @@ class Layout:
 
 
 def split_cells(line: str, delimiter: str | None) -> list[str]:
-    """Split a line into its cells, blanks and quotes around them and empty ones at its end removed.
-
-    Examples
-    --------
-    >>> split_cells('"0.5"; 1 ;;', ";"), split_cells(" 0,5   1", None)
-    (['0.5', '1'], ['0,5', '1'])
-    """
+    """Split a line into its cells, blanks and quotes around them and empty ones at its end removed."""
     if delimiter is None:
         return [cell.strip('"') for cell in line.split()]
     rows = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
@@ -63,13 +57,7 @@ def split_cells(line: str, delimiter: str | None) -> list[str]:
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell holds a number, with a decimal point or a decimal comma.
-
-    Examples
-    --------
-    >>> is_number("-1,5e3"), is_number("nan"), is_number("12 V"), is_number("")
-    (True, True, False, False)
-    """
+    """Whether a cell holds a number, with a decimal point or a decimal comma."""
     try:
         float(cell.replace(",", "."))
     except ValueError:
@@ -78,13 +66,7 @@ def is_number(cell: str) -> bool:
 
 
 def find_delimiter(line: str) -> str | None:
-    """Find what separates the values of a line: semicolon, tab, comma, or None for blanks.
-
-    Examples
-    --------
-    >>> find_delimiter("0,5;1,8"), find_delimiter("0.5, 1.8"), find_delimiter("0,5 1,8")
-    (';', ',', None)
-    """
+    """Find what separates the values of a line: semicolon, tab, comma, or None for blanks."""
     if ";" in line:
         return ";"
     cells = line.split("\t")
@@ -101,33 +83,7 @@ def find_delimiter(line: str) -> str | None:
 def find_layout(
     rows: Sequence[str], first_line: int, comment: str, comment_line: int, separator: str = ""
 ) -> tuple[Layout, int]:
-    """Find out how the values of a file are written.
-
-    Parameters
-    ----------
-    rows
-        The lines that are neither empty nor comments, at least one.
-    first_line
-        Number of the first of them.
-    comment, comment_line
-        The last comment before them and its number: where no header follows it, it may hold the
-        names (`numpy.savetxt` writes them so), provided that it has as many words as values.
-    separator
-        One of `SEPARATORS` by its name; by default it is found.
-
-    Returns
-    -------
-    Layout
-        The layout.
-    int
-        How many of `rows` the header takes, 0 or 1.
-
-    Examples
-    --------
-    >>> layout, header_rows = find_layout(["t;u;y", "0;1,5;2"], 1, "", 0)
-    >>> layout.delimiter, layout.header, header_rows
-    (';', ('t', 'u', 'y'), 1)
-    """
+    """Find out how the values of a file are written."""
     second = rows[min(1, len(rows) - 1)]
     delimiter = SEPARATORS[separator] if separator else find_delimiter(second)
     first = split_cells(rows[0], delimiter)

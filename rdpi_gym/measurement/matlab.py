@@ -90,23 +90,7 @@ class MatlabReader:
             self._process = None
 
     def read(self, path: Path, wanted: Sequence[str]) -> Variables:
-        """Read variables by their names.
-
-        Parameters
-        ----------
-        path
-            The file.
-        wanted
-            Names of variables; those that are missing are left out. Where the first is missing, all
-            are looked for in the one struct that has it.
-
-        Raises
-        ------
-        InputError
-            No regular file, or one whose numbers take more memory than its size allows.
-        ValueError
-            The file is damaged or of another kind; the message says how.
-        """
+        """Read variables by their names."""
         with open_regular(path) as stream:
             head = stream.read(max(_HDF5_OFFSETS) + len(_HDF5_SIGNATURE))
             size = os.fstat(stream.fileno()).st_size

@@ -18,13 +18,7 @@ _SIGNALS = ("u", "y")
 
 
 def unknown_times(t_s: Array) -> BoolArray:
-    """Where a clock says nothing: no number, or the time of the sample before.
-
-    Examples
-    --------
-    >>> unknown_times(np.array([0.0, 1.0, 1.0, np.nan, 4.0])).tolist()
-    [False, False, True, True, False]
-    """
+    """Where a clock says nothing: no number, or the time of the sample before."""
     unknown = np.isnan(t_s)
     known = np.flatnonzero(~unknown)
     unknown[known[1:][np.diff(t_s[known]) == 0.0]] = True
@@ -32,13 +26,7 @@ def unknown_times(t_s: Array) -> BoolArray:
 
 
 def filled_times(t_s: Array, unknown: BoolArray) -> Array:
-    """Put evenly between its neighbours what a clock does not say.
-
-    Examples
-    --------
-    >>> filled_times(np.array([0.0, 1.0, 1.0, np.nan, 4.0, np.nan]), np.array([0, 0, 1, 1, 0, 1]) > 0)
-    array([0., 1., 2., 3., 4., 5.])
-    """
+    """Put evenly between its neighbours what a clock does not say."""
     k = np.arange(t_s.size)
     known = k[~unknown]
     filled = t_s.copy()
@@ -53,33 +41,7 @@ def filled_times(t_s: Array, unknown: BoolArray) -> Array:
 def bridge(
     table: Table, columns: Mapping[str, Array], unknown: BoolArray, first: int
 ) -> tuple[dict[str, Array], BoolArray, tuple[str, ...]]:
-    """Carry u and y in straight lines across what is no number.
-
-    Parameters
-    ----------
-    table
-        Where the columns come from, for the error line.
-    columns
-        By our name, each (N,).
-    unknown
-        (N,) samples whose time was not known.
-    first
-        First sample that counts.
-
-    Returns
-    -------
-    dict
-        The columns without a gap.
-    bool[N]
-        Samples that are missing.
-    tuple of str
-        What was done.
-
-    Raises
-    ------
-    InputError
-        More than a fifth is missing: the first such sample, by line and column.
-    """
+    """Carry u and y in straight lines across what is no number."""
     gaps = {key: np.isnan(columns[key]) for key in _SIGNALS}
     missing = unknown | gaps["u"] | gaps["y"]
     counted = missing[first:]

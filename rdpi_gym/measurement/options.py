@@ -35,13 +35,7 @@ _ANY_QUANTITY = ("u", "y", "reference")
 
 
 def unknown_name(where: str, name: str, known: Iterable[str]) -> InputError:
-    """Build the error for a name that is not among those known, with the close match.
-
-    Examples
-    --------
-    >>> str(unknown_name("dataset.toml", "titel", ["title", "units"]))
-    "dataset.toml: 'titel' is unknown (did you mean 'title'?); known are title, units"
-    """
+    """Build the error for a name that is not among those known, with the close match."""
     names = list(known)
     meant = guess(name, names)
     hint = f" ({meant})" if meant else ""
@@ -53,16 +47,6 @@ def unit_factor(column: str, unit: str, where: str = "--units", shown: str = "")
 
     A unit of u, y or reference that is neither a voltage nor a length is not converted: it becomes the
     unit of the quantity.
-
-    Raises
-    ------
-    InputError
-        Unknown column, or a unit that it cannot have.
-
-    Examples
-    --------
-    >>> unit_factor("y", "nm"), unit_factor("t", "µs"), unit_factor("y", "kN")
-    (0.001, 1e-06, 1.0)
     """
     if column not in UNITS:
         raise unknown_name(where, column, UNITS)
@@ -88,13 +72,7 @@ def unit_factor(column: str, unit: str, where: str = "--units", shown: str = "")
 
 
 def check_columns(columns: Mapping[str, str | int], where: str) -> None:
-    """Refuse unknown column names, positions below 0 and a column that is named twice.
-
-    Raises
-    ------
-    InputError
-        Naming `where` and the column.
-    """
+    """Refuse unknown column names, positions below 0 and a column that is named twice."""
     taken: dict[str | int, str] = {}
     for name, source in columns.items():
         if name not in COLUMNS:
@@ -115,13 +93,7 @@ def check_columns(columns: Mapping[str, str | int], where: str) -> None:
 
 
 def check_skip(seconds: float | None, where: str) -> None:
-    """Refuse a stretch to leave out (s) that is not finite or below 0.
-
-    Raises
-    ------
-    InputError
-        Naming `where` and the value.
-    """
+    """Refuse a stretch to leave out (s) that is not finite or below 0."""
     if seconds is not None and not 0.0 <= seconds <= _LONGEST_S:
         raise InputError(f"{where} is {quoted(seconds)}; give seconds, 0 or above")
 

@@ -202,30 +202,7 @@ def quantities_of(
     names: Mapping[str, str],
     where: str,
 ) -> Quantities:
-    """Settle what was measured.
-
-    Parameters
-    ----------
-    said
-        Of ``input`` and ``output``: name, symbol and unit, as far as the user says them.
-    units
-        What the numbers of the columns u and y are in, where that is said; else V and µm.
-    names
-        What the file calls the columns u and y beside their units.
-    where
-        Who says so, for the error line.
-
-    Raises
-    ------
-    InputError
-        A unit without a name that it tells, a name without a unit, a unit of another quantity.
-
-    Examples
-    --------
-    >>> found = quantities_of({"output": {"symbol": "F"}}, {"y": "kN", "u": "mV"}, {}, "dataset.toml")
-    >>> found.output, found.input.unit
-    (Quantity(name='force', symbol='F', unit='kN'), 'V')
-    """
+    """Settle what was measured."""
     found = {
         side: _quantity(side, said.get(side, {}), units.get(column), names.get(column, ""), where)
         for side, column in SIDES.items()

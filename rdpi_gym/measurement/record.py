@@ -193,13 +193,7 @@ class Record:
 
 
 def out_of_range(value: float) -> str:
-    """Say what is wrong with a value that no record may have.
-
-    Examples
-    --------
-    >>> out_of_range(float("nan")), out_of_range(1e31)
-    ('no finite number', 'too large for a measurement')
-    """
+    """Say what is wrong with a value that no record may have."""
     return "too large for a measurement" if np.isfinite(value) else "no finite number"
 
 

@@ -63,11 +63,6 @@ def rounding(t_s: Array) -> float:
 
     Its steps are two neighbouring multiples of the decimal, or one, and no time is farther from
     the even grid than rounding puts it.
-
-    Examples
-    --------
-    >>> rounding(np.round(3.328e-4 * np.arange(1000), 4)), rounding(1e-3 * np.arange(1000))
-    (0.0001, 0.0)
     """
     if t_s.size < _FEWEST or not np.isfinite(t_s).all() or t_s[-1] <= t_s[0]:
         return 0.0
@@ -112,30 +107,6 @@ def to_uniform(
     were rounded, the samples stay as they are and the times become the uniform grid between the
     first and the last one; samples that such a clock lost, up to a fifth, are put back. Else the
     columns are interpolated linearly at the median step (``period`` keeps its last value).
-
-    Parameters
-    ----------
-    t_s
-        Times (s), (N,), strictly increasing.
-    columns
-        Other columns by our name, each (N,).
-    where
-        File, for the error line.
-    scored
-        (N,) bool, where a sample counts; everywhere by default.
-    sampling_time_s
-        What the user says of the step (s): it holds where the times were rounded.
-
-    Raises
-    ------
-    InputError
-        A hole so long that the grid would have more than ten times the samples.
-
-    Examples
-    --------
-    >>> grid = to_uniform(np.array([0.0, 1.0, 2.0, 4.0]), {"u": np.array([0.0, 1, 2, 4])}, "run.csv")
-    >>> grid.t_s.tolist(), grid.columns["u"].tolist()
-    ([0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 2.0, 3.0, 4.0])
     """
     counts = np.ones(t_s.size, dtype=np.bool_) if scored is None else scored
     found = _even(t_s, columns, counts, sampling_time_s)
@@ -176,26 +147,7 @@ def _even(
 
 
 def with_lost(t_s: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Put back the times of rows that were lost, evenly between their neighbours.
-
-    Parameters
-    ----------
-    t_s : float64[N]
-        Times (s), increasing.
-
-    Returns
-    -------
-    float64[M]
-        The times: the same ones where none was lost, or more than a fifth.
-    intp[N]
-        Where the given ones stand among them.
-
-    Examples
-    --------
-    >>> t_s, rows = with_lost(np.array([0.0, 1.0, 2.0, 4.0, 5.0]))
-    >>> t_s.tolist(), rows.tolist()
-    ([0.0, 1.0, 2.0, 3.0, 4.0, 5.0], [0, 1, 2, 4, 5])
-    """
+    """Put back the times of rows that were lost, evenly between their neighbours."""
     steps = np.diff(t_s)
     usual = steps[steps < _LOST * np.median(steps)]
     # where most steps are 0 s, times are rounded coarsely
@@ -276,20 +228,6 @@ def off_even(t_s: Array, ts_s: float) -> float:
     """Return by how much times are off an even clock, from one to the next (s rms), or 0.
 
     A clock that runs slowly off is none, nor is a sample that was lost.
-
-    Parameters
-    ----------
-    t_s : float64[N]
-        Times (s).
-    ts_s
-        Step of the clock (s).
-
-    Examples
-    --------
-    >>> t = np.arange(20_000) * 1e-3
-    >>> shaken = t + np.random.default_rng(0).normal(0.0, 2e-5, t.size)
-    >>> off_even(t, 1e-3), float(round(1e6 * off_even(shaken, 1e-3)))
-    (0.0, 20.0)
     """
     steps = np.diff(t_s)
     off = steps - ts_s * np.maximum(np.round(steps / ts_s), 1.0)

@@ -95,54 +95,12 @@ class Settings:
 
 
 def read_settings(path: Path, record_names: Iterable[str]) -> Settings:
-    r"""Read a ``dataset.toml``.
-
-    Parameters
-    ----------
-    path
-        The file.
-    record_names
-        Records in its folder: no other may be named.
-
-    Raises
-    ------
-    InputError
-        No TOML, an unknown key (named, with the close match), a value of the wrong kind.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "dataset.toml"
-    ...     _ = path.write_text('title = "steps"\n[records.run]\nmask_s = [[1, 2.5]]\n')
-    ...     read_settings(path, ["run"]).records["run"].mask_s
-    ((1.0, 2.5),)
-    """
+    r"""Read a ``dataset.toml``."""
     return parse_settings("\n".join(read_lines(path, LARGEST)), str(path), record_names)
 
 
 def parse_settings(text: str, path: str, record_names: Iterable[str] | None = None) -> Settings:
-    """Parse the text of a ``dataset.toml``; see :func:`read_settings`.
-
-    Parameters
-    ----------
-    text
-        Content of the file.
-    path
-        Its name, for the error line.
-    record_names
-        Records in its folder; None: it may name any.
-
-    Raises
-    ------
-    InputError
-        As :func:`read_settings`.
-
-    Examples
-    --------
-    >>> parse_settings('records.run.units.y = "nm"', "dataset.toml", ["run"]).of("run").units
-    {'y': 'nm'}
-    """
+    """Parse the text of a ``dataset.toml``; see :func:`read_settings`."""
     try:
         document = tomllib.loads(text)
     except RecursionError:

@@ -23,22 +23,7 @@ _CHANNEL = re.compile(r"([uy])([1-9][0-9]?)")
 
 
 def stacked_tags(path: Path) -> list[str]:
-    """Return what follows ``u_`` and ``y_`` in an archive whose arrays stack channels; else nothing.
-
-    Raises
-    ------
-    InputError
-        The file is no archive.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "mirror.npz"
-    ...     np.savez(path, u_low=np.zeros((40, 3)), y_low=np.zeros((40, 3)), u_V=[0.0])
-    ...     stacked_tags(path)
-    ['low']
-    """
+    """Return what follows ``u_`` and ``y_`` in an archive whose arrays stack channels; else nothing."""
     with reading(path, "npz"), open_npz(path) as archive:
         names = archive.names
     if "u" in names or "y" in names:
@@ -48,39 +33,7 @@ def stacked_tags(path: Path) -> list[str]:
 
 
 def read_stacked(path: Path, tags: Sequence[str], columns: Mapping[str, str | int]) -> list[Table]:
-    """Read an archive of arrays (samples, channels, realisations, periods), each ``u_TAG``, ``y_TAG``.
-
-    Parameters
-    ----------
-    path
-        The file.
-    tags
-        Of :func:`stacked_tags`.
-    columns
-        Channels of ``u`` and ``y``, as in ``{"y": "y2", "u": "u1"}``: by default y1 and the input of
-        the same number.
-
-    Returns
-    -------
-    list of Table
-        One for each tag and realisation, its periods one after another; other inputs beside it.
-        Those whose tag says test or validation are named so that they validate.
-
-    Raises
-    ------
-    InputError
-        Arrays that do not fit each other, a channel that is not there.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "mirror.npz"
-    ...     np.savez(path, u_test=np.zeros((40, 3, 2)), y_test=np.ones((40, 3, 2)))
-    ...     tables = read_stacked(path, ["test"], {"y": "y2"})
-    >>> [table.name for table in tables], list(tables[0].columns)
-    (['validation-test-1', 'validation-test-2'], ['u', 'y', 'other:u1', 'other:u3', 'period'])
-    """
+    """Read an archive of arrays (samples, channels, realisations, periods), each ``u_TAG``, ``y_TAG``."""
     output = _channel(path, "y", columns.get("y", "y1"))
     own = _channel(path, "u", columns.get("u", f"u{output}"))
     found = []

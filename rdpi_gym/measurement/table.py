@@ -78,13 +78,7 @@ class Table:
 
 
 def label(kind: str, column: str, source: str | int) -> str:
-    """Name a column for an error line: by the file's own name, ours behind it where it differs.
-
-    Examples
-    --------
-    >>> label("column", "y", "disp"), label("column", "u", "u"), label("column", "t", 1)
-    ('column disp (y)', 'column u', 'column 1 (t)')
-    """
+    """Name a column for an error line: by the file's own name, ours behind it where it differs."""
     named = f"{kind} {short(str(source))}"
     return named if source == column else f"{named} ({column})"
 
@@ -96,36 +90,7 @@ def select(
     where: str,
     kind: str,
 ) -> dict[str, str | int]:
-    """Choose what each of our columns is read from.
-
-    Parameters
-    ----------
-    columns
-        What the user says, by our name; a name that is missing there stands for itself, an empty
-        source for no column.
-    names
-        The names that the file offers.
-    time_needed
-        Whether a file without a time column is refused.
-    where, kind
-        File (and line), and what it calls a column, for the error line.
-
-    Returns
-    -------
-    dict
-        Source of t, u, y, of the optional columns that are there and of further inputs. A name with
-        a unit, as ``y [kN]``, stands for the name without it.
-
-    Raises
-    ------
-    InputError
-        A column that is needed, or that the user named, is missing or stands there twice.
-
-    Examples
-    --------
-    >>> select({"y": "disp"}, ["t", "u", "disp"], True, "run.csv, line 1", "column")
-    {'t': 't', 'u': 'u', 'y': 'disp'}
-    """
+    """Choose what each of our columns is read from."""
     chosen: dict[str, str | int] = {}
     numbered = _numbered(names)
     own = columns.get("u", numbered[0] if numbered else "u")
@@ -171,13 +136,7 @@ def _with_unit(column: str, source: str, names: Sequence[str]) -> str:
 
 
 def header_unit(column: str, name: str) -> str:
-    """Return the unit that the name of a column carries, where that column may have it.
-
-    Examples
-    --------
-    >>> header_unit("y", "force [kN]"), header_unit("t", "t_ms"), header_unit("t", "t [kN]")
-    ('kN', 'ms', '')
-    """
+    """Return the unit that the name of a column carries, where that column may have it."""
     _, unit = split_name(name)
     own = UNITS.get(column, UNITS["u"])
     if plain_unit(unit) in own:
@@ -198,13 +157,7 @@ def _numbered(names: Sequence[str]) -> list[str]:
 
 
 def from_header(sources: Mapping[str, str | int]) -> tuple[dict[str, str], dict[str, str]]:
-    """Return names and units of the columns whose header carries a unit.
-
-    Examples
-    --------
-    >>> from_header({"t": "t", "u": "x (mm)", "y": 2})
-    ({'u': 'x'}, {'u': 'mm'})
-    """
+    """Return names and units of the columns whose header carries a unit."""
     said = {
         column: (split_name(source)[0], unit)
         for column, source in sources.items()

@@ -29,32 +29,6 @@ def read_text(
 
     Lines that begin with ``#`` or ``%`` are comments. Decimal commas are understood where no
     comma stands between the values.
-
-    Parameters
-    ----------
-    path
-        The file, UTF-8, or UTF-16 with a byte-order mark.
-    columns
-        Header name or zero-based position by our name; see `rdpi_gym.measurement.parse_columns`.
-    time_needed
-        Whether a file without a time column is refused.
-    separator
-        Between two values, one of `rdpi_gym.measurement.layout.SEPARATORS`; by default it is found.
-
-    Raises
-    ------
-    InputError
-        Wrong encoding, a missing column, a cell that is no number: file, line and column.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "run.csv"
-    ...     _ = path.write_text("% a comment\nt;volt;y\n0;1,5;2\n")
-    ...     table = read_text(path, {"u": "volt"})
-    >>> table.columns["u"], table.where("u", 0).endswith("run.csv, line 3, column volt (u)")
-    (array([1.5]), True)
     """
     lines = read_lines(path)
     layout, numbers, rows = find_rows(path, lines, separator)
@@ -80,37 +54,7 @@ def read_text(
 def find_rows(
     path: Path, lines: Sequence[str], separator: str = ""
 ) -> tuple[Layout, list[int], list[str]]:
-    """Find the rows of values of a text file, and how they are written.
-
-    Parameters
-    ----------
-    path
-        The file, for the error line.
-    lines
-        Its lines, from the first one on.
-    separator
-        As `read_text` has it.
-
-    Returns
-    -------
-    Layout
-        The layout.
-    list of int
-        Number of the line of each row, counted from 1.
-    list of str
-        The rows, at least one.
-
-    Raises
-    ------
-    InputError
-        No row, or a line that is far too long.
-
-    Examples
-    --------
-    >>> layout, numbers, rows = find_rows(Path("run.csv"), ["% night", "t;u;y", "0;1,5;2"])
-    >>> layout.header, numbers, rows
-    (('t', 'u', 'y'), [3], ['0;1,5;2'])
-    """
+    """Find the rows of values of a text file, and how they are written."""
     numbers: list[int] = []
     rows: list[str] = []
     comment, comment_line = "", 0

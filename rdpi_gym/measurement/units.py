@@ -33,13 +33,7 @@ _NO_SUFFIXES = ("m", "A", "K", "in", "p", "n")
 
 
 def plain_unit(unit: str) -> str:
-    """Write a unit in one way: u for micro, a dot between units.
-
-    Examples
-    --------
-    >>> plain_unit("µm"), plain_unit("kNm")
-    ('um', 'kN·m')
-    """
+    """Write a unit in one way: u for micro, a dot between units."""
     text = unit.strip().replace("µ", "u").replace("μ", "u")  # micro sign and Greek mu
     for spelled, right in _SPELLED.items():
         if text.endswith(spelled) and text.removesuffix(spelled) in _PREFIXES:
@@ -48,13 +42,7 @@ def plain_unit(unit: str) -> str:
 
 
 def shown_unit(unit: str) -> str:
-    """Write a unit as a reader expects it.
-
-    Examples
-    --------
-    >>> shown_unit("um"), shown_unit("kN"), shown_unit("uN")
-    ('µm', 'kN', 'µN')
-    """
+    """Write a unit as a reader expects it."""
     plain = plain_unit(unit)
     base, _ = _parted(plain)
     return f"µ{plain[1:]}" if base != plain and plain.startswith("u") else plain
@@ -73,25 +61,13 @@ def _parted(plain: str) -> tuple[str, float]:
 
 
 def measured_by(unit: str) -> str:
-    """Name the quantity that a unit measures; nothing where the unit is not known.
-
-    Examples
-    --------
-    >>> measured_by("kN"), measured_by("µm"), measured_by("furlong")
-    ('force', 'displacement', '')
-    """
+    """Name the quantity that a unit measures; nothing where the unit is not known."""
     base, _ = _parted(plain_unit(unit))
     return _BASES.get(base, _ALONE.get(base, ""))
 
 
 def ratio(unit: str, shown: str) -> float | None:
-    """Give the factor from one unit to another; None where they measure different quantities.
-
-    Examples
-    --------
-    >>> ratio("N", "kN"), ratio("mm", "µm"), ratio("mm", "kN")
-    (0.001, 1000.0, None)
-    """
+    """Give the factor from one unit to another; None where they measure different quantities."""
     one, other = plain_unit(unit), plain_unit(shown)
     if one == other:
         return 1.0
@@ -101,13 +77,7 @@ def ratio(unit: str, shown: str) -> float | None:
 
 
 def split_name(name: str) -> tuple[str, str]:
-    """Split the name of a column into what it names and its unit, where it carries one.
-
-    Examples
-    --------
-    >>> split_name("force [kN]"), split_name("x (mm)"), split_name("u_V"), split_name("y_m")
-    (('force', 'kN'), ('x', 'mm'), ('u', 'V'), ('y_m', ''))
-    """
+    """Split the name of a column into what it names and its unit, where it carries one."""
     for pattern, refused in ((_BRACKETS, ()), (_SUFFIX, _NO_SUFFIXES)):
         found = pattern.fullmatch(name.strip())
         if found and found[2] not in refused and (measured_by(found[2]) or found[2] in _OTHERS):

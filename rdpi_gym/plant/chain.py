@@ -40,21 +40,7 @@ Walk: TypeAlias = list[tuple[int, Link]]
 
 
 def in_order(links: Mapping[Place, Sequence[Link]], places: Sequence[Place] = CHAIN) -> Walk:
-    """Return the links of some places in the chain's order, each with the signal that it replaces.
-
-    Parameters
-    ----------
-    links
-        By place; within a place in their order.
-    places
-        A stretch of the chain; all of it by default.
-
-    Examples
-    --------
-    >>> double, more = (lambda s: 2.0 * s[COMMAND]), (lambda s: s[DISPLACEMENT] + 1.0)
-    >>> walk(in_order({"output": [more], "core": [double]}), [3.0, None, None])
-    [3.0, None, 7.0]
-    """
+    """Return the links of some places in the chain's order, each with the signal that it replaces."""
     return [(ACTS_ON[place], link) for place in places for link in links.get(place, ())]
 
 

@@ -230,20 +230,7 @@ def core_to_dict(core: Core) -> dict[str, Any]:
 
 
 def core_from_dict(document: Any, where: str) -> Core:
-    """Build a core from what :func:`core_to_dict` returns.
-
-    Parameters
-    ----------
-    document
-        The object.
-    where
-        Named in errors.
-
-    Raises
-    ------
-    InputError
-        No such core, a key is missing or unknown, or a value is not what the core needs.
-    """
+    """Build a core from what :func:`core_to_dict` returns."""
     if not isinstance(document, Mapping):
         raise InputError(f"{where} is {type(document).__name__}; expected a JSON object")
     body = dict(document)

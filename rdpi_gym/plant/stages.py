@@ -52,18 +52,7 @@ class Stage:
         self._state[:, lanes] = np.nan
 
     def retune(self, effects: Sequence[Effect], hysteresis: Sequence[Core]) -> None:
-        """Go on with other values of the parameters; what the stage remembers stays what it is.
-
-        Parameters
-        ----------
-        effects, hysteresis
-            As those that it was built of, one a lane.
-
-        Raises
-        ------
-        InputError
-            An effect of another form, or one that remembers more or less.
-        """
+        """Go on with other values of the parameters; what the stage remembers stays what it is."""
         for lane, (effect, core) in enumerate(zip(effects, hysteresis, strict=True)):
             before, its_core = self._built[lane]
             if effect is before and core is its_core:
@@ -99,22 +88,7 @@ class Stage:
 def stages_of(
     effects: Sequence[Sequence[Effect]], hysteresis: Sequence[Core], ts_s: float
 ) -> dict[Place, list[Stage]]:
-    """Return the stages of the effects of all lanes by their slot, in their order there.
-
-    Parameters
-    ----------
-    effects
-        The effects of each lane, in the chain's order; those in slot ``memory`` are no stages.
-    hysteresis
-        The hysteresis core, one a lane.
-    ts_s
-        Sampling time (s).
-
-    Raises
-    ------
-    InputError
-        The lanes differ in which effects they have, or in a form.
-    """
+    """Return the stages of the effects of all lanes by their slot, in their order there."""
     kinds = {tuple(type(effect) for effect in lane) for lane in effects}
     if len(kinds) != 1:
         raise InputError("lanes with different effects; give all lanes of one plant the same ones")
@@ -128,17 +102,7 @@ def stages_of(
 def core_links(
     hysteresis: Core, parameters: Array, state: Array, ts_s: float
 ) -> dict[Place, list[Link]]:
-    """Return the hysteresis core's own links of the chain.
-
-    Parameters
-    ----------
-    hysteresis
-        A core of the kind of all lanes.
-    parameters, state
-        Packed, as :func:`rdpi_gym.plant.packing.pack` does; the state is moved on.
-    ts_s
-        Sampling time (s).
-    """
+    """Return the hysteresis core's own links of the chain."""
     return {
         "derivative": [partial(_derivative, parameters, state, ts_s)],
         "core": [partial(_core, type(hysteresis).block, parameters, state)],

@@ -68,24 +68,7 @@ class Panel:
 
 
 def effect_picture(panels: Sequence[Panel]) -> bytes:
-    """Draw panels side by side.
-
-    Parameters
-    ----------
-    panels
-        From left to right.
-
-    Returns
-    -------
-    bytes
-        A PNG file.
-
-    Examples
-    --------
-    >>> line = Line(WITH, np.arange(3.0), np.arange(3.0))
-    >>> effect_picture([Panel("Ramp", "Time (s)", "Displacement (µm)", (line,))])[1:4]
-    b'PNG'
-    """
+    """Draw panels side by side."""
     style: Any = matplotlib_style()
     with rc_context(style):
         figure = Figure(figsize=_SIZE_IN, layout="constrained")

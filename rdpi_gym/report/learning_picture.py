@@ -19,23 +19,7 @@ _ROWS = {
 
 
 def learning_picture(bands: pd.DataFrame, compensator: str, compensator_rmse_um: float) -> bytes:
-    """Draw error and command variation over the steps, one column an algorithm, one line an agent.
-
-    Parameters
-    ----------
-    bands
-        Columns ``agent`` (algorithm, hyphen, reading of actions), ``timesteps``, ``rmse_um`` and
-        ``variation_ratio``, each of these two with ``_low`` and ``_high``.
-    compensator
-        What the agents are compared with.
-    compensator_rmse_um
-        Its error on the same plants.
-
-    Returns
-    -------
-    bytes
-        A PNG file.
-    """
+    """Draw error and command variation over the steps, one column an algorithm, one line an agent."""
     style: Any = matplotlib_style()
     named = bands["agent"].str.split("-", n=1, expand=True)
     bands = bands.assign(algorithm=named[0], action=named[1])

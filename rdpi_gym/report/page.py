@@ -67,40 +67,7 @@ def write_page(
     quantities: Quantities = VOLTS_AND_MICROMETRES,
     keep: Sequence[str] = (),
 ) -> Path:
-    """Write a self-contained page, whole or not at all; it opens without a network.
-
-    Parameters
-    ----------
-    path
-        The HTML file.
-    title, summary
-        Heading and opening words (as :class:`Section`'s text).
-    sections
-        In order.
-    quantities
-        What was measured: words, captions, headings and figures made for V and µm are turned into
-        them.
-    keep
-        A user's own words, which stay: titles, names of records.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     page = write_page(Path(folder) / "report.html", "A < B", "Both.", [Section("One", "1")])
-    ...     "<h1>A &lt; B</h1>" in page.read_text(encoding="utf-8")
-    True
-    """
+    """Write a self-contained page, whole or not at all; it opens without a network."""
     numbers = count(1)
     say = partial(quantities.said, keep=keep)
     drawn = partial(_in_figures(quantities).said, keep=[*keep, *map(figure_text, keep)])

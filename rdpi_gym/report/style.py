@@ -25,40 +25,18 @@ FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, s
 
 
 def figure_text(text: str) -> str:
-    """Make a name safe inside a Plotly figure, which reads ``<b>`` and ``<a>`` as markup.
-
-    Examples
-    --------
-    >>> figure_text("run <1> & 2")
-    'run &lt;1&gt; &amp; 2'
-    """
+    """Make a name safe inside a Plotly figure, which reads ``<b>`` and ``<a>`` as markup."""
     return escape(text, quote=False)
 
 
 def colour_steps(colours: tuple[str, ...]) -> list[list[float | str]]:
-    """Give colours as a Plotly colour scale, evenly spaced from 0 to 1.
-
-    Examples
-    --------
-    >>> colour_steps(("#000000", "#FFFFFF"))
-    [[0.0, '#000000'], [1.0, '#FFFFFF']]
-    """
+    """Give colours as a Plotly colour scale, evenly spaced from 0 to 1."""
     return [[i / (len(colours) - 1), colour] for i, colour in enumerate(colours)]
 
 
 @cache
 def plotly_template() -> Any:
-    """Build the Plotly template of the house.
-
-    Returns
-    -------
-    plotly.graph_objects.layout.Template
-
-    Examples
-    --------
-    >>> plotly_template().layout.colorway[0]
-    '#0072B2'
-    """
+    """Build the Plotly template of the house."""
     import plotly.graph_objects as go
 
     axis = {
@@ -96,21 +74,7 @@ def plotly_template() -> Any:
 
 
 def styled(figure: Any, height_px: int = 420) -> Any:
-    """Give a Plotly figure the look of the house and return it.
-
-    Parameters
-    ----------
-    figure
-        A ``plotly.graph_objects.Figure``, also one of ``make_subplots``.
-    height_px
-        Its height on the page (pixels); the width follows the page.
-
-    Examples
-    --------
-    >>> import plotly.graph_objects as go
-    >>> styled(go.Figure(), height_px=300).layout.height
-    300
-    """
+    """Give a Plotly figure the look of the house and return it."""
     figure.update_layout(template=plotly_template(), height=height_px, autosize=True)
     if figure.layout.annotations:  # the titles of subplots stand where the legend would
         figure.update_layout(margin_t=64, legend_y=1.0 + 26.0 / (height_px - 116.0))
@@ -118,13 +82,7 @@ def styled(figure: Any, height_px: int = 420) -> Any:
 
 
 def matplotlib_style() -> dict[str, Any]:
-    """Give Matplotlib's settings for the same look: ``with plt.rc_context(matplotlib_style())``.
-
-    Examples
-    --------
-    >>> matplotlib_style()["axes.grid"]
-    True
-    """
+    """Give Matplotlib's settings for the same look: ``with plt.rc_context(matplotlib_style())``."""
     from cycler import cycler
 
     return {

@@ -27,13 +27,6 @@ def heading(name: str) -> str:
     """Turn a column's name into what a reader expects above it, the unit in brackets.
 
     A name that has a blank or a capital at its beginning is taken as written.
-
-    Examples
-    --------
-    >>> heading("rmse_um"), heading("command_total_variation"), heading("Error (µm)")
-    ('RMSE (µm)', 'Command total variation', 'Error (µm)')
-    >>> heading("max_command_rate_V_s")
-    'Max command rate (V/s)'
     """
     if " " in name or name[:1].isupper():
         return name
@@ -48,21 +41,7 @@ def heading(name: str) -> str:
 
 
 def told_table(frame: Any, say: Callable[[str], str]) -> Any:
-    """Return a table, or nothing, in other quantities: its headings, units and meanings are turned.
-
-    Parameters
-    ----------
-    frame
-        The table, or None.
-    say
-        Turns one text, as :meth:`rdpi_gym.measurement.Quantities.said` does.
-
-    Examples
-    --------
-    >>> frame = pd.DataFrame({"rmse_um": [1.0], "unit": ["µm"], "record": ["run of 3 µm"]})
-    >>> told_table(frame, lambda text: text.replace("µm", "kN")).to_dict("records")
-    [{'RMSE (kN)': 1.0, 'unit': 'kN', 'record': 'run of 3 µm'}]
-    """
+    """Return a table, or nothing, in other quantities: its headings, units and meanings are turned."""
     if frame is None:
         return None
     turned = frame.rename(columns={name: _said_heading(str(name), say) for name in frame.columns})
@@ -77,30 +56,12 @@ def _said_heading(name: str, say: Callable[[str], str]) -> str:
 
 
 def format_number(value: float) -> str:
-    """Write a number with four significant digits, without needless zeros.
-
-    Examples
-    --------
-    >>> format_number(0.012345), format_number(1234567.0), format_number(2.0)
-    ('0.01235', '1.235e+06', '2')
-    """
+    """Write a number with four significant digits, without needless zeros."""
     return number(value, 4, "usual").replace("-", "\N{MINUS SIGN}")
 
 
 def table_html(frame: pd.DataFrame) -> str:
-    """Write a table; everything in it is escaped.
-
-    Parameters
-    ----------
-    frame
-        Columns become columns, named by :func:`heading`; the index is not shown. Numbers are
-        aligned right and shown with four digits, the full number as a tooltip.
-
-    Examples
-    --------
-    >>> "&lt;b&gt;" in table_html(pd.DataFrame({"name": ["<b>"]}))
-    True
-    """
+    """Write a table; everything in it is escaped."""
     numeric = [pd.api.types.is_numeric_dtype(t) for t in frame.dtypes]
     numeric = [
         n and not pd.api.types.is_bool_dtype(t) for n, t in zip(numeric, frame.dtypes, strict=True)

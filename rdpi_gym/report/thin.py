@@ -17,26 +17,6 @@ def thin_index(*traces: Array, samples: int = DISPLAY_SAMPLES) -> NDArray[np.int
 
     The record is cut into stretches of equal length; of each, the samples where a trace is lowest
     and highest are kept, so that no peak is lost, and the first and the last of all.
-
-    Parameters
-    ----------
-    *traces
-        One or more arrays of shape (N,), drawn over the same samples; a NaN counts as no value.
-    samples
-        About as many samples are chosen; a trace of no more than that is kept whole.
-
-    Returns
-    -------
-    intp[K]
-        Increasing indices.
-
-    Examples
-    --------
-    >>> y = np.zeros(100_000)
-    >>> y[77_777] = 1.0
-    >>> k = thin_index(y, samples=100)
-    >>> k.size <= 102, 77_777 in k
-    (True, True)
     """
     total = traces[0].shape[0]
     if total <= samples:

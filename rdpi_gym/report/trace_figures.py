@@ -35,22 +35,7 @@ def peak_um(trace: Trace) -> float:
 def worst_first(
     records: Mapping[str, _Shown], error_um: Callable[[_Shown], float], most: int | None = None
 ) -> dict[str, _Shown]:
-    """Sort records by name so that a page opens on the one with the largest error.
-
-    Parameters
-    ----------
-    records
-        By the name that the reader chooses from.
-    error_um
-        Error (µm) of one.
-    most
-        So many are kept, all by default.
-
-    Examples
-    --------
-    >>> worst_first({"a": 0.01, "b": 0.3, "c": 0.2}, lambda error: error, most=2)
-    {'b': 0.3, 'c': 0.2}
-    """
+    """Sort records by name so that a page opens on the one with the largest error."""
     order = sorted(records, key=lambda name: -error_um(records[name]))
     return {name: records[name] for name in order[:most]}
 

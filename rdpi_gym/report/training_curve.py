@@ -40,22 +40,7 @@ class _Panel:
 
 
 def training_picture(curve: pd.DataFrame, compensator: str, kept_at: float | None) -> bytes:
-    """Draw error, cost, command variation and time over the steps of a training.
-
-    Parameters
-    ----------
-    curve
-        ``training.csv``: one row an evaluation.
-    compensator
-        What the policy is compared with.
-    kept_at
-        Steps after which the policy was kept that is the training's result; None: not known.
-
-    Returns
-    -------
-    bytes
-        A PNG file.
-    """
+    """Draw error, cost, command variation and time over the steps of a training."""
     curve = _with_costs(curve)
     style: Any = matplotlib_style()
     with rc_context(style):
@@ -103,27 +88,7 @@ def write_training_page(
     title: str,
     answer: str,
 ) -> Path:
-    """Write a training as a self-contained page: answer, the four courses, every evaluation.
-
-    Parameters
-    ----------
-    path
-        The HTML file.
-    curve, compensator, kept_at
-        As :func:`training_picture`.
-    title, answer
-        Heading, and the first sentence.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write a training as a self-contained page: answer, the four courses, every evaluation."""
     curve = _with_costs(curve)
     sections = [
         Section(panel.title, panel.text, _figure(panel, curve, kept_at))

@@ -75,13 +75,7 @@ class Signal(ABC):
         set_number(self, "smooth_start_s", minimum=0.0)
 
     def __call__(self, t: ArrayLike) -> Array:
-        """Return the displacement (µm) at times `t` (s), in the shape of `t`.
-
-        Raises
-        ------
-        InputError
-            A time is NaN or infinite.
-        """
+        """Return the displacement (µm) at times `t` (s), in the shape of `t`."""
         held = np.maximum(_times(t), 0.0)
         value = self.offset_um + self.amplitude_um * self._shape(held)
         if self.smooth_start_s > 0.0:

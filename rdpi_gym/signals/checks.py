@@ -24,13 +24,7 @@ def set_number(
     minimum: float = -math.inf,
     maximum: float = math.inf,
 ) -> None:
-    """Store a field as a float after checking that it is finite and within its bounds.
-
-    Raises
-    ------
-    InputError
-        The field is no number, not finite, not above `above`, or outside `minimum` to `maximum`.
-    """
+    """Store a field as a float after checking that it is finite and within its bounds."""
     value = getattr(signal, field)
     if not (is_finite(value) and value > above and minimum <= value <= maximum):
         bounds = [
@@ -49,13 +43,7 @@ def set_positive(signal: Any, *fields: str) -> None:
 
 
 def set_integer(signal: Any, field: str, *, minimum: int, maximum: int | None = None) -> None:
-    """Store a field as an int after checking that it is a whole number within its bounds.
-
-    Raises
-    ------
-    InputError
-        The field is no whole number or outside its bounds.
-    """
+    """Store a field as an int after checking that it is a whole number within its bounds."""
     value = getattr(signal, field)
     if not is_whole(value, minimum) or (maximum is not None and value > maximum):
         limit = "" if maximum is None else f" and at most {maximum}"
@@ -64,13 +52,7 @@ def set_integer(signal: Any, field: str, *, minimum: int, maximum: int | None = 
 
 
 def set_numbers(signal: Any, field: str, *, count: int) -> None:
-    """Store a field as a tuple of floats after checking that there are `count` of them or more.
-
-    Raises
-    ------
-    InputError
-        The field is no flat list of at least `count` finite numbers.
-    """
+    """Store a field as a tuple of floats after checking that there are `count` of them or more."""
     try:
         values = np.asarray(getattr(signal, field), dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -70,13 +70,7 @@ class Experiment:
 
 
 def polyline(values_V: Values[float], rate_V_s: float) -> Measured:
-    """Command through turning points at a constant rate.
-
-    Examples
-    --------
-    >>> polyline([0.0, 2.0, 1.0], rate_V_s=1.0)([1.0, 2.5]).tolist()
-    [1.0, 1.5]
-    """
+    """Command through turning points at a constant rate."""
     steps = np.abs(np.diff(values_V)) / rate_V_s
     times = np.concatenate([[0.0], np.cumsum(np.maximum(steps, 1e-9))])
     return Measured(times_s=times, values_um=values_V)
@@ -107,28 +101,7 @@ def _minor_loops(centre: float, span: float) -> list[float]:
 def standard_protocol(
     centre_V: float, span_V: float, first_threshold_V: float, seed: int = 0
 ) -> tuple[Experiment, ...]:
-    """Return ten records to fit, a quiet one, and five of other kinds to validate on.
-
-    Parameters
-    ----------
-    centre_V, span_V
-        Middle of the command and largest excursion from it (V).
-    first_threshold_V
-        δ1 as far as it is known (V): one record stays below it, where every play sticks.
-    seed
-        Of the random phases.
-
-    Raises
-    ------
-    InputError
-        A span or threshold that is not above zero.
-
-    Examples
-    --------
-    >>> records = standard_protocol(0.0, 40.0, 1.0)
-    >>> sum(len(r.times_s()) for r in records if r.role == "train" and r.name != "quiet")
-    91000
-    """
+    """Return ten records to fit, a quiet one, and five of other kinds to validate on."""
     if not (span_V > 0 and first_threshold_V > 0):
         raise InputError(
             f"span_V is {span_V} and first_threshold_V {first_threshold_V}; both lie above 0 V"

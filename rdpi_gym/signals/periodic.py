@@ -119,18 +119,7 @@ class Sawtooth(Periodic):
 
 
 def ramps(cycles: Array, rise: float, turnaround: float = 0.0) -> Array:
-    """Return periodic ramps between -1 and 1, at -1 where `cycles` is whole.
-
-    Parameters
-    ----------
-    cycles
-        Time in periods.
-    rise
-        Part of the period in which it rises, above 0; at 1 it returns by a jump.
-    turnaround
-        Part of the period that each turnaround takes, at constant acceleration; at most the
-        shorter of the two ramps. 0: sharp corners.
-    """
+    """Return periodic ramps between -1 and 1, at -1 where `cycles` is whole."""
     if rise == 1.0:
         part = np.maximum(cycles - np.floor(cycles + ROUNDING), 0.0)
         return 2.0 * part - 1.0

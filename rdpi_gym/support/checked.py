@@ -70,27 +70,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def check_type(value: Any, hint: Any, where: str) -> None:
-    """Refuse a value that is not of the annotated type.
-
-    Parameters
-    ----------
-    value, hint
-        The value and its annotation: a class, a union, a literal, a sequence or a mapping of these.
-    where
-        Begins the error.
-
-    Raises
-    ------
-    InputError
-        With the value and what would be right.
-
-    Examples
-    --------
-    >>> check_type(["P5", 5], Sequence[str], "benchmark: plants")
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: benchmark: plants is ['P5', 5]; give a sequence of text
-    """
+    """Refuse a value that is not of the annotated type."""
     if not _fits(value, hint):
         raise InputError(f"{where} is {quoted(value)}; give {_described(hint)}")
 

@@ -43,13 +43,7 @@ def is_whole(value: object, minimum: float) -> bool:
 
 
 def shape_of(value: Any) -> tuple[int, ...] | None:
-    """Return the shape of an array or of nested lists; None where they are ragged.
-
-    Examples
-    --------
-    >>> shape_of([[1.0], [2.0]]), shape_of([[1.0], [2.0, 3.0]])
-    ((2, 1), None)
-    """
+    """Return the shape of an array or of nested lists; None where they are ragged."""
     try:
         shape: tuple[int, ...] = np.shape(value)
     except ValueError:

@@ -18,26 +18,7 @@ NO_READER = 141
 
 
 def run_command(name: str, command: Callable[[], int | None]) -> int:
-    """Run a command as every command of this project is run.
-
-    Parameters
-    ----------
-    name
-        What the line on standard error begins with.
-    command
-        Returns its status; None: 0.
-
-    Returns
-    -------
-    int
-        The command's status; 2 on bad input or where the system refuses a file, 130 when interrupted (one line on
-        standard error each); 141 where nobody reads its output any more, in silence.
-
-    Examples
-    --------
-    >>> run_command("sum", lambda: None)
-    0
-    """
+    """Run a command as every command of this project is run."""
     try:
         with interruptible(), plain_output():
             status = _answered(name, command)

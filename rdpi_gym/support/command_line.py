@@ -16,16 +16,6 @@ def check_folder(folder: Path, option: str = "--out") -> Path:
     """Return a folder that results can be written to, or refuse it before anything is computed.
 
     Nothing is made: where it does not exist yet, the folder that it would be made in counts.
-
-    Raises
-    ------
-    InputError
-        It is a file, or cannot be written to.
-
-    Examples
-    --------
-    >>> check_folder(Path("results/new")).name
-    'new'
     """
     try:
         # a link that leads nowhere is in the way too
@@ -45,18 +35,7 @@ def check_folder(folder: Path, option: str = "--out") -> Path:
 
 
 def check_jobs(jobs: int) -> int:
-    """Return the number of processes, or refuse it.
-
-    Raises
-    ------
-    InputError
-        0, or below -1.
-
-    Examples
-    --------
-    >>> check_jobs(2)
-    2
-    """
+    """Return the number of processes, or refuse it."""
     if jobs == 0 or jobs < -1:
         raise InputError(f"--jobs is {jobs}; give the number of processes, or -1 for all cores")
     return jobs
@@ -132,13 +111,7 @@ class Options(argparse.ArgumentParser):
         self._least[option] = least
 
     def read(self, arguments: Sequence[str] | None = None) -> argparse.Namespace:
-        """Read the words after the command, or those of the process.
-
-        Raises
-        ------
-        InputError
-            An unknown option, or a value that cannot be meant.
-        """
+        """Read the words after the command, or those of the process."""
         given = self.parse_args(arguments)
         for option in self._folders:
             folder = getattr(given, _attribute(option))

@@ -14,13 +14,7 @@ _LONG_WORD = re.compile(rf"\S{{{_LONGEST_WORD + 1},}}")
 
 
 def printable(text: str) -> str:
-    r"""Write control characters as their escapes, so that a terminal shows them and obeys none.
-
-    Examples
-    --------
-    >>> printable("a title\x1b[2J"), printable("2 µm/V")
-    ('a title\\x1b[2J', '2 µm/V')
-    """
+    r"""Write control characters as their escapes, so that a terminal shows them and obeys none."""
     return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
 
 

@@ -32,30 +32,6 @@ def write_atomic(path: Path | str, content: str | bytes) -> Path:
 
     The content is on the disk before it takes the old one's name: power may fail at any time. The
     file's rights are what the umask leaves.
-
-    Parameters
-    ----------
-    path
-        Where to write; missing folders are made.
-    content
-        Text (stored as UTF-8; what is no Unicode, in names of files, as ``\udc80``) or bytes.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        It cannot be written, or the disk is full; the old file is kept.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_atomic(Path(folder) / "a.txt", "done").read_text()
-    'done'
     """
     target = Path(path)
     data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
@@ -74,13 +50,7 @@ def write_atomic(path: Path | str, content: str | bytes) -> Path:
 
 
 def write_all(handle: int, data: bytes) -> None:
-    """Write all bytes to an open file, in one call where the system takes them in one.
-
-    Raises
-    ------
-    OSError
-        The disk is full, or broken; a part may have been written.
-    """
+    """Write all bytes to an open file, in one call where the system takes them in one."""
     left = memoryview(data)
     while left:
         left = left[os.write(handle, left) :]
@@ -97,37 +67,14 @@ def sync_folder(folder: Path) -> None:
 
 
 def write_json(path: Path | str, document: dict[str, Any]) -> Path:
-    """Write a JSON object, indented, atomically; NaN and infinity are refused.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_json(Path(folder) / "a.json", {"format": "x", "version": 1}).name
-    'a.json'
-    """
+    """Write a JSON object, indented, atomically; NaN and infinity are refused."""
     return write_atomic(
         path, json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     )
 
 
 def exists(path: Path | str) -> bool:
-    r"""Whether something is at a path.
-
-    Raises
-    ------
-    InputError
-        The system cannot tell: a name that is too long, a folder that may not be read, links in a ring.
-
-    Examples
-    --------
-    >>> exists("/"), exists("no such file")
-    (True, False)
-    >>> exists("a\0b")
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: a\x00b cannot be read (embedded null byte)
-    """
+    r"""Whether something is at a path."""
     try:
         Path(path).stat()
     except (FileNotFoundError, NotADirectoryError):
@@ -138,25 +85,7 @@ def exists(path: Path | str) -> bool:
 
 
 def open_regular(path: Path | str) -> BufferedReader:
-    """Open a regular file to read its bytes; nothing else is data.
-
-    Parameters
-    ----------
-    path
-        The file. A FIFO, a device, a socket or a folder is refused and never waited for.
-
-    Raises
-    ------
-    InputError
-        It is something else, or cannot be read.
-
-    Examples
-    --------
-    >>> open_regular("/dev/null")
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: /dev/null is no regular file; give a file with data
-    """
+    """Open a regular file to read its bytes; nothing else is data."""
     try:
         handle = os.open(path, os.O_RDONLY | _NO_WAIT)
     except (OSError, ValueError) as error:
@@ -168,20 +97,7 @@ def open_regular(path: Path | str) -> BufferedReader:
 
 
 def read_bytes(path: Path | str, largest: int) -> bytes:
-    """Read a regular file whole.
-
-    Parameters
-    ----------
-    path
-        The file.
-    largest
-        Most bytes that it may have.
-
-    Raises
-    ------
-    InputError
-        It is no regular file, cannot be read, or is larger.
-    """
+    """Read a regular file whole."""
     with open_regular(path) as stream:
         size = os.fstat(stream.fileno()).st_size
         if size > largest:
@@ -195,29 +111,7 @@ def read_bytes(path: Path | str, largest: int) -> bytes:
 
 
 def read_utf8(path: Path | str, largest: int) -> str:
-    """Read a regular file of UTF-8 text whole, with or without a byte-order mark.
-
-    Parameters
-    ----------
-    path
-        The file.
-    largest
-        Most bytes that it may have.
-
-    Raises
-    ------
-    InputError
-        It is no regular file, cannot be read, is larger, or is no UTF-8 text.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "a.txt"
-    ...     _ = path.write_bytes("25 µm".encode("utf-8"))
-    ...     read_utf8(path, 100)
-    '25 µm'
-    """
+    """Read a regular file of UTF-8 text whole, with or without a byte-order mark."""
     raw = read_bytes(path, largest)
     try:
         return raw.decode("utf-8-sig")
@@ -228,30 +122,7 @@ def read_utf8(path: Path | str, largest: int) -> str:
 
 
 def parse_json(text: str, source: str) -> Any:
-    """Read a JSON value: finite numbers, whole ones of 64 bits at most, text without control characters.
-
-    Parameters
-    ----------
-    text
-        The JSON.
-    source
-        Named in errors.
-
-    Raises
-    ------
-    InputError
-        No whole JSON, nested deeper than 50 levels, more than a million values, NaN or infinity, a
-        number too large for a double or a 64-bit integer, or text that a terminal would obey.
-
-    Examples
-    --------
-    >>> parse_json('{"delay_s": 1e-4, "taps": [3, 5]}', "a.json")
-    {'delay_s': 0.0001, 'taps': [3, 5]}
-    >>> parse_json('{"delay_s": NaN}', "a.json")
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: a.json: NaN is no finite number; write one
-    """
+    """Read a JSON value: finite numbers, whole ones of 64 bits at most, text without control characters."""
 
     def refuse(token: str) -> NoReturn:
         raise InputError(f"{source}: {quoted(token)[1:-1]} is no finite number; write one")
@@ -285,23 +156,7 @@ def parse_json(text: str, source: str) -> Any:
 def read_json(
     path: Path | str, document_format: str | tuple[str, ...], version: int
 ) -> dict[str, Any]:
-    """Read a JSON object that states its format and version.
-
-    Parameters
-    ----------
-    path
-        The file.
-    document_format
-        What its key ``format`` must say, for example ``rdpi-plant``; one of several.
-    version
-        The newest version that the caller understands; 1 to this are accepted.
-
-    Raises
-    ------
-    InputError
-        The file is missing, no regular file, truncated, no object, of another format or of a newer
-        version, or holds what :func:`parse_json` refuses.
-    """
+    """Read a JSON object that states its format and version."""
     source = Path(path)
     formats = (document_format,) if isinstance(document_format, str) else document_format
     document_format = " or ".join(formats)

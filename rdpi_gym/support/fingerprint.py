@@ -9,13 +9,7 @@ from pathlib import Path
 
 
 def fingerprint(parts: Iterable[bytes]) -> str:
-    """Return a short hash of parts, each with its length, so that nothing moves between them.
-
-    Examples
-    --------
-    >>> fingerprint([b"ab", b"c"]) == fingerprint([b"a", b"bc"])
-    False
-    """
+    """Return a short hash of parts, each with its length, so that nothing moves between them."""
     digest = hashlib.sha256()
     for part in parts:
         digest.update(len(part).to_bytes(8, "big") + part)
@@ -23,13 +17,7 @@ def fingerprint(parts: Iterable[bytes]) -> str:
 
 
 def room_files(*rooms: str) -> list[Path]:
-    """Return the Python files of rooms of this package, for example ``plant``.
-
-    Examples
-    --------
-    >>> "fingerprint.py" in [file.name for file in room_files("support")]
-    True
-    """
+    """Return the Python files of rooms of this package, for example ``plant``."""
     package = Path(__file__).parents[1]
     return [file for room in rooms for file in (package / room).glob("**/*.py")]
 
@@ -47,11 +35,6 @@ def statements(source: str) -> str:
     r"""Return what a Python source does: no comments, docstrings, imports, layout or sentences.
 
     A string of four words or more is a sentence: a message, an effect's cause.
-
-    Examples
-    --------
-    >>> statements("import os\nx = 1  # one") == statements("'A number.'; x = 1")
-    True
     """
     return ast.dump(_Doing().visit(ast.parse(source)))
 

@@ -25,25 +25,6 @@ def replaced_folder(target: Path) -> Iterator[Path]:
     Linux exchanges two folders in one step, and no reader ever finds none. Elsewhere it takes two
     renames; who asks :func:`settled_folder` before reading finds the old or the new one whole, and
     a kill between the two is made good there.
-
-    Parameters
-    ----------
-    target
-        The folder; what it held is deleted then.
-
-    Raises
-    ------
-    InputError
-        It cannot be written, or the disk is full; the old folder is kept.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as parent:
-    ...     with replaced_folder(Path(parent) / "a") as fresh:
-    ...         _ = (fresh / "b.txt").write_text("done")
-    ...     (Path(parent) / "a" / "b.txt").read_text()
-    'done'
     """
     target = target.absolute()
     with writing(target):
@@ -63,18 +44,7 @@ def replaced_folder(target: Path) -> Iterator[Path]:
 
 
 def settled_folder(target: Path) -> Path:
-    """Finish what a writer left that was killed between two renames, and return the folder.
-
-    Parameters
-    ----------
-    target
-        A folder that :func:`replaced_folder` writes; it may not exist.
-
-    Returns
-    -------
-    Path
-        The target; where this process may not write beside it, the new folder where it lies.
-    """
+    """Finish what a writer left that was killed between two renames, and return the folder."""
     if target.exists():
         return target
     for place in remains(target.parent, target.name):
@@ -132,19 +102,7 @@ def _exchange(one: Path, other: Path) -> bool:
 
 
 def check_plain(folders: Iterable[Path]) -> None:
-    """Refuse folders from somebody else that lead elsewhere: each holds folders and regular files alone.
-
-    Parameters
-    ----------
-    folders
-        Each is looked into, but not what is in folders within it; those that are not there are left
-        out.
-
-    Raises
-    ------
-    InputError
-        One holds a link, a FIFO, a device or a socket, or cannot be read.
-    """
+    """Refuse folders from somebody else that lead elsewhere: each holds folders and regular files alone."""
     for folder in folders:
         try:
             entries = sorted(os.scandir(folder), key=lambda entry: entry.name)

@@ -24,27 +24,7 @@ def table(
     right: Iterable[int] = (),
     rule: Rule = "aligned",
 ) -> str:
-    r"""Write a table.
-
-    Parameters
-    ----------
-    head, rows
-        Cells; a bar in one is escaped.
-    right
-        Columns that are aligned right, from 0; the others are aligned left.
-    rule
-        How the line below the head is written; readers of the rendered page see no difference.
-
-    Examples
-    --------
-    >>> print(table(["reading", "max"], [["a|b", "1.6"]], right=[1]))
-    | reading | max |
-    | :-- | --: |
-    | a\|b | 1.6 |
-    >>> print(table(["reading", "max"], [], right=[1], rule="tight"))
-    | reading | max |
-    |---|--:|
-    """
+    r"""Write a table."""
     at_left, at_right, edge, bar = _RULES[rule]
     rights = set(right)
     sides = bar.join(at_right if i in rights else at_left for i in range(len(head)))
@@ -53,25 +33,7 @@ def table(
 
 
 def frame_table(frame: pd.DataFrame, digits: int | None = 3, rule: Rule = "aligned") -> str:
-    """Write a data frame of strings and numbers.
-
-    Parameters
-    ----------
-    frame
-        Its columns; those of numbers are aligned right.
-    digits
-        Significant digits; None writes every number in full, and aligns all to the left.
-    rule
-        As in :func:`table`.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> print(frame_table(pd.DataFrame({"a": ["x"], "b": [1.23456]})))
-    | a | b |
-    | :-- | --: |
-    | x | 1.23 |
-    """
+    """Write a data frame of strings and numbers."""
     from pandas.api.types import is_numeric_dtype
 
     head = list(map(str, frame.columns))
@@ -90,11 +52,5 @@ def _line(cells: Iterable[str]) -> str:
 
 
 def plain(markdown: str) -> str:
-    """Return Markdown without its marks of emphasis and code.
-
-    Examples
-    --------
-    >>> plain("**Score** of `none`")
-    'Score of none'
-    """
+    """Return Markdown without its marks of emphasis and code."""
     return markdown.replace("**", "").replace("`", "")

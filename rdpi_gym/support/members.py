@@ -14,27 +14,14 @@ T = TypeVar("T")
 
 
 def modules_of(package: str) -> list[ModuleType]:
-    """Import every file of a package, folders within it left out, sorted by name.
-
-    Examples
-    --------
-    >>> "rdpi_gym.plant.cores.base" in [m.__name__ for m in modules_of("rdpi_gym.plant.cores")]
-    True
-    """
+    """Import every file of a package, folders within it left out, sorted by name."""
     found = pkgutil.iter_modules(import_module(package).__path__)
     names = sorted(m.name for m in found if not m.ispkg and not m.name.startswith("_"))
     return [import_module(f"{package}.{name}") for name in names]
 
 
 def classes_of(package: str, base: type[T]) -> list[type[T]]:
-    """Return the subclasses of `base` that the files of a package define, abstract ones left out.
-
-    Examples
-    --------
-    >>> from rdpi_gym.signals import Signal
-    >>> [kind.__name__ for kind in classes_of("rdpi_gym.signals", Signal)][:2]
-    ['BandLimitedNoise', 'Multisine']
-    """
+    """Return the subclasses of `base` that the files of a package define, abstract ones left out."""
     return [
         kind
         for module in modules_of(package)

@@ -32,18 +32,7 @@ _LARGEST_READ = 2**20
 
 
 def largest_expansion(file_size: int) -> int:
-    """Return how many bytes the arrays that are read of a file may take.
-
-    Parameters
-    ----------
-    file_size
-        Of the file (bytes).
-
-    Examples
-    --------
-    >>> largest_expansion(1000) == FREE_BYTES, largest_expansion(10**9)
-    (True, 20000000000)
-    """
+    """Return how many bytes the arrays that are read of a file may take."""
     return max(FREE_BYTES, EXPANSION * file_size)
 
 
@@ -63,17 +52,7 @@ class Npz:
         self._members = dict(zip(self.names, members, strict=True))
 
     def read(self, name: str) -> NDArray[np.generic]:
-        """Read one array.
-
-        Raises
-        ------
-        InputError
-            It would expand beyond what the file may.
-        ValueError
-            It is damaged, or no array of plain numbers.
-        KeyError
-            There is none.
-        """
+        """Read one array."""
         member = self._members[name]
         if member.compress_type not in _METHODS:
             raise ValueError(f"{quoted(name)} is compressed in a way that NumPy does not use")
@@ -139,30 +118,7 @@ class _Bounded:
 
 @contextmanager
 def open_npz(path: Path) -> Iterator[Npz]:
-    """Open a NumPy archive; nothing of its arrays is read yet, and no Python object ever.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Raises
-    ------
-    InputError
-        No regular file.
-    ValueError, zipfile.BadZipFile
-        No archive of arrays.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "run.npz"
-    ...     np.savez(path, t=[0.0, 0.1], u=[0.0, 1.0])
-    ...     with open_npz(path) as archive:
-    ...         archive.names, archive.read("u")
-    (['t', 'u'], array([0., 1.]))
-    """
+    """Open a NumPy archive; nothing of its arrays is read yet, and no Python object ever."""
     with open_regular(path) as stream:
         if stream.read(len(npy.MAGIC_PREFIX)) == npy.MAGIC_PREFIX:
             raise ValueError("it holds one array without a name")

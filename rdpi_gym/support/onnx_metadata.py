@@ -11,13 +11,7 @@ METADATA = "rdpi-gym"
 
 
 def described(path: Path) -> dict[str, Any]:
-    """Return what a file that was exported says of itself.
-
-    Parameters
-    ----------
-    path
-        As an export returned it.
-    """
+    """Return what a file that was exported says of itself."""
     import onnx
 
     model = onnx.load(path, load_external_data=False)
@@ -27,13 +21,7 @@ def described(path: Path) -> dict[str, Any]:
 
 
 def told(path: Path) -> str:
-    """Return in a line what was exported, and in a second one what to beware of.
-
-    Parameters
-    ----------
-    path
-        As an export returned it.
-    """
+    """Return in a line what was exported, and in a second one what to beware of."""
     about = described(path)
     holds = f", {about['holds']}" if "holds" in about else ""
     return "\n".join([f"policy: {path}{holds}", *filter(None, [about.get("warning")])])

@@ -56,13 +56,7 @@ def option_of(field: Field[Any]) -> Option | None:
 
 
 def meanings(kind: type) -> dict[str, str]:
-    """Return what a class's docstring says of its parameters, by name, without marks of code.
-
-    Examples
-    --------
-    >>> meanings(Option)["flag"]
-    'For example --sampling-time.'
-    """
+    """Return what a class's docstring says of its parameters, by name, without marks of code."""
     text = inspect.cleandoc(kind.__doc__ or "")
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text, re.DOTALL | re.MULTILINE)
     found: dict[str, str] = {}
@@ -88,28 +82,7 @@ def with_options(
 
 
 def with_options(kind: Any, leading: Any = ...) -> Any:
-    """Give a function the fields of a dataclass of options as keywords of its own.
-
-    Parameters
-    ----------
-    kind
-        The dataclass; the function takes an instance of it as its last argument.
-    leading
-        None for a function with two arguments before the options; one by default.
-
-    Returns
-    -------
-    callable
-        Decorator; the decorated function has the options' fields in its signature.
-
-    Examples
-    --------
-    >>> @with_options(Option)
-    ... def written(value: str, option: Option) -> str:
-    ...     return f"{option.flag} {value}"
-    >>> written("3", flag="--seed")
-    '--seed 3'
-    """
+    """Give a function the fields of a dataclass of options as keywords of its own."""
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         own = list(inspect.signature(function).parameters.values())[:-1]

@@ -33,35 +33,6 @@ def run_cases(
     """Call a function with every case, and yield each result as soon as it is there.
 
     Whoever writes a result down as it comes loses none of it to an interruption.
-
-    Parameters
-    ----------
-    function
-        Of one case; without side effects, since Ray calls it again where a node died under it.
-    cases
-        Taken up in their order. They, the function and its results travel between processes.
-    jobs
-        Processes here, of one thread each; -1: one a core. With 1, all is done in this process.
-    ray_address
-        Of a Ray cluster whose nodes have this package: ``host:port``, ``ray://host:port`` or
-        ``auto``. Its cores are used, one a case, in place of processes here.
-
-    Yields
-    ------
-    R
-        Results in the order in which they are finished.
-
-    Raises
-    ------
-    InputError
-        Ray is not installed, or there is no cluster at the address.
-    Exception
-        Whatever the function raises.
-
-    Examples
-    --------
-    >>> sorted(run_cases(abs, [-2, 1], jobs=1))
-    [1, 2]
     """
     if not cases:
         return

@@ -14,26 +14,7 @@ from rdpi_gym.support.words import quoted
 
 
 def load_attribute(name: str, wanted: str) -> Any:
-    """Import ``module:attribute``.
-
-    Parameters
-    ----------
-    name
-        For example ``my_controllers:Repetitive``; the current folder is searched where no installed
-        package has the module.
-    wanted
-        What it should be, for the error message.
-
-    Raises
-    ------
-    InputError
-        The name has no colon, the module cannot be imported, or it lacks the attribute.
-
-    Examples
-    --------
-    >>> load_attribute("math:pi", "number")
-    3.141592653589793
-    """
+    """Import ``module:attribute``."""
     module_name, colon, attribute = name.partition(":")
     if not (colon and module_name and attribute):
         raise InputError(f"{quoted(name)} names no {wanted}; write module:attribute")
@@ -60,27 +41,7 @@ def _find_here(module_name: str) -> None:
 
 
 def installed(group: str, name: str, wanted: str) -> Any:
-    """Return what an installed package names in an entry-point group; None where none does.
-
-    Parameters
-    ----------
-    group
-        For example ``rdpi_gym.controllers``.
-    name
-        Its name there.
-    wanted
-        What it should be, for the error message.
-
-    Raises
-    ------
-    InputError
-        It cannot be imported.
-
-    Examples
-    --------
-    >>> print(installed("rdpi_gym.controllers", "no such name", "controller"))
-    None
-    """
+    """Return what an installed package names in an entry-point group; None where none does."""
     for entry in entry_points(group=group, name=name):
         try:
             return entry.load()
@@ -92,13 +53,7 @@ def installed(group: str, name: str, wanted: str) -> Any:
 
 
 def installed_names(group: str) -> list[str]:
-    """Return the names in an entry-point group; nothing is imported.
-
-    Examples
-    --------
-    >>> installed_names("no such group")
-    []
-    """
+    """Return the names in an entry-point group; nothing is imported."""
     return sorted({entry.name for entry in entry_points(group=group)})
 
 
@@ -109,31 +64,12 @@ def provide(group: str, lookup: str) -> None:
     """Say which function finds the members of a group; it is imported when it is first asked for.
 
     So a lower room uses what a higher one makes without knowing of it.
-
-    Parameters
-    ----------
-    group
-        For example ``rdpi_gym.controllers``.
-    lookup
-        ``module:function``.
     """
     _PROVIDERS[group] = lookup
 
 
 def provided(group: str) -> Any:
-    """Return the function that :func:`provide` named for a group.
-
-    Raises
-    ------
-    InputError
-        There is none.
-
-    Examples
-    --------
-    >>> provide("numbers", "math:sqrt")
-    >>> provided("numbers")(4.0)
-    2.0
-    """
+    """Return the function that :func:`provide` named for a group."""
     if group not in _PROVIDERS:
         raise InputError(f"nothing here knows the names of {group}")
     module_name, _, function = _PROVIDERS[group].partition(":")

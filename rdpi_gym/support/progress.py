@@ -13,15 +13,7 @@ class Progress(Protocol):
     """Called now and then by whatever takes long."""
 
     def __call__(self, stage: str, done: int, total: int, /) -> None:
-        """Report where a job stands.
-
-        Parameters
-        ----------
-        stage
-            What is being done, in a word or two.
-        done, total
-            Parts of the stage that are done, and in all; a total of 0 is not known.
-        """
+        """Report where a job stands."""
 
 
 def silent(stage: str, done: int, total: int) -> None:
@@ -30,18 +22,7 @@ def silent(stage: str, done: int, total: int) -> None:
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """Show stages on standard error while a job runs, on a terminal only.
-
-    Yields
-    ------
-    Progress
-        To be called by the job.
-
-    Examples
-    --------
-    >>> with progress_bar() as show:
-    ...     show("fitting", 1, 3)
-    """
+    """Show stages on standard error while a job runs, on a terminal only."""
     if sys.stderr is None or not sys.stderr.isatty():
         yield silent
         return

@@ -26,20 +26,7 @@ _SUM = re.compile(rb', "sum": "([0-9a-f]{16})"\}')
 
 
 def name_of(row: Row) -> str:
-    """Return what a row has as ``key``.
-
-    Raises
-    ------
-    KeyError
-        It has none.
-    TypeError
-        It is no text.
-
-    Examples
-    --------
-    >>> name_of({"key": "none/0", "verdict": "explained"})
-    'none/0'
-    """
+    """Return what a row has as ``key``."""
     name = row["key"]
     if not isinstance(name, str):
         raise TypeError(f"key is {name!r}; give text")
@@ -52,33 +39,7 @@ def check_row(
     numbers: Iterable[str],
     remarks: Iterable[str] = (),
 ) -> None:
-    """See that fields hold what a run writes; check sums say nothing of who wrote a row.
-
-    Parameters
-    ----------
-    row
-        The row.
-    texts
-        Fields that are there and hold text.
-    numbers
-        Fields that, where they are there, hold a number of 0 or above, NaN, or nothing.
-    remarks
-        Fields that, where they are there, hold text or nothing.
-
-    Raises
-    ------
-    KeyError
-        A text is missing.
-    TypeError
-        A field holds something else.
-
-    Examples
-    --------
-    >>> check_row({"status": "ok", "rmse_um": -1}, ["status"], ["rmse_um"])
-    Traceback (most recent call last):
-    ...
-    TypeError: rmse_um is -1
-    """
+    """See that fields hold what a run writes; check sums say nothing of who wrote a row."""
     for name in texts:
         if not isinstance(row[name], str):
             raise TypeError(f"{name} is {row[name]!r}")
@@ -143,13 +104,7 @@ class RowStore(Generic[K]):
         self._read()
 
     def append(self, rows: Iterable[Row]) -> None:
-        """Add finished rows; they are on the disk when this returns.
-
-        Raises
-        ------
-        InputError
-            The file cannot be written, or the disk is full; what it held is kept.
-        """
+        """Add finished rows; they are on the disk when this returns."""
         added = {self._key(row): row for row in rows}
         with writing(self.path), self._held() as handle:
             size = os.fstat(handle).st_size
@@ -172,23 +127,7 @@ class RowStore(Generic[K]):
         self.rows.update(added)
 
     def set_aside(self, is_stale: Callable[[Row], bool]) -> Path | None:
-        """Move rows that no longer hold to a file of their own.
-
-        Parameters
-        ----------
-        is_stale
-            Whether a row belongs to something that has changed since.
-
-        Returns
-        -------
-        Path or None
-            The file that they were moved to; None where every row still holds.
-
-        Raises
-        ------
-        InputError
-            A file cannot be written, or the disk is full; no row is lost.
-        """
+        """Move rows that no longer hold to a file of their own."""
         if not any(map(is_stale, self.rows.values())):
             return None
         with writing(self.path), self._held():
@@ -290,13 +229,7 @@ class RowStore(Generic[K]):
 
 
 def named_rows(path: Path, file_format: str = NAMED_FORMAT) -> RowStore[str]:
-    """Return a store of rows that say as ``key`` what they are called.
-
-    Raises
-    ------
-    InputError
-        The file is something else, or cannot be read.
-    """
+    """Return a store of rows that say as ``key`` what they are called."""
     return RowStore(path, file_format, name_of)
 
 

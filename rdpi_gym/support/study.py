@@ -14,22 +14,7 @@ if TYPE_CHECKING:
 def open_study(
     journal: Path, name: str, direction: Literal["minimize", "maximize"] = "minimize"
 ) -> Study:
-    """Open a study in a journal, or begin it.
-
-    Parameters
-    ----------
-    journal
-        The file; its folder is made where there is none.
-    name
-        Of the study: all that its trials depend on, so that another search does not go on with it.
-    direction
-        Of what is better.
-
-    Raises
-    ------
-    InputError
-        Optuna is missing, or the file can be neither read nor written.
-    """
+    """Open a study in a journal, or begin it."""
     try:
         import optuna
         from optuna.storages import JournalStorage

@@ -26,13 +26,7 @@ FREE_SPACE = "what was written before is kept, free some space and give the same
 
 
 def unwritable(path: Path | str, error: OSError) -> InputError:
-    """Return what a user reads where a file cannot be written.
-
-    Examples
-    --------
-    >>> print(unwritable("report.html", OSError(errno.ENOSPC, "No space left on device")))
-    report.html cannot be written: the disk is full (No space left on device); what was written before is kept, free some space and give the same command again
-    """
+    """Return what a user reads where a file cannot be written."""
     reason = error.strerror or str(error)
     if is_full(error):
         return InputError(f"{path} cannot be written: the disk is full ({reason}); {FREE_SPACE}")
@@ -46,13 +40,7 @@ def is_full(error: OSError) -> bool:
 
 @contextmanager
 def writing(path: Path | str) -> Iterator[None]:
-    """Turn whatever the system refuses into one line that names the file.
-
-    Raises
-    ------
-    InputError
-        In place of every OSError.
-    """
+    """Turn whatever the system refuses into one line that names the file."""
     try:
         yield
     except OSError as error:
@@ -60,13 +48,7 @@ def writing(path: Path | str) -> Iterator[None]:
 
 
 def lock(handle: int, wait: bool = False) -> bool:
-    """Hold an open file or folder until it is closed; False where another holds it.
-
-    Raises
-    ------
-    OSError
-        This file system keeps no locks.
-    """
+    """Hold an open file or folder until it is closed; False where another holds it."""
     if sys.platform == "win32":
         raise OSError(errno.ENOTSUP, "no locks that end with their process")
     import fcntl
@@ -90,27 +72,7 @@ def is_open_at(handle: int, path: Path) -> bool:
 def temporary(
     target: Path, folder: bool = False, is_needed: Callable[[Path], bool] | None = None
 ) -> Iterator[Path]:
-    """Make a hidden file or folder beside a target, clear earlier remains, remove it at the end.
-
-    Parameters
-    ----------
-    target
-        Its parent exists.
-    folder
-        Make a folder.
-    is_needed
-        Whether to leave it where it is at the end.
-
-    Yields
-    ------
-    Path
-        Where it lies, empty; held until the end.
-
-    Raises
-    ------
-    OSError
-        It cannot be made.
-    """
+    """Make a hidden file or folder beside a target, clear earlier remains, remove it at the end."""
     clear_abandoned(target.parent, target.name)
     path, handle = _made(target, folder)
     try:
@@ -124,15 +86,7 @@ def temporary(
 
 
 def remains(folder: Path, name: str | None = None) -> list[Path]:
-    """Return the temporaries in a folder, those in use and those that killed writers left.
-
-    Parameters
-    ----------
-    folder
-        Where the targets lie.
-    name
-        Of one target; those of all by default.
-    """
+    """Return the temporaries in a folder, those in use and those that killed writers left."""
     try:
         found = [(each, _NAME.fullmatch(each.name)) for each in folder.iterdir()]
     except OSError:

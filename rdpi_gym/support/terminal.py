@@ -47,13 +47,7 @@ class _Plain:
 
 
 def plain(text: str) -> str:
-    r"""Return text as a terminal may show it: line ends and tabs stay, other controls are written out.
-
-    Examples
-    --------
-    >>> plain("a title\x1b[2J\n\tand 2 µm")
-    'a title\\x1b[2J\n\tand 2 µm'
-    """
+    r"""Return text as a terminal may show it: line ends and tabs stay, other controls are written out."""
     if text.isprintable():
         return text
     lines = text.split("\n")
@@ -87,20 +81,7 @@ def plain_output() -> Iterator[None]:
 
 
 def console(*, stderr: bool = False, width: int = 140) -> Console:
-    """Return where tables and bars are drawn; no text in them is read as markup.
-
-    Parameters
-    ----------
-    stderr
-        Standard error in place of standard output.
-    width
-        Where there is no terminal, and so no width to keep to (characters).
-
-    Examples
-    --------
-    >>> console(width=60).print("[bold]this is a title")
-    [bold]this is a title
-    """
+    """Return where tables and bars are drawn; no text in them is read as markup."""
     from rich.console import Console, ConsoleOptions
     from rich.segment import Segment
     from rich.text import Text

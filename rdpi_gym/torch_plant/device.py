@@ -8,18 +8,7 @@ from rdpi_gym.support.errors import InputError
 
 
 def checked_device(device: torch.device | str) -> torch.device:
-    """Return a device of torch, or refuse one that is not there.
-
-    Raises
-    ------
-    InputError
-        No such device, or CUDA where there is none.
-
-    Examples
-    --------
-    >>> checked_device("cpu")
-    device(type='cpu')
-    """
+    """Return a device of torch, or refuse one that is not there."""
     try:
         found = torch.device(device)
     except RuntimeError as error:

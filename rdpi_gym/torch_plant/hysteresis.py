@@ -116,42 +116,12 @@ class RDPITensors(NamedTuple):
 
 
 def known(x: Tensor) -> Tensor:
-    """Whether values are there, and not NaN: ``isnan`` compiled for a CPU goes lane by lane.
-
-    Examples
-    --------
-    >>> known(torch.tensor([1.0, torch.nan])).tolist()
-    [True, False]
-    """
+    """Whether values are there, and not NaN: ``isnan`` compiled for a CPU goes lane by lane."""
     return x == x
 
 
 def rate(u: Tensor, last: Tensor, v: Tensor, p: RDPITensors, ts_s: float) -> Tensor:
-    """Rate of the command, Eq. 5, after the low-pass of the plant.
-
-    Parameters
-    ----------
-    u, last
-        Command now and one sample ago (V), ``float64[B]``; NaN where a record begins, v(0) = 0.
-    v
-        Rate one sample ago (V/s), ``float64[B]``.
-    p
-        Parameters.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    float64[B]
-        V/s.
-
-    Examples
-    --------
-    >>> p = RDPITensors.of([RDPI.from_law([1.0, 0.5], 2.0, 0.0)], 1e-3, [0.0])
-    >>> zero = torch.zeros(1, dtype=torch.float64)
-    >>> rate(zero + 2.0, zero, zero, p, ts_s=1e-3).tolist()
-    [2000.0]
-    """
+    """Rate of the command, Eq. 5, after the low-pass of the plant."""
     step = u - torch.where(known(last), last, u)
     return p.rate_pole * v + (1.0 - p.rate_pole) * (step / ts_s)
 
@@ -159,31 +129,7 @@ def rate(u: Tensor, last: Tensor, v: Tensor, p: RDPITensors, ts_s: float) -> Ten
 def play_sum(
     u: Tensor, v: Tensor, p: RDPITensors, xi: Sequence[Tensor]
 ) -> tuple[Tensor, tuple[Tensor, ...]]:
-    """RDPI sum of one sample, Eq. 3, 4 and 8, without the offset.
-
-    Parameters
-    ----------
-    u, v
-        Command (V) and rate (V/s), ``float64[B]``.
-    p
-        Parameters.
-    xi
-        The n play states ξ_i (V), each ``[B]`` in the plant's dtype. One tensor a play: compiled,
-        the sum is then one loop over the lanes that reads and writes each number once.
-
-    Returns
-    -------
-    tuple of float64[B] and n times [B]
-        Displacement (µm) and the play states.
-
-    Examples
-    --------
-    >>> p = RDPITensors.of([RDPI.from_law([1.0, 0.5], 2.0, 0.0)], 1e-3, [0.0])
-    >>> u = torch.tensor([5.0], dtype=torch.float64)
-    >>> y, (xi_1,) = play_sum(u, torch.zeros_like(u), p, [torch.zeros(1)])
-    >>> y.tolist(), xi_1.tolist()
-    ([6.5], [3.0])
-    """
+    """RDPI sum of one sample, Eq. 3, 4 and 8, without the offset."""
     command = u.to(p.weights.dtype)
     shift = (p.delta2_s * v.abs()).to(p.weights.dtype)  # Eq. 8
     total, states = torch.zeros_like(command), []

@@ -15,29 +15,7 @@ from rdpi_gym.torch_plant.state import ROW
 def commanded(
     layout: ObservationLayout, action: Tensor, command_V: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Read actions as commands.
-
-    Parameters
-    ----------
-    layout
-        Its action is ``command`` or ``increment``.
-    action
-        ``[B]``, any floating type.
-    command_V
-        Commands that hold now (V), ``float64[B]``.
-
-    Returns
-    -------
-    tuple of float64[B] and bool[B]
-        Commands (V), and whether action or command was clipped.
-
-    Examples
-    --------
-    >>> layout = ObservationLayout(1, 0.0, 1.0, (-1.0, 1.0), 1e-4, "increment", action_scale_V=0.5)
-    >>> u, clipped = commanded(layout, torch.tensor([0.5, 2.0]), torch.zeros(2, dtype=ROW))
-    >>> u.tolist(), clipped.tolist()
-    ([0.25, 0.5], [False, True])
-    """
+    """Read actions as commands."""
     low, high = layout.command_range_V
     given = action.to(ROW)
     place = given.clamp(-1.0, 1.0)
@@ -50,25 +28,12 @@ def commanded(
 
 
 def error_of(layout: ObservationLayout, shown: Tensor, displacement_um: Tensor) -> Tensor:
-    """Tracking error r - y (µm), ``float64[B]``, of references as they are shown, ``float32[B]``.
-
-    Examples
-    --------
-    >>> layout = ObservationLayout(1, 0.0, 2.0, (-1.0, 1.0), 1e-4)
-    >>> error_of(layout, torch.ones(1), torch.zeros(1, dtype=ROW)).tolist()
-    [2.0]
-    """
+    """Tracking error r - y (µm), ``float64[B]``, of references as they are shown, ``float32[B]``."""
     return layout.centre_um + layout.scale_um * shown.to(ROW) - displacement_um
 
 
 def read(displacement_um: Tensor, noise_um: Tensor | None, resolution_um: Tensor | None) -> Tensor:
-    """Return what sensors read (µm): noise, then rounding to the resolution; None: there is none.
-
-    Examples
-    --------
-    >>> read(torch.tensor([0.4, 0.6]), None, torch.tensor([0.5, 0.0])).tolist()
-    [0.5, 0.6000000238418579]
-    """
+    """Return what sensors read (µm): noise, then rounding to the resolution; None: there is none."""
     y = displacement_um if noise_um is None else displacement_um + noise_um
     if resolution_um is None:
         return y
@@ -78,24 +43,7 @@ def read(displacement_um: Tensor, noise_um: Tensor | None, resolution_um: Tensor
 def observed(
     layout: ObservationLayout, shown: Tensor, measured_um: Tensor, command_V: Tensor
 ) -> Tensor:
-    """Observations, ``float32[D, B]``: side by side as devices write them.
-
-    Parameters
-    ----------
-    layout
-        Units.
-    shown
-        References now and ahead in its units, ``float32[preview + 1, B]``.
-    measured_um, command_V
-        Readings (µm) and commands (V), ``float64[B]``.
-
-    Examples
-    --------
-    >>> layout = ObservationLayout(1, 0.0, 2.0, (-10.0, 10.0), 1e-4)
-    >>> one = torch.ones(1, dtype=ROW)
-    >>> observed(layout, torch.zeros(2, 1), one, 5.0 * one).T.tolist()
-    [[0.0, 0.0, 0.5, 0.5]]
-    """
+    """Observations, ``float32[D, B]``: side by side as devices write them."""
     low, high = layout.command_range_V
     measured = (measured_um - layout.centre_um) / layout.scale_um
     command = 2.0 * (command_V - low) / (high - low) - 1.0
@@ -105,15 +53,7 @@ def observed(
 def rewarded(
     layout: ObservationLayout, error_um: Tensor, moved_V: Tensor, command_cost: float
 ) -> Tensor:
-    """Rewards, ``float32[B]``, of errors (µm) and changes of the command (V), ``float64[B]``.
-
-    Examples
-    --------
-    >>> layout = ObservationLayout(1, 0.0, 2.0, (-10.0, 10.0), 1e-4)
-    >>> one = torch.ones(1, dtype=ROW)
-    >>> rewarded(layout, one, one, command_cost=2.0).round(decimals=3).tolist()
-    [-0.6000000238418579]
-    """
+    """Rewards, ``float32[B]``, of errors (µm) and changes of the command (V), ``float64[B]``."""
     low, high = layout.command_range_V
     reward = -error_um.abs() / layout.scale_um - command_cost * moved_V.abs() / (high - low)
     return reward.to(torch.float32)

@@ -412,12 +412,5 @@ TWINS: Mapping[Block, Twin] = {
 
 
 def has_twin(kind: type[Effect]) -> bool:
-    """Whether an effect can be run in torch: its kernel has a twin, or no kernel is run.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import CATALOGUE
-    >>> has_twin(CATALOGUE["creep"]), has_twin(CATALOGUE["initial_memory"])
-    (True, True)
-    """
+    """Whether an effect can be run in torch: its kernel has a twin, or no kernel is run."""
     return kind.slot == "memory" or kind.block in TWINS

@@ -83,24 +83,7 @@ def clock(experiments: tuple[Experiment, ...]) -> list[Array]:
 
 
 def displacement(truth: Truth, t: Array, u: Array) -> Array:
-    """Displacement (µm) of the plant with what is hidden, before the sensor.
-
-    Parameters
-    ----------
-    truth
-        Plant and hidden effects.
-    t, u
-        Times on the clock (s) and commands (V), ``(T,)``.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> from rdpi_gym.plant.effects import CATALOGUE
-    >>> t = np.arange(3) * 1e-3
-    >>> truth = Truth(P10, (CATALOGUE["gain_drift"](1e-2),), noise_um=0.0, seed=0)
-    >>> displacement(truth, 100.0 + t, np.array([0.0, 0.5, 1.0])).round(3).tolist()
-    [0.0, 0.621, 1.242]
-    """
+    """Displacement (µm) of the plant with what is hidden, before the sensor."""
     effects = [*truth.plant.effects, *truth.hidden]
     return plant_displacement(truth.plant, effects, t, u)
 

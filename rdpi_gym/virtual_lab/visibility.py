@@ -33,33 +33,6 @@ def left_over(
     A linear least-squares fit over all records: weights on a fine comb of thresholds, not bound to
     be positive, δ2, the parameters of the known effects, and one offset for each record. A fit
     with bounds leaves more, so this is a lower limit.
-
-    Parameters
-    ----------
-    plant
-        The plant about which is linearised; its own effects are not used.
-    known
-        Effects that the refitted model has.
-    span_V
-        Largest excursion of the command (V).
-    records
-        Commands and times; the displacement is not read.
-    differences
-        Displacement that the model should take up (µm), one ``(T,)`` a record.
-    others
-        Further directions that the refit may use, one ``(T, K)`` a record.
-    every
-        Samples of which one is looked at; all are simulated.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> t = np.arange(2000) * 1e-3
-    >>> u = 30.0 * np.sin(2 * np.pi * t)
-    >>> record = Record("sine", t, u, u, ts_s=1e-3)
-    >>> gain, hum = 0.1 * u, 0.01 * np.sin(2 * np.pi * 50.0 * t)
-    >>> {k: round(v, 4) for k, v in left_over(P10, (), 30.0, [record], [gain + hum]).items()}
-    {'sine': 0.007}
     """
     base = Variant(_combed(plant.hysteresis, span_V), tuple(known))
     changed, steps = _neighbours(base, span_V)

@@ -34,18 +34,7 @@ BY_NAME = ("ship", "see", "teach", "walk", "page")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Do one stage of the study, or all.
-
-    Parameters
-    ----------
-    arguments
-        Words after the command; those of the process by default.
-
-    Returns
-    -------
-    int
-        0, else as :func:`~rdpi_gym.support.command.run_command` says.
-    """
+    """Do one stage of the study, or all."""
     options = Options("agents", studies.agents.__doc__, jobs=-1, ray=True)
     options.add_folder("--out", None, "folder for tables")
     options.add_argument("--stage", choices=(*STAGES, "all", *BY_NAME), default="all")

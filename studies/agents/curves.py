@@ -28,23 +28,7 @@ METHOD = f"""\
 
 
 def learning_curves(trainings: Sequence[Training]) -> pd.DataFrame:
-    """Read the curves of finished trainings.
-
-    Parameters
-    ----------
-    trainings
-        Those of which only the policy is kept are left out.
-
-    Returns
-    -------
-    DataFrame
-        Columns :data:`COLUMNS`.
-
-    Raises
-    ------
-    InputError
-        None of them has a curve, or one is damaged.
-    """
+    """Read the curves of finished trainings."""
     parts = []
     for each in trainings:
         path = each.folder / "training.csv"
@@ -61,28 +45,7 @@ def learning_curves(trainings: Sequence[Training]) -> pd.DataFrame:
 
 
 def learning_bands(curves: pd.DataFrame) -> pd.DataFrame:
-    """Return the median, the least and the greatest of each agent's trainings, step by step.
-
-    Parameters
-    ----------
-    curves
-        Columns :data:`COLUMNS`.
-
-    Returns
-    -------
-    DataFrame
-        ``agent, timesteps``, then ``rmse_um`` and ``variation_ratio`` (command variation over the
-        compensator's), each with ``_low`` and ``_high``. Steps at which not every training of the
-        agent was evaluated are left out.
-
-    Examples
-    --------
-    >>> rows = [("ppo-increment", seed, 100, 1.0 + seed, 8.0, 4.0) for seed in range(3)]
-    >>> names = ["agent", "seed", "timesteps", "rmse_um", "command_variation_V_s"]
-    >>> made = pd.DataFrame(rows, columns=[*names, "compensator_command_variation_V_s"])
-    >>> learning_bands(made)[["rmse_um_low", "rmse_um", "rmse_um_high", "variation_ratio"]].values
-    array([[1., 2., 3., 2.]])
-    """
+    """Return the median, the least and the greatest of each agent's trainings, step by step."""
     curves = curves.assign(
         variation_ratio=curves["command_variation_V_s"]
         / curves["compensator_command_variation_V_s"]
@@ -102,14 +65,7 @@ def learning_bands(curves: pd.DataFrame) -> pd.DataFrame:
 
 
 def training_costs(curves: pd.DataFrame) -> pd.DataFrame:
-    """Return what a training of each agent took.
-
-    Returns
-    -------
-    DataFrame
-        ``agent``, number of ``trainings``, ``timesteps`` of one, and medians over them: ``seconds``,
-        ``steps_per_s``, and of the last evaluation ``rmse_um``; ``compensator_rmse_um``.
-    """
+    """Return what a training of each agent took."""
     last = curves.sort_values("timesteps").groupby(["agent", "seed"], sort=False).tail(1)
     lines = []
     for agent in curves["agent"].unique():

@@ -31,24 +31,7 @@ _SHOWN_ROWS = (0, 1, 2, 3, 5, 8, 12, 16)
 
 
 def page_facts(results: Path) -> dict[str, Any]:
-    """Return all that the pages quote.
-
-    Parameters
-    ----------
-    results
-        Folder of the tables.
-
-    Returns
-    -------
-    dict
-        A document for :func:`studies.tutorial.results.look_up`: numbers, and Markdown under
-        ``tables`` and ``findings``.
-
-    Raises
-    ------
-    InputError
-        A table is missing.
-    """
+    """Return all that the pages quote."""
     summary, gap, curves, shipped = (
         _read(results, name) for name in ("summary", "gap", "curves", "shipped")
     )

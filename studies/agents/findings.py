@@ -25,14 +25,7 @@ def _kind(part: pd.DataFrame, kind: str) -> pd.DataFrame:
 
 
 def groups_view(groups: pd.DataFrame) -> pd.DataFrame:
-    """Return one line a group of plants: the best compensators, and every agent; RMSE (%).
-
-    Parameters
-    ----------
-    groups
-        As :func:`studies.agents.summary.summarise` returns it, the groups together left out; so
-        in all functions here that take groups.
-    """
+    """Return one line a group of plants: the best compensators, and every agent; RMSE (%)."""
     agents = list(groups.loc[groups["kind"] == "agent", "contestant"].sort_values().unique())
     lines = []
     for world, part in groups.groupby("world", sort=False):
@@ -54,14 +47,7 @@ def _best(part: pd.DataFrame, kind: str) -> str:
 
 
 def unstable(part: pd.DataFrame) -> int:
-    """Return how many controllers with feedback do not track in a group, or fail there.
-
-    Examples
-    --------
-    >>> part = pd.DataFrame({"kind": "feedback", "rmse_percent": [0.1, 280.0, np.inf]})
-    >>> unstable(part)
-    2
-    """
+    """Return how many controllers with feedback do not track in a group, or fail there."""
     return int((_kind(part, "feedback")["rmse_percent"] > UNSTABLE_PERCENT).sum())
 
 
@@ -88,13 +74,7 @@ def _ranged(row: pd.Series, name: str) -> str:
 
 
 def verdict(leader: pd.Series) -> str:
-    """Say on which side of 1 the interval of the ratio to the best compensator lies.
-
-    Examples
-    --------
-    >>> verdict(pd.Series({"rmse_ratio_low": 0.4, "rmse_ratio_high": 1.3}))
-    'level'
-    """
+    """Say on which side of 1 the interval of the ratio to the best compensator lies."""
     if leader["rmse_ratio_high"] < 1.0:
         return "ahead"
     return "behind" if leader["rmse_ratio_low"] > 1.0 else "level"
@@ -161,14 +141,7 @@ def _span(values: pd.Series) -> str:
 
 
 def times_between(shipped: pd.DataFrame, algorithm: str, other: str) -> str:
-    """Return by how much the median policies of an algorithm leave more than those of another.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame({"agent": ["ppo-a", "ppo-b", "sac-a", "sac-b"]})
-    >>> times_between(table.assign(rmse_percent=[1.0, 2.0, 3.0, 8.0]), "sac", "ppo")
-    '3 and 4'
-    """
+    """Return by how much the median policies of an algorithm leave more than those of another."""
     own = shipped.set_index("agent")["rmse_percent"]
     ways = [name.partition("-")[2] for name in own.index if name.startswith(f"{algorithm}-")]
     ratios = sorted(own[f"{algorithm}-{way}"] / own[f"{other}-{way}"] for way in ways)

@@ -25,20 +25,7 @@ def walk_template(study: Study) -> str:
 
 
 def page_texts(study: Study, results: Path) -> dict[str, str]:
-    """Return the pages by their names.
-
-    Parameters
-    ----------
-    study
-        What the results are of.
-    results
-        Folder of the tables and of what the commands of the walk printed.
-
-    Raises
-    ------
-    InputError
-        A result is missing or contradicts a claim of the prose.
-    """
+    """Return the pages by their names."""
     walk = read_json(results / FILE, FORMAT, VERSION)
     texts = {}
     with tempfile.TemporaryDirectory() as folder:

@@ -100,13 +100,7 @@ class Run:
 
 
 def contestants(rivals: Sequence[str], trainings: Sequence[Training]) -> list[Contestant]:
-    """Return the compensators and the policies of some trainings.
-
-    Examples
-    --------
-    >>> [one.kind for one in contestants(["none", "pi", "preview-inversion"], [])]
-    ['feedforward', 'feedback', 'preview']
-    """
+    """Return the compensators and the policies of some trainings."""
     made = []
     for name in rivals:
         kind = "feedforward" if name in FEEDFORWARDS else "feedback"
@@ -126,28 +120,7 @@ def score_all(
     ray_address: str | None = None,
     note: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
-    """Score what is not finished, and return all of it; an interrupted run goes on.
-
-    Parameters
-    ----------
-    runs
-        What is scored where.
-    out
-        Folder of finished rows; those of changed code or policies are set aside there.
-    jobs
-        Processes; -1: one a core.
-    progress
-        Called with the number of runs done, and in all.
-    ray_address
-        Of a Ray cluster that does the runs in place of processes here.
-    note
-        Called with a sentence where finished rows were damaged.
-
-    Returns
-    -------
-    DataFrame
-        Columns :data:`COLUMNS`.
-    """
+    """Score what is not finished, and return all of it; an interrupted run goes on."""
     store = named_rows(out / ROWS_FILE)
     remark = store.remark()
     if remark is not None and note is not None:
@@ -167,25 +140,13 @@ def score_all(
 def study_cases(
     references: Sequence[str], amplitude_um: float, base_hz: float = 20.0
 ) -> list[Case]:
-    """Return the references between a frequency (Hz) and five times as much.
-
-    Examples
-    --------
-    >>> [case.name for case in study_cases(["sine", "triangle"], 1.0)]
-    ['sine 25 Hz', 'sine 50 Hz', 'sine 80 Hz', 'sine 100 Hz', 'triangle 20 Hz']
-    """
+    """Return the references between a frequency (Hz) and five times as much."""
     every = cases(references, amplitude_um, base_hz)
     return [case for case in every if base_hz <= case.frequency_hz <= 5.0 * base_hz]
 
 
 def score_run(run: Run) -> list[Row]:
-    """Score one contestant on every plant of a world; one that fails leaves rows that say so.
-
-    Returns
-    -------
-    list of dict
-        One row a plant.
-    """
+    """Score one contestant on every plant of a world; one that fails leaves rows that say so."""
     one, code = run.contestant, run.code
     rows = [
         {

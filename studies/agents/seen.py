@@ -24,25 +24,7 @@ _LARGEST = 2**20  # bytes of a description
 
 
 def see(folder: Path, study: Study) -> dict[str, float]:
-    """Drive a policy on draws of its own training, and keep how far its loops went.
-
-    Parameters
-    ----------
-    folder
-        Of a policy of this study, named as its agent, or of a student.
-    study
-        The options of its training.
-
-    Returns
-    -------
-    dict
-        By :data:`baselines.learned.seen.WATCHED`, as ``policy.json`` says now.
-
-    Raises
-    ------
-    InputError
-        There is no policy, or no environment can be made of its options.
-    """
+    """Drive a policy on draws of its own training, and keep how far its loops went."""
     policy = find_learned(str(folder))
     if isinstance(policy, StudentPolicy):
         told = {name: policy.training[name] for name in ("task", "seed", "lanes")}

@@ -26,19 +26,7 @@ LIMIT_BYTES = 2**20
 
 
 def seed_scores(scores: pd.DataFrame) -> pd.DataFrame:
-    """Return one score a training: the interquartile mean over all plants of all groups.
-
-    Parameters
-    ----------
-    scores
-        Columns :data:`studies.agents.scores.COLUMNS`.
-
-    Returns
-    -------
-    DataFrame
-        ``agent, seed, rmse_percent``; infinite where a quarter of its runs or more failed. Agents
-        in the order of the table, of each the best training first.
-    """
+    """Return one score a training: the interquartile mean over all plants of all groups."""
     lines = []
     for (agent, seed), own in scores[scores["kind"] == "agent"].groupby(
         ["contestant", scores["training_seed"].astype("Int64")], sort=False
@@ -56,21 +44,6 @@ def median_trainings(scores: pd.DataFrame) -> pd.DataFrame:
     """Return of each agent the training with the median score.
 
     Of an even number it is the worse of the two in the middle.
-
-    Returns
-    -------
-    DataFrame
-        ``agent, seed, rmse_percent``, number of ``trainings``, of these the scores
-        ``best_percent`` and ``worst_percent``, and whether it ``ships``: no agent whose actions are
-        read alike leaves less.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame(
-    ...     {"contestant": "sac-increment", "kind": "agent", "training_seed": [0, 1, 2]}
-    ... ).assign(rmse_percent=[3.0, 1.0, 2.0])
-    >>> median_trainings(table)[["seed", "rmse_percent", "best_percent"]].values.tolist()
-    [[2.0, 2.0, 1.0]]
     """
     lines = []
     for agent, own in seed_scores(scores).groupby("agent", sort=False):
@@ -95,28 +68,7 @@ def _action(agent: str) -> str:
 
 
 def ship(scores: pd.DataFrame, trainings: Sequence[Training], target: Path) -> pd.DataFrame:
-    """Copy the policy of each agent's median training to a folder of the agent's name.
-
-    Parameters
-    ----------
-    scores
-        Of every training that is given.
-    trainings
-        Those that are finished.
-    target
-        Folder of the shipped policies; those of other names that lie there stay.
-
-    Returns
-    -------
-    DataFrame
-        As :func:`median_trainings`, with ``policy_bytes``, 0 of what does not ship.
-
-    Raises
-    ------
-    InputError
-        A training was not scored, a policy is damaged, or all of them together are larger than
-        :data:`LIMIT_BYTES`; nothing is copied then.
-    """
+    """Copy the policy of each agent's median training to a folder of the agent's name."""
     by_name = {(each.agent.name, each.seed): each for each in trainings}
     scored = {(str(agent), int(seed)) for agent, seed, _ in seed_scores(scores).to_numpy()}
     if scored != set(by_name):

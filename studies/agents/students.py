@@ -14,26 +14,7 @@ from rdpi_gym.support.progress import Progress
 def teach(
     task: str, timesteps: int, runs: Path, target: Path, progress: Progress | None = None
 ) -> Path:
-    """Teach a student on a task, from where an earlier run stopped, and put it among what ships.
-
-    Parameters
-    ----------
-    task
-        Short name of the task.
-    timesteps
-        Steps of all plants together.
-    runs
-        Folder of the trainings.
-    target
-        Folder of the shipped policies.
-    progress
-        Called as rounds are done.
-
-    Returns
-    -------
-    Path
-        The policy.
-    """
+    """Teach a student on a task, from where an earlier run stopped, and put it among what ships."""
     name = f"imitation-{task.lower()}"
     options = Options(out=runs / name, task=task, timesteps=timesteps)
     policy = train(options, progress)

@@ -31,13 +31,7 @@ class Agent:
 
     @property
     def name(self) -> str:
-        """What tables and folders call it.
-
-        Examples
-        --------
-        >>> Agent("ppo", "correction").name
-        'ppo-correction'
-        """
+        """What tables and folders call it."""
         return f"{self.algorithm}-{self.action}"
 
 

@@ -55,15 +55,7 @@ class Estimate:
 
 
 def interquartile_mean(scores: Array) -> Array:
-    """Return the mean of the middle half along the last axis: exactly a quarter is cut at each end.
-
-    Examples
-    --------
-    >>> float(interquartile_mean(np.array([1.0, 2.0, 4.0, 100.0])))
-    3.0
-    >>> float(interquartile_mean(np.array([1.0, 2.0])))
-    1.5
-    """
+    """Return the mean of the middle half along the last axis: exactly a quarter is cut at each end."""
     edges = np.linspace(0.0, 1.0, scores.shape[-1] + 1)
     shares = np.diff(np.clip(edges, _CUT, 1.0 - _CUT)) / (1.0 - 2.0 * _CUT)
     counted = shares > 0.0  # an infinite score that is cut must not make the mean NaN
@@ -71,23 +63,7 @@ def interquartile_mean(scores: Array) -> Array:
 
 
 def estimate(matrices: Sequence[Array], resamples: int, seed: int = 0) -> Estimate:
-    """Return the interquartile mean of scores and of their resamples.
-
-    Parameters
-    ----------
-    matrices
-        One a group, ``(trainings, plants)``; infinite where a run failed.
-    resamples
-        How many.
-    seed
-        With the same one, plants are drawn alike whatever the number of trainings.
-
-    Examples
-    --------
-    >>> found = estimate([np.array([[1.0, 2.0, 3.0, 4.0]])], resamples=50)
-    >>> found.value, bool(1.0 <= found.draws.min() < found.draws.max() <= 4.0)
-    (2.5, True)
-    """
+    """Return the interquartile mean of scores and of their resamples."""
     plants_rng, trainings_rng = np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])
     trainings = len(matrices[0])
     again = trainings_rng.integers(trainings, size=(resamples, trainings, 1))
@@ -100,25 +76,7 @@ def estimate(matrices: Sequence[Array], resamples: int, seed: int = 0) -> Estima
 
 
 def summarise(table: pd.DataFrame, resamples: int) -> pd.DataFrame:
-    """Summarise a table of scores, world by world and all together.
-
-    Parameters
-    ----------
-    table
-        As :func:`studies.agents.scores.score_all` returns it.
-    resamples
-        Of the bootstrap.
-
-    Returns
-    -------
-    DataFrame
-        One row a contestant and world, the worlds together first, best first in each:
-        ``world, contestant, kind, trainings, plants``; ``rmse_percent`` and
-        ``command_variation_V_s``, and ``rmse_ratio`` and ``variation_ratio`` to the best causal
-        compensator there (``best``, feedforward or with feedback), ``rmse_over_feedforward`` and
-        ``variation_over_feedforward`` to the best without feedback (``best_feedforward``), each with
-        ``_low`` and ``_high``; ``failed``: runs without a score, which count as infinite.
-    """
+    """Summarise a table of scores, world by world and all together."""
     worlds = list(table["world"].unique())
     parts = [(ALL_GROUPS, worlds)] if len(worlds) > 1 else []
     parts += [(world, [world]) for world in worlds]
@@ -129,16 +87,7 @@ def summarise(table: pd.DataFrame, resamples: int) -> pd.DataFrame:
 
 
 def gap_summary(table: pd.DataFrame, resamples: int) -> pd.DataFrame:
-    """Put each domain beside its twin with a literal rate.
-
-    Returns
-    -------
-    DataFrame
-        ``domain, contestant, kind``; interquartile means of the RMSE (%) ``rmse_percent`` and
-        ``literal_rmse_percent``, and their ratio ``literal_ratio`` with its interval; command
-        variations ``variation_ratio`` and ``literal_variation_ratio``, over that of the best causal
-        compensator in the domain, with intervals. Far above 1 they say that a command dithers.
-    """
+    """Put each domain beside its twin with a literal rate."""
     lines: list[dict[str, object]] = []
     for domain in [name for name in table["world"].unique() if not name.endswith(LITERAL)]:
         limited = _estimates(table, [domain], resamples)

@@ -22,13 +22,7 @@ _FIGURES = ["failed", "p90_percent", "iqm_percent"]
 
 
 def read_rankings(path: Path = TABLE) -> pd.DataFrame:
-    """Return the rivals of every task, in the order of their ranks: what was shown the preview alone, without the bound.
-
-    Raises
-    ------
-    InputError
-        There is no table.
-    """
+    """Return the rivals of every task, in the order of their ranks: what was shown the preview alone, without the bound."""
     if not path.exists():
         raise InputError(f"{path} is missing; run rdpi bench --full")
     table = pd.read_csv(path)
@@ -36,34 +30,7 @@ def read_rankings(path: Path = TABLE) -> pd.DataFrame:
 
 
 def leaders(rankings: pd.DataFrame) -> pd.DataFrame:
-    """Return a line for each task: the best policy, the best with a monitor, the best without learning.
-
-    Parameters
-    ----------
-    rankings
-        As :func:`read_rankings` returns them.
-
-    Returns
-    -------
-    DataFrame
-        ``task``; of ``learned``, ``guarded`` and ``other`` the name and, with that prefix, the
-        figures; ``ratio`` of the first's IQM to the last's.
-
-    Raises
-    ------
-    InputError
-        One of the three is missing on a task.
-
-    Examples
-    --------
-    >>> rankings = pd.DataFrame({
-    ...     "task": "Bare",
-    ...     "controller": ["hybrid", "learned:ppo", "guarded:ppo"],
-    ...     "failed": 0.0, "p90_percent": 0.2, "iqm_percent": [0.028, 0.14, 0.14],
-    ... })
-    >>> leaders(rankings)["ratio"].tolist()
-    [5.0]
-    """
+    """Return a line for each task: the best policy, the best with a monitor, the best without learning."""
     lines = []
     for task, part in rankings.groupby("task", sort=False):
         names = part["controller"]
@@ -85,19 +52,7 @@ def leaders(rankings: pd.DataFrame) -> pd.DataFrame:
 
 
 def standing(found: pd.DataFrame) -> dict[str, Any]:
-    """Return what prose says of the leaders.
-
-    Parameters
-    ----------
-    found
-        As :func:`leaders` returns them.
-
-    Returns
-    -------
-    dict
-        ``ahead``: on which tasks the best policy has the smaller error, in words; ``behind``: least and
-        most of the ratio on the others that it runs on; ``ratios`` by task.
-    """
+    """Return what prose says of the leaders."""
     runs = found["learned_failed"] < 1.0
     ahead = found.loc[runs & (found["ratio"] < 1.0), "task"].tolist()
     behind = found.loc[runs & (found["ratio"] >= 1.0), "ratio"]

@@ -49,13 +49,7 @@ class Training:
         return self.folder / "policy"
 
     def is_finished(self) -> bool:
-        """Whether nothing is left to be trained; a policy without its training counts as finished.
-
-        Raises
-        ------
-        InputError
-            The folder holds a training of other options.
-        """
+        """Whether nothing is left to be trained; a policy without its training counts as finished."""
         if not (self.policy / "policy.json").is_file():
             return False
         if not (self.folder / _CONFIG).exists():
@@ -101,31 +95,7 @@ def train_all(
     progress: Progress | None = None,
     ray_address: str | None = None,
 ) -> int:
-    """Train what is not finished, each training from its newest checkpoint on.
-
-    Parameters
-    ----------
-    study
-        What is trained.
-    runs
-        Folder of the trainings; with Ray, one that every node sees.
-    jobs
-        Trainings side by side, of one thread each; -1: one a core.
-    progress
-        Called with the number of trainings done, and in all.
-    ray_address
-        Of a Ray cluster that trains in place of processes here.
-
-    Returns
-    -------
-    int
-        Number of trainings that were not finished before.
-
-    Raises
-    ------
-    InputError
-        Stable-Baselines3 is missing, or a folder holds something else.
-    """
+    """Train what is not finished, each training from its newest checkpoint on."""
     left = [each for each in all_trainings(study, runs.absolute()) if not each.is_finished()]
     for done, _ in enumerate(run_cases(train_one, left, jobs, ray_address), start=1):
         if progress is not None:
@@ -134,13 +104,7 @@ def train_all(
 
 
 def train_one(training: Training) -> Path:
-    """Train one agent, or go on; the same call again does what is left, so it may be repeated.
-
-    Returns
-    -------
-    Path
-        Folder of the policy.
-    """
+    """Train one agent, or go on; the same call again does what is left, so it may be repeated."""
     try:
         script = import_module(f"baselines.learned.train_{training.agent.algorithm}")
     except ImportError as error:

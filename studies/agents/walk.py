@@ -56,38 +56,14 @@ class Recorded(Session):
         self._printed = {each["command"]: each["printed"] for each in walk["commands"]}
 
     def run(self, command: str) -> list[str]:
-        """Return what the command printed.
-
-        Raises
-        ------
-        InputError
-            It was not run.
-        """
+        """Return what the command printed."""
         if command not in self._printed:
             raise InputError(f"{FILE} has no {command!r}; run --stage walk again")
         return list(self._printed[command])
 
 
 def take_walk(template: str) -> dict[str, Any]:
-    """Run the commands of a template in an empty folder.
-
-    Parameters
-    ----------
-    template
-        Markdown, see :func:`studies.tutorial.template.fill`; one of its commands trains into
-        :data:`RUN`.
-
-    Returns
-    -------
-    dict
-        ``commands``, each with its ``seconds`` and what it ``printed``; ``seconds`` of all;
-        ``cores`` of the machine; ``curve``: rows of ``training.csv``.
-
-    Raises
-    ------
-    InputError
-        A command fails.
-    """
+    """Run the commands of a template in an empty folder."""
     with tempfile.TemporaryDirectory() as folder:
         session = _Timed(Path(folder))
         fill("\n\n".join(_BLOCK.findall(template)), session, no_picture)

@@ -102,11 +102,5 @@ GAP = {
 
 
 def with_literal(world: World) -> tuple[World, World]:
-    """Return a domain and its twin with a literal rate.
-
-    Examples
-    --------
-    >>> [world.name for world in with_literal(GAP["bare"])]
-    ['bare', 'bare, literal']
-    """
+    """Return a domain and its twin with a literal rate."""
     return world, replace(world, name=f"{world.name}{LITERAL}", literal=True)

@@ -48,13 +48,7 @@ class Board:
     clock_hz: int
 
     def instructions(self, ticks: float) -> float:
-        """Return the instructions that its system timer counted.
-
-        Examples
-        --------
-        >>> BOARDS["M4F"].instructions(3200)
-        2000.0
-        """
+        """Return the instructions that its system timer counted."""
         return ticks * 1e9 / self.clock_hz / (1 << _SHIFT)
 
 
@@ -82,52 +76,28 @@ def missing() -> str | None:
 
 
 def object_of(board: Board, source: Path, target: Path, options: Sequence[str] = ()) -> Path:
-    """Compile one file without a warning, and return the object.
-
-    Raises
-    ------
-    InputError
-        The compiler refuses it.
-    """
+    """Compile one file without a warning, and return the object."""
     return _compiled(board, [*STRICT, *options, "-c", str(source)], target)
 
 
 def program_of(
     board: Board, sources: Sequence[Path], target: Path, options: Sequence[str] = ()
 ) -> Path:
-    """Compile and link what the board runs, and return it.
-
-    Raises
-    ------
-    InputError
-        The compiler or the linker refuses it.
-    """
+    """Compile and link what the board runs, and return it."""
     sizes = (f"-Wl,--defsym=code_size={board.code}", f"-Wl,--defsym=data_size={board.data}")
     own = ["--specs=rdimon.specs", "-T", str(HERE / "link.ld"), *sizes, str(HERE / "start.c")]
     return _compiled(board, [*options, *own, *map(str, sources), "-lm"], target)
 
 
 def linked_alone(board: Board, thing: Path, entries: Sequence[str], target: Path) -> Path:
-    """Link an object with what its functions need of libraries, and nothing else.
-
-    Raises
-    ------
-    InputError
-        The linker refuses it.
-    """
+    """Link an object with what its functions need of libraries, and nothing else."""
     wanted = [f"-Wl,-u,{entry}" for entry in entries]
     alone = ["-nostartfiles", "-Wl,--gc-sections", f"-Wl,-e,{entries[0]}", *wanted]
     return _compiled(board, [*alone, str(thing), "-lm"], target)
 
 
 def ran(board: Board, program: Path) -> str:
-    """Run a program on the emulated board and return what it prints.
-
-    Raises
-    ------
-    InputError
-        It does not end, or not with status 0.
-    """
+    """Run a program on the emulated board and return what it prints."""
     done = _ran(
         [
             EMULATOR, "-M", board.machine, "-nographic", "-monitor", "none", "-serial", "none",

@@ -55,24 +55,7 @@ def write_sources(source: Source, folder: Path, samples: int = SAMPLES) -> None:
 def cost(
     source: Source, folder: Path, board: Board, precision: int, optimised: str = "-O2"
 ) -> Cost:
-    """Compile what :func:`write_sources` wrote, run it, and return what it costs.
-
-    Parameters
-    ----------
-    source, folder
-        What was written where.
-    board
-        What it runs on.
-    precision
-        64, 32 or 31.
-    optimised
-        ``-O2`` or ``-Os``.
-
-    Raises
-    ------
-    InputError
-        The compiler refuses it, or the emulator does not count a known loop rightly.
-    """
+    """Compile what :func:`write_sources` wrote, run it, and return what it costs."""
     program = source.program
     low, high = program.command_range_V
     span = 2.0 * program.scale_um if program.kind == "plant" else high - low

@@ -22,18 +22,7 @@ OUT = Path(__file__).parents[2] / "docs" / "effects"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the pages and their pictures.
-
-    Parameters
-    ----------
-    arguments
-        Words after the command; those of the process by default.
-
-    Returns
-    -------
-    int
-        0, else as :func:`~rdpi_gym.support.command.run_command` says.
-    """
+    """Write the pages and their pictures."""
     options = Options("effect_pages", studies.effect_pages.__doc__, out=OUT)
     options.add_argument(
         "--text-only",

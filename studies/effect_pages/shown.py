@@ -46,13 +46,7 @@ class Shown:
 
 
 def shown(kind: type[Effect]) -> Shown:
-    """Return how an effect is shown.
-
-    Examples
-    --------
-    >>> dict(shown(CATALOGUE["creep"]).values)
-    {'gain_per_decade': 0.02}
-    """
+    """Return how an effect is shown."""
     return Shown(kind.picture or ANY)
 
 

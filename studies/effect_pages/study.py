@@ -57,17 +57,7 @@ def bare_records() -> dict[str, Record]:
 
 
 def study_effect(name: str, values: Mapping[str, float], without: Mapping[str, Record]) -> Study:
-    """Take the protocol on the plant with an effect, and refit the RDPI model to it.
-
-    Parameters
-    ----------
-    name
-        Of the effect.
-    values
-        Its parameters that are not at their defaults.
-    without
-        From :func:`bare_records`.
-    """
+    """Take the protocol on the plant with an effect, and refit the RDPI model to it."""
     effect = CATALOGUE[name]().with_values(values)
     truth = _truth().with_hidden([effect])
     data = simulate_dataset(truth)

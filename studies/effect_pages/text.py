@@ -25,20 +25,7 @@ def page_texts() -> dict[str, str]:
 
 
 def effect_text(kind: type[Effect], values: Mapping[str, float]) -> str:
-    """Return the page of one effect.
-
-    Parameters
-    ----------
-    kind
-        The effect.
-    values
-        Parameters that its picture is drawn with, where not at their defaults.
-
-    Examples
-    --------
-    >>> effect_text(CATALOGUE["creep"], {"gain_per_decade": 0.02}).splitlines()[0]
-    '# creep'
-    """
+    """Return the page of one effect."""
     drawn = kind().with_values(values)
     sizes = ", ".join(f"`{name}` = {value:.6g}" for name, value in drawn.values.items())
     picture = (
@@ -57,13 +44,7 @@ def effect_text(kind: type[Effect], values: Mapping[str, float]) -> str:
 
 
 def index_text(kinds: Mapping[str, type[Effect]]) -> str:
-    """Return the index.
-
-    Parameters
-    ----------
-    kinds
-        Effects by name, in the chain's order.
-    """
+    """Return the index."""
     lines = [
         "# Effects",
         "",

@@ -75,13 +75,7 @@ class Tracked:
 
 
 def references() -> tuple[Reference, Reference]:
-    """Return a fast reference and a slow one, both of 30 µm.
-
-    Examples
-    --------
-    >>> [reference.name for reference in references()]
-    ['sine of 50 Hz', 'staircase of a minute']
-    """
+    """Return a fast reference and a slow one, both of 30 µm."""
     ts_s = 5e-5
     t = ts_s * np.arange(4000.0)
     sine = 30.0 * np.sin(2.0 * np.pi * 50.0 * t) * np.minimum(1.0, t / 0.02)
@@ -103,11 +97,6 @@ def tracked(effect: Effect) -> Iterator[Tracked]:
 
     The plant is P10 with a rate low-passed as in the benchmark; the command is computed beforehand
     and applied open loop, and the error is that of the path that the effect is in.
-
-    Parameters
-    ----------
-    effect
-        The effect.
     """
     bare = limit_band(P10, RATE_BANDWIDTH_HZ)
     having = replace(bare, effects=(effect,))
@@ -150,13 +139,7 @@ def stored_rows(effect: str, table: Path = TABLE) -> list[Tracked]:
 
 
 def tracking_text(effect: str) -> str:
-    """Say in Markdown what an effect does to tracking, from the committed table.
-
-    Examples
-    --------
-    >>> tracking_text("creep").splitlines()[2]
-    '| reference (30 µm) | without creep | creep unknown to the inverse | creep known |'
-    """
+    """Say in Markdown what an effect does to tracking, from the committed table."""
     rows = stored_rows(effect)
     lines = [
         "**What it does to tracking:**",

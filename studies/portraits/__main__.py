@@ -70,13 +70,7 @@ class Case:
 
 
 def cases(count: int, seed: int) -> list[Case]:
-    """Return the plants, sorts and protocols in turn.
-
-    Examples
-    --------
-    >>> [(c.sort, c.protocol) for c in cases(15, 0)][::14]
-    [('input bent by |u|^1.5', 'standard'), ('input bent by |u|^1.5', 'bursts')]
-    """
+    """Return the plants, sorts and protocols in turn."""
     names = list(SORTS)
     return [
         Case(
@@ -123,15 +117,7 @@ def run_case(case: Case, code: str) -> Row:
 
 
 def answers(drawn: Portrait | None, sort: Sort, numbers: dict[str, float]) -> Row:
-    """Return what a portrait says, and whether it is right; None where it is not said or not asked.
-
-    Parameters
-    ----------
-    drawn
-        The portrait.
-    sort, numbers
-        What is true.
-    """
+    """Return what a portrait says, and whether it is right; None where it is not said or not asked."""
     if drawn is None:
         right: Row = dict.fromkeys(("place", "memory", "parity"), False)
         return {**right, "time constant": False if sort.memory else None, "said": "no portrait"}
@@ -206,15 +192,7 @@ def _study(chosen: Namespace) -> None:
 
 
 def report(rows: Sequence[Row], plants: int, seed: int) -> str:
-    """Return the tables as Markdown.
-
-    Parameters
-    ----------
-    rows
-        Of :func:`run_case`.
-    plants, seed
-        How many were asked for, and of which seed.
-    """
+    """Return the tables as Markdown."""
     frame = pd.DataFrame([row for row in rows if row["status"] == "done"])
     failed = len(rows) - len(frame)
     halved = frame["after"] <= 0.5 * frame["before"]

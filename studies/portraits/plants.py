@@ -58,20 +58,7 @@ class Measured:
 
 
 def measured(name: str, protocol: str, seed: int, number: int) -> Measured:
-    """Draw a plant with an effect of a sort, and take its records.
-
-    Parameters
-    ----------
-    name, protocol
-        Of :data:`~studies.portraits.sorts.SORTS` and :data:`PROTOCOLS`.
-    seed, number
-        Of the study, and of the plant in it.
-
-    Raises
-    ------
-    MaskedError
-        No draw shows the effect.
-    """
+    """Draw a plant with an effect of a sort, and take its records."""
     places = list(SORTS).index(name), PROTOCOLS.index(protocol)
     for redraw in range(_REDRAWS):
         rng = np.random.default_rng([seed, number, *places, redraw])

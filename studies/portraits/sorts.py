@@ -217,17 +217,7 @@ SORTS: Mapping[str, Sort] = {
 
 
 def drawn_numbers(sort: Sort, longest_s: float, rng: np.random.Generator) -> dict[str, float]:
-    """Draw an effect's numbers; its size is set later.
-
-    Parameters
-    ----------
-    sort
-        Which.
-    longest_s
-        Longest record (s): a time constant is a third of it at most.
-    rng
-        Where from.
-    """
+    """Draw an effect's numbers; its size is set later."""
     low, high = sort.tau_s
     tau = math.exp(rng.uniform(math.log(low), math.log(min(high, longest_s / 3.0))))
     return {

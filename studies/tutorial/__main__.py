@@ -23,18 +23,7 @@ TEMPLATES = {path.stem: path for path in sorted(Path(__file__).parent.glob("*.md
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Make the pages.
-
-    Parameters
-    ----------
-    arguments
-        Words after the command; those of the process by default.
-
-    Returns
-    -------
-    int
-        0, else as :func:`~rdpi_gym.support.command.run_command` says.
-    """
+    """Make the pages."""
     options = Options("tutorial", studies.tutorial.__doc__, out=OUT)
     options.add_argument("pages", nargs="*", help="names of pages; all by default")
     return options.run(arguments, _run)
@@ -48,21 +37,7 @@ def _run(options: Namespace) -> None:
 
 
 def make_page(name: str, out: Path) -> Path:
-    """Make one page and its pictures.
-
-    Parameters
-    ----------
-    name
-        Of :data:`TEMPLATES`.
-    out
-        Folder for them.
-
-    Raises
-    ------
-    InputError
-        A command fails, a result is missing or contradicts a claim, there are no measured data, no
-        browser.
-    """
+    """Make one page and its pictures."""
     picma = measured_data("picma")
     if picma is None:
         raise InputError(f"the folder picma is missing. {DATA_HINT}")

@@ -39,22 +39,7 @@ class Browser:
         self._chromium = chromium
 
     def picture(self, page: Path, section: str, choice: str = "") -> bytes:
-        """Return one figure of a page as a PNG file.
-
-        Parameters
-        ----------
-        page
-            The page of results.
-        section
-            Heading of the section that it stands in.
-        choice
-            Its name where the section lets the reader choose, its number where it has several.
-
-        Raises
-        ------
-        InputError
-            The page, the section or the figure is missing.
-        """
+        """Return one figure of a page as a PNG file."""
         if not page.is_file():
             raise InputError(f"{page} is missing; the template takes a picture from it")
         tab = self._chromium.new_page()
@@ -72,12 +57,6 @@ class Browser:
 
 @contextmanager
 def browser() -> Iterator[Browser]:
-    """Open Chromium, without a window.
-
-    Raises
-    ------
-    InputError
-        As :func:`studies.chromium.chromium`.
-    """
+    """Open Chromium, without a window."""
     with chromium() as found:
         yield Browser(found)

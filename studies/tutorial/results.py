@@ -32,23 +32,7 @@ _FORMATS = {
 
 
 def look_up(work: Path, file: str, key: str) -> Any:
-    """Return a value of a file of results.
-
-    Parameters
-    ----------
-    work
-        Folder that the commands run in.
-    file
-        Path of the JSON file in it.
-    key
-        Keys and indices with dots between them, as in ``steps.0.effect``; a star takes all members
-        of a list, as in ``steps.*.effect``.
-
-    Raises
-    ------
-    InputError
-        The file or the key is missing.
-    """
+    """Return a value of a file of results."""
     path = work / file
     value: Any = read_json(path, _FORMATS.get(path.name, path.stem), 1)
     try:
@@ -82,33 +66,12 @@ def quoted(line: str, work: Path) -> str:
 
 
 def is_claim(line: str) -> bool:
-    """Whether a line of a template is a claim.
-
-    Examples
-    --------
-    >>> is_claim("<!-- claim: results/found/discovery.json:verdict = explained -->")
-    True
-    """
+    """Whether a line of a template is a claim."""
     return line.startswith("<!-- claim:")
 
 
 def contradiction(line: str, work: Path) -> str | None:
-    """Hold a claim of the prose against the results, and say where they contradict it.
-
-    Parameters
-    ----------
-    line
-        ``<!-- claim: FILE:KEY = VALUE -->``, or with ``<`` or ``>`` and a number, or with ``~``
-        and a part of a text, or with ``!`` and a text that is no part of it. The value of a list
-        is its members with commas between them.
-    work
-        Folder that the commands run in.
-
-    Raises
-    ------
-    InputError
-        It cannot be read.
-    """
+    """Hold a claim of the prose against the results, and say where they contradict it."""
     match = _CLAIM.fullmatch(line)
     if match is None:
         raise InputError(f"{line!r} cannot be read; write <!-- claim: FILE:KEY = VALUE -->")

@@ -44,16 +44,6 @@ class Session:
 
         The list of the records, which most outputs have, is printed once; after that an ellipsis
         stands for it.
-
-        Parameters
-        ----------
-        command
-            ``rdpi``, ``python`` or ``head``, and its words.
-
-        Raises
-        ------
-        InputError
-            Another program, or one that failed.
         """
         program, *words = shlex.split(command)
         if program not in _PROGRAMS:
@@ -93,14 +83,7 @@ def _checkout() -> str:
 
 
 def _list_of_records(lines: Sequence[str]) -> slice:
-    """Find the title of a data set and the indented lines about its records.
-
-    Examples
-    --------
-    >>> said = ["Error 0.1 µm.", "two records", "  first (train): 9 samples", "    note: slow", "", "end"]
-    >>> said[_list_of_records(said)]
-    ['two records', '  first (train): 9 samples', '    note: slow']
-    """
+    """Find the title of a data set and the indented lines about its records."""
     for k, line in enumerate(lines[1:]):
         if _RECORD.match(line):
             return slice(k, k + 1 + len([*takewhile(_is_indented, lines[k + 1 :])]))

@@ -28,25 +28,6 @@ def fill(template: str, session: Session, draw: Draw) -> tuple[str, dict[str, by
     whose language is followed by a file name is written to that file. A picture whose title is
     ``PAGE: SECTION / FIGURE`` is drawn from that page of results. ``{{FILE:KEY:FORMAT}}`` is filled
     in from a file of results, and ``<!-- claim: FILE:KEY = VALUE -->`` must hold.
-
-    Parameters
-    ----------
-    template
-        Markdown.
-    session
-        Where commands run.
-    draw
-        Draws figures.
-
-    Returns
-    -------
-    tuple of str and dict
-        The page, and its pictures by their paths.
-
-    Raises
-    ------
-    InputError
-        A command fails, a result is missing or contradicts a claim.
     """
     lines: list[str] = []
     wrong: list[str | None] = []

@@ -100,15 +100,7 @@ class DeviceLanes:
 
     @torch.no_grad()
     def step(self, actions: Tensor, noise: Tensor) -> None:
-        """Take a step of every lane: what is replayed.
-
-        Parameters
-        ----------
-        actions : float32[B]
-            Of this sample.
-        noise : float32[B]
-            Of the next reading, in units of the sensor's.
-        """
+        """Take a step of every lane: what is replayed."""
         observed = []
         for group, own in self._groups:
             shown, reward = group.step(actions[own], noise[own])

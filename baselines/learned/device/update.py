@@ -45,24 +45,7 @@ class DeviceUpdater:
         self._minibatches: dict[int, tuple[Tensor, Replay]] = {}
 
     def update(self, batch: Batch, law: Law, rate: float, orders: Sequence[Tensor]) -> Losses:
-        """Go through a batch, minibatch by minibatch.
-
-        Parameters
-        ----------
-        batch
-            Of a rollout; always of as many rows.
-        law
-            The numbers of PPO.
-        rate
-            Learning rate of these steps.
-        orders : sequence of int64[N]
-            The order of the rows in each epoch.
-
-        Returns
-        -------
-        Losses
-            Of the steps that were made; the last minibatch, whose divergence was too large, counts.
-        """
+        """Go through a batch, minibatch by minibatch."""
         self.take(batch, law, rate)
         for order in orders:
             for chosen in torch.split(order, law.batch_size):

@@ -72,13 +72,7 @@ class StudentController(AdaptiveDualLoop):
     def next_command(
         self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
     ) -> Array:
-        """See :meth:`baselines.base.Baseline.next_command`.
-
-        Raises
-        ------
-        InputError
-            The observation shows less of the reference ahead than the student saw.
-        """
+        """See :meth:`baselines.base.Baseline.next_command`."""
         check_preview(self.layout, PREVIEW)
         return super().next_command(observation, reference_um, state)
 

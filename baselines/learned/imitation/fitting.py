@@ -61,20 +61,6 @@ class Learner:
         At decision k the student would have seen what was seen, but for its errors and corrections,
         which are what they would have become with its corrections as they are now. What is made
         small is the RMS error of each stretch that is left then.
-
-        Parameters
-        ----------
-        visited
-            What the student met when it drove.
-        weights
-            Of the lanes, ``(B,)``.
-        rate
-            Of the optimiser.
-
-        Returns
-        -------
-        float
-            Weighted mean over the lanes of the RMS error that is left where it is scored.
         """
         for group in self.optimiser.param_groups:
             group["lr"] = rate

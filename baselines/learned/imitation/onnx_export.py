@@ -20,27 +20,7 @@ FORMAT, VERSION = "rdpi-student-onnx", 1
 
 
 def controller_on(policy: StudentPolicy, belief: PlantModel | None) -> StudentController:
-    """Return a student's controller with as much preview as it makes use of.
-
-    Parameters
-    ----------
-    policy
-        The student.
-    belief
-        What it knows of the plant; None: what it was taught with, that of its task.
-
-    Raises
-    ------
-    InputError
-        There is no belief, and the policy names no task of this package.
-
-    Examples
-    --------
-    >>> from baselines.learned.found import find_learned
-    >>> made = controller_on(find_learned("imitation-stage"), None)
-    >>> made.belief.name, made.layout.preview
-    ('P10 stage', 8)
-    """
+    """Return a student's controller with as much preview as it makes use of."""
     if belief is None:
         task = policy.training.get("task")
         if not isinstance(task, str):
@@ -56,13 +36,7 @@ def controller_on(policy: StudentPolicy, belief: PlantModel | None) -> StudentCo
 
 
 def description(made: StudentController) -> dict[str, Any]:
-    """Return what a caller needs to know of a step, as JSON holds it.
-
-    Parameters
-    ----------
-    made
-        The controller.
-    """
+    """Return what a caller needs to know of a step, as JSON holds it."""
     layout, limits, policy = made.layout, made.limits, made.policy
     numbers = made.rows.total
     return {
@@ -103,26 +77,6 @@ def export_student(policy: StudentPolicy, out: Path, belief: PlantModel | None =
 
     A step is :func:`baselines.learned.imitation.step_graph.step_model`; the metadata holds
     :func:`description`.
-
-    Parameters
-    ----------
-    policy
-        The student.
-    out
-        The file, ``.onnx``; it is whole or absent, and one that was there is replaced.
-    belief
-        What the controller knows of the plant; None: what the student was taught with.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        The package ``onnx`` is missing, the file cannot be written, there is no belief, or its
-        hysteresis has an inverse that is a search.
     """
     check_file(out, ["onnx"])
     made = controller_on(policy, belief)

@@ -90,11 +90,6 @@ class StudentPolicy(Trained):
         """Write ``policy.json`` and ``weights.npz``; what was in the folder is replaced as a whole.
 
         Weights that half precision holds, as those of :meth:`Student.halved`, are written in it.
-
-        Raises
-        ------
-        InputError
-            The folder cannot be written, or holds something else.
         """
         weights = io.BytesIO()
         kept = {
@@ -118,13 +113,7 @@ class StudentPolicy(Trained):
 
     @classmethod
     def load(cls, folder: Path) -> StudentPolicy:
-        """Read a policy; no code in its files is executed.
-
-        Raises
-        ------
-        InputError
-            A file is missing, was cut off, is of another version, or does not fit the other.
-        """
+        """Read a policy; no code in its files is executed."""
         folder = settled_folder(folder)
         source = folder / DESCRIPTION
         document = read_json(source, FORMAT, VERSION)

@@ -241,15 +241,7 @@ class Rounds:
 
 
 def witnessed(policy: StudentPolicy, options: Options) -> Mapping[str, float]:
-    """Return how far the loops of a student go on training draws, four times as many as are held out.
-
-    Parameters
-    ----------
-    policy
-        The student.
-    options
-        Of its training.
-    """
+    """Return how far the loops of a student go on training draws, four times as many as are held out."""
     numbers = range(4 * options.held_out)
     return visit(taught_lanes(options.stage, "training", numbers, options.seed), policy).largest
 

@@ -33,30 +33,6 @@ def step_model(made: StudentController) -> Any:
     and ``applied_V`` ``(batch,)``, measured and commanded at k; ``state`` ``(batch, S)``, zeros where
     an episode begins. Outputs: ``command_V`` ``(batch,)``, u(k+1), and ``next_state``. Where an input is
     not finite or absurdly large, command and state stay as they are.
-
-    Parameters
-    ----------
-    made
-        A controller whose actions are commands.
-
-    Returns
-    -------
-    onnx.ModelProto
-
-    Raises
-    ------
-    InputError
-        Its belief has a hysteresis whose inverse is a search.
-
-    Examples
-    --------
-    >>> from baselines.learned.imitation.policy import StudentPolicy
-    >>> from rdpi_gym.envs.layout import ObservationLayout
-    >>> from rdpi_gym.plant import P10
-    >>> layout = ObservationLayout.for_plant(P10, 1e-4, preview=8)
-    >>> made = StudentController(StudentPolicy.untaught(P10, layout, hidden=4), P10, layout)
-    >>> [each.name for each in step_model(made).graph.input]
-    ['reference_um', 'measured_um', 'applied_V', 'state']
     """
     graph, layout, limits = Graph(), made.layout, made.limits
     reference = graph.given("reference_um", layout.preview + 1)

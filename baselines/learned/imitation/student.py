@@ -26,22 +26,7 @@ SCALES = ("middle", "spread")
 
 
 def shapes(inputs: int, hidden: int, weighted: int) -> dict[str, tuple[int, ...]]:
-    """Return the shape of each array of a network.
-
-    Parameters
-    ----------
-    inputs
-        Numbers seen beside errors and corrections.
-    hidden
-        Width of the recurrent layer.
-    weighted
-        The first of the inputs, which are weighted too.
-
-    Examples
-    --------
-    >>> shapes(20, 4, 16)["head"]
-    (23, 4)
-    """
+    """Return the shape of each array of a network."""
     gates, past = 3 * hidden, ERRORS + CORRECTIONS
     return {
         "middle": (inputs,),
@@ -113,20 +98,7 @@ class Student:
         return cls(arrays, weighted)
 
     def halved(self) -> Student:
-        """Return the student as it is kept: its weights rounded to half precision.
-
-        Raises
-        ------
-        InputError
-            A weight is too large for it.
-
-        Examples
-        --------
-        >>> student = Student.blank(inputs=3, hidden=2, weighted=2)
-        >>> student.arrays["bias"][:] = 0.1
-        >>> float(student.halved().arrays["bias"][0])
-        0.0999755859375
-        """
+        """Return the student as it is kept: its weights rounded to half precision."""
         with np.errstate(over="ignore"):  # refused as not finite
             rounded = {
                 name: each if name in SCALES else each.astype(np.float16).astype(np.float32)
@@ -135,15 +107,7 @@ class Student:
         return Student(rounded, self.weighted)
 
     def turned_up(self, factor: float) -> Student:
-        """Return the student with its answers multiplied.
-
-        Examples
-        --------
-        >>> student = Student.blank(inputs=3, hidden=2, weighted=2)
-        >>> student.arrays["head_bias"][:] = 0.5
-        >>> float(student.turned_up(2.0).arrays["head_bias"][0])
-        1.0
-        """
+        """Return the student with its answers multiplied."""
         head = {name: np.float32(factor) * self.arrays[name] for name in ("head", "head_bias")}
         return Student({**self.arrays, **head}, self.weighted)
 
@@ -165,17 +129,7 @@ class Student:
     def answer_um(
         self, seen: NDArray[np.float64], error_um: NDArray[np.float64], memory: NDArray[np.floating]
     ) -> NDArray[np.float64]:
-        """Return the correction (µm), ``(B,)``, and move the memory on.
-
-        Parameters
-        ----------
-        seen
-            ``(inputs, B)``.
-        error_um
-            r - measured of this sample (µm), ``(B,)``.
-        memory
-            ``[rows, B]``, zero where an episode begins; changed in place.
-        """
+        """Return the correction (µm), ``(B,)``, and move the memory on."""
         p, width = self.arrays, self.width
         scaled = ((seen.astype(np.float32).T - p["middle"]) / p["spread"]).astype(np.float32)
         h, errors, corrections = np.split(memory, [width, width + ERRORS])
@@ -203,15 +157,7 @@ class Student:
 def fresh_arrays(
     seed: int, middle: Float32, spread: Float32, hidden: int, weighted: int
 ) -> dict[str, Float32]:
-    """Draw a network to begin with: its recurrent layer at random, its head zero.
-
-    Examples
-    --------
-    >>> two = np.ones(2, dtype=np.float32)
-    >>> drawn = fresh_arrays(0, two, two, hidden=4, weighted=2)
-    >>> Student(drawn, 2).width, float(np.abs(drawn["head"]).max())
-    (4, 0.0)
-    """
+    """Draw a network to begin with: its recurrent layer at random, its head zero."""
     rng = np.random.default_rng(seed)
     arrays = dict(Student.blank(len(middle), hidden, weighted).arrays)
     arrays |= {"middle": middle, "spread": spread}

@@ -235,19 +235,7 @@ class Surroundings:
 def surroundings(
     lanes: Lanes, base: AdaptiveDualLoop, moments: Sequence[Moment], commands_V: Array
 ) -> Surroundings:
-    """Return what surrounded a student that drove lanes.
-
-    Parameters
-    ----------
-    lanes
-        The draws.
-    base
-        The controller that was corrected.
-    moments
-        Its decisions.
-    commands_V
-        What they came to, ``(K, B)``.
-    """
+    """Return what surrounded a student that drove lanes."""
     believed, ts_s, adaptive = base.belief.hysteresis, lanes.task.ts_s, base.feedforward
     truths = {
         draw.number: draw.truth

@@ -136,12 +136,5 @@ class TaughtAdaptive(CorrectedAdaptive):
 
 
 def seen_by(base: CorrectedAdaptive) -> int:
-    """Return how many numbers a student sees beside errors and its own corrections.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> seen_by(CorrectedAdaptive(P10, ObservationLayout.for_plant(P10, 1e-4, preview=8)))
-    42
-    """
+    """Return how many numbers a student sees beside errors and its own corrections."""
     return WEIGHTED + len(SLOW_S) + base.fit.size + 2 + len(SINCE_S)

@@ -77,15 +77,7 @@ class Score:
 
 
 def visit(lanes: Lanes, policy: StudentPolicy) -> Visited:
-    """Run a student on lanes of a task, and say what it met.
-
-    Parameters
-    ----------
-    lanes
-        The draws; their noise is used up.
-    policy
-        The student.
-    """
+    """Run a student on lanes of a task, and say what it met."""
     moments: list[Moment] = []
     layout = lanes.layout()
     controller = StudentController(policy, lanes.belief, layout, moments.append)
@@ -121,13 +113,7 @@ def visit(lanes: Lanes, policy: StudentPolicy) -> Visited:
 
 
 def taught_lanes(task: StageTask, split: Split, numbers: Sequence[int], seed: int | None) -> Lanes:
-    """Draw lanes of a task that a student can be taught on.
-
-    Raises
-    ------
-    InputError
-        The task has plants of several kinds, or plants that change within an episode.
-    """
+    """Draw lanes of a task that a student can be taught on."""
     if len(task.nominals) > 1 or task.schedule is not None:
         raise InputError(
             f"a student is not taught on {task.name}, whose plants are of several kinds or change "

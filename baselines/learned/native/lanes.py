@@ -127,17 +127,7 @@ class Part:
         self._error = np.float32(scaling.error)
 
     def step(self, actions: Array, before: Floats32, after: Floats32, rewards: Floats32) -> None:
-        """Take a step of every lane.
-
-        Parameters
-        ----------
-        actions : float64[b]
-            Finite.
-        before, after : float32[b, D]
-            Rows of this sample, and of the next one: filled.
-        rewards : float32[b]
-            Filled.
-        """
+        """Take a step of every lane."""
         self.steps += 1
         for task, own in self._groups:
             shown = task.advance(actions[own])
@@ -178,24 +168,12 @@ class Part:
 
 
 def phases_of(episode: int) -> int:
-    """Groups of lanes whose episodes begin at other times: lane i is of group i modulo their number.
-
-    Examples
-    --------
-    >>> phases_of(500), phases_of(3)
-    (10, 3)
-    """
+    """Groups of lanes whose episodes begin at other times: lane i is of group i modulo their number."""
     return min(PHASES, episode)
 
 
 def ending_phase(steps: int, episode: int) -> int | None:
-    """Return which group of lanes ends its episode with a step, counted from when all lanes began.
-
-    Examples
-    --------
-    >>> [ending_phase(steps, 500) for steps in (49, 50, 500, 950)]
-    [None, 1, 0, 9]
-    """
+    """Return which group of lanes ends its episode with a step, counted from when all lanes began."""
     phases = phases_of(episode)
     phase, rest = divmod(steps % episode, max(1, episode // phases))
     return None if rest or phase >= phases else phase

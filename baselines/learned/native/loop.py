@@ -104,13 +104,7 @@ class PPOLoop(ABC):
         return self.both.actor()
 
     def learn(self, timesteps: int, between: Between) -> None:
-        """Take so many steps more, whole rollouts.
-
-        Raises
-        ------
-        DivergedError
-            Weights have become useless.
-        """
+        """Take so many steps more, whole rollouts."""
         end = self.timesteps + timesteps
         while self.timesteps < end:
             between.before_rollout()
@@ -158,17 +152,7 @@ class PPOLoop(ABC):
         self, rows: Tensor, actions: Tensor, rewards: Tensor, noise: Tensor,
         values: Tensor, nexts: Tensor, goes_on: Tensor,
     ) -> Batch:  # fmt: skip
-        """Return what a rollout of T steps of B lanes leaves for an update.
-
-        Parameters
-        ----------
-        rows : float32[T, B, D]
-            Scaled observations.
-        actions, rewards, noise : float32[T, B]
-            Noise in units of the exploration's deviation.
-        values, nexts, goes_on : float32[T, B]
-            As :func:`estimate_advantages` takes them, values in units of the critic.
-        """
+        """Return what a rollout of T steps of B lanes leaves for an update."""
         mean, scale = self._scale()
         values, nexts = mean + scale * values, mean + scale * nexts
         advantages = estimate_advantages(rewards, values, nexts, goes_on, self._gamma, self._lambda)
@@ -209,18 +193,7 @@ class PPOLoop(ABC):
 
 
 def room_for(samples: int, lanes: int, inputs: int, device: torch.device | str) -> Tensor:
-    """Return rows ``(samples, lanes, inputs)`` of a rollout.
-
-    Raises
-    ------
-    InputError
-        They take more memory than there is.
-
-    Examples
-    --------
-    >>> room_for(2, 3, 4, "cpu").shape
-    torch.Size([2, 3, 4])
-    """
+    """Return rows ``(samples, lanes, inputs)`` of a rollout."""
     try:
         return torch.zeros(samples, lanes, inputs, device=device)
     except (RuntimeError, MemoryError) as error:

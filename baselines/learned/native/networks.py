@@ -114,23 +114,7 @@ class ActorCritic:
         return weights, biases, flat[at]
 
     def forward(self, rows: Tensor, work: Workspace, nets: int = BOTH) -> Tensor:
-        """Run rows through one network or both.
-
-        Parameters
-        ----------
-        rows : float32[n, inputs]
-            Scaled observations.
-        work
-            Its layers hold what :meth:`backward` needs.
-        nets
-            :data:`ACTOR`, :data:`CRITIC` or :data:`BOTH`.
-
-        Returns
-        -------
-        float32[nets, n, 1]
-            The actor's mean, not yet clipped to [-1, 1], and the critic's value; valid until the
-            next pass in the same workspace.
-        """
+        """Run rows through one network or both."""
         passes = self._passes[nets]
         layers, _ = work.layers(len(rows), len(passes[0][0]))
         below = rows.expand(len(passes[0][0]), -1, -1)
@@ -144,15 +128,7 @@ class ActorCritic:
     def backward(
         self, rows: Tensor, work: Workspace, gradients: tuple[list[Tensor], list[Tensor]]
     ) -> None:
-        """Add the gradient of a loss over the rows that :meth:`forward` took through both networks.
-
-        Parameters
-        ----------
-        rows, work
-            As there; the last array of gradients in `work` holds the loss's by the outputs.
-        gradients
-            Of weights and biases: added to.
-        """
+        """Add the gradient of a loss over the rows that :meth:`forward` took through both networks."""
         layers, slopes = work.layers(len(rows), 2)
         for i in reversed(range(len(layers))):
             below = layers[i - 1] if i else rows.expand(2, -1, -1)

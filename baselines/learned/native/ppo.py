@@ -94,11 +94,5 @@ class NativePPO:
 
 
 def at(value: float | Callable[[float], float], left: float) -> float:
-    """Return a number, or what a schedule of the share that is left says.
-
-    Examples
-    --------
-    >>> at(0.1, 0.5), at(lambda left: 0.1 * left, 0.5)
-    (0.1, 0.05)
-    """
+    """Return a number, or what a schedule of the share that is left says."""
     return value(left) if callable(value) else value

@@ -81,18 +81,7 @@ class _Part:
 def estimate_advantages(
     rewards: Tensor, values: Tensor, nexts: Tensor, goes_on: Tensor, gamma: float, fading: float
 ) -> Tensor:
-    """Return advantages ``(T, B)``, estimated in the generalised way (Schulman et al., 2016).
-
-    Parameters
-    ----------
-    rewards, values, nexts : float32[T, B]
-        Rewards of the steps; values before them, and behind them: of the last observation where an
-        episode was truncated.
-    goes_on : float32[T, B]
-        1; 0 where another episode begins behind the step.
-    gamma, fading
-        Discount of a step, and lambda.
-    """
+    """Return advantages ``(T, B)``, estimated in the generalised way (Schulman et al., 2016)."""
     surprise = rewards + gamma * nexts - values
     passed_on = gamma * fading * goes_on
     advantages, ahead = torch.empty_like(rewards), torch.zeros_like(rewards[0])
@@ -125,24 +114,7 @@ class Updater:
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def update(self, batch: Batch, law: Law, rate: float, orders: Sequence[Tensor]) -> Losses:
-        """Go through a batch, minibatch by minibatch.
-
-        Parameters
-        ----------
-        batch
-            Of a rollout.
-        law
-            The numbers of PPO.
-        rate
-            Learning rate of these steps.
-        orders : sequence of int64[N]
-            The order of the rows in each epoch.
-
-        Returns
-        -------
-        Losses
-            Of the steps that were made; the last minibatch, whose divergence was too large, counts.
-        """
+        """Go through a batch, minibatch by minibatch."""
         self.adam.param_groups[0]["lr"] = rate
         found: list[Array] = []
         steps = 0

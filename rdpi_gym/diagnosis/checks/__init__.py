@@ -29,30 +29,7 @@ _FEWEST = 16
 
 
 def run_checks(dataset: Dataset) -> tuple[Check, ...]:
-    """Run every test that needs no model, and every check of the data.
-
-    Parameters
-    ----------
-    dataset
-        The measurement. Records with the role ``test`` are left alone; of a record with samples
-        that do not count, the longest stretch that does is used.
-
-    Returns
-    -------
-    tuple of Check
-        Checks of the data first, then tests for effects; always the same ones, in the same order.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import Plant, named_plant
-    >>> t = np.arange(4000) * 1e-3
-    >>> u = 10.0 * np.sin(2 * np.pi * 5.0 * t)
-    >>> y = Plant(named_plant("P5"), 1e-3).simulate(u)
-    >>> noise = np.random.default_rng(0).normal(0.0, 0.01, t.size)
-    >>> bent = Record("sine", t, u, y + 0.002 * y**2 + noise, ts_s=1e-3)
-    >>> [check.name for check in run_checks(Dataset("bent", (bent,))) if check.suggests and check.zone == "yes"]
-    ['asymmetry']
-    """
+    """Run every test that needs no model, and every check of the data."""
     kept = [part for r in dataset.records if r.role != "test" and (part := _counted(r))]
     moving = [(r, half_cycles(r.u_V, r.ts_s)) for r in kept if not r.is_quiet]
     records = [record for record, _ in moving]

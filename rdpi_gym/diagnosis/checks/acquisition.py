@@ -32,13 +32,7 @@ _FEWEST_PERIODS = 6
 
 
 def clipping(records: Sequence[Record]) -> Check:
-    """Displacement that stands at its largest or smallest value while the command moves.
-
-    Parameters
-    ----------
-    records
-        Moving records.
-    """
+    """Displacement that stands at its largest or smallest value while the command moves."""
     name = "clipping"
     worst, where = 0, ""
     for record in records:
@@ -67,13 +61,7 @@ def _longest_stand(record: Record, extreme: float) -> int:
 
 
 def resolution(records: Sequence[Record]) -> Check:
-    """Smallest step of the displacement, beside its noise.
-
-    Parameters
-    ----------
-    records
-        Records, quiet ones among them.
-    """
+    """Smallest step of the displacement, beside its noise."""
     name = "coarse resolution"
     worst = (0.0, 0.0, "")
     for record in records:
@@ -101,11 +89,6 @@ def resolution(records: Sequence[Record]) -> Check:
 
 def feedback(records: Sequence[Record]) -> Check:
     """Noise of the command that follows the displacement: the loop was closed.
-
-    Parameters
-    ----------
-    records
-        Moving records.
 
     Notes
     -----
@@ -167,13 +150,7 @@ def _follows(u: Array, y: Array) -> tuple[float, float] | None:
 
 
 def clocks(stretches: Sequence[Periods]) -> Check:
-    """Lag of the displacement that grows with time: two clocks.
-
-    Parameters
-    ----------
-    stretches
-        Steady periods.
-    """
+    """Lag of the displacement that grows with time: two clocks."""
     name = "two clocks"
     found = [skew for p in stretches if p.count >= _FEWEST_PERIODS and (skew := _skew(p))]
     if not found:

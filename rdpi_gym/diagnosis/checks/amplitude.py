@@ -28,11 +28,6 @@ def gain_over_amplitude(loops: Sequence[Loop]) -> Check:
 
     Weights of plays are not negative and thresholds grow with the rate, so a larger loop at the
     same or a smaller rate has a gain that is the same or larger. Saturation alone breaks this.
-
-    Parameters
-    ----------
-    loops
-        Closed loops of the data set.
     """
     fastest = max((loop.rate_V_s for loop in loops), default=0.0)
     slowest = min((loop.rate_V_s for loop in loops), default=0.0)

@@ -38,20 +38,7 @@ class Loop:
 
 
 def congruency(loops: Sequence[Loop]) -> Check:
-    """Change of the height of same-span loops with their bias.
-
-    Parameters
-    ----------
-    loops
-        Closed loops of the data set.
-
-    Returns
-    -------
-    Check
-        Value: mean height at the outer biases over that at the middle one, less one (%). It grows
-        where weights grow with the excursion, falls under saturation, and a quadratic asymmetry
-        cancels in it.
-    """
+    """Change of the height of same-span loops with their bias."""
     groups = _groups(loops)
     if not groups:
         return cannot_tell(
@@ -83,13 +70,7 @@ def congruency(loops: Sequence[Loop]) -> Check:
 
 
 def closed_loops(record: Record, cycles: HalfCycles) -> list[Loop]:
-    """Find pairs of strokes that return to where they began, the first visit of each left out.
-
-    Parameters
-    ----------
-    record, cycles
-        A moving record and its half-cycles.
-    """
+    """Find pairs of strokes that return to where they began, the first visit of each left out."""
     edges, u, y = cycles.edges, record.u_V, record.y_um
     turns = np.maximum(edges - 1, 0)
     noise = rough_part(y)

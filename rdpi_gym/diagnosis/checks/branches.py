@@ -30,13 +30,6 @@ def saturation(records: Sequence[tuple[Record, HalfCycles]], span_V: float) -> C
     After a reversal more and more plays slide, each with a weight that is not negative, so the
     slope of displacement over command grows along a branch. The mean of rising and falling
     branches is taken, in which a quadratic asymmetry cancels.
-
-    Parameters
-    ----------
-    records
-        Moving records with their half-cycles.
-    span_V
-        Widest swing of the data set's commands (V), peak to peak.
     """
     best: tuple[float, Array, Array, str] | None = None
     for record, cycles in records:

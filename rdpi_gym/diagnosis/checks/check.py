@@ -64,18 +64,7 @@ def cannot_tell(name: str, sentence: str, next_step: str) -> Check:
 
 
 def zone_of(value: float, error: float, threshold: float) -> Zone:
-    """Sort a value with its standard error into a zone.
-
-    Parameters
-    ----------
-    value, error, threshold
-        In one unit; the sign of `value` does not count.
-
-    Examples
-    --------
-    >>> zone_of(2.0, 0.1, 1.0), zone_of(-0.2, 0.1, 1.0), zone_of(0.9, 0.3, 1.0)
-    ('yes', 'no', 'cannot tell')
-    """
+    """Sort a value with its standard error into a zone."""
     size = abs(value)
     if not (math.isfinite(size) and math.isfinite(error)):
         return "cannot tell"

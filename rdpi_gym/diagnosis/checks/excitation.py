@@ -30,15 +30,7 @@ def excitation(
     rests: Sequence[Rest],
     stretches: Sequence[Periods],
 ) -> tuple[Check, ...]:
-    """Say what the commands leave untested; ``yes`` means that something is missing.
-
-    Parameters
-    ----------
-    records
-        Moving records with their half-cycles.
-    rests, stretches
-        Rests and steady periods of the data set.
-    """
+    """Say what the commands leave untested; ``yes`` means that something is missing."""
     amplitude = np.concatenate([np.empty(0), *(c.amplitude_V[c.whole] for _, c in records)])
     frequency = np.concatenate([np.empty(0), *(c.frequency_hz[c.whole] for _, c in records)])
     reversals = sum(c.edges.size - 2 for _, c in records)

@@ -27,16 +27,6 @@ def half_wave(stretches: Sequence[Periods]) -> Check:
 
     A play operator is odd and congruent: a command whose second half period is the negative of
     its first gives a displacement of the same symmetry, whatever thresholds and weights are.
-
-    Parameters
-    ----------
-    stretches
-        Steady periods.
-
-    Returns
-    -------
-    Check
-        Value: rms of the even harmonics over that of the odd ones (%), in the largest swings.
     """
     found = []
     for periods in stretches:

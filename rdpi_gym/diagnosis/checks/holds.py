@@ -38,13 +38,6 @@ def holds(rests: Sequence[Rest], stroke_um: float) -> tuple[Check, Check, Check]
     In a rest a play operator gives a constant. Displacement in all rests is regressed on what
     every step before should add to it by lg(t) (creep), on the clock (drift), and on displacement
     times the clock (gain drift).
-
-    Parameters
-    ----------
-    rests
-        Rests of the data set, quiet records among them.
-    stroke_um
-        Peak to peak of the displacement (µm).
     """
     found = fit_rests(rests)
     if found is None or stroke_um == 0.0:

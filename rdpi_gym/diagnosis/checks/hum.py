@@ -40,19 +40,7 @@ class Line:
 def mains_hum(
     rests: Sequence[Rest], records: Sequence[Record], noise_um: float, stroke_um: float
 ) -> Check:
-    """Look for lines of the mains in rests, or else in moving records beside their neighbours.
-
-    Parameters
-    ----------
-    rests
-        Rests of the data set.
-    records
-        Its moving records, used where nothing rests for long enough.
-    noise_um
-        Roughness of the displacement (µm, rms).
-    stroke_um
-        Peak to peak of the displacement (µm).
-    """
+    """Look for lines of the mains in rests, or else in moving records beside their neighbours."""
     lines = _resting(rests) or [line for r in records for line in _moving(r)]
     if not lines:
         return cannot_tell(

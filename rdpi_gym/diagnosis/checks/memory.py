@@ -33,11 +33,6 @@ def initial_memory(records: Sequence[tuple[Record, HalfCycles]]) -> Check:
     Without a past the plays begin in the middle: halfway between the falling and the rising branch
     of a loop that stands about the first command. Effects that are odd or small there (saturation,
     congruency, asymmetry) do not shift it, a remembered excursion does.
-
-    Parameters
-    ----------
-    records
-        Moving records with their half-cycles, each from its very first sample.
     """
     rates = [float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r, _ in records]
     limit = max(_SLOW * max(rates, default=0.0), min(rates, default=0.0))

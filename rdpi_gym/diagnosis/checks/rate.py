@@ -40,13 +40,6 @@ def rate_law(records: Sequence[tuple[Record, HalfCycles]], span_V: float) -> Che
 
     Where every play slides, the displacement at a loop's middle is short of the static one by the
     sum of a_i r_i: Eq. 8 makes it linear in |v|, and so do a delay and a lag.
-
-    Parameters
-    ----------
-    records
-        Moving records with their half-cycles.
-    span_V
-        Widest swing of the data set's commands (V), peak to peak.
     """
     openings = [o for r, c in records for o in _openings(r, c, _WIDE * span_V)]
     levels = _levels(openings)

@@ -51,15 +51,7 @@ class Repeat:
 
 
 def repeats(records: Sequence[Record], stretches: Sequence[Periods]) -> tuple[Check, Check]:
-    """Drift and gain drift from records with the same command, or from the periods of one.
-
-    Parameters
-    ----------
-    records
-        Moving records.
-    stretches
-        Their steady periods, used where no command was run twice.
-    """
+    """Drift and gain drift from records with the same command, or from the periods of one."""
     found = _between_records(records) or _between_periods(stretches)
     if found is None:
         nothing = "No command was run twice with time in between, so a change of offset or gain over the experiment cannot be seen."

@@ -51,16 +51,6 @@ class RestFit:
 def fit_rests(rests: Sequence[Rest]) -> RestFit | None:
     """Regress displacement in rests on the logarithm of time since each step, and on the clock.
 
-    Parameters
-    ----------
-    rests
-        From :func:`find_rests`.
-
-    Returns
-    -------
-    RestFit or None
-        None without a rest.
-
     Notes
     -----
     Creep by superposition: every increment Δy of the record goes on as g Δy lg(t), whatever the

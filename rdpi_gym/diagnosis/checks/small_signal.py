@@ -72,17 +72,7 @@ class SmallSignal:
 def small_signal(
     stretches: Sequence[Periods], span_V: float, gain_um_V: float
 ) -> tuple[Check, Check, Check]:
-    """Lag, kind of lag, and motion of plays under small commands.
-
-    Parameters
-    ----------
-    stretches
-        Steady periods of the data set.
-    span_V
-        Widest swing of its commands (V), peak to peak.
-    gain_um_V
-        Its stroke over that (µm/V).
-    """
+    """Lag, kind of lag, and motion of plays under small commands."""
     small = [p for p in stretches if np.ptp(p.record.u_V[p.part]) <= SMALL * span_V]
     found = [response for p in small if (response := _response(p)) is not None]
     still = [p.record.name for p in small if _still(p, gain_um_V)]

@@ -57,13 +57,6 @@ def record_table(traces: Sequence[Trace], noise_um: float) -> pd.DataFrame:
     `systematic_percent` is the share of the squared error that is more than noise. `scatter_um` is
     the residual's change from sample to sample over √2: at most that much of the error is white
     sensor noise. `gain_ratio` is the slope of measured over model: 1 is right.
-
-    Parameters
-    ----------
-    traces
-        Records beside their model.
-    noise_um
-        Noise floor (µm, rms).
     """
     rows = []
     for each in traces:

@@ -39,11 +39,6 @@ def distortion_table(traces: Sequence[Trace]) -> pd.DataFrame:
     even multiples of the period's frequency; `other_um` differs from period to period (all rms).
     `odd_command` says whether the command has no even harmonics, `measured_um` is the displacement
     (rms).
-
-    Parameters
-    ----------
-    traces
-        Records beside their model.
     """
     rows = []
     for each in traces:
@@ -95,15 +90,7 @@ def _rms(coefficients: Array) -> float:
 
 
 def distortion_finding(table: pd.DataFrame, noise_um: float) -> str:
-    """Say what the periodic error mostly is.
-
-    Parameters
-    ----------
-    table
-        From :func:`distortion_table`.
-    noise_um
-        Noise floor (µm, rms).
-    """
+    """Say what the periodic error mostly is."""
     if not len(table):
         return "No record holds three steady periods, so the error cannot be split into harmonics."
     square = (table[list(PARTS)] ** 2).sum(axis=1).to_numpy()

@@ -87,17 +87,7 @@ def out_of_range(
 def errors(
     records: pd.DataFrame, train_um: float | None, validation_um: float | None, noise: str
 ) -> str:
-    """Say how large the error is, and how much of it is more than noise.
-
-    Parameters
-    ----------
-    records
-        From :func:`rdpi_gym.diagnosis.comparison.breakdown.record_table`, with ``systematic_percent``.
-    train_um, validation_um
-        Error on the records of a role (µm, rms); None without such.
-    noise
-        The noise floor and where it comes from, in words.
-    """
+    """Say how large the error is, and how much of it is more than noise."""
     parts = []
     if train_um is not None:
         parts.append(f"{micrometres(train_um)} on the training records")

@@ -33,11 +33,6 @@ def since_rest_table(traces: Sequence[Trace]) -> pd.DataFrame:
     Rows have the `state` ``resting`` or ``moving`` and the middle of a bin of the logarithm of the
     time since that state began (`time_s`). `moved_um` is how far measured minus model has gone on
     since the rest began, positive in the direction of the last move; mean over all rests.
-
-    Parameters
-    ----------
-    traces
-        Records beside their model.
     """
     span_V = max(float(np.ptp(each.u_V)) for each in traces)
     parts: list[pd.DataFrame] = []
@@ -113,15 +108,7 @@ def _rows(state: str, time_s: Array, residual_um: Array, moved_um: Array) -> pd.
 
 
 def since_rest_finding(table: pd.DataFrame, noise_um: float) -> str:
-    """Say whether the error goes on while the command rests.
-
-    Parameters
-    ----------
-    table
-        From :func:`since_rest_table`.
-    noise_um
-        Noise floor (µm, rms).
-    """
+    """Say whether the error goes on while the command rests."""
     rows = table[
         (table["state"] == "resting") & (table["samples"] >= _FEW) & table["moved_um"].notna()
     ]
@@ -158,11 +145,6 @@ def clock_table(traces: Sequence[Trace]) -> pd.DataFrame:
 
     `mean_um` is the mean of measured minus model, the model with one offset for all records where
     their times do not overlap, with one for each where they do (`common_clock` False).
-
-    Parameters
-    ----------
-    traces
-        Records beside their model; of a record that stands for two, all samples together.
     """
     common = has_common_clock(traces)
     rows = []
@@ -195,15 +177,7 @@ def has_common_clock(traces: Sequence[Trace]) -> bool:
 
 
 def clock_finding(table: pd.DataFrame, rmse_um: float) -> str:
-    """Say whether the error drifts with the experiment's clock.
-
-    Parameters
-    ----------
-    table
-        From :func:`clock_table`.
-    rmse_um
-        Error of the model (µm, rms).
-    """
+    """Say whether the error drifts with the experiment's clock."""
     several = table["name"].nunique() > 1
     if several and not bool(table["common_clock"].iloc[0]):
         return "The records' times overlap, so there is no common clock: a drift from record to record cannot be seen."

@@ -68,23 +68,7 @@ class ResidualProfiles:
 
 
 def view_trace(view: View, label: str) -> Trace:
-    """Return one model of a view as the trace that :func:`rdpi_gym.diagnosis.comparison.compare` makes.
-
-    Parameters
-    ----------
-    view
-        The record.
-    label
-        Of the model in `view.models_um`.
-
-    Examples
-    --------
-    >>> t = np.arange(400) * 1e-3
-    >>> u = np.sin(2 * np.pi * 5.0 * t)
-    >>> view = View("sine", "train", t, u, 2 * u, {"base": 1.9 * u}, np.ones(400, dtype=bool))
-    >>> round(float(view_trace(view, "base").residual_um.max()), 3)
-    0.1
-    """
+    """Return one model of a view as the trace that :func:`rdpi_gym.diagnosis.comparison.compare` makes."""
     ts_s = float(np.median(np.diff(view.t_s)))
     cycles = half_cycles(view.u_V, ts_s)
     return Trace(
@@ -103,22 +87,7 @@ def view_trace(view: View, label: str) -> Trace:
 
 
 def residual_profiles(trace: Trace) -> ResidualProfiles:
-    """Average a residual over command, rate and time at rest, and take its spectrum.
-
-    Parameters
-    ----------
-    trace
-        From :func:`view_trace`; at least one sample counts.
-
-    Examples
-    --------
-    >>> t = np.arange(4000) * 1e-3
-    >>> u = np.sin(2 * np.pi * 5.0 * t)
-    >>> bent = View("sine", "train", t, u, u + 0.1 * u**2, {"base": u}, np.ones(4000, dtype=bool))
-    >>> means = residual_profiles(view_trace(bent, "base"))
-    >>> means.rising.mean_um[[0, 10, -1]].round(2).tolist(), means.hold is None
-    ([0.09, 0.0, 0.09], True)
-    """
+    """Average a residual over command, rate and time at rest, and take its spectrum."""
     samples = breakdown.sample_table([trace])
     table = breakdown.by_command(samples)
     directions = {}

@@ -28,13 +28,6 @@ def spectrum_table(traces: Sequence[Trace], noise_um: float) -> pd.DataFrame:
     noise floor has there), `coherent_percent` (share of the squared residual that a linear filter
     of the command gives). The squares of `residual_um` add up to the squared error, but for what is
     slower than an eighth of a record.
-
-    Parameters
-    ----------
-    traces
-        Records beside their model.
-    noise_um
-        Noise floor (µm, rms).
     """
     parts = [part for each in traces if (part := _part(each, noise_um)) is not None]
     if not parts:
@@ -126,13 +119,7 @@ def _spectra(x: Array, length: int) -> Complexes:
 
 
 def spectrum_finding(table: pd.DataFrame) -> str:
-    """Say where in frequency the error is more than noise, and whether it follows linearly.
-
-    Parameters
-    ----------
-    table
-        From :func:`spectrum_table`.
-    """
+    """Say where in frequency the error is more than noise, and whether it follows linearly."""
     power = table["residual_um"].to_numpy() ** 2
     if not len(table) or power.sum() == 0.0:
         return "The records are too short for a spectrum of the error."

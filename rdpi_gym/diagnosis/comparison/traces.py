@@ -60,23 +60,6 @@ def trace(record: Record, model: PlantModel) -> Trace:
     """Simulate a record from its first sample and free its offset.
 
     A record of which the fit has found the initial memory begins with it.
-
-    Parameters
-    ----------
-    record
-        At least one of its samples counts.
-    model
-        Simulated without its sensor's noise and resolution.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import Plant, named_plant
-    >>> t = np.arange(400) * 1e-3
-    >>> u = 10.0 * np.sin(2 * np.pi * 5.0 * t)
-    >>> y = Plant(named_plant("P5"), 1e-3).simulate(u) + 3.0
-    >>> same = trace(Record("sine", t, u, y, ts_s=1e-3), named_plant("P5"))
-    >>> round(same.offset_um, 9), float(np.max(np.abs(same.residual_um))) < 1e-12
-    (3.0, True)
     """
     extremum_V = fitted_extremum_V(model, record.name)
     left = (
@@ -101,14 +84,7 @@ def trace(record: Record, model: PlantModel) -> Trace:
 
 
 def fitted_extremum_V(model: PlantModel, name: str) -> float | None:
-    """Give the command (V) at which the plant had turned before a record, where a fit found it.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> fitted_extremum_V(named_plant("P5"), "run") is None
-    True
-    """
+    """Give the command (V) at which the plant had turned before a record, where a fit found it."""
     known = model.identification.get("memory_extrema_V")
     value = known.get(name) if isinstance(known, Mapping) else None
     if not isinstance(value, int | float) or not math.isfinite(value) or value == 0.0:
@@ -121,14 +97,6 @@ def smooth_rate(u_V: Array, ts_s: float, cycles: HalfCycles) -> Array:
 
     Central differences over a twentieth of a short half-cycle (the tenth percentile of all),
     which is 0.4 % low at the crest of a sine's rate.
-
-    Examples
-    --------
-    >>> t = np.arange(2000) * 1e-3
-    >>> u = np.sin(2 * np.pi * t)
-    >>> rate = smooth_rate(u, 1e-3, half_cycles(u, 1e-3))
-    >>> bool(np.max(np.abs(rate - 2 * np.pi * np.cos(2 * np.pi * t))[50:-50]) < 0.005 * 2 * np.pi)
-    True
     """
     lengths = np.diff(cycles.edges)
     whole = lengths[cycles.whole] if cycles.whole.any() else lengths

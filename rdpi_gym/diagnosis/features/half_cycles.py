@@ -151,17 +151,6 @@ def _vertices(u: Array, turns: NDArray[np.intp]) -> tuple[Array, Array]:
 
 
 def vary(values: Array) -> bool:
-    """Whether sizes or paces of half-cycles differ, more than a record's beginning and end make them.
-
-    Parameters
-    ----------
-    values
-        One for each half-cycle, ``(H,)``.
-
-    Examples
-    --------
-    >>> vary(np.array([1.0, 1.0, 0.5, 1.0])), vary(np.array([1.0, 0.5, 0.2, 1.0, 1.0, 2.0, 1.0]))
-    (False, True)
-    """
+    """Whether sizes or paces of half-cycles differ, more than a record's beginning and end make them."""
     usual = np.median(values)
     return int((np.abs(values - usual) > _OTHER * usual).sum()) >= _FEWEST_OTHERS

@@ -53,45 +53,12 @@ def memory_features(
 
     The stage is taken to be at rest, with no memory, where the record begins.
 
-    Parameters
-    ----------
-    record
-        Its command and sampling time.
-    output_um : float64[T]
-        What the model makes of the command (µm).
-    scale
-        Size of the data: features are of order one, whatever the units.
-    rows : intp[N]
-        Samples that are wanted.
-
-    Returns
-    -------
-    dict of float64[N, K]
-        ``path`` (rate-independent memory: command, play operators, memory that fades along the
-        path), ``powers`` of command, plays and stops, ``relays`` with ramps, ``products`` of the
-        fading ones, ``mixed`` with the command, ``output`` (the model's displacement with the
-        command), ``time`` (low-passes and oscillators), ``heat`` (low-passes of the squared rate,
-        as losses warm the stack), ``slow`` (low-passes of the squared command and of plays),
-        ``sprung`` (oscillators and low-passes that powers of the displacement drive, as a spring
-        does that is not linear), ``rate`` (rates times play operators), ``units`` (a layer of
-        random units over path, rate and low-passes).
-
     Notes
     -----
     Sums over functions of play operators and of fading memory are the two classical ways to
     approximate a rate-independent operator: Preisach's class has the wiping-out property and
     forgets at larger excursions, Duhem's forgets with the path travelled (Visintin, "Differential
     Models of Hysteresis", Springer 1994).
-
-    Examples
-    --------
-    >>> t = np.arange(500) * 1e-3
-    >>> u = 10.0 * np.sin(2 * np.pi * 5.0 * t)
-    >>> scale = DataScale(0.0, 10.0, 20.0, 314.0, 1e-3, 0.5)
-    >>> record = Record("sine", t, u, 2.0 * u, ts_s=1e-3)
-    >>> features = memory_features(record, 2.0 * u, scale, np.arange(0, 500, 10))
-    >>> {name: columns.shape for name, columns in features.items()}["path"]
-    (50, 19)
     """
     u = (record.u_V - scale.centre_V) / scale.span_V
     y = output_um / max(scale.stroke_um, 1e-9) - scale.centre_V / scale.span_V

@@ -34,23 +34,6 @@ _EXACT = 1e-6  # of the stroke: so little is no difference
 def rough_part(x: Array) -> float:
     """Standard deviation of what changes from sample to sample, as if it were white noise.
 
-    Parameters
-    ----------
-    x : float64[T]
-        A residual; what is smooth in it does not count.
-
-    Returns
-    -------
-    float
-        In the unit of `x`.
-
-    Examples
-    --------
-    >>> smooth = np.sin(np.arange(20_000) / 500.0)
-    >>> noise = np.random.default_rng(0).normal(0.0, 0.02, 20_000)
-    >>> round(rough_part(smooth + noise), 3)
-    0.02
-
     Notes
     -----
     Third differences, the weights 1, -3, 3, -1: a cubic leaves none (von Neumann's estimator,
@@ -81,27 +64,7 @@ def _between_lines(x: Array) -> float:
 
 
 def repeat_noise(record: Record) -> float | None:
-    """Standard deviation (µm) of a record about the mean of its repetitions.
-
-    Parameters
-    ----------
-    record
-        Repetitions are those of `period`, else those of its command. Each has an offset and a
-        slope of its own, as creep and drift give it; repetitions of unlike length are cut.
-
-    Returns
-    -------
-    float or None
-        None without two full repetitions after the first, which may hold a transient.
-
-    Examples
-    --------
-    >>> t = np.arange(4000) * 1e-3
-    >>> wave = np.sin(2 * np.pi * 4.0 * t)
-    >>> noise = np.random.default_rng(1).normal(0.0, 0.02, t.size)
-    >>> round(repeat_noise(Record("sine", t, wave, wave**3 + noise + 0.1 * t, ts_s=1e-3)), 3)
-    0.02
-    """
+    """Standard deviation (µm) of a record about the mean of its repetitions."""
     spread = _spread(record)
     return None if spread is None else _rms(spread)
 
@@ -157,16 +120,7 @@ def _repetitions(record: Record) -> tuple[NDArray[np.intp], int] | None:
 
 
 def quiet_noise(record: Record) -> float:
-    """Standard deviation (µm) of a quiet record about its slow trend and without the mains' lines.
-
-    Examples
-    --------
-    >>> t = np.arange(4000) * 5e-4
-    >>> y = np.random.default_rng(2).normal(0.0, 0.02, t.size) + 0.3 * t**2
-    >>> hum = 0.1 * np.sin(2 * np.pi * 50.0 * t)
-    >>> round(quiet_noise(Record("rest", t, np.zeros(t.size), y + hum, ts_s=5e-4)), 3)
-    0.02
-    """
+    """Standard deviation (µm) of a quiet record about its slow trend and without the mains' lines."""
     return float(np.std(flattened(record), ddof=4))
 
 
@@ -207,19 +161,7 @@ def _sine(t: Array, y: Array, frequency_hz: float) -> tuple[Array, float]:
 
 
 def slowness(residuals: Sequence[Array]) -> float:
-    """Return how much slower than white the noise is that residuals hold, 1 for white noise.
-
-    Parameters
-    ----------
-    residuals
-        Of a model that leaves little besides.
-
-    Examples
-    --------
-    >>> white = np.random.default_rng(0).normal(0.0, 1.0, 20_001)
-    >>> slowness([white]), round(slowness([white[1:] + 0.5 * white[:-1]]), 1)
-    (1.0, 1.6)
-    """
+    """Return how much slower than white the noise is that residuals hold, 1 for white noise."""
     long = [x for x in residuals if x.size >= _FEWEST]
     if not long:
         return 1.0
@@ -240,29 +182,7 @@ def noise_floor(
     residuals: Sequence[Array],
     colour: float | None = None,
 ) -> tuple[float, str]:
-    """Noise of a data set (µm, rms) and where the figure comes from.
-
-    Parameters
-    ----------
-    quiet
-        Records with constant command.
-    records, residuals
-        Moving records, and what a model leaves of each (µm).
-    colour
-        How much slower than white the noise is where neither quiet records nor repetitions tell
-        it; by default as :func:`slowness` of the residuals.
-
-    Returns
-    -------
-    float
-        The smallest of what quiet records, repetitions and the residuals' rough part say (drift,
-        creep and an imperfect model make each of them too large), and the mean of those that agree
-        with it. Noise that is slower than white makes the rough part too small: it is scaled by
-        what it misses in quiet records, or else in repetitions, or else by the growth of differences
-        over more samples, where that comes to an end.
-    str
-        A sentence.
-    """
+    """Noise of a data set (µm, rms) and where the figure comes from."""
     still = [(flattened(r), r.name) for r in quiet if len(r.y_um) >= _FEWEST]
     spreads = [(spread, r.name) for r in records if (spread := _spread(r)) is not None]
     found = [

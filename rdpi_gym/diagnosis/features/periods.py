@@ -63,31 +63,7 @@ class Periods:
 
 
 def steady_periods(record: Record, cycles: HalfCycles) -> Periods | None:
-    """Find where a record's command repeats itself.
-
-    Parameters
-    ----------
-    record
-        All of its samples count.
-    cycles
-        Its command, cut at the reversals.
-
-    Returns
-    -------
-    Periods or None
-        Over the whole record where it repeats from its first sample; else the longest run of equal
-        loops; None with fewer than three periods.
-
-    Examples
-    --------
-    >>> from rdpi_gym.diagnosis.features.half_cycles import half_cycles
-    >>> t = np.arange(1000) * 1e-3
-    >>> u = np.sin(2 * np.pi * 8.0 * t)
-    >>> record = Record("sine", t, u, 2 * u, ts_s=1e-3)
-    >>> found = steady_periods(record, half_cycles(u, 1e-3))
-    >>> round(found.length, 3), found.count
-    (125.0, 8)
-    """
+    """Find where a record's command repeats itself."""
     if record.is_quiet:
         return None
     length = _period(record.u_V)
@@ -101,23 +77,7 @@ def steady_periods(record: Record, cycles: HalfCycles) -> Periods | None:
 
 
 def counted_periods(periods: Periods, counted: NDArray[np.bool_]) -> Periods | None:
-    """Return the longest run of periods that count; None with fewer than three.
-
-    Parameters
-    ----------
-    periods
-        Steady periods.
-    counted
-        Samples of their record that count, ``(N,)``; a few in a period may not.
-
-    Examples
-    --------
-    >>> t = np.arange(1000) * 1e-3
-    >>> record = Record("sine", t, np.sin(2 * np.pi * 10.0 * t), t, ts_s=1e-3)
-    >>> found = counted_periods(Periods(record, 0, 100.0, 10), t >= 0.25)
-    >>> found.first, found.count
-    (300, 7)
-    """
+    """Return the longest run of periods that count; None with fewer than three."""
     edges = periods.first + np.round(periods.length * np.arange(periods.count + 1)).astype(np.intp)
     shares = np.add.reduceat(counted.astype(np.float64), edges[:-1]) / np.diff(edges)
     if edges[-1] < counted.size:  # the last piece ran on to the end of the record
@@ -220,27 +180,7 @@ class Harmonics:
 
 
 def harmonics(periods: Periods, x: Array, skip: int = 1) -> Harmonics:
-    """Fourier coefficients of a trace over steady periods, slow drift taken out.
-
-    Parameters
-    ----------
-    periods
-        From :func:`steady_periods`.
-    x
-        A trace of the record, ``(N,)``.
-    skip
-        Periods left out at the beginning, where the past still shows.
-
-    Examples
-    --------
-    >>> from rdpi_gym.diagnosis.features.half_cycles import half_cycles
-    >>> t = np.arange(2000) * 1e-3
-    >>> u = np.sin(2 * np.pi * 10.0 * t)
-    >>> record = Record("sine", t, u, u, ts_s=1e-3)
-    >>> found = harmonics(steady_periods(record, half_cycles(u, 1e-3)), u + 0.1 * u**2 + t)
-    >>> (2 * np.abs(found.mean[1:4])).round(3).tolist()
-    [1.0, 0.05, 0.0]
-    """
+    """Fourier coefficients of a trace over steady periods, slow drift taken out."""
     rows = periods.folded(x)
     count, points = rows.shape
     flat = rows.ravel()

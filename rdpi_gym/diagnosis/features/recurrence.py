@@ -74,31 +74,12 @@ class Recurrence:
 def recurrence(traces: Sequence[Trace]) -> Recurrence | None:
     """Compare a residual with itself at other times with the same recent history of the input.
 
-    Parameters
-    ----------
-    traces
-        Records of one plant.
-
-    Returns
-    -------
-    Recurrence or None
-        None where no history comes twice.
-
     Notes
     -----
     The nearest neighbours in a space of delays, as in Kennel, Brown, Abarbanel, "Determining
     embedding dimension for phase-space reconstruction using a geometrical construction", Phys. Rev.
     A 45, 1992. A mean over one cycle is taken off the residual, so that slow drift repeats nothing.
     A disturbance that is locked to the command's cycle, as hum may be, repeats like its effect.
-
-    Examples
-    --------
-    >>> t = np.arange(2000) * 1e-3
-    >>> u, noise = np.sin(2 * np.pi * 5.0 * t), np.random.default_rng(0).normal(0.0, 0.1, t.size)
-    >>> record = Record("sine", t, u, u, ts_s=1e-3)
-    >>> found = recurrence([Trace(record, np.cos(10 * np.pi * t) + noise, record.error_mask)])
-    >>> round(float(found.repeated.sum() / found.counts.sum()), 1)
-    0.5
     """
     lengths = [_cycle(t.record) for t in traces]
     flat = [_levelled(t, n) for t, n in zip(traces, lengths, strict=True)]
@@ -202,30 +183,7 @@ def _levelled(trace: Trace, length: int) -> Array:
 
 
 def unrepeated_um2(traces: Sequence[Trace]) -> Array:
-    """Mean squares (µm²) by which the residual differs between repetitions of the same input.
-
-    Parameters
-    ----------
-    traces
-        Records of one plant. Repetitions are steady periods, of the later half of them, where the
-        start and creep show least, and records with one command, from where it has wiped out what
-        came before. Half of the squared difference counts: that of one repetition.
-
-    Returns
-    -------
-    float64[P]
-        Of pieces of repetitions: noise, and whatever else does not follow from the input. Empty
-        where no input comes twice.
-
-    Examples
-    --------
-    >>> t = np.arange(4000) * 1e-3
-    >>> u, noise = np.sin(2 * np.pi * 5.0 * t), np.random.default_rng(0).normal(0.0, 0.1, t.size)
-    >>> record = Record("sine", t, u, u, ts_s=1e-3)
-    >>> found = unrepeated_um2([Trace(record, np.cos(10 * np.pi * t) + noise, record.error_mask)])
-    >>> round(float(found.mean()), 3)
-    0.01
-    """
+    """Mean squares (µm²) by which the residual differs between repetitions of the same input."""
     found = []
     for trace in traces:
         periods = steady_periods(trace.record, half_cycles(trace.record.u_V, trace.record.ts_s))
@@ -257,13 +215,7 @@ def _half_square(differ: Array) -> Array:
 
 
 def same_command(records: Sequence[Record]) -> list[tuple[Record, Record]]:
-    """Find records with the same command: the first of each kind with each later one.
-
-    Parameters
-    ----------
-    records
-        Records of one experiment, in any order.
-    """
+    """Find records with the same command: the first of each kind with each later one."""
     kinds: list[Record] = []
     pairs = []
     for record in sorted(records, key=lambda r: float(r.t_s[0])):
@@ -287,11 +239,6 @@ def wiped_from(u_V: Array) -> int:
     """First sample at which the largest excursion to either side has been passed.
 
     What the plays remembered from before is wiped out there, as far as the record ever will.
-
-    Examples
-    --------
-    >>> wiped_from(np.array([0.0, 1.0, 3.0, 1.0, -3.0, 0.0, 2.0, 0.0]))
-    4
     """
     margin = 0.01 * float(np.ptp(u_V))
     high = int(np.argmax(u_V >= u_V.max() - margin))

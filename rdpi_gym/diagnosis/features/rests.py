@@ -64,22 +64,7 @@ def _flat_runs(u: Array, tolerance: float, fewest: int) -> NDArray[np.intp]:
 
 
 def find_rests(record: Record, span_V: float) -> list[Rest]:
-    """Find where a record's command rests; the crest of a slow wave is no rest, nor its shoulder.
-
-    Parameters
-    ----------
-    record
-        The record.
-    span_V
-        Widest swing of the data set's commands (V), peak to peak.
-
-    Examples
-    --------
-    >>> u = np.repeat([0.0, 5.0, -5.0], 100)
-    >>> stairs = Record("stairs", np.arange(300) * 0.01, u, u, ts_s=0.01)
-    >>> [(rest.first, rest.last, rest.move_V) for rest in find_rests(stairs, 10.0)]
-    [(0, 100, 0.0), (100, 200, 5.0), (200, 300, -10.0)]
-    """
+    """Find where a record's command rests; the crest of a slow wave is no rest, nor its shoulder."""
     u = record.u_V
     if u.size < _FEWEST:
         return []

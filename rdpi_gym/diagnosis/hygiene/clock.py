@@ -79,15 +79,6 @@ def leads_by(lags: Sequence[Lag]) -> Mapping[str, float]:
     record hides a lead behind what the plant itself lags. A record that leads while more of those that
     are sampled as slowly lag for sure is not believed: dynamics that plays do not have, such as a mode at
     a harmonic of a sine, turn a record early or late.
-
-    Examples
-    --------
-    >>> slow, fast = (Lag(name, -1.0, ts, 9.0, 0.01, True) for name, ts in (("a", 1e-2), ("b", 1e-4)))
-    >>> leads_by([slow, fast, Lag("c", 0.6, 1e-5, 2.0, 0.01, True)])
-    {'a': 1.0, 'b': 1.0, 'c': 1.0}
-    >>> late = (Lag(name, 2.5, 1e-4, 9.0, 0.01, True) for name in ("c", "d"))
-    >>> leads_by([fast, *late])
-    {}
     """
     leading = [each for each in lags if each.leads]
     found = [each for each in leading if _deny(each, lags) <= len(leading)]
@@ -148,15 +139,7 @@ def late_by(lags: Sequence[Lag]) -> float:
 
 
 def moved(record: Record, samples: float) -> tuple[Array, BoolArray]:
-    """Move a record's displacement later by some samples; where nothing is known it stands.
-
-    Returns
-    -------
-    float64[N]
-        The displacement (µm), interpolated by a cubic where the shift is not whole.
-    bool[N]
-        Samples that hold no measurement after it.
-    """
+    """Move a record's displacement later by some samples; where nothing is known it stands."""
     from scipy.interpolate import CubicSpline
 
     y = record.y_um
@@ -175,21 +158,6 @@ def lag(record: Record, bad: BoolArray) -> Lag | None:
     command turns, so what turns earlier has another clock. Where stop operators explain more of a
     record that leads, its loops turn clockwise, and the lag is theirs; where what bends exponentially
     after every turn explains much more, nothing leads either.
-
-    Parameters
-    ----------
-    record
-        A moving record.
-    bad
-        (N,) samples that do not count.
-
-    Examples
-    --------
-    >>> t = np.arange(4000) * 1e-3
-    >>> u = 10.0 * np.sin(2 * np.pi * 3.0 * t)
-    >>> y = 8.0 * np.roll(u, -2)
-    >>> round(lag(Record("run", t, u, y, ts_s=1e-3), np.zeros(4000, dtype=np.bool_)).samples, 2)
-    -2.0
     """
     part = slice(0, min(record.u_V.size, _MOST))
     u, y = record.u_V[part], record.y_um[part]

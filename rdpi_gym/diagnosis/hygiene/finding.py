@@ -65,38 +65,19 @@ class Finding:
 
 
 def counted(samples: int, record: Record) -> str:
-    """Say how many samples of a record, and which share of it.
-
-    Examples
-    --------
-    >>> t = np.arange(500.0)
-    >>> counted(5, Record("run", t, t, t, ts_s=1.0)), counted(1, Record("run", t, t, t, ts_s=1.0))
-    ('5 samples (1 %) of run', '1 sample (0.2 %) of run')
-    """
+    """Say how many samples of a record, and which share of it."""
     share = digits(100.0 * samples / record.t_s.size)
     return f"{samples} sample{'s' if samples != 1 else ''} ({share} %) of {record.name}"
 
 
 def runs(at: BoolArray) -> list[tuple[int, int]]:
-    """Return where a condition holds without a break: first sample, and one past the last.
-
-    Examples
-    --------
-    >>> runs(np.array([True, False, True, True]))
-    [(0, 1), (2, 4)]
-    """
+    """Return where a condition holds without a break: first sample, and one past the last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def widened(at: BoolArray, margin: int) -> BoolArray:
-    """Widen a mask by some samples to either side.
-
-    Examples
-    --------
-    >>> widened(np.array([False, False, True, False, False]), 1).tolist()
-    [False, True, True, True, False]
-    """
+    """Widen a mask by some samples to either side."""
     wide = at.copy()
     for shift in range(1, margin + 1):
         wide[shift:] |= at[:-shift]
@@ -105,13 +86,7 @@ def widened(at: BoolArray, margin: int) -> BoolArray:
 
 
 def bridged(x: Array, bad: BoolArray) -> Array:
-    """Carry a trace across the samples that are no measurement, in straight lines.
-
-    Examples
-    --------
-    >>> bridged(np.array([0.0, 9.0, 2.0]), np.array([False, True, False])).tolist()
-    [0.0, 1.0, 2.0]
-    """
+    """Carry a trace across the samples that are no measurement, in straight lines."""
     if not bad.any() or bad.all():
         return x
     k = np.arange(x.size)
@@ -140,12 +115,6 @@ def gain(u: Array, y: Array) -> float:
 
 
 def joined_records(names: Sequence[str], most: int = 3) -> str:
-    """Name a few records, and how many more there are.
-
-    Examples
-    --------
-    >>> joined_records(["a", "b", "c", "d", "e"])
-    'a, b, c and 2 more'
-    """
+    """Name a few records, and how many more there are."""
     shown = ", ".join(names[:most])
     return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

@@ -57,25 +57,7 @@ class Inspected:
 
 
 def inspect(dataset: Dataset) -> Inspected:
-    """Look for what is no measurement: spikes, dropouts, clipping, clocks that part.
-
-    Parameters
-    ----------
-    dataset
-        The measurement; records with the role ``test`` are left alone.
-
-    Examples
-    --------
-    >>> t = np.arange(4000) * 1e-3
-    >>> u = 10.0 * np.sin(2 * np.pi * 3.0 * t)
-    >>> y = 8.0 * u + np.random.default_rng(0).normal(0.0, 0.05, t.size)
-    >>> y[[100, 900, 2222]] += 5.0
-    >>> found = inspect(Dataset("run", (Record("run", t, u, y, ts_s=1e-3),)))
-    >>> print(found.findings[0].sentence)
-    3 samples (0.075 %) of run stand alone, up to 85 times the noise from their neighbours: outliers, left out.
-    >>> int(found.dataset.records[0].error_mask.sum())
-    3997
-    """
+    """Look for what is no measurement: spikes, dropouts, clipping, clocks that part."""
     looked = {r.name: r for r in dataset.records if r.role != "test" and r.t_s.size >= _FEWEST}
     bad = {name: ~r.error_mask for name, r in looked.items()}
     findings: list[Finding] = []

@@ -19,26 +19,7 @@ _LONG_S, _LONG = 0.05, 20.0  # a rest: seconds, or moves of a record
 
 
 def limits(dataset: Dataset) -> tuple[str, ...]:
-    """Say what these records cannot tell, one sentence each; none where they can tell everything.
-
-    Parameters
-    ----------
-    dataset
-        The measurement.
-
-    Examples
-    --------
-    >>> t = np.arange(1000) * 1e-3
-    >>> u = np.sin(2 * np.pi * 10.0 * t)
-    >>> y = u + np.random.default_rng(0).normal(0.0, 0.01, t.size)
-    >>> for line in limits(Dataset("one sine", (Record("sine", t, u, y, ts_s=1e-3),))):
-    ...     print(line)
-    1 record: nothing is held out but a part of it, so what differs between experiments cannot be told.
-    1 frequency (10 Hz): a lag, a delay, a resonance and the rate law look alike.
-    1 amplitude: whether the gain depends on amplitude or on bias, and memory at other depths, cannot be told.
-    No rest after a move: creep, drift and slow recovery cannot be told apart.
-    No small signals: lags cannot be told from the motion of plays.
-    """
+    """Say what these records cannot tell, one sentence each; none where they can tell everything."""
     records = [r for r in dataset.records if not r.is_quiet and r.role != "test"]
     if not records:
         return ("No record moves: nothing can be told of any effect.",)

@@ -28,23 +28,6 @@ def opening(record: Record) -> BoolArray | None:
     Only plays that are wider than the swing go on from before, and they do not move. Where the
     extremes are passed late, most of the swing has to do: at most half of the record, and where even
     that comes later, at most the first cycle and a quarter of the record.
-
-    Parameters
-    ----------
-    record
-        A moving record.
-
-    Returns
-    -------
-    bool[N] or None
-        None where there is none, or too few samples would remain.
-
-    Examples
-    --------
-    >>> t = np.arange(4000) * 1e-3
-    >>> u = np.cos(2 * np.pi * t + 1.0)
-    >>> int(opening(Record("run", t, u, u, ts_s=1e-3)).sum())
-    797
     """
     u = record.u_V
     swing = float(np.ptp(u))
@@ -69,15 +52,6 @@ def begins_in_motion(record: Record, start: BoolArray, span_V: float) -> bool:
 
     Its periods are alike from the first one on although there is memory to be seen: the same
     command ran before. A record without periods shows nothing; a fit has to say.
-
-    Parameters
-    ----------
-    record
-        A moving record.
-    start
-        Its opening, of :func:`opening`.
-    span_V
-        Widest swing of the data set's commands (V), peak to peak.
     """
     u, y = record.u_V, record.y_um
     if float(np.ptp(u)) < _WIDE * span_V:

@@ -22,24 +22,6 @@ def rebuilt_command(
 ) -> tuple[Array, float] | None:
     """Tell from the displacement what was commanded where the recorded command is clipped.
 
-    Parameters
-    ----------
-    record
-        A moving record; its displacement is bridged where it is no measurement.
-    unknown
-        (N,) samples at which the command stands at an end of its recorder.
-    bad
-        (N,) samples whose displacement is no measurement.
-
-    Returns
-    -------
-    float64[N]
-        Command (V); the recorded one wherever it is known.
-    float
-        By how much (V, rms) the same inverse misses the command where it is known.
-    None
-        Where too few samples are known, or the displacement does not tell the command.
-
     Notes
     -----
     The plant is taken as play operators followed by a linear filter, its inverse as the inverse

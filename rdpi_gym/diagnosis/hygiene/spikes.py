@@ -29,27 +29,6 @@ def spikes(record: Record) -> tuple[BoolArray, float]:
     to its three after it, and of the slopes of both, by more than the local noise explains. A step
     and a corner agree with one side's slope, and a round crest lies above the way and below the
     slopes; what the command's own corners can excite is left alone, and so is ringing.
-
-    Parameters
-    ----------
-    record
-        The record.
-
-    Returns
-    -------
-    bool[N]
-        Where they are.
-    float
-        The farthest of them, in times of the noise around it.
-
-    Examples
-    --------
-    >>> t = np.arange(2000) * 1e-3
-    >>> u = np.sin(12.0 * t)
-    >>> y = 8.0 * u + np.random.default_rng(0).normal(0.0, 0.01, t.size)
-    >>> y[700] += 0.5
-    >>> np.flatnonzero(spikes(Record("run", t, u, y, ts_s=1e-3))[0]).tolist()
-    [700]
     """
     y = record.y_um
     found = np.zeros(y.size, dtype=np.bool_)

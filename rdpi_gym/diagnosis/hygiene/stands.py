@@ -25,22 +25,7 @@ _FORWARD, _BACK = 0.4, 0.3  # of the rate outside, at either end of a command th
 
 
 def silent(record: Record, known: BoolArray) -> tuple[BoolArray, BoolArray]:
-    """Find where the displacement holds one value exactly and nothing of the kind is usual.
-
-    Parameters
-    ----------
-    record
-        The record.
-    known
-        (N,) samples that are explained otherwise.
-
-    Returns
-    -------
-    bool[N]
-        Dropouts: it jumps to the value.
-    bool[N]
-        Frozen stretches: it stays where it is, and jumps when it goes on, or its noise is gone.
-    """
+    """Find where the displacement holds one value exactly and nothing of the kind is usual."""
     y, u = record.y_um, record.u_V
     dropout, frozen = np.zeros(y.size, dtype=np.bool_), np.zeros(y.size, dtype=np.bool_)
     equal = np.diff(y) == 0.0
@@ -95,13 +80,6 @@ def output_rails(records: Sequence[Record], bad: Sequence[BoolArray]) -> list[Ra
 
     A stage that saturates still shows the sensor's noise; a converter that clips shows none. A record
     that ends where another one clips is clipped too; one that goes further has another range.
-
-    Parameters
-    ----------
-    records
-        Moving records.
-    bad
-        Of each, samples that are no measurement.
     """
     own: list[Rails] = []
     extremes: list[Rails] = []
@@ -155,13 +133,6 @@ def clipped_command(record: Record, bad: BoolArray) -> BoolArray:
     had, turns, and comes back at the rate with which it will go on; where the command itself
     rests, it creeps, rings or stands. Where one stretch shows it, every sample at that extreme is
     clipped, however short its stretch.
-
-    Parameters
-    ----------
-    record
-        A moving record.
-    bad
-        Samples that are no measurement.
     """
     u, y = record.u_V, record.y_um
     found = np.zeros(u.size, dtype=np.bool_)

@@ -41,30 +41,7 @@ def draw(
     seed: int,
     progress: Progress,
 ) -> Portrait | None:
-    """Draw the portrait of what a model misses.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    hysteresis
-        The model's hysteresis on its comb, as it was fitted.
-    present
-        Its effects.
-    forms
-        Of the block, refitted with that.
-    nearest
-        Effects of the catalogue that came nearest, at a size that shows, nearest first.
-    seed
-        Of the draws behind the shares.
-    progress
-        Called as blocks are refitted.
-
-    Returns
-    -------
-    Portrait or None
-        None where no block takes a tenth of the error on the records held out.
-    """
+    """Draw the portrait of what a model misses."""
     base = assess(setting, "", setting.fit(hysteresis, present, samples=SAMPLES))
     tried = try_all(setting, hysteresis, present, forms, progress)
     best = tried[0]

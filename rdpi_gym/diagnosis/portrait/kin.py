@@ -45,13 +45,7 @@ class Character:
     clocked: bool = False
 
     def differs(self, other: Character) -> str:
-        """Say in what another one differs.
-
-        Examples
-        --------
-        >>> Character("before", False, "even").differs(Character("behind", True, "even"))
-        'it stands behind the hysteresis and has a memory'
-        """
+        """Say in what another one differs."""
         said = []
         if other.clocked and not self.clocked:
             said.append("goes by the clock")
@@ -70,23 +64,7 @@ class Character:
 
 
 def character(effect: Effect, span_V: float, longest_s: float) -> Character:
-    """Read what an effect is like off its response to a wave, to its mirror image and to a rest.
-
-    Parameters
-    ----------
-    effect
-        At a size that shows.
-    span_V, longest_s
-        Of the data (V, s): half of the widest swing, and the longest record.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import CATALOGUE
-    >>> character(CATALOGUE["creep"](), 40.0, 10.0)
-    Character(place='behind', memory=True, parity='odd', rated=None, clocked=False)
-    >>> character(CATALOGUE["asymmetry"](), 40.0, 10.0)
-    Character(place='behind', memory=False, parity='even', rated=False, clocked=False)
-    """
+    """Read what an effect is like off its response to a wave, to its mirror image and to a rest."""
     if effect.clocked:
         return Character("behind", None, None, clocked=True)
     phase = np.linspace(0.0, 1.0, _SAMPLES)

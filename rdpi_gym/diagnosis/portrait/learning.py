@@ -28,26 +28,7 @@ def learn(
     starts: Sequence[Effect],
     held: frozenset[str] = frozenset(),
 ) -> Outcome:
-    """Refit a block with the hysteresis and all effects, from the best of some starts.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    hysteresis
-        Where its weights begin.
-    present
-        Effects beside the block.
-    starts
-        Where the block begins: one form of it.
-    held
-        Parameters that keep their value, as ``unknown.parameter``.
-
-    Returns
-    -------
-    Outcome
-        Of the start with the smallest training error.
-    """
+    """Refit a block with the hysteresis and all effects, from the best of some starts."""
     fields = [in_chain_order([*present, start]) for start in starts]
     begun = [(hysteresis, effects) for effects in fields]
     if len(fields) > 1:
@@ -80,15 +61,6 @@ def learn_forms(
 
     A form that does not converge has no fit. Forms whose memory came out shorter than the samples are left out: they are static ones that a
     compensator takes for what they are not.
-
-    Parameters
-    ----------
-    setting, hysteresis, present
-        As :func:`learn`.
-    kind
-        Any form of it.
-    progress
-        Called as forms are done.
     """
     kinds = forms_of(kind)
     found: dict[str, Outcome] = {}
@@ -113,14 +85,6 @@ def learn_forms(
 
 
 def are_shown(block: Effect, scale: DataScale) -> bool:
-    """Whether the samples show all memories that a block has.
-
-    Parameters
-    ----------
-    block
-        As it was fitted.
-    scale
-        Size of the data.
-    """
+    """Whether the samples show all memories that a block has."""
     taus = (v for name, v in block.values.items() if name.startswith("time_constant"))
     return all(tau >= _LEAST_SAMPLES * scale.shortest_s for tau in taus)

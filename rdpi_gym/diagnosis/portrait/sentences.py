@@ -36,13 +36,7 @@ _SLIGHT = 0.05  # a share that is not told
 
 
 def experiment_for(drawn: Portrait) -> str:
-    """Return the experiment that would show the effect best, or tell what is open.
-
-    Parameters
-    ----------
-    drawn
-        The portrait, its sentences not needed.
-    """
+    """Return the experiment that would show the effect best, or tell what is open."""
     if drawn.place is None:
         first, second, *_ = sorted(drawn.places, key=lambda name: -drawn.places[name])
         return f"Record {_BETWEEN[frozenset({first, second})]}."
@@ -66,13 +60,7 @@ def experiment_for(drawn: Portrait) -> str:
 
 
 def sentences_of(drawn: Portrait) -> tuple[str, ...]:
-    """Return the portrait in words, the answer with its number first.
-
-    Parameters
-    ----------
-    drawn
-        The portrait.
-    """
+    """Return the portrait in words, the answer with its number first."""
     said = [
         f"From {micrometres(drawn.before_um)} to {micrometres(drawn.after_um)}: so far a free block takes the "
         f"validation error (`rdpi add unknown`, form {drawn.form or 'static, behind'!r}).",

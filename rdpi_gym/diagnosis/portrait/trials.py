@@ -92,24 +92,7 @@ def try_all(
     forms: Sequence[Outcome],
     progress: Progress,
 ) -> list[Tried]:
-    """Refit the block of every place and nature that comes near with one parity alone.
-
-    Parameters
-    ----------
-    setting, hysteresis, present
-        As :func:`~rdpi_gym.diagnosis.portrait.learning.learn`.
-    forms
-        Of the block, with both parities, as
-        :func:`~rdpi_gym.diagnosis.portrait.learning.learn_forms` refits them.
-    progress
-        Called as blocks are done.
-
-    Returns
-    -------
-    list of Tried
-        Best first. One parity alone leads unless both take clearly more, and memories that are
-        shorter than the samples are left out.
-    """
+    """Refit the block of every place and nature that comes near with one parity alone."""
     kinds = {(k.place, _nature(k)): k for k in _kinds()}
     shortest_s, longest_s = setting.scale.shortest_s, setting.scale.longest_s
     found = [_tried(setting, o, "both", frozenset()) for o in forms if o.fit is not None]
@@ -203,22 +186,7 @@ def _priced(one: Tried) -> float:
 def shares(
     tried: Sequence[Tried], of: Mapping[str, Sequence[Tried]], seed: int
 ) -> dict[str, float]:
-    """Return in how many draws of pieces of the records each group holds the best block.
-
-    Parameters
-    ----------
-    tried
-        Blocks; at least one of each group.
-    of
-        Groups by name.
-    seed
-        Of the draws.
-
-    Returns
-    -------
-    dict
-        Shares by the groups' names; their sum is 1.
-    """
+    """Return in how many draws of pieces of the records each group holds the best block."""
     rng = np.random.default_rng(seed)
     sides = []
     for side in (0, 1):

@@ -17,26 +17,6 @@ def begun(setting: Setting, kind: type[Core], effects: Sequence[Effect] = ()) ->
 
     A kind of one start is convex in its weights: it begins on its comb. Any other begins where a
     first fit ends, or every refit of the search would have to try all of its starts.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    kind
-        The core.
-    effects
-        Beside it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from rdpi_gym.plant import CORES
-    >>> t = np.arange(4000) * 1e-3
-    >>> u = t * np.sin(2 * np.pi * t)
-    >>> record = Record("growing", t, u, u, ts_s=1e-3)
-    >>> setting = Setting((record,), (record,), data_scale([record]))
-    >>> [begun(setting, CORES[name]).n for name in ("rdpi", "stop")]
-    [60, 100]
     """
     if len(kind.starts(setting.scale)) == 1:
         return kind.comb(setting.scale)
@@ -46,23 +26,5 @@ def begun(setting: Setting, kind: type[Core], effects: Sequence[Effect] = ()) ->
 
 
 def on_comb(core: Core, records: Sequence[Record]) -> Core:
-    """Return a core on the whole comb of its kind again, with weights where it has them.
-
-    Parameters
-    ----------
-    core
-        As a round of candidates left it.
-    records
-        Records to fit.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from rdpi_gym.plant import RDPI
-    >>> t = np.arange(4000) * 1e-3
-    >>> record = Record("growing", t, t * np.sin(2 * np.pi * t), t, ts_s=1e-3)
-    >>> whole = RDPI.comb(data_scale([record]))
-    >>> on_comb(whole.pruned(), [record]) == whole
-    True
-    """
+    """Return a core on the whole comb of its kind again, with weights where it has them."""
     return core.on(type(core).comb(data_scale(records)))

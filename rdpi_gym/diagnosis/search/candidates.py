@@ -132,15 +132,7 @@ class Setting:
         held: frozenset[str] = frozenset(),
         samples: int | None = None,
     ) -> JointFit:
-        """Fit a model to the training records, as ``fit_joint`` does.
-
-        Parameters
-        ----------
-        hysteresis, effects
-            Where it begins.
-        passes, held, samples
-            As there.
-        """
+        """Fit a model to the training records, as ``fit_joint`` does."""
         return fit_joint(
             self.train, hysteresis, effects, passes, held=held, samples=samples,
             smoothness=self.smoothness,
@@ -155,15 +147,7 @@ class Setting:
         near: FirstSteps | None = None,
         least_um: float = math.inf,
     ) -> FirstSteps:
-        """Go the first steps of that fit on few samples, as the function of that name does.
-
-        Parameters
-        ----------
-        hysteresis, effects
-            Where it begins.
-        steps, held, near, least_um
-            As there.
-        """
+        """Go the first steps of that fit on few samples, as the function of that name does."""
         return first_steps(
             self.train, hysteresis, effects, steps, held, FIRST_SAMPLES, self.smoothness, near,
             least_um,
@@ -171,17 +155,7 @@ class Setting:
 
 
 def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
-    """Simulate a refit over all records.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    name
-        Name of the candidate; its form is that of the refit.
-    fit
-        The refit.
-    """
+    """Simulate a refit over all records."""
     by_record: dict[str, float] = {}
     train, _ = _squares(fit.variant, setting.train, by_record)
     validation, pieces = _squares(fit.variant, setting.validation, by_record)
@@ -203,27 +177,6 @@ def refit(
     """Fit the core, the effects present and a candidate together, from each of its starts.
 
     A candidate of which no fit comes about ends nothing: its outcome says why.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    hysteresis
-        The core to start from: its thresholds or levels are kept.
-    present
-        Effects added before, with their values; another form of the candidate gives way to it.
-    kind
-        The candidate; None to refit without one.
-    starts
-        Where the candidate begins; None: at the starts of its own.
-    least_um
-        Training error (µm rms, over ``FIRST_SAMPLES``) from which on it is left where its first
-        steps lead.
-
-    Returns
-    -------
-    Outcome
-        Of the start with the smallest training error.
     """
     if kind is None:
         return attempt(lambda: assess(setting, "", setting.fit(hysteresis, present)))
@@ -239,22 +192,7 @@ def attempt(
     form: str = "",
     caught: tuple[type[Exception], ...] = NO_FIT,
 ) -> Outcome:
-    """Refit a candidate, or say why there is no refit: none of several ends a search.
-
-    Parameters
-    ----------
-    make
-        Refits it.
-    effect, form
-        Of the candidate.
-    caught
-        Errors that mean that there is none.
-
-    Examples
-    --------
-    >>> attempt(lambda: 1 // 0, "creep").remark
-    'did not converge: ZeroDivisionError: integer division or modulo by zero'
-    """
+    """Refit a candidate, or say why there is no refit: none of several ends a search."""
     try:
         return make()
     except caught as error:
@@ -333,17 +271,7 @@ def _own(variant: Variant[Core], name: str) -> Effect:
 
 
 def past_cusps(setting: Setting, outcome: Outcome, present: Sequence[Effect]) -> Outcome:
-    """Move the effects that are there already along their cusps too, where no refit leads them.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    outcome
-        A refit with `present`.
-    present
-        Effects added before.
-    """
+    """Move the effects that are there already along their cusps too, where no refit leads them."""
     moved = attempt(lambda: _past_cusps(setting, outcome, present))
     return outcome if moved.fit is None else moved
 
@@ -424,25 +352,7 @@ def refit_all(
     least_um: float = math.inf,
     seen: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
-    """Refit every candidate, in parallel; best validation error first.
-
-    Parameters
-    ----------
-    setting, hysteresis
-        As :func:`refit`.
-    trials
-        The candidates, each with the effects beside it.
-    checkpoint
-        Where finished candidates are looked up and kept.
-    jobs
-        Processes.
-    report
-        Called with candidates done and in all.
-    least_um
-        As :func:`refit`.
-    seen
-        Called with each refit as soon as it is there.
-    """
+    """Refit every candidate, in parallel; best validation error first."""
     outcomes: list[Outcome] = []
     unfinished: list[Trial] = []
     for trial in trials:

@@ -66,19 +66,7 @@ class Checkpoint:
         starts: Sequence[Effect] | None = None,
         smoothness: float = 0.0,
     ) -> JointFit | None:
-        """Return a finished refit, or None.
-
-        Parameters
-        ----------
-        hysteresis, present
-            What the refit started from.
-        kind
-            The candidate.
-        starts
-            Where it began; None: at the starts of its own.
-        smoothness
-            That was asked of the weights.
-        """
+        """Return a finished refit, or None."""
         if self._store is None:
             return None
         row = self._store.rows.get(self._key(hysteresis, present, kind, starts, smoothness))
@@ -98,13 +86,7 @@ class Checkpoint:
         starts: Sequence[Effect] | None,
         fit: JointFit,
     ) -> None:
-        """Keep a finished refit.
-
-        Raises
-        ------
-        InputError
-            The file cannot be written, or the disk is full.
-        """
+        """Keep a finished refit."""
         if self._store is None:
             return
         row = {

@@ -82,15 +82,7 @@ class Search:
 
 
 def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
-    """Judge the model that a search ends with, and say what is left and what would decide.
-
-    Parameters
-    ----------
-    laboratory
-        The data, and the noise floor that the refits have shown.
-    search
-        How the search went.
-    """
+    """Judge the model that a search ends with, and say what is left and what would decide."""
     search = _on_all_samples(laboratory, search)
     end, checks = search.end, laboratory.checks
     # last of all: no cap decides what is added
@@ -219,15 +211,7 @@ def _portrait(laboratory: Laboratory, search: Search, left: Left | None) -> Port
 
 
 def nearest_of(ranked: Sequence[Candidate], present: Sequence[Effect]) -> list[Candidate]:
-    """Return the three candidates that took most of the excess, those that are present left out.
-
-    Parameters
-    ----------
-    ranked
-        Candidates of one round.
-    present
-        Effects of the model.
-    """
+    """Return the three candidates that took most of the excess, those that are present left out."""
     have = {effect.name for effect in present}
     others = [c for c in ranked if c.effect not in have and math.isfinite(c.share)]
     return sorted(others, key=lambda c: -c.share)[:_NEAREST]

@@ -56,13 +56,7 @@ class Fitted:
 
 
 def turning(clockwise: bool | None) -> list[type[Core]]:
-    """Return the kinds whose loops turn as those of records do; None, where that is unknown: all.
-
-    Examples
-    --------
-    >>> [kind.name for kind in turning(True)][-2:]
-    ['pinched_stop', 'stop']
-    """
+    """Return the kinds whose loops turn as those of records do; None, where that is unknown: all."""
     kinds = [kind for name, kind in CORES.items() if name != RDPI.name]
     if clockwise is None:
         return kinds
@@ -77,23 +71,7 @@ def fit_kinds(
     least_um: float = math.inf,
     say: Callable[[str], None] = lambda remark: None,
 ) -> list[Fitted]:
-    """Refit kinds of hysteresis with effects beside them, best held-out error first.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    kinds
-        The cores; one with more gains than the records tell, or without a fit, is left out.
-    report
-        Called as kinds are done.
-    effects
-        Where those that fit the kind begin; empty: a creep and a lag.
-    least_um
-        Training error (µm rms) that the first steps of a kind have to reach.
-    say
-        Called with a remark on each kind that is left out.
-    """
+    """Refit kinds of hysteresis with effects beside them, best held-out error first."""
     found = []
     for done, kind in enumerate(kinds):
         report("kinds of hysteresis", done, len(kinds))
@@ -112,19 +90,7 @@ def fit_kinds(
 def choose(
     setting: Setting, ways: Sequence[Fitted], clockwise: bool | None, seed: int
 ) -> CoreChoice:
-    """Choose a kind by held-out error, as :func:`~rdpi_gym.identification.kind_rules.told_apart` does.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    ways
-        Kinds.
-    clockwise
-        How loops turn.
-    seed
-        Of the bootstrap over pieces of the held-out records.
-    """
+    """Choose a kind by held-out error, as :func:`~rdpi_gym.identification.kind_rules.told_apart` does."""
     fits = [way.outcome.fit for way in ways if way.outcome.fit is not None]
     told = told_apart([judged_way(f, setting.validation) for f in fits], setting.train, seed)
     kind = type(told.chosen.core)
@@ -138,36 +104,14 @@ def choose(
 
 
 def instead(ways: Sequence[Fitted], of: Outcome, seed: int) -> bool:
-    """Whether the best kind leaves so much less than a model that it takes its place.
-
-    Parameters
-    ----------
-    ways
-        Kinds, best first.
-    of
-        The refit of the model.
-    seed
-        As :func:`choose`.
-    """
+    """Whether the best kind leaves so much less than a model that it takes its place."""
     if not ways or ways[0].outcome.mean_square > _INSTEAD * of.mean_square:
         return False
     return beats(of.pieces, ways[0].outcome.pieces, np.random.default_rng(seed)) >= _SURE
 
 
 def simpler(ways: Sequence[Fitted], of: Fitted, noise_um: float, seed: int) -> list[Fitted]:
-    """Return the kinds that explain with no more numbers half of what a model leaves beyond the noise.
-
-    Parameters
-    ----------
-    ways
-        Kinds.
-    of
-        The model.
-    noise_um
-        Noise floor (µm rms).
-    seed
-        As :func:`choose`.
-    """
+    """Return the kinds that explain with no more numbers half of what a model leaves beyond the noise."""
     least = noise_um**2 + _INSTEAD * max(of.outcome.mean_square - noise_um**2, 0.0)
     rng = np.random.default_rng(seed)
     return [

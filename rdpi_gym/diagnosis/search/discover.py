@@ -45,41 +45,7 @@ def diagnose(
     core: str | None = None,
     on_candidate: OnCandidate | None = None,
 ) -> SearchResult:
-    """Refit every candidate effect with the base model and rank them on validation records.
-
-    Parameters
-    ----------
-    dataset
-        Records to fit and to validate on.
-    given
-        The model to start from: its core and effects are kept and refitted. None: a bare core.
-    catalogue
-        Candidates by name.
-    jobs
-        Processes.
-    seed
-        Of the bootstrap behind the confidence.
-    progress
-        Called as ``progress(task, done, total)``.
-    checkpoint
-        File that keeps finished candidates, so that an interrupted run goes on.
-    core
-        Name of the hysteresis core; "auto": the one of all that leaves least of the records held
-        out. None: that of `given`; without it RDPI, unless loops turn clockwise and another core
-        explains them clearly better. A discovery asks for another one too where RDPI with all that
-        was added leaves something above the noise.
-    on_candidate
-        Called with each refit as soon as it is there, in this process.
-
-    Returns
-    -------
-    SearchResult
-
-    Raises
-    ------
-    InputError
-        No record to fit, or none to validate on; the core does not have what acts on an effect.
-    """
+    """Refit every candidate effect with the base model and rank them on validation records."""
     began = time.perf_counter()
     laboratory = Laboratory(
         dataset, catalogue, jobs, seed, progress, checkpoint, core, on_candidate
@@ -113,15 +79,6 @@ def discover(
     """Add effects until nothing more is earned, then try to take each out again.
 
     Parameters are those of :func:`diagnose`.
-
-    Returns
-    -------
-    SearchResult
-
-    Raises
-    ------
-    InputError
-        As :func:`diagnose`.
     """
     began = time.perf_counter()
     laboratory = Laboratory(
@@ -337,27 +294,7 @@ def add_effect(
     core: str | None = None,
     on_candidate: OnCandidate | None = None,
 ) -> SearchResult:
-    """Add one effect because the user says so, earned or not, and refit everything.
-
-    Parameters
-    ----------
-    dataset, jobs, seed, progress, checkpoint, core, on_candidate
-        As :func:`diagnose`.
-    given
-        The model; its effects are kept.
-    kind
-        The effect.
-
-    Returns
-    -------
-    SearchResult
-        With one step; its notes say where the records do not earn it.
-
-    Raises
-    ------
-    InputError
-        As :func:`diagnose`; the model has the effect already, or no refit with it converges.
-    """
+    """Add one effect because the user says so, earned or not, and refit everything."""
     began = time.perf_counter()
     if any(effect.name == kind.name for effect in given.effects):
         raise InputError(f"the model has {kind.name} already; choose another effect")
@@ -400,25 +337,7 @@ def portray(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Portrait | None:
-    """Draw the portrait of what a model misses, whatever the verdict on it.
-
-    Parameters
-    ----------
-    dataset, given, seed, progress
-        As :func:`diagnose`.
-    ranked
-        Candidates that a search ranked on that model.
-
-    Returns
-    -------
-    Portrait or None
-        None where no block takes a tenth of the error on the records held out.
-
-    Raises
-    ------
-    InputError
-        As :func:`diagnose`; the model has the block already.
-    """
+    """Draw the portrait of what a model misses, whatever the verdict on it."""
     if given is not None and any(effect.name == Unknown.name for effect in given.effects):
         raise InputError(f"the model has {Unknown.name} already; portray the model without it")
     laboratory = Laboratory(dataset, CATALOGUE, 1, seed, progress, None)
@@ -428,27 +347,7 @@ def portray(
 
 
 def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> SearchResult:
-    """Take an effect out of a model because the user says so, and refit everything.
-
-    Parameters
-    ----------
-    dataset
-        As :func:`diagnose`.
-    given
-        The model.
-    name
-        Of one of its effects.
-
-    Returns
-    -------
-    SearchResult
-        Without steps; `given` holds the errors with the effect, `base` those without.
-
-    Raises
-    ------
-    InputError
-        As :func:`diagnose`; the model has no such effect.
-    """
+    """Take an effect out of a model because the user says so, and refit everything."""
     began = time.perf_counter()
     names = [effect.name for effect in given.effects]
     if name not in names:

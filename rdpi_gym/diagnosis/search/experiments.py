@@ -53,20 +53,7 @@ ASKED_FOR: Mapping[str, tuple[str, ...]] = {
 
 
 def asked_for(advice: str | None) -> tuple[str, ...]:
-    """Return the records of the standard protocol that an advice asks for; none where it is another.
-
-    Parameters
-    ----------
-    advice
-        What :func:`what_to_measure` said, or the core in its place.
-
-    Examples
-    --------
-    >>> asked_for("Record steps up and down with holds from 0.05 to 50 s.")
-    ('stairs',)
-    >>> asked_for("Record other amplitudes: of the standard protocol, multisine (dynamics; 0.5 s ...")
-    ('multisine',)
-    """
+    """Return the records of the standard protocol that an advice asks for; none where it is another."""
     if advice is None:
         return ()
     named = re.search(r"of the standard protocol, ([\w-]+) \(", advice)
@@ -89,38 +76,7 @@ def what_to_measure(
     probable: Sequence[str] = (),
     made: Collection[str] = (),
 ) -> str | None:
-    """Name the experiment that would decide what these data cannot.
-
-    Parameters
-    ----------
-    chosen
-        What was added last, with what it is indistinguishable from.
-    effects
-        Of the model.
-    typical
-        Effects at a typical size, by name.
-    groups
-        Classes of effects, not in the model, that the records cannot tell apart.
-    hysteresis, scale
-        Of the model and of the data.
-    again
-        What is to be measured where the records are sampled too slowly: nothing else comes first.
-    findings
-        What is wrong with the records.
-    limits
-        What the records cannot tell in principle.
-    is_settled
-        Whether the model explains the records.
-    probable
-        Effects that may be there, the most probable first, those of the model among them.
-    made
-        Names of the records: an experiment of the standard protocol is not advised twice.
-
-    Returns
-    -------
-    str or None
-        A sentence; None where nothing is left open.
-    """
+    """Name the experiment that would decide what these data cannot."""
     if again is not None:
         return again
     own = {effect.name: effect for effect in effects}

@@ -30,23 +30,7 @@ def further_forms(
     scale: DataScale,
     suspects: Collection[str] = (),
 ) -> list[Trial]:
-    """Return the further forms of the leading candidates as trials.
-
-    Parameters
-    ----------
-    current
-        The model without a candidate.
-    simple
-        Refits of the candidates in their simplest form, best first.
-    kinds
-        The candidates by name.
-    present
-        Effects that the model has.
-    scale
-        Size of the data.
-    suspects
-        Names that something else speaks for: a test without a model, or the traces of the forms.
-    """
+    """Return the further forms of the leading candidates as trials."""
     shown = [o.effect for o in simple if o.fit and o.mean_square < _SHOWS**2 * current.mean_square]
     # what the best of them is mistaken for may be better in another form
     kin = [name for first in shown[:1] for name in kinds[first].mistaken_for]
@@ -74,15 +58,7 @@ def _distinct(effects: Sequence[Effect]) -> tuple[Effect, ...]:
 
 
 def better_forms(present: tuple[Effect, ...], scale: DataScale) -> list[Trial]:
-    """Return every further form of the effects that are there, each begun from the present one.
-
-    Parameters
-    ----------
-    present
-        Effects that the model has.
-    scale
-        Size of the data.
-    """
+    """Return every further form of the effects that are there, each begun from the present one."""
     trials = []
     for effect in present:
         others = tuple(e for e in present if e is not effect)
@@ -96,15 +72,7 @@ def better_forms(present: tuple[Effect, ...], scale: DataScale) -> list[Trial]:
 
 
 def in_best_form(outcomes: Sequence[Outcome], noise_um: float) -> list[Outcome]:
-    """Return one refit for each name: the form whose held-out error pays for its freedom.
-
-    Parameters
-    ----------
-    outcomes
-        Refits of candidates in any form.
-    noise_um
-        Noise floor (µm rms).
-    """
+    """Return one refit for each name: the form whose held-out error pays for its freedom."""
     by_name: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
         by_name.setdefault(outcome.effect, []).append(outcome)
@@ -145,28 +113,7 @@ def simplified(
     noise_um: float,
     report: Callable[[int, int], None],
 ) -> tuple[Outcome, dict[str, str]]:
-    """Try simpler forms back, now that all other effects are there.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    outcome
-        The model.
-    hysteresis
-        Its comb.
-    noise_um
-        Noise floor (µm rms).
-    report
-        Called with effects done and in all.
-
-    Returns
-    -------
-    Outcome
-        The model with the simplest forms that cost no more than the noise leaves open.
-    dict of str, str
-        The forms that were given up, by effect.
-    """
+    """Try simpler forms back, now that all other effects are there."""
     assert outcome.fit is not None
     given_up: dict[str, str] = {}
     rich = [effect for effect in outcome.fit.variant.effects if effect.form]

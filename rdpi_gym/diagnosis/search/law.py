@@ -33,17 +33,6 @@ def in_few_numbers(
 
     The RDPI model takes the threshold law of Eq. 8 where that costs little. Any other core loses the
     thresholds without a weight where it is saved; the sentence says what is left.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    outcome
-        The refit that the search ended with.
-    given
-        The model that it started from: one of Eq. 8 says how many plays.
-    noise_um
-        Noise floor (µm rms).
     """
     assert outcome.fit is not None
     core = outcome.fit.variant.hysteresis
@@ -65,26 +54,7 @@ def _said(core: Core) -> str:
 def _to_threshold_law(
     setting: Setting, outcome: Outcome, given: int | None, noise_um: float
 ) -> tuple[Outcome, str]:
-    """Return the refit with the thresholds of Eq. 8 where they cost little, and what was decided.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    outcome
-        The refit on the comb.
-    given
-        Plays of the law; None: as many as carry weight.
-    noise_um
-        Noise floor (µm rms).
-
-    Returns
-    -------
-    Outcome
-        With thresholds δ1 i where that costs little, else with those of the comb.
-    str
-        The sentence.
-    """
+    """Return the refit with the thresholds of Eq. 8 where they cost little, and what was decided."""
     fit = outcome.fit
     assert fit is not None
 
@@ -111,17 +81,7 @@ def _to_threshold_law(
 
 
 def plant_of(setting: Setting, outcome: Outcome, given: PlantModel[Any] | None) -> PlantModel[Any]:
-    """Return a refit as a plant to save, without the thresholds that have no weight.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    outcome
-        The refit.
-    given
-        The model that the diagnosis started from: its name and ranges are kept.
-    """
+    """Return a refit as a plant to save, without the thresholds that have no weight."""
     assert outcome.fit is not None
     fit = outcome.fit
     variant = replace(fit.variant, hysteresis=fit.variant.hysteresis.slim())

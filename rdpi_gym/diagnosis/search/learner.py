@@ -66,11 +66,6 @@ class HeldOut:
 def learn_across(parts: Sequence[Part]) -> HeldOut:
     """Predict the samples asked for, record after record, from all other data.
 
-    Parameters
-    ----------
-    parts
-        Records.
-
     Notes
     -----
     What is held out at a time is long, a record or a large piece of one with gaps beside it: across

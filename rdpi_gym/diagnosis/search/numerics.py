@@ -82,32 +82,13 @@ class NumericalFloor:
         return math.hypot(self.step_um, self.held_um, self.turned_um)
 
     def needed_hz(self, noise_um: float) -> float:
-        """Return the sampling rate (Hz) at which the floor no longer matters beside the noise.
-
-        Parameters
-        ----------
-        noise_um
-            Noise floor (µm rms).
-
-        Examples
-        --------
-        >>> NumericalFloor(0.03, 0.0, 1000.0).needed_hz(0.1), NumericalFloor(1.2, 0, 1e3).needed_hz(1)
-        (1000.0, 2000.0)
-        """
+        """Return the sampling rate (Hz) at which the floor no longer matters beside the noise."""
         least = _NO_MATTER * max(noise_um, 1e-300)
         return self.fastest_hz * math.sqrt(max(self.sampled_um / least, 1.0))
 
 
 def numerical_floor(variant: Variant[Core], records: Sequence[Record]) -> NumericalFloor:
-    """Simulate a model again: half the step, another command between samples, another clock.
-
-    Parameters
-    ----------
-    variant
-        The model.
-    records
-        Records whose errors are judged.
-    """
+    """Simulate a model again: half the step, another command between samples, another clock."""
     jittered_um, off_s = _jitter(variant, records)
     if not variant.effects:
         fastest_hz = max(1.0 / r.ts_s for r in records)
@@ -142,13 +123,7 @@ def _jumps(u_V: Array) -> bool:
 
 
 def _borne_out(pulls_um2: Array, squares_um2: Array) -> Array:
-    """Of the squares of changes (µm²), those that errors bear out, which pull along them so much.
-
-    Examples
-    --------
-    >>> _borne_out(np.array([0.5, 0.1, -2.0]), np.array([1.0, 1.0, 4.0])).round(3).tolist()
-    [1.0, 0.01, 0.0]
-    """
+    """Of the squares of changes (µm²), those that errors bear out, which pull along them so much."""
     shares = np.maximum(pulls_um2, 0.0) / np.maximum(squares_um2, 1e-300)
     shares = np.where(shares < _BORNE_OUT, shares, 1.0)
     return np.asarray(shares**2 * squares_um2)
@@ -208,49 +183,13 @@ def _along(u_V: Array, share: Array) -> Array:
 
 
 def held_about(u_V: Array, parts: int) -> Array:
-    """Hold a command about each sample: it jumps in the middle between two.
-
-    Parameters
-    ----------
-    u_V : float64[N]
-        Command at the samples (V).
-    parts
-        Steps from sample to sample; even.
-
-    Returns
-    -------
-    float64[N parts]
-        The command; level after the last sample.
-
-    Examples
-    --------
-    >>> held_about(np.array([1.0, 2.0]), 4).tolist()
-    [1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 2.0, 2.0]
-    """
+    """Hold a command about each sample: it jumps in the middle between two."""
     step = np.sign(2 * np.arange(parts) - parts)  # before, in and after the middle
     return _along(u_V, 0.5 * (1.0 + step)).ravel()
 
 
 def turned_between(u_V: Array, parts: int) -> Array:
-    """Let a command turn between two samples, where the lines before and after them meet.
-
-    Parameters
-    ----------
-    u_V : float64[N]
-        Command at the samples (V).
-    parts
-        Steps from sample to sample.
-
-    Returns
-    -------
-    float64[N parts]
-        The command; level after the last sample.
-
-    Examples
-    --------
-    >>> turned_between(np.array([0.0, 2.0, 4.0, 4.0, 2.0, 0.0]), 2).tolist()
-    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0, 0.0]
-    """
+    """Let a command turn between two samples, where the lines before and after them meet."""
     part = np.arange(parts) / parts
     fine = _along(u_V, part)
     if len(u_V) > 3:

@@ -26,25 +26,7 @@ _TAKEN = 0.2
 def misleading(
     setting: Setting, outcome: Outcome, openings: Mapping[str, BoolArray], noise_um: float
 ) -> dict[str, BoolArray]:
-    """Return the openings that a fit is better spared.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    outcome
-        A refit of the base model.
-    openings
-        Samples at the beginning of records, by record.
-    noise_um
-        Noise floor (µm rms).
-
-    Returns
-    -------
-    dict of str, bool[N]
-        Of the records whose beginning the model misses, where no initial memory that all records
-        share removes that or most of it, in any form: other effects may be missing still.
-    """
+    """Return the openings that a fit is better spared."""
     bad = missed(setting, outcome, openings, noise_um)
     if not bad:
         return {}
@@ -72,15 +54,7 @@ def misleading(
 
 
 def leaving_out(setting: Setting, openings: Mapping[str, BoolArray]) -> Setting:
-    """Return the data with some samples simulated and not scored.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    openings
-        As :func:`misleading` returns them.
-    """
+    """Return the data with some samples simulated and not scored."""
     return replace(
         setting,
         train=tuple(_spared(r, openings) for r in setting.train),
@@ -89,18 +63,7 @@ def leaving_out(setting: Setting, openings: Mapping[str, BoolArray]) -> Setting:
 
 
 def unknown_past(openings: Mapping[str, BoolArray]) -> Finding:
-    """Say which openings were left out, and why.
-
-    Parameters
-    ----------
-    openings
-        As :func:`misleading` returns them.
-
-    Examples
-    --------
-    >>> unknown_past({"run": np.arange(9) < 4}).sentence
-    '4 of 9 samples at the beginning of run left out: they hang on a history that nobody recorded.'
-    """
+    """Say which openings were left out, and why."""
     samples = sum(int(mask.sum()) for mask in openings.values())
     whole = sum(mask.size for mask in openings.values())
     sentence = (
@@ -113,18 +76,7 @@ def unknown_past(openings: Mapping[str, BoolArray]) -> Finding:
 
 
 def outliers_left(name: str, mask: BoolArray) -> Finding:
-    """Say how many samples of a record stand out from what a model leaves.
-
-    Parameters
-    ----------
-    name, mask
-        The record, and where they are.
-
-    Examples
-    --------
-    >>> outliers_left("run", np.arange(9) == 4).sentence
-    '1 more of run stand alone beside what the model leaves: outliers, left out.'
-    """
+    """Say how many samples of a record stand out from what a model leaves."""
     number = int(mask.sum())
     sentence = (
         f"{number} more of {name} stand alone beside what the model leaves: outliers, left out."
@@ -142,13 +94,7 @@ def _spared(record: Record, openings: Mapping[str, BoolArray]) -> Record:
 def missed(
     setting: Setting, outcome: Outcome, openings: Mapping[str, BoolArray], noise_um: float
 ) -> dict[str, BoolArray]:
-    """Return the openings of which a model misses a piece by far more than the rest and the noise.
-
-    Parameters
-    ----------
-    setting, outcome, openings, noise_um
-        As :func:`misleading`.
-    """
+    """Return the openings of which a model misses a piece by far more than the rest and the noise."""
     assert outcome.fit is not None
     found = {}
     for record in (*setting.train, *setting.validation):

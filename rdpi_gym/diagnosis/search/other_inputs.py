@@ -65,21 +65,6 @@ def other_inputs(
 ) -> tuple[OtherInput, ...]:
     """Test whether another recorded input explains what a model leaves.
 
-    Parameters
-    ----------
-    variant
-        The model.
-    train, validation
-        Records; inputs that all of them have are tested.
-    noise_um
-        Noise floor (µm rms).
-
-    Returns
-    -------
-    tuple of OtherInput
-        What explains most first; several inputs also together. Empty where no other was recorded, or
-        nothing is left.
-
     Notes
     -----
     A ridge regression of the residual on the impulse responses of the inputs, of the temperature on
@@ -122,15 +107,7 @@ def other_inputs(
 
 
 def said_of(found: Sequence[OtherInput]) -> str:
-    """Say of all inputs that were tested what matters: what explains most, and each alone.
-
-    Examples
-    --------
-    >>> one = OtherInput(("u2",), 0.4, 0.3, 0.5, 2.0, 1.5, "The input u2 explains 40 %.")
-    >>> both = OtherInput(("u2", "u3"), 0.7, 0.6, 0.8, 2.0, 1.1, "The inputs explain 70 %.")
-    >>> said_of([both, one])
-    'The inputs explain 70 %. Alone: u2 40 %.'
-    """
+    """Say of all inputs that were tested what matters: what explains most, and each alone."""
     if not found:
         return ""
     alone = [f"{x.names[0]} {100 * x.share:.0f} %" for x in found if len(x.names) == 1]

@@ -75,25 +75,7 @@ def rank(
     seed: int,
     same_gain: float | None = None,
 ) -> list[Ranked]:
-    """Judge candidates by validation records, best first.
-
-    Parameters
-    ----------
-    current
-        The model without a further effect.
-    outcomes
-        The candidates' refits.
-    kinds
-        Their effects.
-    noise_um
-        Noise floor (µm rms).
-    seed
-        Of the bootstrap over pieces of validation records.
-    same_gain
-        Rivals whose squared error lies this close, as a share of that of the better one, are one
-        class; by default they are compared by what they gain and leave, for the comb of a round is
-        coarse.
-    """
+    """Judge candidates by validation records, best first."""
     variance = noise_um**2
     excess = max(current.mean_square - variance, 0.0)
     signatures = {kind.name: kind.signature for kind in kinds}
@@ -152,39 +134,19 @@ def rank(
 
 
 def not_missed(noise_um: float) -> float:
-    """Return by how much the error (µm², mean square) may grow without what was added, and not count.
-
-    Parameters
-    ----------
-    noise_um
-        Noise floor (µm rms).
-    """
+    """Return by how much the error (µm², mean square) may grow without what was added, and not count."""
     return 0.5 * LEAST_GAIN * noise_um**2
 
 
 def own_bounds(outcome: Outcome) -> tuple[str, ...]:
-    """Return the parameters of a candidate that ended at a bound: it is of a class, not measured.
-
-    Parameters
-    ----------
-    outcome
-        Its refit.
-    """
+    """Return the parameters of a candidate that ended at a bound: it is of a class, not measured."""
     if outcome.fit is None:
         return ()
     return tuple(n for n in outcome.fit.at_bound if n.startswith(f"{outcome.effect}."))
 
 
 def share_of_train(current: Outcome, outcome: Outcome, variance: float) -> float:
-    """Return what a candidate takes of the excess over the noise on the records to fit.
-
-    Parameters
-    ----------
-    current, outcome
-        The model without it, and its refit.
-    variance
-        Of the noise (µm²).
-    """
+    """Return what a candidate takes of the excess over the noise on the records to fit."""
     before, after = current.errors.train_rmse_um**2, outcome.errors.train_rmse_um**2
     return (before - after) / max(before - variance, 1e-300)
 
@@ -205,17 +167,7 @@ def _worse_records(current: Outcome, outcome: Outcome, gain: float, variance: fl
 
 
 def of_effect(candidate: Candidate, fit: JointFit | None, name: str) -> Candidate:
-    """Return a candidate as that of an effect in a refit: its parameters and their errors.
-
-    Parameters
-    ----------
-    candidate
-        What is known of it otherwise.
-    fit
-        The refit; None leaves it without parameters.
-    name
-        The effect.
-    """
+    """Return a candidate as that of an effect in a refit: its parameters and their errors."""
     if fit is None:
         return candidate
     effect = {e.name: e for e in fit.variant.effects}[name]

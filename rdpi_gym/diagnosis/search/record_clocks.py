@@ -71,23 +71,6 @@ def record_clocks(
 ) -> tuple[Finding, ...]:
     """Look for records that lag the others, or whose time step is another than is written.
 
-    Parameters
-    ----------
-    variant
-        The final model.
-    train, validation
-        Records that it is fitted to and judged on; parts of one record have one name.
-    floor_um
-        Noise and numerical floor together (µm rms).
-    smoothness
-        Price of uneven weights, as the model was fitted.
-
-    Returns
-    -------
-    tuple of Finding
-        Of the records whose error over the floor is mostly gone with a clock of their own that the
-        others do not want; nothing is changed.
-
     Notes
     -----
     A shift or a stretch of its time is what a recorder does to one record. An effect that the model

@@ -51,17 +51,7 @@ OnCandidate: TypeAlias = Callable[[Refit], None]
 
 
 def refit_of(setting: Setting, outcome: Outcome, given: PlantModel[Any] | None) -> Refit:
-    """Return what a search found for one candidate.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    outcome
-        The refit.
-    given
-        The model that the search started from: its name and ranges are kept.
-    """
+    """Return what a search found for one candidate."""
     if outcome.fit is None:
         nothing = Refit(outcome.effect, outcome.form, None, outcome.errors, {}, {})
         return replace(nothing, remark=outcome.remark)

@@ -72,21 +72,6 @@ def remainder(
 ) -> Remainder:
     """Split what the final model leaves into what follows from the input and what does not.
 
-    Parameters
-    ----------
-    variant
-        The final model.
-    train, validation
-        Records. What is left is that of the records to validate on; all are learned from.
-    scale
-        Size of the data.
-    noise_um
-        Noise floor (µm rms).
-    numerical_um
-        Part of the error that comes from the simulation between the samples (µm rms).
-    quiet
-        Records in which the input rests: what moves there beyond the noise is a disturbance.
-
     Notes
     -----
     Three tests, the first without a learner:

@@ -13,32 +13,12 @@ from rdpi_gym.plant import RDPI
 
 
 def one_size(records: Sequence[Record]) -> bool:
-    """Whether loops of one size are all that records hold: they do not tell weights apart.
-
-    Parameters
-    ----------
-    records
-        Records of one plant.
-
-    Examples
-    --------
-    >>> t = np.arange(4000) * 1e-3
-    >>> wave = np.sin(2 * np.pi * t)
-    >>> one = Record("one", t, wave, wave, ts_s=1e-3)
-    >>> one_size([one]), one_size([one, Record("small", t, 0.5 * wave, wave, ts_s=1e-3)])
-    (True, False)
-    """
+    """Whether loops of one size are all that records hold: they do not tell weights apart."""
     cycles = [half_cycles(r.u_V, r.ts_s) for r in records]
     sizes = np.concatenate([c.amplitude_V[c.whole] for c in cycles])
     return bool(sizes.size) and not vary(sizes)
 
 
 def comb(records: Sequence[Record]) -> RDPI:
-    """Return the RDPI model on the fine fixed comb of a search, to be fitted: convex in its weights.
-
-    Parameters
-    ----------
-    records
-        Records of one plant; the comb reaches half of the widest swing.
-    """
+    """Return the RDPI model on the fine fixed comb of a search, to be fitted: convex in its weights."""
     return RDPI.comb(data_scale(records))

@@ -48,13 +48,7 @@ class Separability:
         return tuple(n for n, c in zip(self.names, row, strict=True) if c > limit and n != name)
 
     def groups(self, noise_um: float) -> tuple[tuple[str, ...], ...]:
-        """Return the classes of effects that leave a trace but not one of their own.
-
-        Parameters
-        ----------
-        noise_um
-            Noise floor (µm rms); a ten-thousandth of it is rounding and no trace.
-        """
+        """Return the classes of effects that leave a trace but not one of their own."""
         seen = [n for n, s in zip(self.names, self.visible_um, strict=True) if s > 1e-4 * noise_um]
         found: list[tuple[str, ...]] = []
         for name in seen:
@@ -76,17 +70,7 @@ def separability(
     present: Sequence[Effect],
     effects: Mapping[str, Effect],
 ) -> Separability:
-    """Return the angles between effects, as far as the base model does not absorb them.
-
-    Parameters
-    ----------
-    records
-        Where they would have to show; displacements are not read.
-    hysteresis, present
-        The fitted model.
-    effects
-        Effects at the size that is asked for.
-    """
+    """Return the angles between effects, as far as the base model does not absorb them."""
     base: Variant[Core] = Variant(hysteresis.static(), tuple(present))
     fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
     widened = hysteresis.rated_at(fastest)
@@ -111,15 +95,7 @@ def separability(
 
 
 def typical_effects(catalogue: Mapping[str, type[Effect]], scale: DataScale) -> dict[str, Effect]:
-    """Return every effect at the upper end of its typical range, scaled to the data.
-
-    Parameters
-    ----------
-    catalogue
-        Effects by name; those of the initial memory are no direction and left out.
-    scale
-        Size of the data.
-    """
+    """Return every effect at the upper end of its typical range, scaled to the data."""
     found: dict[str, Effect] = {}
     for name, kind in catalogue.items():
         start = kind.starts(scale)[0]
@@ -152,24 +128,7 @@ def next_experiment(
     scale: DataScale,
     made: Collection[str] = (),
 ) -> str | None:
-    """Name the experiment of the standard protocol that tells two effects apart best.
-
-    Parameters
-    ----------
-    first, second
-        The effects at their fitted sizes.
-    hysteresis
-        The fitted model.
-    scale
-        Size of the data: the experiments use its range of commands.
-    made
-        Names of those that were made: they have told what they can.
-
-    Returns
-    -------
-    str or None
-        A sentence; None where no other experiment shows a difference.
-    """
+    """Name the experiment of the standard protocol that tells two effects apart best."""
     best: tuple[float, Experiment] | None = None
     smallest_V = max(hysteresis.first_threshold_V, 0.02 * scale.span_V)
     for experiment in standard_protocol(scale.centre_V, scale.span_V, smallest_V):

@@ -64,13 +64,6 @@ class Split:
 def splits(setting: Setting, quarters: bool) -> tuple[Split, ...]:
     """Return the ways to split a data set beside the one that is given.
 
-    Parameters
-    ----------
-    setting
-        As it is given.
-    quarters
-        Whether the records to validate on are parts of those to fit.
-
     Notes
     -----
     The given split; the beginning of each record left out; the roles exchanged; half of the
@@ -97,13 +90,7 @@ def splits(setting: Setting, quarters: bool) -> tuple[Split, ...]:
 
 
 def in_blocks(setting: Setting) -> Setting:
-    """Return a data set in which blocks of every record are held out in turn.
-
-    Parameters
-    ----------
-    setting
-        As it is given.
-    """
+    """Return a data set in which blocks of every record are held out in turn."""
     parts = [hold_out_blocks(r) for r in dict.fromkeys((*setting.train, *setting.validation))]
     return replace(
         setting, train=tuple(fit for fit, _ in parts), validation=tuple(held for _, held in parts)
@@ -111,15 +98,7 @@ def in_blocks(setting: Setting) -> Setting:
 
 
 def exchanged(setting: Setting, quarters: bool) -> Setting | None:
-    """Return a data set with the roles of its records exchanged; None where they are the same ones.
-
-    Parameters
-    ----------
-    setting
-        As it is given.
-    quarters
-        As :func:`splits`.
-    """
+    """Return a data set with the roles of its records exchanged; None where they are the same ones."""
     if quarters:
         return None
     return setting.exchanged()
@@ -163,28 +142,7 @@ def stability(
     seed: int,
     report: Callable[[int, int], None],
 ) -> dict[str, Standing]:
-    """Return how each effect stands: how often it wins in splits, and what is missed without it.
-
-    Parameters
-    ----------
-    setting
-        The data.
-    outcome
-        The final model.
-    rivals
-        By effect that is judged, what could stand in its place.
-    quarters
-        As :func:`splits`.
-    seed
-        Of the bootstrap over pieces of the validation records.
-    report
-        Called with splits done and in all.
-
-    Returns
-    -------
-    dict of str, Standing
-        Of each key of `rivals`.
-    """
+    """Return how each effect stands: how often it wins in splits, and what is missed without it."""
     assert outcome.fit is not None
     variant, smoothness = outcome.fit.variant, outcome.fit.smoothness
     ways = splits(setting, quarters)

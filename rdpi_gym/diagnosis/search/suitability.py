@@ -31,13 +31,7 @@ def turned(dataset: Dataset) -> Dataset:
 
 
 def unrelated(train: Sequence[Record]) -> str | None:
-    """Say that the displacement hardly follows the voltage, or None.
-
-    Parameters
-    ----------
-    train
-        Records to fit.
-    """
+    """Say that the displacement hardly follows the voltage, or None."""
     follows = linear_share(train)
     if follows >= LITTLE:
         return None

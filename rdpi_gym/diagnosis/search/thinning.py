@@ -60,24 +60,7 @@ class Thinned:
 
 
 def thinned(dataset: Dataset, openings: Mapping[str, BoolArray]) -> Thinned | None:
-    """Return what a search reads of a data set; None where it reads all.
-
-    Parameters
-    ----------
-    dataset
-        Records that were looked through: spikes and clocks are told by the samples as recorded.
-    openings
-        By record, samples at its beginning.
-
-    Examples
-    --------
-    >>> t = np.arange(600_000) * 1e-5
-    >>> u = 10.0 * np.sin(6.0 * t)
-    >>> y = u + np.random.default_rng(0).normal(0.0, 0.01, t.size)
-    >>> few = thinned(Dataset("run", (Record("run", t, u, y, ts_s=1e-5),)), {})
-    >>> few.dataset.records[0].t_s.size, round(few.dataset.records[0].ts_s, 9)
-    (200000, 3e-05)
-    """
+    """Return what a search reads of a data set; None where it reads all."""
     moving = [r for r in dataset.records if r.role != "test" and not r.is_quiet]
     total = sum(int(r.error_mask.sum()) for r in moving)
     if total < 2 * SEARCH_MOST:
@@ -103,13 +86,7 @@ def thinned(dataset: Dataset, openings: Mapping[str, BoolArray]) -> Thinned | No
 
 
 def close_up(records: Sequence[Record]) -> tuple[Record, ...]:
-    """Return records as they were sampled, each no longer than what a search reads of it.
-
-    Parameters
-    ----------
-    records
-        Records; a stretch begins shortly before the first sample that counts.
-    """
+    """Return records as they were sampled, each no longer than what a search reads of it."""
     room = _room([r.t_s.size for r in records])
     found = []
     for record in records:

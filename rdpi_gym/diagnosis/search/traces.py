@@ -22,25 +22,7 @@ _DEPENDENT = 1e-10
 def taken_by(
     records: Sequence[Record], begun: FirstSteps, traces: Sequence[Effect], samples: int
 ) -> float:
-    """Return the share of what a model leaves that a sum of small effects takes beside its weights.
-
-    Parameters
-    ----------
-    records
-        That the model was fitted to.
-    begun
-        The model, and its derivatives by the weights.
-    traces
-        The effects, as :meth:`~rdpi_gym.plant.effects.base.Effect.traces` returns them.
-    samples
-        As `begun` was made with.
-
-    Returns
-    -------
-    float
-        0 to 1, of the squares of the records to fit. Plays of the model that have no weight get
-        none, and its effects do not move.
-    """
+    """Return the share of what a model leaves that a sum of small effects takes beside its weights."""
     products = _products(records, begun, traces, samples)
     beside = len(products) - len(traces) - 1
     whole = float(products[-1, -1])
@@ -59,15 +41,6 @@ def nearest(
 
     Half of them as they are; the others with their response by any factor, as the right place may
     still have a wrong size.
-
-    Parameters
-    ----------
-    records, begun, samples
-        As :func:`taken_by`.
-    places
-        The starts.
-    count
-        How many.
     """
     products = _products(records, begun, places, samples)
     beside = list(range(len(products) - len(places) - 1))

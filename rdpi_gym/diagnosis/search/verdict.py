@@ -70,21 +70,6 @@ def judge(
 ) -> Judgement:
     """Judge a model as it is saved.
 
-    Parameters
-    ----------
-    setting
-        The data.
-    variant
-        The model.
-    rmse_um
-        Its error on the validation records (µm rms).
-    noise_um
-        Noise floor (µm rms).
-    numerical
-        What the simulation of the model on these records leaves open.
-    added
-        Whether it has effects that the search added.
-
     Notes
     -----
     A model that is right leaves more than the noise where records are sampled so slowly that the

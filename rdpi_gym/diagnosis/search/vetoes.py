@@ -42,27 +42,11 @@ Those of the commands (``few ...``) say what cannot be seen at too few amplitude
 def capped(candidate: Candidate, measured: Sequence[Check]) -> Candidate:
     """Return a candidate no surer than it can be where no test without a model can see its effect.
 
-    Parameters
-    ----------
-    candidate
-        What a fit says.
-    measured
-        The tests of the measurement.
-
     Notes
     -----
     A fit names an effect from its trace among everything else. Where each test that could show
     that trace by itself says ``cannot tell``, or that the command does not hold what would show
     it, a wrong form of something else may leave the same trace.
-
-    Examples
-    --------
-    >>> from rdpi_gym.diagnosis.checks.check import cannot_tell
-    >>> from rdpi_gym.diagnosis.results import Errors
-    >>> creep = Candidate("creep", Errors(1.0, 1.0, 1.0, {}), {}, {}, 0.98, 0.9, (), "")
-    >>> blind = (cannot_tell("creep", "The command never rests.", ""),)
-    >>> capped(creep, blind).confidence, capped(creep, blind).remarks
-    (0.5, ('at most 50 %, as no test without a model sees creep here: the command never rests',))
     """
     said = {check.name: check for check in measured}
     tests = [said[name] for name in SEEN_BY.get(candidate.effect, ()) if name in said]
@@ -93,26 +77,6 @@ def hear(
     seed: int,
 ) -> str | None:
     """Compare the tests on the measurement with the same tests on the model with the effect.
-
-    Parameters
-    ----------
-    dataset
-        The measurement.
-    measured
-        Its tests.
-    variant
-        The model with the effect.
-    effect
-        Its name.
-    noise_um
-        White noise (µm rms) of the simulated records.
-    seed
-        Of that noise.
-
-    Returns
-    -------
-    str or None
-        A sentence where a test denies the effect that would have shown it.
 
     Notes
     -----

@@ -133,15 +133,7 @@ class TaskEnv(PiezoTrackingEnv):
 
 
 def environment_of(task: StageTask, module: str) -> type[TaskEnv]:
-    """Return the class of a task's environment, whose docstring is the task's page.
-
-    Parameters
-    ----------
-    task
-        The task.
-    module
-        That states the class, as ``Piezo<name>Env``: pickles look for it there.
-    """
+    """Return the class of a task's environment, whose docstring is the task's page."""
     name = f"Piezo{task.name}Env"
     return type(name, (TaskEnv,), {"__doc__": page_of(task), "__module__": module, "task": task})
 
@@ -149,19 +141,7 @@ def environment_of(task: StageTask, module: str) -> type[TaskEnv]:
 def vector_of(
     task: StageTask, num_envs: int, history: int | None = None, **options: Any
 ) -> VectorHistoryObservation | PiezoTrackingVectorEnv:
-    """Return the vector environment of a task whose plants are numbers about one nominal plant.
-
-    Parameters
-    ----------
-    task
-        The task.
-    num_envs
-        Number of lanes.
-    history
-        Earlier samples in an observation; by default the task's.
-    **options
-        Those of :class:`~rdpi_gym.envs.vector.PiezoTrackingVectorEnv`, in place of the task's.
-    """
+    """Return the vector environment of a task whose plants are numbers about one nominal plant."""
     lanes = PiezoTrackingVectorEnv(num_envs, **{**task.options, **options})
     steps = task.history if history is None else history
     return VectorHistoryObservation(lanes, steps) if steps else lanes

@@ -12,14 +12,7 @@ from rdpi_gym.signals import Signal
 
 
 def page_of(task: StageTask) -> str:
-    """Return a page in Gymnasium's style: plant, belief, references, protocol.
-
-    Examples
-    --------
-    >>> from rdpi_gym.envs.tasks import TASKS
-    >>> page_of(TASKS["Bare"]).splitlines()[0]
-    'A stage with nothing but rate-dependent hysteresis.'
-    """
+    """Return a page in Gymnasium's style: plant, belief, references, protocol."""
     first = task.nominals[0]
     history = (
         f"An observation holds {task.history} earlier samples of reference, reading and command."

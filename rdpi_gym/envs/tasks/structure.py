@@ -19,30 +19,13 @@ _EFFECTS = (LAG, CREEP, MODE)
 
 
 def structure_truth(kind: str) -> PlantModel:
-    """Return the nominal stage of a kind of hysteresis: the PICMA stack's core, with a stage's effects.
-
-    Parameters
-    ----------
-    kind
-        Of :data:`KINDS`.
-
-    Examples
-    --------
-    >>> structure_truth("preisach").hysteresis.name
-    'preisach'
-    """
+    """Return the nominal stage of a kind of hysteresis: the PICMA stack's core, with a stage's effects."""
     base = named_plant(f"picma-{kind}")
     return stage(f"PICMA {kind} stage", *_EFFECTS, base=base)
 
 
 def structure_belief(kind: str) -> PlantModel:
-    """Return the RDPI model that was fitted to records of that stage's core, with the same effects.
-
-    Parameters
-    ----------
-    kind
-        Of :data:`KINDS`.
-    """
+    """Return the RDPI model that was fitted to records of that stage's core, with the same effects."""
     path = Path(str(files("rdpi_gym.envs.tasks") / "beliefs")) / f"{kind}.json"
     truth = structure_truth(kind)
     fitted = PlantModel.load(path)

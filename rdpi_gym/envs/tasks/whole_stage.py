@@ -40,13 +40,6 @@ def load(model: PlantModel, rng: np.random.Generator) -> Mapping[int, PlantModel
     It begins within the first tenth of a second that is scored, and takes :data:`GLIDE_S`; its
     frequency goes evenly in its logarithm, step by step of :data:`~rdpi_gym.envs.tasks.changing.BLOCK`
     samples.
-
-    Examples
-    --------
-    >>> became = load(STAGE.nominal(), np.random.default_rng(0))
-    >>> modes = [m.effects[2].values["f0_hz"] for m in became.values()]
-    >>> len(modes), bool(0.5 * 739.0 <= modes[-1] <= 0.8 * 739.0)
-    (10, True)
     """
     (mode,) = (effect for effect in model.effects if isinstance(effect, Resonance))
     begin = FIRST + BLOCK * int(rng.integers(1000 // BLOCK))
@@ -66,12 +59,6 @@ def ageing(model: PlantModel, share: float) -> PlantModel:
     At its end the gains are 15 % smaller (the ceramic has lost polarisation), the thresholds 20 %
     wider, creep is twice as large, and the mode 10 % lower (the flexure has cracks). The sizes are
     an estimate.
-
-    Examples
-    --------
-    >>> old = ageing(STAGE.nominal(), 1.0)
-    >>> round(old.hysteresis.A / STAGE.nominal().hysteresis.A, 3)
-    0.85
     """
     core = model.hysteresis
     factors = np.ones(core.factors)

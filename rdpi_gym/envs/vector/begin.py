@@ -59,21 +59,7 @@ def seed_generators(seeds: Words, indices: Integers, generators: Words) -> None:
 def draw_episodes(
     generators: Words, indices: Integers, choices: int, half_width: float, drawn: Drawn
 ) -> None:
-    """Draw what the single environment draws at a reset, for some lanes.
-
-    Parameters
-    ----------
-    generators : uint64[B, 4]
-        Of all lanes; those at `indices` move on.
-    indices : int64[m]
-        Lanes.
-    choices
-        Number of references.
-    half_width
-        Of the factors.
-    drawn
-        Filled.
-    """
+    """Draw what the single environment draws at a reset, for some lanes."""
     rng = np.empty(4, dtype=np.uint64)
     low, high = 1.0 - half_width, 1.0 + half_width
     for j in range(len(indices)):
@@ -111,19 +97,7 @@ def place_plants(step: int, rest_V: float, column: Column, drawn: Drawn, fresh: 
 
 @njit(cache=True)
 def scale_packed(gains: int, gaps_V: Array, factors: Array, fresh: Lanes) -> None:
-    """Multiply the parameters of lanes that begin: gains, gaps between thresholds, and the rest.
-
-    Parameters
-    ----------
-    gains
-        Number of gains.
-    gaps_V : float64[n]
-        Between neighbouring thresholds (V).
-    factors : float64[m, K]
-        As :meth:`rdpi_gym.plant.cores.base.Core.scaled` takes them.
-    fresh
-        One block, whose lanes have the parameters of one plant.
-    """
+    """Multiply the parameters of lanes that begin: gains, gaps between thresholds, and the rest."""
     p, rest = fresh.p[0], gains + len(gaps_V)
     for b in range(len(factors)):
         threshold = 0.0
@@ -138,17 +112,7 @@ def scale_packed(gains: int, gaps_V: Array, factors: Array, fresh: Lanes) -> Non
 
 @njit(cache=True)
 def settle_plays(rest_V: float, turns_V: Array, fresh: Lanes) -> None:
-    """Set the play states that a rest at `rest_V` leaves of earlier turns (V).
-
-    Parameters
-    ----------
-    rest_V
-        Command (V).
-    turns_V : float64[K, m]
-        Commands at which each lane turned, in order.
-    fresh
-        One block, with parameters as :mod:`rdpi_gym.plant.cores.play` states them.
-    """
+    """Set the play states that a rest at `rest_V` leaves of earlier turns (V)."""
     p, state = fresh.p[0], fresh.state[0]
     n = len(state) - 2
     for b in range(state.shape[1]):
@@ -162,16 +126,7 @@ def settle_plays(rest_V: float, turns_V: Array, fresh: Lanes) -> None:
 
 @njit(cache=True)
 def begin_signals(first: int, end: int, waves: tuple[Any, ...], noise: tuple[Any, ...]) -> None:
-    """Begin the references and the noise of lanes.
-
-    Parameters
-    ----------
-    first, end
-        Which of those that begin.
-    waves, noise
-        What :func:`rdpi_gym.envs.vector.waves.begin_waves` and
-        :func:`rdpi_gym.envs.vector.noise.begin_noise` take behind these.
-    """
+    """Begin the references and the noise of lanes."""
     begin_waves(first, end, *waves)
     begin_noise(first, end, *noise)
 
@@ -196,23 +151,7 @@ def show_first(
     work: Array,
     out: Shown,
 ) -> None:
-    """Write what the first sample of a block shows; displacements (µm) stand in a row of `work`.
-
-    Parameters
-    ----------
-    step
-        Of the environment.
-    row
-        Of `work`.
-    fresh
-        One block; its references are filled.
-    sources, law
-        As for a step; tables and noise of these lanes only.
-    work : float64[WORK, W]
-        Written over.
-    out
-        Observations and info of m lanes are filled.
-    """
+    """Write what the first sample of a block shows; displacements (µm) stand in a row of `work`."""
     numbers, window_um, info, observation = (
         fresh.numbers,
         fresh.window_um,

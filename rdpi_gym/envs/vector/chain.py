@@ -140,28 +140,7 @@ def run_chain(
     ts: float,
     work: Array,
 ) -> int:
-    """Advance the plants of a block by one sample, as ``Plant.step`` does.
-
-    Parameters
-    ----------
-    core
-        Number of the core's kernel.
-    p, state : float64[P, W], float64[S, W]
-        As that kernel states them.
-    stages : int64[n, 6]
-        See :data:`Table`.
-    stage_p, stage_state : float64[P', W], float64[S', W]
-        Parameters and states of all stages.
-    ts : float
-        Sampling time (s).
-    work : float64[6, W]
-        Row 0 holds the command (V) that the converter gives; the rest is written over.
-
-    Returns
-    -------
-    int
-        The row of `work` with the displacement (µm), without an offset that stands behind effects.
-    """
+    """Advance the plants of a block by one sample, as ``Plant.step`` does."""
     u, i = 0, 0
     while i < len(stages) and stages[i, 1] == _INPUT:
         _run_stage(stages[i], u, u, 1 - u, stage_p, stage_state, ts, work)

@@ -57,23 +57,7 @@ def _convert(n: int, step: int, hold: int, work: Array, numbers: Array) -> None:
 def command_block(
     n: int, step: int, actions: Array, base_V: Array, law: Law, work: Array, numbers: Array
 ) -> None:
-    """Read the actions of a block: row 0 of `work` gets what drives its plants (V).
-
-    Parameters
-    ----------
-    n, step
-        Number of the block, and step of the environment that these actions lead to.
-    actions : float64[B]
-        Actions, finite.
-    base_V : float64[B]
-        Commands (V) that are corrected; empty where actions are places or increments.
-    law
-        Numbers of the task.
-    work : float64[WORK, W]
-        Written over.
-    numbers : float64[N, NUMBERS, W]
-        Of :class:`rdpi_gym.envs.vector.lanes.Lanes`; commands and counts of clipped steps change.
-    """
+    """Read the actions of a block: row 0 of `work` gets what drives its plants (V)."""
     if law.places:
         _place_commands(n, actions, law, work, numbers)
     else:

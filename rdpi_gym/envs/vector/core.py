@@ -44,20 +44,7 @@ class CoreLanes:
         self.rows = (len(pack([self._nominal], ts_s, [0.0])), 2 + self._nominal.n)
 
     def column(self, model: PlantModel, offset_um: float) -> Array:
-        """Return the parameters of a plant with the same kind of core, float64[P].
-
-        Parameters
-        ----------
-        model
-            The plant.
-        offset_um
-            Added to the core's displacement (µm).
-
-        Raises
-        ------
-        InputError
-            It has another core, or one of another size.
-        """
+        """Return the parameters of a plant with the same kind of core, float64[P]."""
         core, nominal = model.hysteresis, self._nominal
         if core.name != nominal.name:
             raise InputError(
@@ -72,17 +59,7 @@ class CoreLanes:
         return pack([core], self._ts_s, [offset_um])[:, 0].copy()
 
     def draw(self, core: Core, factors: Array, fresh: Lanes) -> LaneCores:
-        """Put what lanes have drawn into a block that begins with the parameters of one plant.
-
-        Parameters
-        ----------
-        core
-            Of that plant.
-        factors : float64[m, K]
-            As its ``scaled`` takes them; K = 0: all lanes have that core.
-        fresh
-            The block.
-        """
+        """Put what lanes have drawn into a block that begins with the parameters of one plant."""
         cores = LaneCores(core, factors)
         if factors.shape[1] and core.drawn_as_packed:
             scale_packed(len(core.gains), self._gaps_V, factors, fresh)

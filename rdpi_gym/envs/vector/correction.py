@@ -53,15 +53,7 @@ class VectorCorrection:
             self.commands_V[lane] = self._each[lane].command_V
 
     def observe(self, observation: Floats32, begins: Flags) -> None:
-        """Take the observations ``(B, D)`` of this sample and find the commands for the next one.
-
-        Parameters
-        ----------
-        observation
-            Of all lanes; a baseline may write in it.
-        begins : bool[B]
-            Lanes that show the first observation of an episode.
-        """
+        """Take the observations ``(B, D)`` of this sample and find the commands for the next one."""
         if self.plans:
             for lane in np.flatnonzero(~begins).tolist():
                 self._each[lane].observe(observation[lane : lane + 1])

@@ -67,17 +67,7 @@ class KeptColumns:
     def pick(
         self, levels: Integers, fresh: Lanes, make: Callable[[int, Sequence[int]], Sequence[float]]
     ) -> None:
-        """Put the columns at the levels that lanes have drawn into a block that begins.
-
-        Parameters
-        ----------
-        levels : int64[m, L]
-            Of the effects, one after the other.
-        fresh
-            The block.
-        make
-            ``make(i, levels)``: the column of effect i.
-        """
+        """Put the columns at the levels that lanes have drawn into a block that begins."""
         while True:
             lane, i = _pick(levels, self._places, self._known, self._flat, fresh.stage_p)
             if i < 0:
@@ -171,13 +161,7 @@ class EffectStages:
             self._kept = KeptColumns(self._counts, self.table[:, 2:4])
 
     def column(self, model: PlantModel) -> Array:
-        """Return the stages' parameters of a plant with the same effects, float64[P'].
-
-        Raises
-        ------
-        InputError
-            It has other effects or other forms of them, or a delay longer than the lanes can hold.
-        """
+        """Return the stages' parameters of a plant with the same effects, float64[P']."""
         both = model.effects, self._effects
         if [type(effect) for effect in both[0]] != [type(effect) for effect in both[1]]:
             names = ("; ".join(effect.full_name() for effect in effects) for effects in both)
@@ -202,26 +186,7 @@ class EffectStages:
         rest_V: float,
         turns_V: Array,
     ) -> Array:
-        """Put the parameters at the levels that lanes have drawn into a block that begins.
-
-        Parameters
-        ----------
-        levels : int64[m, L]
-            Levels of all drawn parameters; L = 0: the effects stay as they are.
-        fresh
-            The block.
-        cores
-            Cores of its lanes.
-        rest_V
-            Command (V) at which the episodes begin.
-        turns_V : float64[K, m]
-            Commands at which the plant turned before its episodes.
-
-        Returns
-        -------
-        float64[K, m]
-            The same in these lanes.
-        """
+        """Put the parameters at the levels that lanes have drawn into a block that begins."""
         if self._kept is not None and levels.shape[1]:
             self._kept.pick(levels, fresh, self._column_at)
             return turns_V

@@ -18,18 +18,7 @@ from rdpi_gym.support.errors import InputError
 
 
 def checked_count(name: str, value: Any, what: str, most: int) -> int:
-    """Return a whole number of at least 1 and at most `most`.
-
-    Raises
-    ------
-    InputError
-        It is none; `what` says of what there have to be that many.
-
-    Examples
-    --------
-    >>> checked_count("num_envs", 2, "lanes", 10**7)
-    2
-    """
+    """Return a whole number of at least 1 and at most `most`."""
     if not is_whole(value, 1) or value > most:
         raise InputError(
             f"{name} is {shown(value)}; give a whole number of {what}, at least 1 and at most {most}"
@@ -38,18 +27,7 @@ def checked_count(name: str, value: Any, what: str, most: int) -> int:
 
 
 def checked_mode(mode: Any) -> AutoresetMode:
-    """Return an autoreset mode, given as such or by its value.
-
-    Raises
-    ------
-    InputError
-        There is no such mode.
-
-    Examples
-    --------
-    >>> checked_mode("SameStep")
-    <AutoresetMode.SAME_STEP: 'SameStep'>
-    """
+    """Return an autoreset mode, given as such or by its value."""
     try:
         return AutoresetMode(mode)
     except (TypeError, ValueError):
@@ -58,18 +36,7 @@ def checked_mode(mode: Any) -> AutoresetMode:
 
 
 def checked_seeds(seed: Any, lanes: int) -> list[int | None]:
-    """Return a seed for each lane: None leaves its generator as it is.
-
-    Raises
-    ------
-    InputError
-        A seed is no whole number of 0 to 2**64 - 1, or there is not one for each lane.
-
-    Examples
-    --------
-    >>> checked_seeds(5, 3)
-    [5, 6, 7]
-    """
+    """Return a seed for each lane: None leaves its generator as it is."""
     if seed is None:
         return [None] * lanes
     if is_whole(seed, -math.inf):
@@ -87,18 +54,7 @@ def checked_seeds(seed: Any, lanes: int) -> list[int | None]:
 
 
 def checked_mask(mask: Any, lanes: int) -> Flags:
-    """Return a mask of lanes.
-
-    Raises
-    ------
-    InputError
-        It is no array of bool, one for each lane, at least one of them true.
-
-    Examples
-    --------
-    >>> checked_mask(np.array([True, False]), 2).tolist()
-    [True, False]
-    """
+    """Return a mask of lanes."""
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (lanes,):
         found = f"{type(mask).__name__}"
         if isinstance(mask, np.ndarray):
@@ -120,18 +76,7 @@ def _read(actions: NDArray[np.floating[Any]], numbers: Array) -> float:
 
 
 def checked_actions(actions: Any, lanes: int) -> Array:
-    """Return actions ``(B, 1)`` as contiguous ``float64[B]``.
-
-    Raises
-    ------
-    InputError
-        They are no numbers, of another shape, or one of them is not finite.
-
-    Examples
-    --------
-    >>> checked_actions(np.array([[0.5], [-1.0]], dtype=np.float32), 2).tolist()
-    [0.5, -1.0]
-    """
+    """Return actions ``(B, 1)`` as contiguous ``float64[B]``."""
     numeric = isinstance(actions, np.ndarray) and actions.dtype.kind in "fiu"
     if not numeric or actions.shape != (lanes, 1):
         raise InputError(

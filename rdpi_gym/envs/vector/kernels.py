@@ -73,23 +73,7 @@ def _add_noise(n: int, sample: int, row: int, numbers: Array, noise: Array, work
 
 @njit(cache=True)
 def read_sensors(n: int, row: int, sample: int, numbers: Array, noise: Array, work: Array) -> None:
-    """Read the displacements (µm) in a row of `work`: noise, then rounding to the resolution.
-
-    Parameters
-    ----------
-    n
-        Number of the block.
-    row
-        Of `work`.
-    sample
-        Row of its `noise`.
-    numbers
-        Of :class:`rdpi_gym.envs.vector.lanes.Lanes`.
-    noise : float64[N, S, W]
-        Standard normal numbers; without rows where no sensor has noise.
-    work : float64[WORK, W]
-        Its row ``MEASURED`` is filled.
-    """
+    """Read the displacements (µm) in a row of `work`: noise, then rounding to the resolution."""
     if len(noise):
         _add_noise(n, sample, row, numbers, noise, work)
     else:
@@ -156,21 +140,7 @@ def _report_commands(n: int, numbers: Array, info: Array) -> None:
 def report(
     n: int, row: int, ring: int, work: Array, numbers: Array, window_um: Array, info: Array
 ) -> None:
-    """Fill the info of a block.
-
-    Parameters
-    ----------
-    n
-        Number of the block.
-    row, ring
-        Rows of `work` and of `window_um` with displacements and references (µm).
-    work : float64[WORK, W]
-        Read.
-    numbers, window_um
-        Of :class:`rdpi_gym.envs.vector.lanes.Lanes`.
-    info : float64[5, B]
-        Filled for the lanes of the block.
-    """
+    """Fill the info of a block."""
     _report_errors(n, row, ring, work, window_um, info)
     _report_commands(n, numbers, info)
 
@@ -196,20 +166,7 @@ def _end(n: int, step: int, max_steps: int, numbers: Array, truncated: Flags) ->
 
 @njit(cache=True, inline="always")
 def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None:
-    """Write what a step shows of a block whose displacements (µm) stand in a row of `work`.
-
-    Parameters
-    ----------
-    n, step
-        As :func:`rdpi_gym.envs.vector.commands.command_block`.
-    row
-        Of `work`.
-    work : float64[WORK, W]
-        Written over.
-    record
-        References and observations of the block move on; what is shown of its lanes is filled, and
-        `truncated` only where an episode ends.
-    """
+    """Write what a step shows of a block whose displacements (µm) stand in a row of `work`."""
     lanes, sources, shown, law = record
     numbers, window_um, observed = lanes.numbers, lanes.window_um, lanes.observed
     rows = window_um.shape[1]
@@ -278,19 +235,7 @@ def _unpacked(fields: Any) -> Record:
 def advance(
     blocks: int, step: int, actions: Array, base_V: Array, work: Array, fields: tuple[Any, ...]
 ) -> None:
-    """Take one step of all lanes.
-
-    Parameters
-    ----------
-    blocks
-        Number of blocks of lanes.
-    step, actions, base_V
-        As :func:`rdpi_gym.envs.vector.commands.command_block`.
-    work : float64[threads, WORK, W]
-        Written over.
-    fields
-        Those of the parts of a :class:`rdpi_gym.envs.vector.lanes.Record`, one after the other.
-    """
+    """Take one step of all lanes."""
     _advance_blocks(0, blocks, step, actions, base_V, work[0], _unpacked(fields))
 
 

@@ -118,11 +118,6 @@ def room(count: int, dtype: Any = np.float64) -> NDArray[Any]:
     """Return so many numbers, not filled, that begin at a cache line.
 
     Vector loads that straddle two lines cost twice, and JAX takes over what begins at one alone.
-
-    Examples
-    --------
-    >>> room(3, np.float32).ctypes.data % 64
-    0
     """
     size = np.dtype(dtype).itemsize
     raw = np.empty(count + _ALIGNMENT // size, dtype=dtype)
@@ -131,26 +126,14 @@ def room(count: int, dtype: Any = np.float64) -> NDArray[Any]:
 
 
 def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> NDArray[Any]:
-    """Return zeros that begin at a cache line, see :func:`room`.
-
-    Examples
-    --------
-    >>> aligned((2, 3)).tolist()
-    [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    """
+    """Return zeros that begin at a cache line, see :func:`room`."""
     zeros = room(math.prod(shape), dtype).reshape(shape)
     zeros[...] = 0
     return zeros
 
 
 def block_shape(lanes: int) -> tuple[int, int]:
-    """Return the number of blocks and their width for so many lanes.
-
-    Examples
-    --------
-    >>> block_shape(4096), block_shape(300), block_shape(1)
-    ((10, 416), (1, 320), (1, 32))
-    """
+    """Return the number of blocks and their width for so many lanes."""
     blocks = -(-lanes // _BLOCK)
     width = -(-lanes // blocks)
     return blocks, -(-width // _MULTIPLE) * _MULTIPLE
@@ -162,19 +145,7 @@ def make_lanes(
     preview: int,
     shared: tuple[bool, bool] = (False, False),
 ) -> Lanes:
-    """Return lanes that have not begun.
-
-    Parameters
-    ----------
-    shape
-        Number of blocks and their width.
-    rows
-        Of the core's parameters, its state, the stages' parameters, and their state.
-    preview
-        Samples of the reference shown ahead.
-    shared
-        Whether all lanes share the core's parameters, and those of the stages.
-    """
+    """Return lanes that have not begun."""
     blocks, width = shape
     p_blocks, stage_blocks = (1 if share else blocks for share in shared)
     lanes = Lanes(
@@ -221,23 +192,7 @@ def scatter(
     first: int, end: int, step: int, fresh: Lanes, observation: Floats32, indices: Integers,
     lanes: Lanes,
 ) -> None:  # fmt: skip
-    """Put lanes that have just begun, in one block of their own, in their places.
-
-    Parameters
-    ----------
-    first, end
-        Which of these lanes.
-    step
-        Of the environment.
-    fresh
-        One block; its lane j goes to the place ``indices[j]``.
-    observation : float32[m D]
-        What these lanes show first.
-    indices : int64[m]
-        Places.
-    lanes
-        Changed in those places, but for what blocks have of all their lanes.
-    """
+    """Put lanes that have just begun, in one block of their own, in their places."""
     blocks, _, width = lanes.state.shape
     at, size = step % SLIDE, lanes.window_um.shape[1] + 2
     for j in range(first, end):
@@ -272,19 +227,7 @@ def scatter_parallel(
 
 @njit(cache=True)
 def note_begun(step: int, indices: Integers, lanes: Lanes, max_steps: int, rise: int) -> None:
-    """Note in the blocks of lanes that begin at a step until when one rises, and when one ends.
-
-    Parameters
-    ----------
-    step
-        Of the environment.
-    indices : int64[m]
-        The lanes.
-    lanes
-        Changed.
-    max_steps, rise
-        Steps of an episode, and samples of the longest smooth start.
-    """
+    """Note in the blocks of lanes that begin at a step until when one rises, and when one ends."""
     blocks, _, width = lanes.state.shape
     changed = np.zeros(blocks, dtype=np.bool_)
     for lane in indices:

@@ -17,19 +17,7 @@ SAMPLES = 32
 
 @njit(cache=True)
 def draw_noise(n: int, row: int, begin: int, end: int, rngs: Words, tables: Array) -> None:
-    """Draw the rows of a block's lanes from a row on, for the lanes that have a generator.
-
-    Parameters
-    ----------
-    n, row
-        The block, and the first row that is drawn; before it all stays.
-    begin, end
-        The lanes, counted within the block.
-    rngs : uint64[N W, 4]
-        Generators of all lanes, zeros where a sensor has no noise; they move on.
-    tables : float64[N, S, W]
-        Filled there.
-    """
+    """Draw the rows of a block's lanes from a row on, for the lanes that have a generator."""
     width = tables.shape[2]
     for b in range(begin, end):
         lane = n * width + b
@@ -43,27 +31,7 @@ def begin_noise(
     first: int, end: int, step: int, share: int, indices: Integers, noise_um: float, seeds: Words,
     rngs: Words, tables: Array, first_noise: Array,
 ) -> None:  # fmt: skip
-    """Seed the generators of lanes that begin at a step, and draw what is left of their blocks' rows.
-
-    Parameters
-    ----------
-    first, end
-        Which of these lanes.
-    step
-        Of the environment.
-    share
-        Blocks that a thread has.
-    indices : int64[m]
-        The lanes.
-    noise_um
-        Standard deviation (µm) of their sensors.
-    seeds : uint64[m]
-        Of their generators.
-    rngs, tables
-        As :func:`draw_noise`; nothing is done where there are no rows.
-    first_noise : float64[1, 1, m]
-        Filled with their first numbers.
-    """
+    """Seed the generators of lanes that begin at a step, and draw what is left of their blocks' rows."""
     if not len(tables):
         return
     _, rows, width = tables.shape
@@ -104,13 +72,7 @@ class NoiseTables:
         self.tables: Array = np.zeros((0, SAMPLES, 1))
 
     def ready(self, step: int, indices: Integers, noise_um: float, seeds: Words) -> tuple[Any, ...]:
-        """Make room for the noise of lanes that begin at a step, once there is any.
-
-        Returns
-        -------
-        tuple
-            What :func:`begin_noise` takes behind the lanes' ends.
-        """
+        """Make room for the noise of lanes that begin at a step, once there is any."""
         if not len(self.tables) and noise_um > 0.0:
             self.rngs = np.zeros((self._blocks * self._width, 4), dtype=np.uint64)
             self.tables = aligned((self._blocks, SAMPLES, self._width))

@@ -79,15 +79,7 @@ def _step(rng: Words) -> None:
 
 @njit(cache=True)
 def seed_generator(seed: Word, rng: Words) -> None:
-    """Fill `rng` with the state of ``numpy.random.default_rng(seed)``.
-
-    Parameters
-    ----------
-    seed : uint64
-        The seed.
-    rng : uint64[4]
-        Filled.
-    """
+    """Fill `rng` with the state of ``numpy.random.default_rng(seed)``."""
     pool = np.zeros(4, dtype=np.uint64)
     pool[0], pool[1] = seed & _LOW32, seed >> _32
     constant = _INIT_A
@@ -169,15 +161,7 @@ def _normal_of(word: Word, rng: Words) -> float:
 
 @njit(cache=True)
 def draw_normals(rng: Words, numbers: Array) -> None:
-    """Fill `numbers` as ``rng.standard_normal`` does: the ziggurat of Marsaglia and Tsang (2000).
-
-    Parameters
-    ----------
-    rng : uint64[4]
-        Moves on.
-    numbers : float64[K]
-        Filled.
-    """
+    """Fill `numbers` as ``rng.standard_normal`` does: the ziggurat of Marsaglia and Tsang (2000)."""
     high, low, more, less = rng[0], rng[1], rng[2], rng[3]
     for k in range(len(numbers)):
         high, low = _moved(high, low, more, less)

@@ -120,13 +120,7 @@ class References:
     def offered(
         self, reference: ReferenceChoice | None, frequency_hz: FrequencyChoice | None
     ) -> Offer:
-        """Return what episodes may draw, with what a reset gives instead.
-
-        Raises
-        ------
-        InputError
-            No such signal or frequency.
-        """
+        """Return what episodes may draw, with what a reset gives instead."""
         if reference is None and frequency_hz is None:
             return self.offer
         bounds = self.offer.bounds_hz if frequency_hz is None else frequency_bounds(frequency_hz)
@@ -135,29 +129,7 @@ class References:
     def ready(
         self, step: int, indices: Integers, offer: Offer, drawn: Drawn, fresh: Lanes
     ) -> tuple[Any, ...]:
-        """Make room for the references of lanes that begin, and fill the tables of those that need one.
-
-        Parameters
-        ----------
-        step
-            Of the environment.
-        indices : int64[m]
-            The lanes.
-        offer, drawn
-            What they drew of what.
-        fresh
-            One block, in which the waves are placed.
-
-        Returns
-        -------
-        tuple
-            What :func:`rdpi_gym.envs.vector.waves.begin_waves` takes behind the lanes' ends.
-
-        Raises
-        ------
-        InputError
-            A reference goes farther than what can be shown.
-        """
+        """Make room for the references of lanes that begin, and fill the tables of those that need one."""
         most = COLUMNS + int(offer.table[:, LINES].max())
         if most > self.waves.shape[1]:
             wider = np.zeros((self._lanes, most))
@@ -194,13 +166,7 @@ class References:
         return int(self.tables_um.shape[1]) - self._preview - AHEAD
 
     def extend(self, step: int, lanes: Lanes) -> None:
-        """Fill the tables that end before what `step` may take of them, from that step on.
-
-        Raises
-        ------
-        InputError
-            A reference goes farther than what can be shown.
-        """
+        """Fill the tables that end before what `step` may take of them, from that step on."""
         width = lanes.state.shape[2]
         for lane in np.flatnonzero(self._due <= step).tolist():
             if self.waves[lane, SHAPE] != SAMPLED:

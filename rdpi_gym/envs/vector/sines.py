@@ -24,13 +24,7 @@ _TAYLOR = tuple((-1.0) ** k / float(np.prod(np.arange(1.0, 2 * k + 2))) for k in
 
 @njit(cache=True, fastmath={"contract"})
 def sines(x: Array) -> None:
-    """Replace x by sin x, within two units in the last place; the loop runs on vector units.
-
-    Parameters
-    ----------
-    x : float64[W]
-        Arguments (rad), below 1e8; sines on return.
-    """
+    """Replace x by sin x, within two units in the last place; the loop runs on vector units."""
     for b in range(len(x)):
         half_turns = np.rint(x[b] * (1.0 / np.pi))
         r = x[b] - half_turns * _PI_A
@@ -90,27 +84,7 @@ def sample_references(
     taken_um: Array,
     value: Array,
 ) -> None:
-    """Fill `value` with r (µm) of a block at a step of the environment.
-
-    Parameters
-    ----------
-    n, step
-        Number of the block, and step of the environment.
-    rising
-        Whether a lane of the block may still be in its smooth start.
-    ts : float
-        Sampling time (s).
-    numbers : float64[N, NUMBERS, W]
-        Of :class:`rdpi_gym.envs.vector.lanes.Lanes`.
-    rises
-        Of :class:`rdpi_gym.envs.vector.lanes.Sources`.
-    row
-        Of `taken_um`.
-    taken_um : float64[N, K, W]
-        Samples of the lanes whose reference is no sine; without rows where all are.
-    value : float64[W]
-        Filled.
-    """
+    """Fill `value` with r (µm) of a block at a step of the environment."""
     _phases(n, float(step), ts, numbers, value)
     sines(value)
     _scale(n, numbers, value)

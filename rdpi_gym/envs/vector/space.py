@@ -52,13 +52,7 @@ class UnitBoxes(Box):
         super().__init__(-1.0, 1.0, (lanes, 1), np.float32, seed)
 
     def sample(self, mask: Any = None, probability: Any = None) -> NDArray[Any]:
-        """Return numbers uniform over [-1, 1), ``float32[lanes, 1]``.
-
-        Raises
-        ------
-        gymnasium.error.Error
-            A mask or a probability is given, which no Box takes.
-        """
+        """Return numbers uniform over [-1, 1), ``float32[lanes, 1]``."""
         if mask is not None or probability is not None:
             return super().sample(mask, probability)
         actions = np.empty(self.shape, dtype=np.float32)

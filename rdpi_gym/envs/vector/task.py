@@ -155,26 +155,7 @@ class VectorTask:
         seed_generators(seeds, indices, self._generators)
 
     def begin(self, indices: Integers, options: Mapping[str, Any]) -> tuple[Floats32, Array]:
-        """Begin episodes in some lanes.
-
-        Parameters
-        ----------
-        indices : int64[m]
-            The lanes.
-        options
-            Of a reset, checked for their names.
-
-        Returns
-        -------
-        observation : float32[m, D]
-        info : float64[5, m]
-            Displacement, reference, error (µm), command (V), clipped steps.
-
-        Raises
-        ------
-        InputError
-            Options of which no episode can be made, or a plant that is built unlike the lanes'.
-        """
+        """Begin episodes in some lanes."""
         truths, count = self._single.truths, len(indices)
         given = truths.given(options, self._layout)
         column = self._column if given is None else self._column_of(given)
@@ -232,18 +213,7 @@ class VectorTask:
         return observation, shown.info
 
     def advance(self, actions: Array) -> Shown:
-        """Take one step of all lanes.
-
-        Parameters
-        ----------
-        actions : float64[B]
-            Finite.
-
-        Returns
-        -------
-        Shown
-            Fresh arrays.
-        """
+        """Take one step of all lanes."""
         base_V = np.empty(0)
         if self._correction is not None:
             self._correction.observe(self.observations(), self._begins)

@@ -100,25 +100,7 @@ def fill_wave(
     wave: Array, table_um: Array, first: int, ts_s: float, rises: Array, turns: Array,
     samples_um: Array,
 ) -> None:  # fmt: skip
-    """Take samples (µm) of a wave that is no sine.
-
-    Parameters
-    ----------
-    wave : float64[C]
-        The wave, nothing left to draw.
-    table_um : float64[M]
-        What Python sampled of it, where it did.
-    first
-        Sample of the episode in the first place.
-    ts_s
-        Sampling time (s).
-    rises : float64[R, K]
-        Of :class:`rdpi_gym.envs.vector.lanes.Sources`.
-    turns
-        Of :func:`make_turns`; what is kept there serves all multisines of the same frequencies.
-    samples_um : float64[M']
-        Filled.
-    """
+    """Take samples (µm) of a wave that is no sine."""
     if wave[SHAPE] == SAMPLED:
         begin, last = first - int(wave[FIRST]), len(table_um) - 1
         for k in range(len(samples_um)):
@@ -234,19 +216,7 @@ def sample_ahead(
     n: int, ahead: int, ts_s: float, numbers: Array, rises: Array, waves: Array, tables_um: Array,
     ahead_um: Array,
 ) -> None:  # fmt: skip
-    """Take the samples of a block's waves from a step on that is its first row's.
-
-    Parameters
-    ----------
-    n, ahead
-        The block, and the step of the environment.
-    ts_s, rises
-        As :func:`fill_wave`.
-    numbers
-        Of :class:`rdpi_gym.envs.vector.lanes.Lanes`.
-    waves, tables_um, ahead_um
-        Of :class:`rdpi_gym.envs.vector.lanes.Sources`; the last is filled.
-    """
+    """Take the samples of a block's waves from a step on that is its first row's."""
     width = ahead_um.shape[2]
     samples, turns = np.empty(AHEAD), make_turns(waves.shape[1])
     for b in range(min(width, len(waves) - n * width)):
@@ -265,33 +235,7 @@ def begin_waves(
     table: Array, choice: Integers, position: Array, seed: Integers, ts_s: float, rises: Array,
     numbers: Array, waves: Array, tables_um: Array, ahead_um: Array, first_um: Array,
 ) -> None:  # fmt: skip
-    """Choose the waves of lanes that begin, and sample those that are no sines.
-
-    Parameters
-    ----------
-    first, end
-        Which of these lanes.
-    step
-        Of the environment.
-    share
-        Blocks that a thread has.
-    indices : int64[m]
-        The lanes.
-    low_hz, high_hz
-        Lowest and highest frequency (Hz).
-    table : float64[K, COLUMNS]
-        Waves that may be drawn.
-    choice, position, seed
-        Which of them: of :class:`Drawn`.
-    ts_s, rises
-        As :func:`fill_wave`.
-    numbers : float64[1, NUMBERS, W]
-        Of the block that begins; the reference is filled, its rate NaN where it is no sine.
-    waves, tables_um, ahead_um
-        Of :class:`rdpi_gym.envs.vector.lanes.Sources`; changed for these lanes.
-    first_um : float64[1, preview + 1, m]
-        Filled with what they show first; without rows where all are sines.
-    """
+    """Choose the waves of lanes that begin, and sample those that are no sines."""
     width, shown = ahead_um.shape[2], first_um.shape[1]
     samples, turns = np.empty(shown + AHEAD), make_turns(waves.shape[1])
     for j in range(first, end):

@@ -427,21 +427,7 @@ def compute(
     out: Traced | None = None,
     cast: bool = True,
 ) -> Traced:
-    """Write an elementwise operation.
-
-    Parameters
-    ----------
-    kind
-        Of what it returns.
-    expression
-        Text of one element from the texts of the operands' elements.
-    *operands
-        Broadcast against each other.
-    out
-        Where it goes; None: a new array.
-    cast
-        Whether flags and counts are made real numbers first.
-    """
+    """Write an elementwise operation."""
     recording = recording_of(*operands, out)
     shape = np.broadcast_shapes(*(shape_of(each) for each in operands))
     if out is None:
@@ -558,21 +544,7 @@ def read_by_loops(
     operands: Sequence[tuple[Operand, Sequence[int]]],
     cast: bool = True,
 ) -> list[str] | None:
-    """Return the text of an element of each operand by the indices i, j, k of loops over three axes.
-
-    Parameters
-    ----------
-    recording
-        Where it is read.
-    operands
-        Each with the shape in which its elements lie along those axes, 1 where it does not move.
-    cast
-        Whether flags and counts are made real numbers.
-
-    Returns
-    -------
-    list of str, or None where an operand's elements are no even steps along them.
-    """
+    """Return the text of an element of each operand by the indices i, j, k of loops over three axes."""
     texts = []
     for operand, shape in operands:
         read = _read(operand, shape_of(operand), recording, cast)

@@ -76,13 +76,7 @@ _FUNCTIONS = {
 def apply_ufunc(
     ufunc: np.ufunc, method: str, inputs: Sequence[Any], options: dict[str, Any]
 ) -> Traced:
-    """Write an elementwise function of NumPy.
-
-    Raises
-    ------
-    InputError
-        It has no C, or is asked for in a way that has none.
-    """
+    """Write an elementwise function of NumPy."""
     out = options.pop("out", None)
     where = options.pop("where", True)
     options.pop("dtype", None)

@@ -27,18 +27,7 @@ _STEPS = re.compile(r"(?:(\d+) \+ )?i")
 
 
 def joined(items: Sequence[Item]) -> tuple[Item, ...]:
-    r"""Return the code with neighbouring loops joined where each element is made as it was.
-
-    Examples
-    --------
-    >>> def loop(body):
-    ...     return Statement(f"for (int32_t i = 0; i < 3; ++i) {{\n    {body};\n}}")
-    >>> items = [Statement("rdpi_real t0[3];", "t0"), loop("t0[i] = m->state[1 + i]"), loop("m->state[i] = t0[i]")]
-    >>> print(joined(items)[-1].text)
-    for (int32_t i = 0; i < 3; ++i) {
-        m->state[i] = m->state[1 + i];
-    }
-    """
+    r"""Return the code with neighbouring loops joined where each element is made as it was."""
     uses: dict[str, int] = {}
     for line in lines(items):
         for name in LOCAL.findall(line):

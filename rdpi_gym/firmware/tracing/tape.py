@@ -76,29 +76,6 @@ def recorded(run: Callable[[Tape], None]) -> tuple[Item, ...]:
     r"""Return what code writes on a tape, run once for each end that its decisions lead to.
 
     What both sides of a fork end with is written once, behind it; what nothing reads is left out.
-
-    Parameters
-    ----------
-    run
-        Does the same whenever it is given the same answers.
-
-    Raises
-    ------
-    InputError
-        There are too many ends.
-
-    Examples
-    --------
-    >>> from rdpi_gym.firmware.tracing.statements import lines
-    >>> def run(tape):
-    ...     if tape.decide("t0"):
-    ...         tape.write("m->state[0] = RDPI_C(1.0);", keeps=True)
-    ...     tape.write("return t0;", keeps=True)
-    >>> print("\n".join(lines(recorded(run))))
-    if (t0) {
-        m->state[0] = RDPI_C(1.0);
-    }
-    return t0;
     """
     ends = itertools.count(1)
     items = _grown(run, (), 0, ends, itertools.count())

@@ -67,24 +67,12 @@ Scalar = Known | Number
 
 
 def is_simple(text: str) -> bool:
-    """Whether an expression may be written twice: a name, a literal or one element.
-
-    Examples
-    --------
-    >>> is_simple("state[2]"), is_simple("RDPI_C(0.5)"), is_simple("a + b")
-    (True, True, False)
-    """
+    """Whether an expression may be written twice: a name, a literal or one element."""
     return re.fullmatch(r"-?[\w.>-]*\w(\[[\w ]+\])?|RDPI_C\([-\w.+]+\)", text) is not None
 
 
 def bare(text: str) -> str:
-    """Return an expression without the parentheses that hold all of it.
-
-    Examples
-    --------
-    >>> bare("(a + (b))"), bare("(a) * (b)")
-    ('a + (b)', '(a) * (b)')
-    """
+    """Return an expression without the parentheses that hold all of it."""
     if not (text.startswith("(") and text.endswith(")")):
         return text
     depth = 0
@@ -140,13 +128,7 @@ class Arithmetic:
         self.mathematics: set[str] = set()
 
     def binary(self, name: str, left: Scalar, right: Scalar) -> Scalar:
-        """Return the value of an operator, by the name of its node in Python's syntax tree.
-
-        Raises
-        ------
-        InputError
-            It has no C for numbers of these types.
-        """
+        """Return the value of an operator, by the name of its node in Python's syntax tree."""
         sign, known = BINARY[name]
         if isinstance(left, Known) and isinstance(right, Known):
             return Known(known(left.value, right.value))
@@ -251,13 +233,7 @@ class Arithmetic:
         return Number(f"rdpi_abs({bare(value.text)})")
 
     def function(self, name: str, *arguments: Scalar) -> Scalar:
-        """Return a function of the mathematics.
-
-        Raises
-        ------
-        InputError
-            C has it under no such name.
-        """
+        """Return a function of the mathematics."""
         if name == "copysign" and len(arguments) == 2:
             size, sign = arguments
             if isinstance(size, Known) and isinstance(sign, Known):

@@ -33,15 +33,7 @@ class Body(Expressions):
     """
 
     def translate(self) -> None:
-        """Write the lines.
-
-        Raises
-        ------
-        InputError
-            What has no C, with its place.
-        Retyped
-            A variable holds more than was thought.
-        """
+        """Write the lines."""
         try:
             self._statements(self._source.tree.body)
         except InputError as error:

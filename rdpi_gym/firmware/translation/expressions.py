@@ -439,13 +439,7 @@ class Expressions(Scope):
 
 
 def tuple_of(value: Item) -> tuple[Any, ...]:
-    """Return the items of a known tuple.
-
-    Raises
-    ------
-    InputError
-        It is something else.
-    """
+    """Return the items of a known tuple."""
     if isinstance(value, Known) and isinstance(value.value, tuple | range | list):
         return tuple(value.value)
     raise InputError("something else than a tuple is counted through")

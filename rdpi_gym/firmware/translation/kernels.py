@@ -96,23 +96,7 @@ class Functions:
     def call(
         self, kernel: Any, arguments: Sequence[Value], local: Callable[[Kind, int], str]
     ) -> Called:
-        """Return a call of a kernel, which is translated where it has not been.
-
-        Parameters
-        ----------
-        kernel
-            Compiled by numba.
-        arguments
-            In the order of its parameters; those left out have their defaults.
-        local
-            ``local(kind, count)`` declares an array of the caller's and returns its name: for a
-            kernel that returns one.
-
-        Raises
-        ------
-        InputError
-            The kernel does what has no C; with the place.
-        """
+        """Return a call of a kernel, which is translated where it has not been."""
         values = _filled(kernel, arguments)
         key = kernel.py_func, tuple(_described(value) for value in values)
         if key not in self._made:

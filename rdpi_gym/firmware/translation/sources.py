@@ -42,13 +42,7 @@ class Source:
 
 @cache
 def source_of(kernel: Any) -> Source:
-    """Return the source of a kernel.
-
-    Raises
-    ------
-    InputError
-        It was not written in a file.
-    """
+    """Return the source of a kernel."""
     function = kernel.py_func
     try:
         lines, first = inspect.getsourcelines(function)
@@ -100,13 +94,7 @@ def is_left(body: Sequence[ast.stmt]) -> bool:
 
 
 def straight(body: Sequence[ast.stmt]) -> list[ast.stmt]:
-    """Return the body of a loop of one turn without jumps: what follows one is its other branch.
-
-    Raises
-    ------
-    InputError
-        It jumps from somewhere else than the end of a branch.
-    """
+    """Return the body of a loop of one turn without jumps: what follows one is its other branch."""
     made: list[ast.stmt] = []
     for k, each in enumerate(body):
         if isinstance(each, ast.Break | ast.Continue):

@@ -73,38 +73,7 @@ class Operations:
 
 
 def count(text: str, function: str, *, precision: int = 64) -> Operations:
-    """Count what one call of a function does at most.
-
-    Parameters
-    ----------
-    text
-        Source as this package writes it.
-    function
-        Name of the function.
-    precision
-        Value of ``RDPI_PRECISION``; branches of the preprocessor are taken by it.
-
-    Raises
-    ------
-    InputError
-        A loop has no bound that can be read off the text.
-
-    Examples
-    --------
-    >>> count('''static rdpi_real half(rdpi_real x)
-    ... {
-    ...     return RDPI_C(0.5) * x;
-    ... }
-    ... rdpi_real both(const rdpi_real *a)
-    ... {
-    ...     rdpi_real sum = RDPI_C(0.0);
-    ...     for (int32_t i = 0; i < 10; ++i) {
-    ...         sum += half(a[i + 1]) - RDPI_C(1.0);
-    ...     }
-    ...     return sum > RDPI_C(3.0) ? sum : RDPI_EXP(sum);
-    ... }''', "both")
-    Operations(additions=20, multiplications=10, comparisons=1, divisions=0, by_constants=0, mathematics=1)
-    """
+    """Count what one call of a function does at most."""
     return _Counter(_preprocessed(text, precision)).function(function)
 
 

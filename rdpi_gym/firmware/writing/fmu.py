@@ -40,36 +40,6 @@ def write_fmu(
     Every communication step is a whole multiple of the sampling time; inputs are held for it, and the
     outputs after it are those of its last sample. Two archives of one program are equal byte by byte
     where the compiler is the same.
-
-    Parameters
-    ----------
-    program
-        Plant or controller.
-    sources
-        Its generated C: at least ``rdpi_plant.c`` and ``rdpi_plant.h``, or those of a controller.
-    out
-        Where to write; its folder is made.
-    fmi
-        Version of the standard.
-
-    Returns
-    -------
-    Path
-        The file written.
-
-    Raises
-    ------
-    InputError
-        No such version; there is no C compiler, it refuses the code, or the file cannot be written.
-
-    Examples
-    --------
-    >>> from rdpi_gym.firmware.plants import plant_program
-    >>> from rdpi_gym.plant import named_plant
-    >>> write_fmu(plant_program(named_plant("P5"), 1e-4), {}, Path("p5.fmu"), "1.0")
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: FMI '1.0' is not written; choose 2.0 or 3.0
     """
     if fmi not in get_args(FmiVersion):
         raise InputError(f"FMI {quoted(fmi)} is not written; choose 2.0 or 3.0")
@@ -90,17 +60,7 @@ def write_fmu(
 def fmu_sources(
     program: Program, sources: Mapping[str, str], fmi: FmiVersion = "3.0"
 ) -> tuple[dict[str, str], str]:
-    """Return the files that an FMU is compiled from, by name, and the token that stands for them.
-
-    Parameters
-    ----------
-    program
-        Plant or controller.
-    sources
-        Its generated C; other files are left out.
-    fmi
-        Version of the standard.
-    """
+    """Return the files that an FMU is compiled from, by name, and the token that stands for them."""
     kind = program.kind
     texts = {name: sources[name] for name in (f"rdpi_{kind}.c", f"rdpi_{kind}.h")}
     own = f"rdpi_fmi{fmi[0]}"
@@ -125,28 +85,7 @@ def fmu_sources(
 def binary_place(
     fmi: FmiVersion, system: str = sys.platform, machine: str | None = None, bits: int | None = None
 ) -> tuple[str, str]:
-    """Return the folder of a machine's binaries, in ``binaries/``, and the ending of their names.
-
-    Parameters
-    ----------
-    fmi
-        Version of the standard.
-    system, machine, bits
-        As ``sys.platform``, ``platform.machine()`` and the width of an address have them; this
-        machine's where they are None.
-
-    Raises
-    ------
-    InputError
-        The standard has no name for it.
-
-    Examples
-    --------
-    >>> binary_place("2.0", "linux", "x86_64", 64), binary_place("3.0", "darwin", "arm64", 64)
-    (('linux64', '.so'), ('aarch64-darwin', '.dylib'))
-    >>> binary_place("3.0", "win32", "AMD64", 64)
-    ('x86_64-windows', '.dll')
-    """
+    """Return the folder of a machine's binaries, in ``binaries/``, and the ending of their names."""
     name = (platform.machine() if machine is None else machine).lower()
     wide = sys.maxsize > 2**32 if bits is None else bits == 64
     systems = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("win", ".dll")}

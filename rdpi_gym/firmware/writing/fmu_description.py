@@ -70,21 +70,7 @@ class Variable:
 
 
 def variables(program: Program) -> list[Variable]:
-    """Return the variables of a program's FMU.
-
-    Parameters
-    ----------
-    program
-        Controller: inputs ``reference_um``, ``measured_um``, ``reference_ahead_1_um`` ...; output
-        ``command_V``. Plant: input ``command_V``, output ``displacement_um``. Either has flags.
-
-    Examples
-    --------
-    >>> from rdpi_gym.firmware.plants import plant_program
-    >>> from rdpi_gym.plant import named_plant
-    >>> [one.name for one in variables(plant_program(named_plant("P5"), 1e-4))]
-    ['time', 'ts_s', 'displacement_um', 'clamped', 'out_of_range', 'command_V']
-    """
+    """Return the variables of a program's FMU."""
     low, high = (float(end) for end in program.command_range_V)
     found = [
         Variable("time", 0, "Time of the last communication point", "independent", "s"),
@@ -117,13 +103,6 @@ def model_identifier(program: Program) -> str:
 
     Only letters and digits of ASCII are kept of the names; what it begins with makes it no word of C
     and no name that a system keeps for itself.
-
-    Examples
-    --------
-    >>> from rdpi_gym.firmware.plants import plant_program
-    >>> from rdpi_gym.plant import named_plant
-    >>> model_identifier(plant_program(named_plant("P5"), 1e-4))
-    'rdpi_plant_P5'
     """
     title = [program.title] if program.kind == "controller" else []
     words = re.findall("[A-Za-z0-9]+", " ".join([*title, program.model]))
@@ -133,21 +112,7 @@ def model_identifier(program: Program) -> str:
 def model_description(
     program: Program, fmi: FmiVersion, token: str, sources: Sequence[str], tool: str
 ) -> bytes:
-    """Return ``modelDescription.xml``.
-
-    Parameters
-    ----------
-    program
-        What the FMU is of.
-    fmi
-        Version of the standard.
-    token
-        What tells whether binary and description belong together.
-    sources
-        Names of the files to compile, in ``sources/``; FMI 3.0 has them in a file of their own.
-    tool
-        Who wrote it.
-    """
+    """Return ``modelDescription.xml``."""
     third = fmi == "3.0"
     identifier = model_identifier(program)
     root = ElementTree.Element(
@@ -219,15 +184,7 @@ def model_description(
 
 
 def build_description(program: Program, sources: Sequence[str]) -> bytes:
-    """Return ``sources/buildDescription.xml`` of FMI 3.0.
-
-    Parameters
-    ----------
-    program
-        What the FMU is of.
-    sources
-        Names of the files to compile.
-    """
+    """Return ``sources/buildDescription.xml`` of FMI 3.0."""
     root = ElementTree.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     configuration = ElementTree.SubElement(
         root, "BuildConfiguration", {"modelIdentifier": model_identifier(program)}

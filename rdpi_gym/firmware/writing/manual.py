@@ -35,19 +35,7 @@ _BYTES = {"int32_t": 4, "uint32_t": 4, "int64_t": 8}
 def manual_text(
     source: Source, code: str, warnings: Sequence[str] = (), roundings: Roundings | None = None
 ) -> str:
-    """Return the page.
-
-    Parameters
-    ----------
-    source
-        The program.
-    code
-        Its header and its source, from which operations are counted.
-    warnings
-        What to beware of, a sentence each.
-    roundings
-        What it makes of them; None: nothing.
-    """
+    """Return the page."""
     program = source.program
     kind = program.kind
     low, high = program.command_range_V
@@ -93,15 +81,7 @@ def manual_text(
 
 
 def state_bytes(source: Source, precision: int) -> tuple[int, int]:
-    """Return the bytes of a state and of the parameters, as common compilers lay them out.
-
-    Parameters
-    ----------
-    source
-        The program.
-    precision
-        64, 32 or 31.
-    """
+    """Return the bytes of a state and of the parameters, as common compilers lay them out."""
     fixed = source.fixed
     if precision == 31 and fixed is not None:
         memory = [(_BYTES[part.type], len(part.rest)) for part in fixed.memory]

@@ -83,25 +83,7 @@ class Package:
 
 
 def write_package(package: Package, out: Path) -> Path:
-    """Write the folder, whole or not at all.
-
-    Parameters
-    ----------
-    package
-        What it is written from.
-    out
-        A folder that does not exist, is empty, or was written by an export.
-
-    Returns
-    -------
-    Path
-        The folder.
-
-    Raises
-    ------
-    InputError
-        The folder holds what no export wrote, or cannot be written.
-    """
+    """Write the folder, whole or not at all."""
     texts = package.files()
     known = {DESCRIPTION, BUILD, *texts, *_OTHER}
     check_out(out, known)
@@ -119,20 +101,7 @@ _OTHER = tuple(
 
 
 def check_out(out: Path, known: set[str] | None = None) -> None:
-    """Refuse a folder that an export may not replace, before anything is computed.
-
-    Parameters
-    ----------
-    out
-        The folder.
-    known
-        Names, relative to it, that an export writes; None: they are not looked at.
-
-    Raises
-    ------
-    InputError
-        It is a file, or holds what no export wrote.
-    """
+    """Refuse a folder that an export may not replace, before anything is computed."""
     if not out.exists():
         return
     if not out.is_dir():

@@ -8,14 +8,7 @@ from rdpi_gym.firmware.writing.templating import filled, template
 
 
 def sfunction_text(program: Program) -> str:
-    """Return ``rdpi_controller_sfunction.c`` or ``rdpi_plant_sfunction.c``, to be compiled with ``mex``.
-
-    Parameters
-    ----------
-    program
-        Controller: inputs r(k), the vector r(k+1) ..., y(k); outputs command and flags. Plant: input
-        u(k), outputs displacement and flags. Volts and micrometres, sampled at the program's time.
-    """
+    """Return ``rdpi_controller_sfunction.c`` or ``rdpi_plant_sfunction.c``, to be compiled with ``mex``."""
     if program.kind == "plant":
         return filled(template("sfunction_plant.c"), WHAT=f"Plant {safe(program.model)}")
     what = f"Controller {safe(program.title)} for plant {safe(program.model)}"

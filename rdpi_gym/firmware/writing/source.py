@@ -123,13 +123,7 @@ class Source:
 
 
 def safe(text: str) -> str:
-    """Return words of a user as they may stand in a comment of C: none of them ends it.
-
-    Examples
-    --------
-    >>> safe("stage */ int x; /* ??/"), safe("P10, 25 µm")
-    ('stage _ int x; _ _', 'P10, 25 _m')
-    """
+    """Return words of a user as they may stand in a comment of C: none of them ends it."""
     plain = re.sub(r"[^A-Za-z0-9 _.,:;+()=-]+", "_", text)
     return plain if len(plain) <= _LONGEST_TITLE else f"{plain[: _LONGEST_TITLE - 3]}..."
 
@@ -215,13 +209,7 @@ def source_text(source: Source) -> str:
 
 
 def identifiers(text: str) -> set[str]:
-    """Return the identifiers of a text of C, those of comments among them.
-
-    Examples
-    --------
-    >>> sorted(identifiers("return p->gain[0] * RDPI_C(1.5e3);"))
-    ['RDPI_C', 'gain', 'p', 'return']
-    """
+    """Return the identifiers of a text of C, those of comments among them."""
     return set(re.findall(r"(?<![\w.])[A-Za-z_]\w*", text))
 
 
@@ -513,14 +501,7 @@ def _values(table: Table | FixedTable) -> list[str]:
 
 
 def braced(values: Sequence[str], across: int = 4) -> str:
-    """Return numbers between braces, a few a line.
-
-    Examples
-    --------
-    >>> print(braced(["1", "2", "3"], across=2))
-        {1, 2,
-         3},
-    """
+    """Return numbers between braces, a few a line."""
     rows = [", ".join(values[k : k + across]) for k in range(0, len(values), across)]
     return "    {" + ",\n     ".join(rows) + "},"
 

@@ -12,23 +12,7 @@ def template(name: str) -> str:
 
 
 def filled(text: str, parts: set[str] | frozenset[str] = frozenset(), **values: str) -> str:
-    r"""Fill a text.
-
-    Parameters
-    ----------
-    text
-        ``@KEY@`` is filled with a value; a line that is filled with nothing goes. Lines from ``@IF_X@``
-        to ``@END_X@`` stay where ``X`` is a part.
-    parts
-        Those that stay.
-    **values
-        By key, in upper case.
-
-    Examples
-    --------
-    >>> filled("a @B@ c\n@GONE@\n@IF_MORE@\nmore\n@END_MORE@\nend\n", B="b", GONE="")
-    'a b c\nend\n'
-    """
+    r"""Fill a text."""
     for name in set(re.findall(r"@IF_(\w+)@", text)):
         stay = r"\1" if name in parts else ""
         text = re.sub(rf"@IF_{name}@\n(.*?)@END_{name}@\n", stay, text, flags=re.DOTALL)

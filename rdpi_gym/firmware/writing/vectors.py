@@ -35,17 +35,7 @@ class Vectors:
 
 
 def vectors(source: Source, samples: int = SAMPLES, lanes: int = 1, seed: int = _SEED) -> Vectors:
-    """Return random signals of several kinds, within and slightly beyond what is reached, answered by the twin.
-
-    Parameters
-    ----------
-    source
-        The program, with what it reaches.
-    samples, lanes
-        T and B.
-    seed
-        Of all that is drawn.
-    """
+    """Return random signals of several kinds, within and slightly beyond what is reached, answered by the twin."""
     rng = np.random.default_rng([seed, samples, lanes])
     program = source.program
     if program.kind == "plant":

@@ -189,20 +189,7 @@ _MATRICES = {count: _through(count) for count in set(_COUNTS)}
 
 @lru_cache(maxsize=4096)
 def curves(n: float, kappa: float) -> tuple[float, ...]:
-    """Return the numbers of both curves and of their inverses, as the kernel reads them.
-
-    Parameters
-    ----------
-    n
-        Exponent, from one.
-    kappa
-        κ, not negative.
-
-    Examples
-    --------
-    >>> len(curves(2.0, 0.5)) == COUNT
-    True
-    """
+    """Return the numbers of both curves and of their inverses, as the kernel reads them."""
     d0 = _first_difference(n, 1.0 / n)
     pole = (math.pi / n) / math.sin(math.pi / n)
     near_end = min(pole, _LONGEST)

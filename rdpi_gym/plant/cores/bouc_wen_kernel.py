@@ -180,20 +180,6 @@ def bouc_wen_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None
     Between two turns z is one curve over the way of the command: it comes back to zero on one side
     and goes away from it on the other. The way from zero is counted, so that it does not matter how
     a way is cut into samples, nor how long it is; a turn counts it anew, from z.
-
-    Parameters
-    ----------
-    u, v : float64[T, B]
-        Command (V) and its rate (V/s), which is not read.
-    p, state : float64[P, B], float64[S, B]
-        Rows of ``p``: k, d (µm/V), limits of z above and below zero (V), slope of z over the
-        command at zero above and below, over those limits (1/V), n, κ, a mark of all but k and d;
-        :func:`rdpi_gym.plant.cores.bouc_wen_curves.curves`; pole (unused), offset (µm). Rows 2 to 5
-        of the state are moved to the end of the block: z and the command that it has followed
-        (V), the way since z was zero, negative before (V), and the mark, with the sign of the way;
-        where it is another's, the way is counted anew.
-    y : float64[T, B]
-        Filled with the displacement (µm).
     """
     last_row, lanes = p.shape[0] - 1, u.shape[1]
     if lanes < VECTOR_LANES:

@@ -11,25 +11,7 @@ from rdpi_gym.support.errors import InputError
 
 
 def numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
-    """Return a list of numbers as floats.
-
-    Parameters
-    ----------
-    name
-        As errors name it.
-    values
-        The numbers, of any unit.
-
-    Raises
-    ------
-    InputError
-        It is no list, or holds what is no number.
-
-    Examples
-    --------
-    >>> numbers("weights", [1, 2.5])
-    (1.0, 2.5)
-    """
+    """Return a list of numbers as floats."""
     try:
         return tuple(float(value) for value in values)
     except (TypeError, ValueError, OverflowError):
@@ -37,47 +19,14 @@ def numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
 
 
 def check_weights(weights: Sequence[float], first: int = 0) -> None:
-    """Refuse weights (µm/V) that are not finite or negative; `first` is the index of the first one.
-
-    Raises
-    ------
-    InputError
-        With the first of them.
-
-    Examples
-    --------
-    >>> check_weights([0.5, -0.1], first=1)
-    Traceback (most recent call last):
-    rdpi_gym.support.errors.InputError: weight a_2 is -0.1; weights are finite and not negative (µm/V)
-    """
+    """Refuse weights (µm/V) that are not finite or negative; `first` is the index of the first one."""
     for i, a in enumerate(weights, start=first):
         if not (math.isfinite(a) and a >= 0):
             raise InputError(f"weight a_{i} is {a}; weights are finite and not negative (µm/V)")
 
 
 def check_thresholds(thresholds_V: Sequence[float], weights: int, operator: str) -> None:
-    """Refuse thresholds (V) that do not increase from above zero, or are not one for each weight.
-
-    Parameters
-    ----------
-    thresholds_V
-        Thresholds at rest (V).
-    weights
-        Number of weights that go with them.
-    operator
-        What has one threshold and one weight, as errors name it.
-
-    Raises
-    ------
-    InputError
-        With the first that is wrong, or with the numbers of both.
-
-    Examples
-    --------
-    >>> check_thresholds([1.0, 1.0], 2, "play")
-    Traceback (most recent call last):
-    rdpi_gym.support.errors.InputError: threshold r_2 is 1.0 V after 1.0 V; thresholds increase from above 0 V
-    """
+    """Refuse thresholds (V) that do not increase from above zero, or are not one for each weight."""
     if len(thresholds_V) != weights:
         raise InputError(
             f"{len(thresholds_V)} thresholds for {weights} {operator} weights; give one threshold for each of a_1 ... a_n"
@@ -90,17 +39,7 @@ def check_thresholds(thresholds_V: Sequence[float], weights: int, operator: str)
 
 
 def check_rate_bandwidth(rate_bandwidth_hz: float | None) -> None:
-    """Refuse a cut-off (Hz) of the rate's low-pass that is neither above zero nor None.
-
-    Raises
-    ------
-    InputError
-        With the value found.
-
-    Examples
-    --------
-    >>> check_rate_bandwidth(800.0)
-    """
+    """Refuse a cut-off (Hz) of the rate's low-pass that is neither above zero nor None."""
     if rate_bandwidth_hz is not None and not (
         is_finite(rate_bandwidth_hz) and rate_bandwidth_hz > 0
     ):
@@ -110,18 +49,7 @@ def check_rate_bandwidth(rate_bandwidth_hz: float | None) -> None:
 
 
 def check_shape(core: Core) -> None:
-    """Refuse a number of a core's shape that is not finite or beyond its bounds.
-
-    Raises
-    ------
-    InputError
-        With the first of them and its bounds.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_III_B
-    >>> check_shape(PAPER_III_B)
-    """
+    """Refuse a number of a core's shape that is not finite or beyond its bounds."""
     for number in core.shape:
         value = getattr(core, number.name)
         if not (is_finite(value) and number.low <= value <= number.high):
@@ -132,19 +60,7 @@ def check_shape(core: Core) -> None:
 
 
 def check_gain(name: str, value: float, signed: bool = False) -> None:
-    """Refuse a gain (µm/V) that is not finite, or negative where it may not be.
-
-    Raises
-    ------
-    InputError
-        With the value found.
-
-    Examples
-    --------
-    >>> check_gain("k", -0.5)
-    Traceback (most recent call last):
-    rdpi_gym.support.errors.InputError: k is -0.5; give a finite gain that is not negative
-    """
+    """Refuse a gain (µm/V) that is not finite, or negative where it may not be."""
     if not is_finite(value) or (value < 0 and not signed):
         kind = "gain" if signed else "gain that is not negative"
         raise InputError(f"{name} is {shown(value)}; give a finite {kind}")

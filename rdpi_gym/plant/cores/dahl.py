@@ -39,18 +39,7 @@ def _fall(q: float, way: float, m: float) -> float:
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def dahl_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
-    """Dahl's model in the command, exactly for a command that is linear between samples.
-
-    Parameters
-    ----------
-    u, v : float64[T, B]
-        Command (V) and its rate (V/s), which is not read.
-    p, state : float64[P, B], float64[S, B]
-        Rows of ``p``: s (µm/V), limit zc (V), exponent i; last row: offset (µm). Rows 2 and 3 of
-        the state, z and the command that it has followed (V), are moved to the end of the block.
-    y : float64[T, B]
-        Filled with the displacement (µm).
-    """
+    """Dahl's model in the command, exactly for a command that is linear between samples."""
     last_row, lanes = p.shape[0] - 1, u.shape[1]
     ahead, q, way, fall = np.empty(lanes), np.empty(lanes), np.empty(lanes), np.empty(lanes)
     for t in range(u.shape[0]):

@@ -26,16 +26,6 @@ def duhem_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     """Coleman-Hodgdon model in the command, exactly for a command that is linear between samples.
 
     With z = (y - b u) / (c - b) its equation is dz/du = 1 - sgn(u') z / l, which has a solution.
-
-    Parameters
-    ----------
-    u, v : float64[T, B]
-        Command (V) and its rate (V/s), which is not read.
-    p, state : float64[P, B], float64[S, B]
-        Rows of ``p``: b, c (µm/V), length l (V); last row: offset (µm). Rows 2 and 3 of the state,
-        z and the command that it has followed (V), are moved to the end of the block.
-    y : float64[T, B]
-        Filled with the displacement (µm).
     """
     last_row, lanes = p.shape[0] - 1, u.shape[1]
     limit, way_over, fall = np.empty(lanes), np.empty(lanes), np.empty(lanes)

@@ -119,15 +119,6 @@ def generalised_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> N
     Rows of ``p``: a_0 ... a_n (µm/V), r_1 ... r_n (V), of the rising and then of the falling
     envelope curvature (1/V), centre, farthest command from it and value at rest (V), gain of the
     falling one, pole (unused), offset (µm). Rows of ``state`` from 2 on: x_1 ... x_n (V).
-
-    Parameters
-    ----------
-    u, v : float64[T, B]
-        Command (V) and its rate (V/s), which does not matter.
-    p, state : float64[P, B], float64[S, B]
-        Parameters and state; the state is left where the block ended.
-    y : float64[T, B]
-        Filled with the displacement (µm).
     """
     if u.shape[1] >= _VECTOR_LANES:
         _many_lanes(u, p, state, y)

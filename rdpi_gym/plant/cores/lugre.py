@@ -29,17 +29,6 @@ def lugre_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     There dz/du = 1 - sgn(u') z / zg with one limit zg = g(v) / s0, however stiff it is in time. The
     way is that of the command itself; a rate that is low-passed stands in g and in the two terms
     that it drives, so that a slow walk ends where an exact one does.
-
-    Parameters
-    ----------
-    u, v : float64[T, B]
-        Command (V) and its rate (V/s).
-    p, state : float64[P, B], float64[S, B]
-        Rows of ``p``: s0 (µm/V), s1, s2 (µm s/V), Fc / s0 (V), (Fs - Fc) / s0 (V), 1 / vs (s/V);
-        last row: offset (µm). Rows 2 and 3 of the state, z and the command that it has followed
-        (V), are moved to the end of the block.
-    y : float64[T, B]
-        Filled with the displacement (µm).
     """
     last_row, lanes = p.shape[0] - 1, u.shape[1]
     limit, w, fall = np.empty(lanes), np.empty(lanes), np.empty(lanes)

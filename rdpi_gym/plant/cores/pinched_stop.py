@@ -29,15 +29,6 @@ def pinched_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
     Rows of ``p``: c, w_1 ... w_K (µm/V), the spring's sections continued to no deflection (µm),
     r (V), sections a volt, pole (unused), offset (µm). Row 2 of ``state``: where the spring is
     slack (V).
-
-    Parameters
-    ----------
-    u, v : float64[T, B]
-        Command (V) and its rate (V/s), which does not matter.
-    p, state : float64[P, B], float64[S, B]
-        Parameters and state; the state is left where the block ended.
-    y : float64[T, B]
-        Filled with the displacement (µm).
     """
     count = (p.shape[0] - 5) // 2
     for b in range(u.shape[1]):

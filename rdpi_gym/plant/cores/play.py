@@ -87,17 +87,6 @@ def rate_block(u: Array, p: Array, state: Array, ts: float, v: Array) -> None:
 
     The command is linear between samples, so its rate is constant there and a first-order
     low-pass is discretised exactly by its pole.
-
-    Parameters
-    ----------
-    u : float64[T, B]
-        Command (V).
-    p, state : float64[P, B], float64[S, B]
-        Parameters and state; rows 0 and 1 of the state are moved to the end of the block.
-    ts : float
-        Sampling time (s).
-    v : float64[T, B]
-        Filled with the rate (V/s).
     """
     pole_row = p.shape[0] - 2
     for b in range(u.shape[1]):
@@ -114,17 +103,7 @@ def rate_block(u: Array, p: Array, state: Array, ts: float, v: Array) -> None:
 
 @njit(cache=True)
 def given_rate_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
-    """RDPI sum, Eq. 3, 4 and 8, with the thresholds given as functions of time through a rate.
-
-    Parameters
-    ----------
-    u, v : float64[T, B]
-        Command (V) and the rate that sets the thresholds (V/s).
-    p, state : float64[P, B], float64[S, B]
-        Parameters and state; the play states (rows 2 on) are moved to the end of the block.
-    y : float64[T, B]
-        Filled with the displacement (µm).
-    """
+    """RDPI sum, Eq. 3, 4 and 8, with the thresholds given as functions of time through a rate."""
     if u.shape[1] >= _VECTOR_LANES:
         _many_lanes(u, v, p, state, y)
         return
@@ -140,19 +119,7 @@ def given_rate_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> No
 
 @njit(cache=True)
 def rdpi_block(u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """RDPI model, Eq. 2 to 5 and 8, with its own rate: the hysteresis stage of the chain.
-
-    Parameters
-    ----------
-    u : float64[T, B]
-        Command (V).
-    p, state : float64[P, B], float64[S, B]
-        Parameters and state; the state is left where the block ended.
-    ts : float
-        Sampling time (s).
-    y : float64[T, B]
-        Filled with the displacement (µm).
-    """
+    """RDPI model, Eq. 2 to 5 and 8, with its own rate: the hysteresis stage of the chain."""
     v = np.empty_like(u)
     rate_block(u, p, state, ts, v)
     given_rate_block(u, v, p, state, y)
@@ -160,21 +127,7 @@ def rdpi_block(u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
 
 @njit(cache=True)
 def play_columns(u: Array, v: Array, rest: Array, delta2: float, xi: Array, columns: Array) -> None:
-    """Every play operator's output for itself: the regressors that Eq. 10 is linear in.
-
-    Parameters
-    ----------
-    u, v : float64[T]
-        Command (V) and rate (V/s).
-    rest : float64[n]
-        Thresholds at rest (V).
-    delta2 : float
-        δ2 (s).
-    xi : float64[n]
-        Play states (V), moved to the end of the record.
-    columns : float64[n, T]
-        Filled with ξ_i(t) (V).
-    """
+    """Every play operator's output for itself: the regressors that Eq. 10 is linear in."""
     for i in range(rest.shape[0]):
         x = xi[i]
         for t in range(u.shape[0]):

@@ -113,15 +113,6 @@ def preisach_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None
     the last command (V); N - 1 plays (V) of the thresholds h/2, h, ... as a past of commands leaves
     them, neighbours at most h/2 apart, old where they slide; the mark of the plant whose N sums of
     held relays (µm) follow: where it is another's, they are made anew.
-
-    Parameters
-    ----------
-    u, v : float64[T, B]
-        Command (V) and its rate (V/s), which does not matter.
-    p, state : float64[P, B], float64[S, B]
-        Parameters and state; the state is left where the block ended.
-    y : float64[T, B]
-        Filled with the displacement (µm).
     """
     for b in range(u.shape[1]):
         _one_lane(u, p, state, y, b)
@@ -452,25 +443,6 @@ def check_grid(core: Preisach, commands_V: Sequence[Array]) -> None:
     falls, and as many diagonals as slide there. Each of these that the records meet is one equation
     for the weights, so there have to be as many as relays. It is needed and not enough: the
     relays that no command reaches stay unknown.
-
-    Parameters
-    ----------
-    core
-        Its levels and its ramp; the weights do not matter.
-    commands_V
-        Commands (V) of the records, each from a plant at rest.
-
-    Raises
-    ------
-    InputError
-        With both numbers, and the number of levels over the same range that the records allow.
-
-    Examples
-    --------
-    >>> core = Preisach(0.1, (0.0, 2.0, 4.0, 6.0, 8.0, 10.0), 2.0, (1.0,) * 21)
-    >>> check_grid(core, [np.array([0.0, 12.0, 0.0])])
-    Traceback (most recent call last):
-    rdpi_gym.support.errors.InputError: a grid of 6 levels has 21 relays, and the records tell 12 of its gains apart; give 3 levels, or records that turn at more commands
     """
     levels, share = len(core.levels_V), core.ramp_V / core.apart_V
     range_V = core.levels_V[-1] - core.levels_V[0] + core.apart_V
@@ -505,22 +477,6 @@ def triangle_roughness(levels: int) -> Array:
     sum of plays: one large loop tells rows and columns of the triangle and not its cells, and a
     price that is even in all directions would fill these with loops of an asymmetry that no small
     loop has shown. Cells on the diagonal α = β have half of the area.
-
-    Parameters
-    ----------
-    levels
-        Number N of levels.
-
-    Returns
-    -------
-    float64[K, K]
-        Over c, which is no part of the density, and the weights: K = 1 + N (N + 1) / 2.
-
-    Examples
-    --------
-    >>> even = np.array([7.0, 0.5, 1.0, 0.5, 1.0, 1.0, 0.5])
-    >>> float(even @ triangle_roughness(3) @ even)
-    0.0
     """
     at = {pair: k for k, pair in enumerate((a, b) for a in range(levels) for b in range(a + 1))}
     neighbours = [

@@ -278,22 +278,6 @@ def comb_roughness(thresholds_V: Sequence[float]) -> Array:
 
     It is U³ ∫ (r dp/dr)² dr of the density p(r) of the weights, U the largest threshold: a change
     within the same ratio of thresholds costs the same at small and at large ones.
-
-    Parameters
-    ----------
-    thresholds_V
-        r_1 ... r_n, ascending.
-
-    Returns
-    -------
-    float64[n + 1, n + 1]
-        Over a_0 ... a_n; a_0 is no part of the density.
-
-    Examples
-    --------
-    >>> even = np.array([5.0, 1.0, 1.0, 1.0])
-    >>> float(even @ comb_roughness([1.0, 2.0, 3.0]) @ even)
-    0.0
     """
     r = np.array(thresholds_V, dtype=np.float64)
     if len(r) < 2:

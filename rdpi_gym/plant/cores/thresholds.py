@@ -15,13 +15,7 @@ _SPREAD = 1.5  # finer at small thresholds, where the small loops are
 
 
 def spread_thresholds(reach_V: float, count: int) -> tuple[float, ...]:
-    """Return thresholds (V) of a comb up to `reach_V`, closer to one another where they are small.
-
-    Examples
-    --------
-    >>> spread_thresholds(8.0, 4)
-    (1.0, 2.8284271247461903, 5.196152422706632, 8.0)
-    """
+    """Return thresholds (V) of a comb up to `reach_V`, closer to one another where they are small."""
     rest: Array = reach_V * (np.arange(1, count + 1) / count) ** _SPREAD
     return tuple(rest.tolist())
 

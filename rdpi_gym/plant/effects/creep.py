@@ -108,27 +108,7 @@ def weighted_creep_block(x: Array, u: Array, p: Array, state: Array, ts: float, 
 def pack_elements(
     gains: Sequence[float], time_constants_s: Sequence[float], ts_s: float
 ) -> list[float]:
-    """Pack Kelvin-Voigt elements, y = x + Σ g_k z_k and τ_k dz_k/dt + z_k = x.
-
-    Parameters
-    ----------
-    gains
-        g_k.
-    time_constants_s
-        τ_k (s), above zero.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    list of float
-        As :func:`weighted_creep_block` reads it.
-
-    Examples
-    --------
-    >>> [round(value, 4) for value in pack_elements([0.1], [1.0], 1e-2)]
-    [1.1, 0.99, 0.0995]
-    """
+    """Pack Kelvin-Voigt elements, y = x + Σ g_k z_k and τ_k dz_k/dt + z_k = x."""
     steps = [1.0 + math.fsum(gains)]
     for gain, tau in zip(gains, time_constants_s, strict=True):
         h = ts_s / tau

@@ -21,26 +21,12 @@ PLACES: dict[Slot, str] = {
 
 
 def summary(kind: type[Effect]) -> str:
-    """First sentence of an effect's description.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects.backlash import Backlash
-    >>> summary(Backlash)
-    'Play operator on the displacement, in the middle of its gap at the first sample.'
-    """
+    """First sentence of an effect's description."""
     return (inspect.getdoc(kind) or "").partition("\n\n")[0].replace("\n", " ")
 
 
 def describe(kind: type[Effect]) -> dict[str, Any]:
-    """Return what an effect declares as a JSON object.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects.backlash import Backlash
-    >>> describe(Backlash)["parameters"][0]["typical"]
-    [0.05, 0.5]
-    """
+    """Return what an effect declares as a JSON object."""
     return {
         "effect": kind.name,
         "summary": summary(kind),
@@ -87,34 +73,14 @@ def _parameters(kind: type[Effect]) -> list[dict[str, Any]]:
 
 
 def typical(parameter: Parameter) -> str:
-    """Typical range of a parameter in words, with its unit.
-
-    Examples
-    --------
-    >>> typical(Parameter("f0_hz", "Hz", 10.0, 2e5, (300.0, 1e4), "natural frequency"))
-    '300 to 10000 Hz'
-    """
+    """Typical range of a parameter in words, with its unit."""
     low, high = parameter.typical
     values = f"{low:.6g}" if math.isclose(low, high) else f"{low:.6g} to {high:.6g}"
     return values if parameter.unit == "1" else f"{values} {parameter.unit}"
 
 
 def paragraphs(kind: type[Effect], quote: str = "") -> dict[str, str]:
-    """Return what an effect's file says in sentences, by headings; what it leaves out is missing.
-
-    Parameters
-    ----------
-    kind
-        The effect.
-    quote
-        Put around names of other effects.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects.backlash import Backlash
-    >>> list(paragraphs(Backlash))[:3]
-    ['Cause', 'Met on', 'Usual size']
-    """
+    """Return what an effect's file says in sentences, by headings; what it leaves out is missing."""
     mistaken = ", ".join(f"{quote}{name}{quote}" for name in kind.mistaken_for)
     said = {
         "Cause": kind.cause,
@@ -130,21 +96,7 @@ def paragraphs(kind: type[Effect], quote: str = "") -> dict[str, str]:
 
 
 def further_forms(kind: type[Effect], quote: str = "") -> list[str]:
-    """Return a line for each further form of an effect: what it is, its equation and parameters.
-
-    Parameters
-    ----------
-    kind
-        The effect.
-    quote
-        Put around the equation and names.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects.slew_limit import SlewLimit
-    >>> further_forms(SlewLimit)[0].partition(": ")[0]
-    'unlike up and down'
-    """
+    """Return a line for each further form of an effect: what it is, its equation and parameters."""
     lines = []
     for form in kind.forms:
         named = ", ".join(f"{quote}{p.name}{quote}" for p in form.parameters)
@@ -155,21 +107,7 @@ def further_forms(kind: type[Effect], quote: str = "") -> list[str]:
 
 
 def page(kind: type[Effect], level: int = 2) -> str:
-    """Describe an effect on a page (Markdown) made from what its file declares.
-
-    Parameters
-    ----------
-    kind
-        The effect.
-    level
-        Of its heading.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects.backlash import Backlash
-    >>> page(Backlash).splitlines()[0]
-    '## backlash'
-    """
+    """Describe an effect on a page (Markdown) made from what its file declares."""
     head = ["parameter", "meaning", "unit", "default", "typical", "bounds", "remark"]
     rows = [
         [
@@ -205,14 +143,7 @@ def page(kind: type[Effect], level: int = 2) -> str:
 
 
 def pages(kinds: Iterable[type[Effect]]) -> str:
-    """Describe effects one after another on pages (Markdown).
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects.backlash import Backlash
-    >>> pages([Backlash]).splitlines()[0]
-    '# Effects'
-    """
+    """Describe effects one after another on pages (Markdown)."""
     intro = "Every effect is one file of `rdpi_gym/plant/effects/`; this text is made from them."
     return "\n".join(["# Effects", "", intro, "", *(page(kind) for kind in kinds)])
 

@@ -38,24 +38,7 @@ def along_curve(time: float, p: Array, b: int) -> float:
 
 
 def natural_cubics(values: Sequence[float]) -> Array:
-    """Return the natural cubic spline from 0 through values that are one interval apart.
-
-    Parameters
-    ----------
-    values
-        At the ends of the n intervals.
-
-    Returns
-    -------
-    float64[n, 4]
-        Coefficients of each interval's cubic in the share of it that has passed, constant first:
-        value, slope and second derivative are continuous, the last is zero at both ends.
-
-    Examples
-    --------
-    >>> natural_cubics([1.0, 2.0, 3.0])[:, :2].tolist()  # a straight line
-    [[0.0, 1.0], [1.0, 1.0], [2.0, 1.0]]
-    """
+    """Return the natural cubic spline from 0 through values that are one interval apart."""
     z, n = np.array([0.0, *values]), len(values)
     steps, bends = np.diff(z), np.zeros(n + 1)
     inner = np.eye(n - 1, k=-1) + 4.0 * np.eye(n - 1) + np.eye(n - 1, k=1)
@@ -72,19 +55,7 @@ def at_knots(
     typical: tuple[float, float],
     what: str,
 ) -> tuple[Parameter, ...]:
-    """Return the parameters of an effect that goes by knots: the last time, then the values.
-
-    Parameters
-    ----------
-    count
-        Number of knots after that at t = 0.
-    suffix
-        Of the values' names, a unit.
-    unit, bounds, typical
-        Of the values, as :class:`~rdpi_gym.plant.effects.base.Parameter` has them.
-    what
-        What they are values of.
-    """
+    """Return the parameters of an effect that goes by knots: the last time, then the values."""
     values = (
         Parameter(
             f"at_{k}{suffix}", unit, *bounds, typical, f"{what} at the time {k} D / {count}, z{k}",

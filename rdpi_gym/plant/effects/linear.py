@@ -19,20 +19,7 @@ _NONE = 1e-6
 
 
 def lag_step(time_constant_s: float, ts_s: float) -> tuple[float, float, float]:
-    """F, G0, G1 of x(k+1) = F x(k) + G0 u(k) + G1 u(k+1) for the lag x' = (u - x) / τ.
-
-    Parameters
-    ----------
-    time_constant_s
-        τ (s); zero is no lag.
-    ts_s
-        Sampling time (s).
-
-    Examples
-    --------
-    >>> lag_step(0.0, 1e-3)
-    (0.0, 0.0, 1.0)
-    """
+    """F, G0, G1 of x(k+1) = F x(k) + G0 u(k) + G1 u(k+1) for the lag x' = (u - x) / τ."""
     if time_constant_s == 0.0:
         return 0.0, 0.0, 1.0
     h = ts_s / time_constant_s
@@ -45,28 +32,6 @@ def pack_modes(
     modes: Sequence[tuple[float, float, float]], static_share: float, ts_s: float
 ) -> list[float]:
     """Pack modes side by side, y = s u + Σ s_i y_i, y_i'' + 2 ζ_i ω_i y_i' + ω_i² y_i = ω_i² u.
-
-    Parameters
-    ----------
-    modes
-        Of each its share of the output s_i, natural frequency ω_i / 2π (Hz) and damping ratio ζ_i,
-        below one.
-    static_share
-        s, which follows at once.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    list of float
-        As :func:`linear_block` reads them; the states are displacement and velocity over ω_i of
-        each mode.
-
-    Examples
-    --------
-    >>> p = pack_modes([(1.0, 250.0, 0.0)], 0.0, 1e-3)  # a quarter of a period: a turn by 90 degrees
-    >>> np.round(p[:4], 9).tolist()
-    [0.0, 1.0, -1.0, 0.0]
 
     Notes
     -----
@@ -91,35 +56,12 @@ def pack_modes(
 
 
 def pack_lag(time_constant_s: float, ts_s: float) -> list[float]:
-    """Pack a first-order lag with time constant τ (s) for :func:`linear_block`.
-
-    Examples
-    --------
-    >>> pack_lag(0.0, 1e-3)
-    [0.0, 0.0, 1.0, 1.0, 0.0, 1.0]
-    """
+    """Pack a first-order lag with time constant τ (s) for :func:`linear_block`."""
     return [*lag_step(time_constant_s, ts_s), 1.0, 0.0, 1.0]
 
 
 def pack_two_lags(first_s: float, second_s: float, ts_s: float) -> list[float]:
     """Pack two lags in a row, τ1 τ2 y'' + (τ1 + τ2) y' + y = u, for :func:`linear_block`.
-
-    Parameters
-    ----------
-    first_s, second_s
-        Time constants τ1 >= τ2 (s); zero is no lag.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    list of float
-        The states are what leaves the slower lag and what leaves both.
-
-    Examples
-    --------
-    >>> np.round(pack_two_lags(1e-3, 0.0, 1e-3)[:4], 4).tolist()
-    [0.3679, 0.0, 0.3679, 0.0]
 
     Notes
     -----
@@ -141,25 +83,6 @@ def pack_two_lags(first_s: float, second_s: float, ts_s: float) -> list[float]:
 
 def pack_filter(slow_s: float, second: float, third: float, ts_s: float) -> list[float]:
     """Pack the low-pass c d T³ d³y/dt³ + c T² d²y/dt² + T dy/dt + y = u for :func:`linear_block`.
-
-    Parameters
-    ----------
-    slow_s
-        Delay of slow signals T (s); zero is no filter.
-    second, third
-        c and d; without the second there is no third, and below a millionth none.
-    ts_s
-        Sampling time (s).
-
-    Returns
-    -------
-    list of float
-        The states are y and its derivatives times T and T², as many as the filter has.
-
-    Examples
-    --------
-    >>> np.round(pack_filter(1e-3, 0.0, 0.0, 1e-3)[:3], 4).tolist()  # a lag
-    [0.3679, 0.0, 0.0]
 
     Notes
     -----
@@ -196,24 +119,7 @@ def _exponential(a: Array) -> Array:
 
 @njit(cache=True)
 def linear_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Run a linear stage; the state is the last input and m states, NaN before the first sample.
-
-    Parameters
-    ----------
-    x : float64[T, B]
-        Input.
-    u : float64[T, B]
-        Command; not read.
-    p : float64[m² + 4m + 1, B]
-        F by rows, G0, G1 of x(k+1) = F x(k) + G0 u(k) + G1 u(k+1), c and d of y = c x + d u, and
-        the resting state for u = 1.
-    state : float64[1 + m, B]
-        Last input, states.
-    ts : float
-        Sampling time (s); not read, the parameters hold it.
-    y : float64[T, B]
-        Filled with the output.
-    """
+    """Run a linear stage; the state is the last input and m states, NaN before the first sample."""
     m = round(math.sqrt(p.shape[0] + 3.0)) - 2
     lanes = x.shape[1]
     g0, g1 = m * m, m * m + m

@@ -12,13 +12,7 @@ _APART = 5.0  # ratio of the time constants of two memories that a fit begins wi
 
 
 def is_even(parameter: str) -> bool:
-    """Whether a weight is of an even term, whatever number it bears.
-
-    Examples
-    --------
-    >>> is_even("even_2"), is_even("odd"), is_even("speed_1")
-    (True, False, True)
-    """
+    """Whether a weight is of an even term, whatever number it bears."""
     return parameter.rstrip("_0123456789") in ("absolute", "even", "speed", "cross")
 
 

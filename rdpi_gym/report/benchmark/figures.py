@@ -33,13 +33,7 @@ _DASHES = {"x": "dot", "circle": "solid", "square": "dash", "diamond": "dashdot"
 
 
 def look(controller: str) -> dict[str, str]:
-    """Return colour, symbol and dash of a controller, the same in every figure.
-
-    Examples
-    --------
-    >>> look("pi-classical-static")["dash"], look("classical-static")["dash"]
-    ('dot', 'solid')
-    """
+    """Return colour, symbol and dash of a controller, the same in every figure."""
     feedforward = controller.removeprefix("pi-")
     known = () if ":" in controller else _COLOURS
     family = next((name for name in known if feedforward.startswith(name)), "")
@@ -52,14 +46,7 @@ def look(controller: str) -> dict[str, str]:
 
 
 def ranking_figure(ranking: pd.DataFrame) -> Any:
-    """Draw the geometric mean of every controller's error with its confidence interval.
-
-    Parameters
-    ----------
-    ranking
-        Columns ``controller, rmse_percent, rmse_percent_low, rmse_percent_high,
-        seed_0_rmse_percent, optimality_gap``, best first, and ``status`` where there is one.
-    """
+    """Draw the geometric mean of every controller's error with its confidence interval."""
     shown = ranking.dropna(subset=["rmse_percent"])
     names = [figure_text(name).replace("\n", "<br>") for name in marked_names(shown)]
     figure = go.Figure()
@@ -110,26 +97,14 @@ def ranking_figure(ranking: pd.DataFrame) -> Any:
 
 
 def ranked_names(ranking: pd.DataFrame) -> list[str]:
-    """Name the controllers, each with its rank before it where there is one.
-
-    Examples
-    --------
-    >>> ranked_names(pd.DataFrame({"controller": ["none", "pi"], "rank": ["1=", "1="]}))
-    ['1= none', '1= pi']
-    """
+    """Name the controllers, each with its rank before it where there is one."""
     names = [str(name) for name in ranking["controller"]]
     ranks = ranking["rank"] if "rank" in ranking.columns else [""] * len(names)
     return [f"{rank} {name}".strip() for rank, name in zip(ranks, names, strict=True)]
 
 
 def statuses(ranking: pd.DataFrame) -> list[str]:
-    """Return what is to be beware of in each controller's rows; nothing where that is nothing.
-
-    Examples
-    --------
-    >>> statuses(pd.DataFrame({"controller": ["none", "pi"], "status": ["ok", "unstable 1/5"]}))
-    ['', 'unstable 1/5']
-    """
+    """Return what is to be beware of in each controller's rows; nothing where that is nothing."""
     if "status" not in ranking.columns:
         return [""] * len(ranking)
     said = [str(text).removeprefix("bound").removeprefix(", ") for text in ranking["status"]]
@@ -137,13 +112,7 @@ def statuses(ranking: pd.DataFrame) -> list[str]:
 
 
 def marked_names(ranking: pd.DataFrame) -> list[str]:
-    r"""Name the controllers, each with its status in a line below where there is one to beware of.
-
-    Examples
-    --------
-    >>> marked_names(pd.DataFrame({"controller": ["none", "pi"], "status": ["ok", "unstable"]}))
-    ['none', 'pi\n(unstable)']
-    """
+    r"""Name the controllers, each with its status in a line below where there is one to beware of."""
     pairs = zip(ranked_names(ranking), statuses(ranking), strict=True)
     return [f"{name}\n({said})" if said else name for name, said in pairs]
 
@@ -153,13 +122,6 @@ def ranking_range(ranking: pd.DataFrame) -> tuple[float, float]:
 
     A bound's error is next to none and would push all others together, as would that of an inverse
     whose belief is the truth: they stand at the axis's end, see :func:`off_axis`.
-
-    Examples
-    --------
-    >>> columns = ["rmse_percent", "rmse_percent_low", "rmse_percent_high", "seed_0_rmse_percent"]
-    >>> rows = [["none", 3.0, 2.0, 4.0, 1.5], ["full-preview-inversion", 1e-5, 1e-5, 1e-5, 1e-5]]
-    >>> ranking_range(pd.DataFrame(rows, columns=["controller", *columns]))
-    (1.0, 6.0)
     """
     rivals = ranking[ranking["controller"] != _BOUND]
     rivals = ranking if rivals.empty else rivals
@@ -180,16 +142,7 @@ def off_axis(
 
 
 def frequency_figures(by_case: pd.DataFrame, order: Sequence[str]) -> dict[str, Any]:
-    """Draw the error over the sines' frequency, a figure for each plant and sampling time.
-
-    Parameters
-    ----------
-    by_case
-        Columns ``controller, plant, reference, frequency_hz, ts_s, rmse_percent, rmse_percent_low,
-        rmse_percent_high``.
-    order
-        Controllers as the legend lists them.
-    """
+    """Draw the error over the sines' frequency, a figure for each plant and sampling time."""
     sines = by_case[by_case["reference"] == "sine"]
     figures = {}
     for (plant, ts), part in sines.groupby(["plant", "ts_s"], sort=False):
@@ -204,15 +157,7 @@ def frequency_figures(by_case: pd.DataFrame, order: Sequence[str]) -> dict[str, 
 
 
 def effort_figures(by_sampling_time: pd.DataFrame, order: Sequence[str]) -> dict[str, Any]:
-    """Draw the error over the command's effort, a figure for each plant and sampling time.
-
-    Parameters
-    ----------
-    by_sampling_time
-        Columns ``controller, plant, ts_s, rmse_percent, command_total_variation``.
-    order
-        Controllers as the legend lists them.
-    """
+    """Draw the error over the command's effort, a figure for each plant and sampling time."""
     figures = {}
     for (plant, ts), part in by_sampling_time.groupby(["plant", "ts_s"], sort=False):
         figure = go.Figure()
@@ -270,16 +215,7 @@ def _with_legend(figure: Any, entries: int) -> Any:
 
 
 def pair_figure(traces: Mapping[str, Mapping[str, Any]], first: str, second: str) -> Any:
-    """Draw displacement, error and command of two controllers that the reader chooses.
-
-    Parameters
-    ----------
-    traces
-        By controller: ``step_s`` (s), and lists ``reference_um``, ``displacement_um``,
-        ``error_um``, ``command_V``, all on one reference.
-    first, second
-        The two that are shown before the reader chooses.
-    """
+    """Draw displacement, error and command of two controllers that the reader chooses."""
     names = list(traces)
     figure = make_subplots(
         rows=3, cols=1, shared_xaxes=True, row_heights=[0.38, 0.31, 0.31], vertical_spacing=0.05
@@ -362,13 +298,7 @@ def _short(values: ArrayLike) -> Any:
 
 
 def measured_figures(traces: Mapping[str, Mapping[str, Array]]) -> dict[str, Any]:
-    """Draw applied voltage and commands of each measured record, and what they differ by.
-
-    Parameters
-    ----------
-    traces
-        By record: ``t_s`` (s), ``applied`` (V), and the command (V) of each controller.
-    """
+    """Draw applied voltage and commands of each measured record, and what they differ by."""
     figures = {}
     for record, columns in traces.items():
         names = [name for name in columns if name not in ("t_s", "applied")]

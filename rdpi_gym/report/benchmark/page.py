@@ -36,32 +36,7 @@ def write_benchmark_page(
     where_trained: str,
     payoff: Section | None = None,
 ) -> Path:
-    """Write the results as a self-contained page.
-
-    Parameters
-    ----------
-    path
-        The HTML file.
-    results
-        The scores.
-    answer
-        Which controller is best, and by how much: the first sentence.
-    method, measured, where_trained
-        How the rows were scored, how those on measured records were, and what a ranking at the
-        sampling time of learned controllers is: plain text.
-    payoff
-        What it pays to know an effect, if that was scored.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write the results as a self-contained page."""
     sections = [
         Section(
             "Ranking",
@@ -90,12 +65,6 @@ def table_view(frame: pd.DataFrame) -> pd.DataFrame:
     """Return every column under a reader's heading, the ends of the RMSE's interval in one cell.
 
     Other intervals are left out; they stand in the leaderboard.
-
-    Examples
-    --------
-    >>> row = {"rmse_percent": 2.0, "rmse_percent_low": 1.5, "rmse_percent_high": 2.5, "status": "ok"}
-    >>> table_view(pd.DataFrame([row])).to_dict("records")
-    [{'rmse_percent': 2.0, 'Interval (%)': '1.5 to 2.5', 'status': 'ok'}]
     """
     view: dict[str, Sequence[object] | pd.Series[Any]] = {}
     for name in frame.columns:

@@ -29,13 +29,7 @@ _LINES = (
 
 
 def leaderboard_picture(results: BenchmarkResults) -> bytes:
-    """Draw the ranking, and beside it the error over the frequency of some controllers.
-
-    Returns
-    -------
-    bytes
-        A PNG file.
-    """
+    """Draw the ranking, and beside it the error over the frequency of some controllers."""
     style: Any = matplotlib_style()
     with rc_context(style):
         width = 12.5 if len(_sines(results)) else 7.0
@@ -48,13 +42,7 @@ def leaderboard_picture(results: BenchmarkResults) -> bytes:
 
 
 def draw_leaderboard(figure: Figure, results: BenchmarkResults) -> Any:
-    """Draw what :func:`leaderboard_picture` shows into an empty figure.
-
-    Returns
-    -------
-    numpy.ndarray of matplotlib.axes.Axes
-        The ranking and, where sines were scored, the error over their frequency.
-    """
+    """Draw what :func:`leaderboard_picture` shows into an empty figure."""
     sines = _sines(results)
     panels = figure.subplots(1, 2 if len(sines) else 1, squeeze=False)[0]
     _draw_ranking(panels[0], results.ranking.dropna(subset=["rmse_percent"]))

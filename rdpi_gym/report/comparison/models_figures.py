@@ -32,26 +32,12 @@ _LOOPS = 1000
 
 
 def colours(names: tuple[str, ...]) -> dict[str, str]:
-    """Give each model its colour.
-
-    Examples
-    --------
-    >>> colours(("a", "b"))
-    {'a': '#0072B2', 'b': '#D55E00'}
-    """
+    """Give each model its colour."""
     return dict(zip(names, PALETTE, strict=False))
 
 
 def errors(found: ModelComparison, most: int) -> Any:
-    """Draw the RMS error of every record and role, a bar a model; returns a Plotly figure.
-
-    Parameters
-    ----------
-    found
-        The models.
-    most
-        Records that are drawn; of more, those with the largest error of the best model, and the roles.
-    """
+    """Draw the RMS error of every record and role, a bar a model; returns a Plotly figure."""
     table = found.records
     count = len(found.comparisons[0].records)
     records, pooled = table.iloc[:count], table.iloc[count:]
@@ -129,13 +115,6 @@ def time_traces(traces: Mapping[str, Trace], samples: int) -> Any:
     """Draw a record and every model of it over time, and below them what they differ by.
 
     The two panels share their axis of time, and a model's two lines their entry in the legend.
-
-    Parameters
-    ----------
-    traces
-        The record beside each model, by its name.
-    samples
-        About as many samples are drawn.
     """
     first = next(iter(traces.values()))
     residuals = [trace.residual_um for trace in traces.values()]

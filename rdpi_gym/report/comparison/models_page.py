@@ -20,25 +20,7 @@ _NEAR = "Nearest are the models within 3 % of the least error."
 
 
 def write_models_page(path: Path | str, found: ModelComparison) -> Path:
-    """Write a comparison of several models as a self-contained page.
-
-    Parameters
-    ----------
-    path
-        The HTML file.
-    found
-        From :func:`rdpi_gym.diagnosis.compare_several`.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write a comparison of several models as a self-contained page."""
     said = found.findings
     lines = [f"- {said[key]}" for key in ("records", "by_frequency", "by_amplitude") if key in said]
     names = [f"- {name}: {_described(found, k)}" for k, name in enumerate(found.names)]

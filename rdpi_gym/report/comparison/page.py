@@ -22,25 +22,7 @@ _ALL_SAMPLES = 8 * DISPLAY_SAMPLES
 
 
 def write_compare_page(path: Path | str, comparison: Comparison) -> Path:
-    """Write a comparison as a self-contained page.
-
-    Parameters
-    ----------
-    path
-        The HTML file.
-    comparison
-        From :func:`rdpi_gym.diagnosis.comparison.compare`.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write a comparison as a self-contained page."""
     found = comparison.findings
     count = len({trace.name for trace in comparison.traces})
     answer, *heads = [found[key] for key in ("overall", "far", "range") if key in found]

@@ -15,20 +15,7 @@ if TYPE_CHECKING:
 
 
 def draw_comparison(figure: Figure, comparison: Comparison) -> Any:
-    """Draw the half-cycles about the largest error of the worst record into an empty figure.
-
-    Parameters
-    ----------
-    figure
-        Matplotlib's.
-    comparison
-        The record with the largest RMS error is drawn.
-
-    Returns
-    -------
-    numpy.ndarray of matplotlib.axes.Axes
-        Displacement over time, over the command, and the difference over time.
-    """
+    """Draw the half-cycles about the largest error of the worst record into an empty figure."""
     trace = comparison.traces[int(np.argmax(comparison.records["rmse_um"].to_numpy()))]
     axes = figure.subplots(1, 3)
     k = around_largest_error(trace)
@@ -50,20 +37,7 @@ def draw_comparison(figure: Figure, comparison: Comparison) -> Any:
 
 
 def draw_models(figure: Figure, found: ModelComparison) -> Any:
-    """Draw the half-cycles about the largest error of the best model's worst record.
-
-    Parameters
-    ----------
-    figure
-        Matplotlib's, empty.
-    found
-        The models.
-
-    Returns
-    -------
-    numpy.ndarray of matplotlib.axes.Axes
-        Displacement over the command, the differences over time and over the command.
-    """
+    """Draw the half-cycles about the largest error of the best model's worst record."""
     records = found.records.iloc[: len(found.comparisons[0].records)]
     place = int(np.argmax(records[list(found.names)].min(axis=1).to_numpy()))
     best = int(np.argmin(records[list(found.names)].to_numpy()[place]))

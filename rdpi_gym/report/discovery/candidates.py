@@ -115,15 +115,7 @@ def _known(value: float) -> float:
 def parameter_sections(
     result: SearchResult, catalogue: Mapping[str, type[Effect]]
 ) -> list[Section]:
-    """List the parameters of what was added, or of every candidate of a diagnosis.
-
-    Parameters
-    ----------
-    result
-        What is reported.
-    catalogue
-        Effects by name: units, bounds and meanings.
-    """
+    """List the parameters of what was added, or of every candidate of a diagnosis."""
     if result.kind == "diagnosis":
         listed, final = result.candidates, {}
     else:

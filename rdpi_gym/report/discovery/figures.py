@@ -20,15 +20,7 @@ _SLIVER = 1e-3  # of that axis
 
 
 def staircase(stairs: Sequence[tuple[str, Errors]], noise_floor_um: float) -> Any:
-    """Draw the error of training and validation records, model by model.
-
-    Parameters
-    ----------
-    stairs
-        Name and errors of each model, in order.
-    noise_floor_um
-        Drawn as a line (µm).
-    """
+    """Draw the error of training and validation records, model by model."""
     names = [figure_text(name) for name, _ in stairs]
     figure = go.Figure()
     kinds = (
@@ -107,19 +99,7 @@ def _with_scale_buttons(figure: Any, limits: Mapping[str, list[float]], chosen: 
 def ranking(
     candidates: Sequence[Candidate], noise_floor_um: float, without: Errors, taken: Sequence[str]
 ) -> Any:
-    """Draw the validation error of every candidate of a round, its confidence and its share.
-
-    Parameters
-    ----------
-    candidates
-        Best first.
-    noise_floor_um
-        Drawn as a line (µm).
-    without
-        Errors of the model that the candidates are added to: the other line.
-    taken
-        The candidates chosen: none, one, or a pair that helps only together.
-    """
+    """Draw the validation error of every candidate of a round, its confidence and its share."""
     figure = make_subplots(
         rows=1,
         cols=2,
@@ -232,17 +212,7 @@ def _hover(candidate: Candidate) -> str:
 def records(
     stairs: Sequence[tuple[str, Errors]], roles: Mapping[str, str], noise_floor_um: float
 ) -> Any:
-    """Draw the error of every record before and after.
-
-    Parameters
-    ----------
-    stairs
-        As :func:`staircase`; the first and the last are drawn.
-    roles
-        What a record was used for, by its name; may be incomplete.
-    noise_floor_um
-        Drawn as a line (µm).
-    """
+    """Draw the error of every record before and after."""
     names = list(dict.fromkeys(name for _, errors in stairs for name in errors.by_record_um))
     labels = [
         figure_text(f"{name} ({roles[name]})" if name in roles else name) for name in names

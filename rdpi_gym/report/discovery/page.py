@@ -44,30 +44,7 @@ def write_discovery_page(
     result: SearchResult,
     catalogue: Mapping[str, type[Effect]] = CATALOGUE,
 ) -> Path:
-    """Write the result of a search as a self-contained page.
-
-    Parameters
-    ----------
-    path
-        The HTML file.
-    title
-        Heading: which data, and what was done.
-    result
-        From :func:`rdpi_gym.diagnosis.search.discover.diagnose`, ``add_effect`` or
-        ``discover``.
-    catalogue
-        Effects by name: units and meanings of the parameters.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write the result of a search as a self-contained page."""
     # what was added on request stands in no list
     asked = {c.effect: CATALOGUE[c.effect] for c in result.added if c.effect in CATALOGUE}
     sections = [

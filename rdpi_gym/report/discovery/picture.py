@@ -16,20 +16,7 @@ _SHOWN = 8  # candidates
 
 
 def draw_search(figure: Figure, result: SearchResult) -> Any:
-    """Draw the error of each model and of the candidates of the first round into an empty figure.
-
-    Parameters
-    ----------
-    figure
-        Matplotlib's.
-    result
-        The search.
-
-    Returns
-    -------
-    numpy.ndarray of matplotlib.axes.Axes
-        The models, the candidates.
-    """
+    """Draw the error of each model and of the candidates of the first round into an empty figure."""
     axes = figure.subplots(1, 2)
     stairs = staircase(result)
     names = [name.replace(", ", ",\n") for name, _ in stairs]

@@ -22,15 +22,7 @@ def staircase(result: SearchResult) -> list[tuple[str, Errors]]:
 
 
 def candidate_sentence(candidate: Candidate, chances: Probabilities | None = None) -> str:
-    """State how sure an effect is, its rivals, what speaks for it and what speaks against it.
-
-    Parameters
-    ----------
-    candidate
-        The effect.
-    chances
-        How probable it is, where that is known.
-    """
+    """State how sure an effect is, its rivals, what speaks for it and what speaks against it."""
     form = f", {candidate.form}" if candidate.form else ""
     sure = f"{candidate.effect}{form}: {_how_sure(candidate, chances)}"
     if candidate.without_um is not None:

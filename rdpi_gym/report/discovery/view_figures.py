@@ -41,13 +41,7 @@ class Look:
 
 
 def looks(labels: list[str]) -> dict[str, Look]:
-    """Give every model its look: the first orange, the last blue, those between on demand.
-
-    Examples
-    --------
-    >>> [look.visible for look in looks(["base", "creep", "creep, delay"]).values()]
-    [True, 'legendonly', True]
-    """
+    """Give every model its look: the first orange, the last blue, those between on demand."""
     found = {
         label: Look(figure_text(label), _BETWEEN[i % len(_BETWEEN)], "legendonly")
         for i, label in enumerate(labels)
@@ -59,17 +53,7 @@ def looks(labels: list[str]) -> dict[str, Look]:
 
 
 def over_time(view: View, noise_floor_um: float, samples: int = DISPLAY_SAMPLES) -> Any:
-    """Draw measured and modelled displacement over time, below them what is left.
-
-    Parameters
-    ----------
-    view
-        The record.
-    noise_floor_um
-        Drawn as a band (µm).
-    samples
-        About as many of each trace are drawn.
-    """
+    """Draw measured and modelled displacement over time, below them what is left."""
     figure = _over_time(view, thin_index(view.y_um, *_ends(view), samples=samples), noise_floor_um)
     if view.models_um:
         shade_left_out(figure, view_trace(view, next(iter(view.models_um))))
@@ -176,17 +160,7 @@ def loops(view: View, noise_floor_um: float, samples: int = 2 * DISPLAY_SAMPLES)
 
 
 def residuals(profiles: Mapping[str, ResidualProfiles], noise_floor_um: float, ts_s: float) -> Any:
-    """Draw what each model leaves over command, rate, time at rest and frequency.
-
-    Parameters
-    ----------
-    profiles
-        Of one record, by the model's label.
-    noise_floor_um
-        Drawn as a band, and as its density in the spectrum (µm).
-    ts_s
-        Sampling time of the record (s).
-    """
+    """Draw what each model leaves over command, rate, time at rest and frequency."""
     held = any(p.hold is not None for p in profiles.values())
     titles = ["Over the command", "Over its rate", "Over the frequency"]
     if held:

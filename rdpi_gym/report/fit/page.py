@@ -19,29 +19,7 @@ from rdpi_gym.report.style import PALETTE, figure_text, styled
 def write_fit_page(
     path: Path | str, result: FitResult, lines: Sequence[str], parameters: pd.DataFrame
 ) -> Path:
-    """Write a fit as a self-contained page.
-
-    Parameters
-    ----------
-    path
-        The HTML file.
-    result
-        The fit.
-    lines
-        What to say of it, the answer first.
-    parameters
-        Values, standard errors, intervals.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write a fit as a self-contained page."""
     said = [line for line in lines if not line.startswith("- ")]
     warnings = "\n".join(line for line in lines if line.startswith("- "))
     sections = [

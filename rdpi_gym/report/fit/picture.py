@@ -15,20 +15,7 @@ if TYPE_CHECKING:
 
 
 def draw_fit(figure: Figure, result: FitResult) -> Any:
-    """Draw weights over thresholds and the error of each record into an empty figure.
-
-    Parameters
-    ----------
-    figure
-        Matplotlib's.
-    result
-        The fit.
-
-    Returns
-    -------
-    numpy.ndarray of matplotlib.axes.Axes
-        Weights, errors.
-    """
+    """Draw weights over thresholds and the error of each record into an empty figure."""
     axes = figure.subplots(1, 2)
     hysteresis = result.plant.hysteresis
     thresholds = [0.0, *hysteresis.thresholds_V]

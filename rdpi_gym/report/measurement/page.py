@@ -18,25 +18,7 @@ _MOST_SAMPLES = 60_000
 
 
 def write_data_page(path: Path | str, dataset: Dataset) -> Path:
-    """Write the records of a data set as a self-contained page.
-
-    Parameters
-    ----------
-    path
-        The HTML file.
-    dataset
-        The records.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write the records of a data set as a self-contained page."""
     samples = max(500, min(3000, _MOST_SAMPLES // len(dataset.records)))
     table = pd.DataFrame(
         [

@@ -16,20 +16,7 @@ _NAMED = 8
 
 
 def draw_records(figure: Figure, records: Sequence[Record]) -> Any:
-    """Draw displacement over time and over voltage into an empty figure.
-
-    Parameters
-    ----------
-    figure
-        Matplotlib's.
-    records
-        Those in which the voltage moves are drawn; with more than eight, without their names.
-
-    Returns
-    -------
-    numpy.ndarray of matplotlib.axes.Axes
-        Over time, over voltage.
-    """
+    """Draw displacement over time and over voltage into an empty figure."""
     axes = figure.subplots(1, 2)
     moving = [record for record in records if not record.is_quiet]
     for i, record in enumerate(moving):

@@ -29,22 +29,7 @@ STYLES: dict[str, dict[str, Any]] = {
 def sheet(
     rows: int, columns: int, height_in: float, width_in: float = WIDTH_IN, **options: Any
 ) -> tuple[Figure, Any]:
-    """Return a figure and its axes, always as an array of `rows` by `columns`.
-
-    Parameters
-    ----------
-    rows, columns
-        Panels.
-    height_in, width_in
-        Size (inch).
-    **options
-        Of ``Figure.subplots``, such as ``sharex``.
-
-    Examples
-    --------
-    >>> sheet(2, 3, height_in=4.0)[1].shape
-    (2, 3)
-    """
+    """Return a figure and its axes, always as an array of `rows` by `columns`."""
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
@@ -70,13 +55,7 @@ def legend_below(figure: Figure, columns: int) -> None:
 
 
 def write_seconds(ts_s: float) -> str:
-    """Write a sampling time for a figure: as a power of ten where it is one, else in µs.
-
-    Examples
-    --------
-    >>> write_seconds(1e-4), write_seconds(5e-5)
-    ('$T_s = 10^{-4}$ s', '$T_s$ = 50 µs')
-    """
+    """Write a sampling time for a figure: as a power of ten where it is one, else in µs."""
     exponent = np.log10(ts_s)
     if abs(exponent - round(exponent)) < 1e-6:
         return f"$T_s = 10^{{{round(exponent)}}}$ s"

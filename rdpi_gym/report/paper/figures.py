@@ -36,20 +36,7 @@ _READINGS = ("literal", "given")
 
 
 def write_paper_figures(folder: Path, results: PaperResults) -> list[Path]:
-    """Draw every figure of the page and write it as PNG.
-
-    Parameters
-    ----------
-    folder
-        Where the files are written, named ``fig3.png`` and so on.
-    results
-        The runs of all figures.
-
-    Returns
-    -------
-    list of Path
-        The files, in the order of the page.
-    """
+    """Draw every figure of the page and write it as PNG."""
     figures: dict[str, Callable[[PaperResults], Figure]] = {
         "fig3": figure_3,
         "fig4": figure_4,

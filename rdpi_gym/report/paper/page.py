@@ -17,29 +17,7 @@ from rdpi_gym.report.style import styled
 def write_paper_page(
     path: Path | str, results: PaperResults, lines: Sequence[str], rows: pd.DataFrame
 ) -> Path:
-    """Write what was recomputed as a self-contained page.
-
-    Parameters
-    ----------
-    path
-        The HTML file.
-    results
-        The readings' runs over the sampling time are drawn.
-    lines
-        What to say of it, the answer first.
-    rows
-        Every panel and number of the paper.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write what was recomputed as a self-contained page."""
     sections = [
         Section(
             "Error against the sampling time",

@@ -12,19 +12,7 @@ if TYPE_CHECKING:
 
 
 def draw_paper(figure: Figure, results: PaperResults) -> Any:
-    """Draw the largest error of every reading over the sampling time into an empty figure.
-
-    Parameters
-    ----------
-    figure
-        Matplotlib's.
-    results
-        The readings' runs over the sampling time are drawn.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-    """
+    """Draw the largest error of every reading over the sampling time into an empty figure."""
     axes = figure.subplots()
     for reading in dict.fromkeys(run.reading.name for run in results.sweep):
         runs = results.swept(reading)

@@ -22,18 +22,7 @@ _SYMBOLS = {"bare": "circle", "fitted": "square", "discovered": "diamond", "true
 
 
 def payoff_section(summary: pd.DataFrame, table: pd.DataFrame, method: str) -> Section:
-    """Make the section of a page that shows the payoff.
-
-    Parameters
-    ----------
-    summary
-        Columns ``plant, controller``, one of RMSE (%) for each belief, ``fall_from_bare,
-        fall_from_fitted, diverged``.
-    table
-        What the section shows as a table.
-    method
-        How it was scored: plain text.
-    """
+    """Make the section of a page that shows the payoff."""
     falls = summary["fall_from_fitted"].dropna()
     answer = (
         f"Discovering the effect divides the tracking error by {number(falls.min(), 2)} to "

@@ -20,16 +20,6 @@ def payoff_picture(summary: pd.DataFrame) -> bytes:
     """Draw the error of each compensator by belief, one panel a compensator.
 
     A line joins the fitted to the discovered belief, with the factor by which the error falls.
-
-    Parameters
-    ----------
-    summary
-        Columns ``plant, controller``, one of RMSE (%) for each belief, and ``diverged``.
-
-    Returns
-    -------
-    bytes
-        A PNG file.
     """
     style: Any = matplotlib_style()
     controllers = list(dict.fromkeys(summary["controller"]))

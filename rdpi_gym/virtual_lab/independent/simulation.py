@@ -31,42 +31,12 @@ def simulate_truth(
 ) -> Array:
     """Simulate a plant with effects, independently of the models that are fitted.
 
-    Parameters
-    ----------
-    hysteresis
-        ``weights`` (µm/V), ``thresholds_V``, ``delta2_s``, ``rate_bandwidth_hz`` (or None); or what
-        makes another material of the fine step (s) and the number of steps in a sampling interval.
-    effects
-        ``{"effect": name, parameter: value, ...}`` each, in any order.
-    t_s, u_V
-        Times (s), evenly spaced on the experiment's clock, and command (V), linear between them;
-        ``(T,)``.
-    largest_step_s
-        Largest step of the fine grid (s).
-
-    Returns
-    -------
-    float64[T]
-        Displacement (µm), without offset and noise.
-
-    Raises
-    ------
-    InputError
-        An unknown effect, a missing parameter, or fewer than two samples.
-
     Notes
     -----
     The rate is that of Eq. 5, over one sampling period of the record (or low-passed on the fine grid
     where the plant's rate is band-limited), and the thresholds are linear between samples like the
     command. Eq. 4 is exact for such inputs, so without an effect the sampled model and this one
     are the same, and what differs with one is the effect alone.
-
-    Examples
-    --------
-    >>> t = np.arange(5) * 1e-3
-    >>> plain = {"weights": [1.0, 0.5], "thresholds_V": [1.0], "delta2_s": 0.0}
-    >>> simulate_truth(plain, [], t, [0.0, 2.0, 4.0, 2.0, 0.0]).round(6).tolist()
-    [0.0, 2.5, 5.5, 3.5, 0.5]
     """
     times, command = np.asarray(t_s, dtype=np.float64), np.asarray(u_V, dtype=np.float64)
     if command.ndim != 1 or len(command) < 2 or times.shape != command.shape:

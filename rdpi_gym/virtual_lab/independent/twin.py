@@ -72,13 +72,7 @@ class MaterialTwin:
 
 @cache
 def twins() -> Mapping[str, Twin | MaterialTwin]:
-    """Return every effect that the files of this folder state in their ``TWINS``, by number.
-
-    Examples
-    --------
-    >>> twins()["delay"].place > twins()["creep"].place > 0
-    True
-    """
+    """Return every effect that the files of this folder state in their ``TWINS``, by number."""
     found: list[Twin | MaterialTwin] = []
     for module in modules_of("rdpi_gym.virtual_lab.independent"):
         found += getattr(module, "TWINS", ())
