@@ -73,11 +73,10 @@ def run(words: Sequence[str], folder: Path, kill_s: float | None = None) -> int:
 
 
 def seen(folder: Path) -> dict[str, bytes]:
-    """Return the files that a command left by their names, its temporaries among them."""
-    out = folder / "out"
-    files = [out] if out.is_file() else sorted(path for path in out.rglob("*") if path.is_file())
+    """Return the files that a command left by their names, its temporaries (files and folders) among them."""
     beside = [path for path in folder.glob(".*") if path.name.endswith(".tmp")]
-    return {str(path.relative_to(folder)): path.read_bytes() for path in (*files, *beside)}
+    files = [path for root in (folder / "out", *beside) for path in (root, *sorted(root.rglob("*"))) if path.is_file()]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def disturb(name: str, words: Sequence[str], folder: Path, rng: random.Random, kills: int) -> str:
