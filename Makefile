@@ -1,4 +1,5 @@
-# Two commands: `make bench` scores every controller, `make test` checks everything. `make docs` builds the site.
+# Two commands: `make bench` scores every controller, `make test` checks the package. `make test-all` adds the
+# types and the second tier: pages, browser, other compilers, training, studies. `make docs` builds the site.
 PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
@@ -7,10 +8,10 @@ SEED ?= $(shell date +%Y%m%d)
 QUICK := tests/test_house.py tests/plant tests/signals tests/measurement tests/support tests/identification tests/baselines
 
 # Tests run in two processes: threads of BLAS and OpenMP beside them would wait for each other on two cores.
-check test: export OMP_NUM_THREADS = 1
-check test: export OPENBLAS_NUM_THREADS = 1
+check test test-all: export OMP_NUM_THREADS = 1
+check test test-all: export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: audit bench check test fuzz docs clean
+.PHONY: audit bench check test test-all fuzz docs clean
 
 bench: .venv/.core
 	$(BIN)/rdpi bench --out $(OUT)
@@ -18,8 +19,11 @@ bench: .venv/.core
 test: .venv/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" --durations=30 tests
+
+test-all: test
 	$(BIN)/mypy
-	$(BIN)/pytest -n 2 --dist loadfile --durations=60
+	$(BIN)/pytest -n 2 --dist worksteal -m slow --durations=60
 
 # Style, types, floors and the laws of the lower rooms: less than a minute once kernels are compiled.
 check: .venv/.dev

@@ -1,21 +1,93 @@
-"""Property tests draw the same examples in continuous integration, and fresh ones elsewhere.
+"""Two tiers of tests, and what a test may assume of the machine.
 
-Tests of `h-infinity` skip without slycot: it is GPL, and so of an extra that no other one asks for.
+`make test` runs the first tier, `make test-all` both. Tests of the second have the marker `slow`: the
+doctests, the paths of `SECOND_TIER`, and single tests that carry the marker in their file. Property
+tests draw the same examples in continuous integration, and fresh ones elsewhere.
 """
 
 import os
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+TESTS = Path(__file__).parent
+
+SECOND_TIER = (
+    "baselines/test_device_ppo.py",  # training
+    "baselines/test_imitation.py",
+    "baselines/test_learned_training.py",
+    "baselines/test_ppo_from_scratch.py",
+    "baselines/test_recurrent_ppo_example.py",
+    "baselines/test_student_onnx.py",
+    "benchmarks/test_foreign_study.py",  # studies with committed tables
+    "benchmarks/test_hidden_study.py",
+    "benchmarks/test_payoff.py",
+    "benchmarks/test_reproduce_command.py",
+    "benchmarks/test_tracking_learned.py",
+    "studies",
+    "cli/test_foreign_folder.py",  # processes, signals, damaged and foreign files by the thousand
+    "faults",
+    "fuzz",
+    "support/test_ray_cluster.py",
+    "support/test_terminal.py",
+    "docs",  # pages, their blocks, the gallery
+    "envs/test_rllib.py",
+    "face/test_twelve_lines.py",
+    "laboratory/test_chooser.py",  # a browser
+    "laboratory/test_end_to_end.py",
+    "laboratory/test_interleaved.py",
+    "laboratory/test_page.py",
+    "report/test_pages_in_browser.py",
+    "firmware/test_bare_metal.py",  # other compilers, boards, packages
+    "firmware/writing/test_fmu.py",
+    "firmware/writing/test_package.py",
+    "plant/effects/test_new_effect.py",
+    "test_wheel.py",
+)
+"""Files and folders of the second tier, relative to the tests."""
+
+MAY_SKIP = (
+    "baselines/test_device_ppo.py",  # CUDA
+    "torch_plant/test_torch_device.py",
+    "baselines/test_linear_loops.py",  # slycot, of the extra robust alone
+    "baselines/test_baseline_predict.py",
+    "baselines/test_tuning.py",
+    "envs/test_dlpack.py",  # jax
+    "cli/test_long_names.py",  # root may read any folder
+    "support/test_files.py",
+)
+"""Files with tests that a machine with every tool of `.ci/run` may skip, relative to the tests."""
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("default", deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "default")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    slow = [TESTS / path for path in SECOND_TIER]
+    for item in items:
+        if isinstance(item, pytest.DoctestItem) or any(map(item.path.is_relative_to, slow)):
+            item.add_marker(pytest.mark.slow)
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip `h-infinity` without slycot: it is GPL, and so of an extra that no other one asks for."""
     parameters = getattr(item, "callspec", None)
     asked = parameters is not None and "h-infinity" in parameters.id
     if asked and find_spec("slycot") is None:
         pytest.skip("h-infinity needs slycot, of the extra robust alone")
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Fail a run that skips a test where `RDPI_ALL_TOOLS` states that every tool is installed."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is None or not os.environ.get("RDPI_ALL_TOOLS"):
+        return
+    may = tuple(f"tests/{path}" for path in MAY_SKIP)
+    wrong = [r.nodeid for r in reporter.stats.get("skipped", []) if not r.nodeid.startswith(may)]
+    for node in wrong:
+        reporter.write_line(f"skipped although every tool is installed: {node}", red=True)
+    if wrong and session.exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED

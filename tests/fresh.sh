@@ -4,6 +4,7 @@
 #
 #   tests/fresh.sh                 make bench, then make test
 #   tests/fresh.sh test            one target
+#   tests/fresh.sh "test test-all" two targets of one make
 #   tests/fresh.sh --twice         each of them twice in a row
 #
 # Stops at the first target that fails, with its status. Prints how long each took, what lies in the
@@ -27,14 +28,14 @@ fi
 python=${PYTHON:-$(python3 -c 'import sys; print(sys.executable)')}
 kept=(PATH="$PATH" HOME="$work/home" TMPDIR="$work/tmp" LANG=C.UTF-8)
 while IFS='=' read -r name value; do
-  case "$name" in PIP_* | RDPI_DATA | CI) kept+=("$name=$value") ;; esac
+  case "$name" in PIP_* | RDPI_DATA | RDPI_ALL_TOOLS | CI) kept+=("$name=$value") ;; esac
 done < <(env)
 
 cd "$work/clone"
 for target in "$@"; do
   for _ in $(seq "$times"); do
     begun=$(date +%s)
-    env -i "${kept[@]}" make --no-print-directory PYTHON="$python" "$target" </dev/null
+    env -i "${kept[@]}" make --no-print-directory PYTHON="$python" $target </dev/null
     echo "fresh: make $target took $(($(date +%s) - begun)) s"
     left=$(git status --porcelain)
     if [ -n "$left" ]; then

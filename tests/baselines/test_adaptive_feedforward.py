@@ -58,6 +58,7 @@ def percent(errors_um):
     return 100.0 * np.sqrt(np.mean(errors_um[1000:] ** 2, axis=0)) / 80.0
 
 
+@pytest.mark.slow
 def test_an_unknown_stage_is_tracked_to_a_fifth_of_a_percent(learned):
     errors, _ = learned
     assert percent(errors)[0] < 0.2

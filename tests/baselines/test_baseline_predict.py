@@ -277,6 +277,7 @@ print(new, baselines.known_controller("twice").__module__)
 """
 
 
+@pytest.mark.slow
 def test_a_new_controller_is_one_file(tmp_path):
     (tmp_path / "new.py").write_text(NEW)
     found = subprocess.run(

@@ -82,6 +82,7 @@ lags = st.builds(lambda tau: CATALOGUE["sensor_lag"](tau), st.floats(1e-6, 1e-2)
 delays = st.builds(lambda d: CATALOGUE["delay"](d), st.floats(0.0, 2e-3))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(effect=st.one_of(modes, delays), hz=st.sampled_from([None, 400.0, 800.0, 3000.0]))
 def test_learning_contracts_at_every_frequency_with_a_mode_or_a_delay(effect, hz):
@@ -89,6 +90,7 @@ def test_learning_contracts_at_every_frequency_with_a_mode_or_a_delay(effect, hz
     assert learning_gain(effect, hz) <= 1 + 1e-3
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=20)
 @given(effect=lags, hz=st.sampled_from([None, 400.0, 800.0, 3000.0]))
 def test_learning_with_a_lag_grows_by_a_fifth_of_a_percent_at_most(effect, hz):

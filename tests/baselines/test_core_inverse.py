@@ -29,6 +29,7 @@ def bench(core: Core, reach_um: float) -> PlantModel:
     return PlantModel(core, "own", (-30.0, 30.0), (0.0, reach_um), offset_um=2.0)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("core", CASES)
 def test_on_its_own_plant_a_reference_is_followed_to_a_ten_thousandth_of_the_stroke(
     core: Core,

@@ -76,6 +76,7 @@ def agree(policy, path):
     assert np.concatenate(actions).std() > 0.05  # it is no constant that agrees
 
 
+@pytest.mark.slow
 def test_it_does_what_torch_does_in_any_batch(saved, exported):
     agree(Policy.load(saved), exported)
 

@@ -233,6 +233,7 @@ def test_verdict_of_a_row_is_about_its_own_sampling_time():
     assert judge_step(worse, worse[1]).startswith("does not hold")
 
 
+@pytest.mark.slow
 def test_paper_s_own_sampling_times_bring_smaller_errors_above_1_hz():
     for hz, smaller in ((1.0, False), (25.0, True), (50.0, True)):
         # medians of as many realisations as the committed page has: below the limit it chatters

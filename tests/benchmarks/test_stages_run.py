@@ -73,6 +73,7 @@ def ranked(outcome):
     return ranking(outcome[1].rows).set_index("controller")
 
 
+@pytest.mark.slow
 def test_what_goes_wrong_is_a_failed_row_and_all_else_is_kept(outcome):
     table = ranked(outcome)
     assert len(outcome[1].rows) == 3 * 7

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 NEW = """
 from benchmarks.tracking.case import Case
 from rdpi_gym.signals import Sawtooth
@@ -28,6 +30,7 @@ print([(row["controller"], row["reference"], row["frequency_hz"], row["rmse_um"]
 """
 
 
+@pytest.mark.slow
 def test_a_new_reference_is_one_file(tmp_path):
     (tmp_path / "new.py").write_text(NEW)
     found = subprocess.run(

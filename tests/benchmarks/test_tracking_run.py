@@ -82,6 +82,7 @@ def test_every_row_that_was_asked_for_is_there_and_in_order(tmp_path):
     assert (table["status"] == "ok").all()
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_the_number_of_workers(tmp_path):
     one = run.benchmark(small(), tmp_path / "one", jobs=1)
     two = run.benchmark(small(), tmp_path / "two", jobs=2)

@@ -77,6 +77,7 @@ def read(path):
     return json.loads(path.read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_discover(data, tmp_path, capsys):
     out = tmp_path / "out"
     printed = run(["discover", data], out, capsys)
@@ -100,6 +101,7 @@ def test_discover(data, tmp_path, capsys):
     assert sorted(file.name for file in out.iterdir()) == names
 
 
+@pytest.mark.slow
 def test_diagnose_and_go_on_where_it_was_interrupted(data, tmp_path, capsys):
     out = tmp_path / "out"
     printed = run(["diagnose", data, "--model", "P5"], out, capsys)

@@ -60,6 +60,7 @@ def foreign(text):
     return FOREIGN.findall(text.replace(TITLE, ""))
 
 
+@pytest.mark.slow
 def test_commands_and_pages_speak_of_force_and_displacement(damper, tmp_path):
     said = [run("fit", damper, "-n", 4, "--out", tmp_path / "fit")]
     model = tmp_path / "fit" / "model.json"

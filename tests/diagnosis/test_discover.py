@@ -156,6 +156,7 @@ def test_nothing_hidden_is_called_nothing():
     assert found.noise_floor_um == pytest.approx(NOISE_UM, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_force_that_nobody_recorded_is_not_renamed():
     found = discover(laboratory_data([], disturbance_um=0.2), catalogue=FEW)
     assert found.verdict == "unexplained"
@@ -245,6 +246,7 @@ def test_diagnose_and_add_judge_the_model_that_is_saved(lagging):
     assert diagnosis.headline == addition.headline.replace("Added", "Missing")
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_goes_on_from_its_candidates(lagging, tmp_path):
     path = tmp_path / "candidates.jsonl"
     first = diagnose(lagging, catalogue=FEW, checkpoint=path)
@@ -266,6 +268,7 @@ def test_a_checkpoint_that_is_a_folder_is_named(lagging, tmp_path):
         diagnose(lagging, catalogue=FEW, checkpoint=tmp_path)
 
 
+@pytest.mark.slow
 def test_adding_an_effect_that_is_not_earned_is_said(lagging):
     bare = P10
     found = add_effect(lagging, bare, FEW["gain_drift"])

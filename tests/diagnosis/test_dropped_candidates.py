@@ -102,6 +102,7 @@ def test_a_fault_of_the_program_is_no_candidate(creeping, fault):
         diagnosis.diagnose(creeping, catalogue=FEW)
 
 
+@pytest.mark.slow
 def test_wherever_one_fit_fails_the_search_ends(creeping, fault):
     whole = fault()
     diagnosis.discover(creeping, catalogue=FEW)
@@ -111,6 +112,7 @@ def test_wherever_one_fit_fails_the_search_ends(creeping, fault):
         assert made.raised == 1
 
 
+@pytest.mark.slow
 def test_all_later_refits_may_fail(creeping, fault):
     whole = fault()
     diagnosis.diagnose(creeping, catalogue=FEW)
@@ -141,6 +143,7 @@ def test_the_model_itself_may_be_the_kind_without_a_fit(leaning, fault):
     assert found.plant.hysteresis.name != "rdpi"
 
 
+@pytest.mark.slow
 def test_an_addition_without_a_fit_is_refused(creeping, fault):
     model = diagnosis.diagnose(creeping, catalogue={}).plant
     fault(FAILURES[2], partial(with_effect, "delay"))

@@ -117,6 +117,7 @@ SLOW = {
 }
 
 
+@pytest.mark.slow
 def test_creep_of_two_time_constants_is_one_effect_in_a_better_form():
     data = records(SLOW)
     rng = np.random.default_rng(3)
@@ -140,6 +141,7 @@ def test_creep_of_two_time_constants_is_one_effect_in_a_better_form():
     assert found.final.validation_rmse_um < 1.15 * NOISE_UM
 
 
+@pytest.mark.slow
 def test_a_gain_that_goes_to_and_fro_is_a_smooth_curve_and_nothing_else():
     """Two and a half turns over the experiment, of which nothing in one record tells the next."""
     wandering = []

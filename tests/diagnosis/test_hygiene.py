@@ -50,6 +50,7 @@ def protocols():
     ]
 
 
+@pytest.mark.slow
 def test_nothing_is_found_on_any_record_of_the_standard_protocol(protocols):
     for data in protocols:
         found = inspect(data)

@@ -99,6 +99,7 @@ def test_on_the_mirror_the_other_inputs_explain_what_is_left():
     assert said_of([both, *alone]).startswith("The inputs u2 and u3 together explain ")
 
 
+@pytest.mark.slow
 def test_a_search_says_which_other_input_explains_the_remainder():
     """From records to the sentence, masked stretches and all."""
     records = [record(1, gain=0.3), record(2, gain=0.3), record(3, "validation", gain=0.3)]

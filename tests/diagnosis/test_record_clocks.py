@@ -79,6 +79,7 @@ def test_what_all_records_want_or_none_can_know_is_no_clock():
     assert clocks(replace(late_together, records=moving)) == ()
 
 
+@pytest.mark.slow
 def test_a_discovery_says_it_and_what_to_check():
     few = {"asymmetry": CATALOGUE["asymmetry"]}
     data = changed(protocol(), "validation-chirp", lambda r: stretched(r, 2.0))

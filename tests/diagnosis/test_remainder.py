@@ -148,6 +148,7 @@ def test_an_error_below_the_noise_leaves_nothing_to_predict():
     assert found.share == 0.0
 
 
+@pytest.mark.slow
 def test_units_do_not_matter():
     train, validation = measure(bouc_wen)
     share = left_by_rdpi(train, validation).share
@@ -169,6 +170,7 @@ def test_one_validation_record_will_do():
     assert left_by_rdpi(train, validation[:1]).share >= 0.7
 
 
+@pytest.mark.slow
 def test_the_answer_is_the_same_each_time():
     records = measure(force)
     variant = Variant(comb(records[0]), ())
@@ -320,6 +322,7 @@ def test_cycles_that_differ_show_a_disturbance():
     assert "is a disturbance: repetitions of the same input differ" in found.sentence
 
 
+@pytest.mark.slow
 def test_of_a_lasting_numerical_error_nothing_is_said_to_follow():
     train, validation = measure(bouc_wen)
     variant = fit_joint(train, comb(train), ()).variant
@@ -336,6 +339,7 @@ def test_the_numbers_stand_beside_the_sentence():
     assert found["left_um"] == pytest.approx(0.1, rel=0.1)
 
 
+@pytest.mark.slow
 def test_of_a_measured_stage_half_of_what_three_effects_leave_follows_from_the_input():
     folder = measured_data("picma")
     if folder is None:

@@ -60,6 +60,7 @@ def fast_and_slow():
     }
 
 
+@pytest.mark.slow
 def test_unlike_weights_are_not_smoothed_away_where_loops_have_one_size():
     hidden = load_effect("creep", "one time constant")(gain=0.02, time_constant_s=0.4)
     data = measured(UNLIKE, [], fast_and_slow())
@@ -77,6 +78,7 @@ def test_unlike_weights_are_not_smoothed_away_where_loops_have_one_size():
     assert found.final.validation_rmse_um < 1.3 * NOISE_UM
 
 
+@pytest.mark.slow
 def test_what_a_record_to_validate_on_does_not_show_is_judged_within_the_records():
     hidden = [{"effect": "sensor_lag", "time_constant_s": 1.2e-3}]
     drift = [{"effect": "gain_drift", "rate_per_s": 5e-4}]

@@ -176,6 +176,7 @@ def test_a_discovery_reads_few_samples_and_judges_by_all(oversampled: Dataset) -
     assert any("over all 50,000 samples" in note for note in found.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_every_search_says_what_it_read(oversampled: Dataset) -> None:
     data = replace(oversampled, records=oversampled.records[:2])

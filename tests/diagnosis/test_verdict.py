@@ -30,6 +30,7 @@ SLEW = CATALOGUE["slew_limit"](7470.588199522548)
 CREEP, LAG = CATALOGUE["creep"](0.012023907418648538), CATALOGUE["sensor_lag"](0.000243006835)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "seed", "names"),
     [

@@ -135,6 +135,7 @@ assert "baselines" in sys.modules
 """
 
 
+@pytest.mark.slow
 def test_a_name_is_found_without_an_import_of_the_controllers_and_without_installation(tmp_path):
     root = str(Path(rdpi_gym.__file__).parents[1])
     subprocess.run(

@@ -140,6 +140,7 @@ def test_lanes_that_are_not_reset_show_what_they_showed_last():
         assert (found[mask, -1] != last[mask, -1]).all()  # the command rests again
 
 
+@pytest.mark.slow
 def test_threads_change_no_bit():
     """1100 lanes are three blocks: one, two or three threads, which take them differently."""
     keywords = {"randomise": 0.3, "noise_um": 0.01, "max_episode_steps": 20}

@@ -70,12 +70,14 @@ def test_compare(folder, tmp_path):
     assert read(tmp_path / "compare.json") == json.loads(json.dumps(result.to_dict()))
 
 
+@pytest.mark.slow
 def test_add(folder, tmp_path):
     run("add", "creep", folder, "--model", "P5", "--jobs", 1, "--out", tmp_path / "command")
     found = rg.add("creep", folder, "P5", jobs=1)
     assert read(tmp_path / "command" / "add.json") == read(found.to_json(tmp_path / "add.json"))
 
 
+@pytest.mark.slow
 def test_diagnose(folder, tmp_path):
     run("diagnose", folder, "--seed", 3, "--jobs", 1, "--out", tmp_path / "command")
     found = rg.diagnose(folder, seed=3, jobs=1)

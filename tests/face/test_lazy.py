@@ -33,6 +33,7 @@ def test_nothing_heavy_is_loaded(statement):
     assert loaded_by(statement) == []
 
 
+@pytest.mark.slow
 def test_plots_alone_load_matplotlib():
     statement = "import rdpi_gym as rg; rg.make_controller('none', 'P5'); rg.plants['P5']"
     assert not {"matplotlib", "plotly", "torch"} & set(loaded_by(statement))

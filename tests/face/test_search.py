@@ -16,6 +16,7 @@ def test_the_hidden_effect_is_found(found):
     assert "creep" in repr(found).splitlines()[0]
 
 
+@pytest.mark.slow
 def test_an_effect_is_taken_out_and_added_again(found):
     less = found.remove("creep")
     assert names(less) == []

@@ -137,6 +137,7 @@ RECIPE = {"format": "rdpi-firmware", "version": 1, "kind": "controller", "contro
           "model": named_plant("P5").to_dict(), "ts_s": 1e-4, "preview": 1, "exact": True}  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(st.sampled_from([*RECIPE, "surprise"]), JSON)
 def test_nothing_that_a_description_says_gets_past_the_line(key, value):
@@ -181,6 +182,7 @@ def test_effects_are_part_of_a_plant():
     )
 
 
+@pytest.mark.slow
 def test_a_policy_that_ships_is_made_again_by_its_name(tmp_path):
     pytest.importorskip("torch")
     package = package_of(named_plant("P10"), 1e-4, "learned:ppo-increment")

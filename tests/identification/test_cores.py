@@ -176,6 +176,7 @@ def test_more_gains_than_samples_are_refused_in_a_line() -> None:
         fit_core([short], CORES["rdpi"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bouc_wen", "preisach", "rdpi", "stop"])
 def test_the_kind_of_a_plant_is_chosen_or_stands_among_those_that_are_alike(name: str) -> None:
     kind = CORES[name]

@@ -12,6 +12,7 @@ class Deaf:
         pass
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exercise", _EXERCISES, ids=lambda exercise: exercise.key)
 def test_an_exercise_simulates_and_opens(exercise, tmp_path):
     coarse = {**exercise.simulated, "ts_factor": 4.0}

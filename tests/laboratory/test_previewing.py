@@ -119,6 +119,7 @@ def test_files_alike_are_those_of_the_same_columns_that_were_refused_too(session
     assert preview(session, "d.csv")["alike"] == ["e"]
 
 
+@pytest.mark.slow
 def test_variables_are_offered_by_name(session, brought):
     t = np.arange(40.0)
     folder = session.data_folder

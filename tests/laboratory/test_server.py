@@ -68,6 +68,7 @@ def records(tmp_path_factory):
     return few.write(tmp_path_factory.mktemp("rig") / "records")
 
 
+@pytest.mark.slow
 def test_from_files_to_a_model_that_is_there_again(lab, records, tmp_path):
     for file in records.iterdir():
         status, state = lab.ask(

@@ -154,6 +154,7 @@ def test_lanes_of_two_cores_are_refused(model):
         Plant([model, P5], TS_S)
 
 
+@pytest.mark.slow
 def test_the_environment_and_its_vector_twin_run_it(model):
     options = {"plant": model, "randomise": 0.1}
     singles = [gym.make("rdpi_gym/PiezoTracking-v0", **options) for _ in range(3)]

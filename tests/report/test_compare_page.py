@@ -63,6 +63,7 @@ def test_page_is_written(records, tmp_path):
         assert escape(finding[:20]) in text
 
 
+@pytest.mark.slow
 def test_many_long_records_stay_small(tmp_path):
     records = tuple(sine(f"r{i}", periods=50.0, role="validation") for i in range(MOST_RECORDS + 5))
     comparison = compare(Dataset("many", records), named_plant("P5-static"))

@@ -280,6 +280,7 @@ def test_every_axis_carries_its_unit(made_discovery):
             assert any(f"({unit}" in title for unit in ("µm", "V", "s", "Hz", "%")), title
 
 
+@pytest.mark.slow
 def test_many_records_keep_the_page_small(made_discovery, tmp_path):
     view = made_discovery().views[0]
     repeated = {

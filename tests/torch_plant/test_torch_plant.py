@@ -109,6 +109,7 @@ def test_any_walk_of_the_command_is_followed(
     assert np.abs(error).max() < 1e-6 * stroke_um
 
 
+@pytest.mark.slow
 def test_a_long_run_gathers_no_error() -> None:
     model = band_limited("P10", 800.0)
     u = commands(model, TS_S, samples=10_000, lanes=8)

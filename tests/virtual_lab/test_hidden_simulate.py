@@ -154,6 +154,7 @@ def test_an_effect_that_the_plant_has_is_no_secret(tmp_path, capsys):
     assert "has creep already" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_noise_that_masks_everything(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(hidden.draws, "_ATTEMPTS", 1)
     monkeypatch.setattr(hidden, "HIDEABLE", ("creep", "delay"))
