@@ -19,8 +19,8 @@ FLOORS = (
     ("rdpi_gym.report", "baselines"),
     ("benchmarks", "rdpi_gym.firmware"),
     ("rdpi_gym.face",),
-    ("rdpi_gym",),
     ("rdpi_gym.laboratory",),
+    ("rdpi_gym",),
     ("rdpi_gym.cli",),
     ("rdpi_gym.__main__",),
     ("studies",),
@@ -44,14 +44,35 @@ def imports():
     graph = {}
     for name, path in modules().items():
         graph[name] = set()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in [node for tree in _trees(path) for node in ast.walk(tree)]:
             if isinstance(node, ast.Import):
                 graph[name] |= {_module(alias.name) for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
                 assert node.level == 0, f"{name}: an import that is relative"
                 graph[name] |= {_module(f"{node.module}.{a.name}") for a in node.names}
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                graph[name] |= {_named(node.value, name)}
+            elif isinstance(node, ast.JoinedStr) and isinstance(node.values[0], ast.Constant):
+                graph[name] |= {_named(node.values[0].value.rpartition(".")[0] + ":", name)}
         graph[name] -= {None, name}
     return graph
+
+
+def _trees(path):
+    """The syntax trees of a module and of its stub."""
+    files = (path, path.with_suffix(".pyi"))
+    return [ast.parse(file.read_text(encoding="utf-8")) for file in files if file.exists()]
+
+
+def _named(text, module):
+    """The module that a string names, as `dotted.module` or `module:attribute`.
+
+    A package that reads the files of its own folder is no import of itself.
+    """
+    found, colon, _ = text.partition(":")
+    if not colon and "." not in found:  # a word
+        return None
+    return None if found not in modules() or f"{module}.".startswith(f"{found}.") else found
 
 
 def _module(dotted):
@@ -79,6 +100,13 @@ def test_no_import_runs_up_a_floor():
             if other != room and above >= level:
                 wrong.append(f"{module} -> {target}")
     assert sorted(wrong) == []
+
+
+def test_strings_that_name_modules_are_imports():
+    assert "baselines" in imports()["rdpi_gym"]  # provide("rdpi_gym.controllers", "baselines:...")
+    assert "rdpi_gym.envs.tasks" in imports()["rdpi_gym"]  # f"rdpi_gym.envs.tasks.{...}"
+    assert "rdpi_gym.laboratory.opening" in imports()["rdpi_gym"]  # of the stub
+    assert "baselines.learned" in imports()["rdpi_gym.face.training"]
 
 
 def test_no_files_stand_in_a_circle():

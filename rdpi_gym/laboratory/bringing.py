@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-import rdpi_gym as rg
+from rdpi_gym import face
 from rdpi_gym.measurement.encoding import read_lines
 from rdpi_gym.measurement.settings import LARGEST, parse_settings
 from rdpi_gym.support.errors import InputError
@@ -53,7 +53,7 @@ class Read:
         What is wrong with all of them together.
     """
 
-    data: rg.Dataset | None
+    data: face.Dataset | None
     problems: Mapping[str, Problem]
     problem: str | None = None
 
@@ -133,20 +133,20 @@ def read(folder: Path) -> Read:
     if not files:
         return Read(None, {})
     try:
-        return Read(_titled(rg.load(folder), files, folder), {})
+        return Read(_titled(face.load(folder), files, folder), {})
     except InputError as error:
         together = error
     problems: dict[str, Problem] = {}
     good: list[Path] = []
     for file in files:
         try:
-            rg.load(file)
+            face.load(file)
             good.append(file)
         except InputError as error:
             problems[file.name] = _problem(error, file)
     for file in [f for f in files if f.name in problems and good]:
         try:  # a record in which nothing moves is one beside others
-            rg.load([good[0], file])
+            face.load([good[0], file])
             good.append(file)
             del problems[file.name]
         except InputError:
@@ -157,7 +157,7 @@ def read(folder: Path) -> Read:
         return Read(None, problems)
     _set_aside(folder, problems)
     try:
-        return Read(_titled(rg.load(folder), good, folder), problems)
+        return Read(_titled(face.load(folder), good, folder), problems)
     except InputError as error:
         return Read(None, problems, _short(error, folder))
 
@@ -218,7 +218,7 @@ def refused_file(folder: Path, name: str) -> Path:
     return folder.parent / REFUSED / name
 
 
-def _titled(data: rg.Dataset, files: list[Path], folder: Path) -> rg.Dataset:
+def _titled(data: face.Dataset, files: list[Path], folder: Path) -> face.Dataset:
     if data.title != folder.name:
         return data
     title = files[0].name if len(files) == 1 else f"{len(data.records)} records"

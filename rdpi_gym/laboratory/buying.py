@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-import rdpi_gym as rg
+from rdpi_gym import face
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.report.thin import thin_index
 from rdpi_gym.support.arrays import Array
@@ -162,7 +162,9 @@ def payoff(
         if progress is not None:
             progress("compensators", done, len(names))
         blind, knowing = (
-            rg.track(name, after, asked.reference_um, asked.ts_s, belief=belief, first=asked.first)
+            face.track(
+                name, after, asked.reference_um, asked.ts_s, belief=belief, first=asked.first
+            )
             for belief in (told, after)
         )
         rows.append(
@@ -186,7 +188,7 @@ def payoff(
 
 def _suits(name: str, belief: PlantModel) -> bool:
     try:
-        rg.make_controller(name, belief)
+        face.make_controller(name, belief)
     except InputError:
         return False
     return True
@@ -205,7 +207,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _trace(title: str, blind: rg.Tracking, knowing: rg.Tracking, first: int) -> dict[str, Any]:
+def _trace(title: str, blind: face.Tracking, knowing: face.Tracking, first: int) -> dict[str, Any]:
     errors = (tracking.displacement_um - knowing.reference_um for tracking in (blind, knowing))
     at = thin_index(knowing.reference_um, *errors, samples=_DRAWN)
 

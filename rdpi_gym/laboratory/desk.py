@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import rdpi_gym as rg
+from rdpi_gym import face
 from rdpi_gym.laboratory.events import Events
 from rdpi_gym.laboratory.session import Session, Step
 from rdpi_gym.laboratory.work import Message, Task, Workers
@@ -167,7 +167,7 @@ class Desk:
     def _with_data(self, arguments: dict[str, Any]) -> dict[str, Any]:
         return {"data": self.need_data(), **arguments}
 
-    def need_data(self) -> rg.Dataset:
+    def need_data(self) -> face.Dataset:
         """Return the records."""
         data = self.session.data
         if data is None:

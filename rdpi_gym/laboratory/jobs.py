@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-import rdpi_gym as rg
+from rdpi_gym import face
 from rdpi_gym.laboratory import buying
 from rdpi_gym.laboratory.taking import experiment_shown
 from rdpi_gym.laboratory.work import Tell
@@ -30,7 +30,7 @@ _WARM_SAMPLES = 800
 
 def rank(
     tell: Tell,
-    data: rg.Dataset,
+    data: face.Dataset,
     model: PlantModel | None,
     core: str | None,
     jobs: int,
@@ -39,12 +39,12 @@ def rank(
     if model is None:
         first = _first_fit(data, core)
         if first is not None:
-            errors = _errors(rg.respond(first, data).errors)
+            errors = _errors(face.respond(first, data).errors)
             found = {"effect": "", "form": "", "plant": first.to_dict(), **errors}
             tell.news("refit", found | {"parameters": {}, "standard_errors": {}, "at_bound": []})
     if jobs > 1:
         warm_helpers(jobs)
-    diagnosis = rg.diagnose(
+    diagnosis = face.diagnose(
         data,
         model,
         core=None if model is not None else core,
@@ -64,32 +64,34 @@ def rank(
     }
 
 
-def _first_fit(data: rg.Dataset, core: str | None) -> PlantModel | None:
+def _first_fit(data: face.Dataset, core: str | None) -> PlantModel | None:
     """Fit a base model at once; None where only a search can choose it."""
     try:
         if core is None or core == _RDPI:
-            return rg.fit(data, name="base").plant
+            return face.fit(data, name="base").plant
         if core != "auto":
-            return rg.fit_core(data, core, name="base").plant
+            return face.fit_core(data, core, name="base").plant
     except InputError:  # the search says it better, or takes another core
         pass
     return None
 
 
-def refit(tell: Tell, data: rg.Dataset, model: PlantModel, held: list[str]) -> dict[str, Any]:
+def refit(tell: Tell, data: face.Dataset, model: PlantModel, held: list[str]) -> dict[str, Any]:
     """Fit a model anew from where it stands, some of its parameters held."""
-    return refit_to_dict(rg.inspect(data).refit(model, held))
+    return refit_to_dict(face.inspect(data).refit(model, held))
 
 
-def simulate(tell: Tell, model: str, hide: list[str], seed: int, ts_factor: float) -> rg.Dataset:
+def simulate(tell: Tell, model: str, hide: list[str], seed: int, ts_factor: float) -> face.Dataset:
     """Simulate the standard protocol with hidden effects, as if it had been measured."""
-    found = rg.simulate(model, hide, seed=seed, ts_factor=ts_factor, progress=tell.progress)
-    return rg.Dataset.of(found)
+    found = face.simulate(model, hide, seed=seed, ts_factor=ts_factor, progress=tell.progress)
+    return face.Dataset.of(found)
 
 
-def add(tell: Tell, effect: str, data: rg.Dataset, model: PlantModel, jobs: int) -> dict[str, Any]:
+def add(
+    tell: Tell, effect: str, data: face.Dataset, model: PlantModel, jobs: int
+) -> dict[str, Any]:
     """Add an effect that was not tried before, or ``unknown``: the block that records teach."""
-    found = rg.add(effect, data, model, jobs=jobs, progress=tell.progress)
+    found = face.add(effect, data, model, jobs=jobs, progress=tell.progress)
     added = {"effect": effect, "form": found.added[0].form, "plant": found.plant.to_dict()}
     return added | _errors(found.final)
 
@@ -99,7 +101,7 @@ def payoff(tell: Tell, **asked: Any) -> dict[str, Any]:
     return buying.payoff(**asked, progress=tell.progress)
 
 
-def refit_to_dict(refit: rg.Refit) -> dict[str, Any]:
+def refit_to_dict(refit: face.Refit) -> dict[str, Any]:
     """Return the object of the journal for a refit."""
     return {
         "effect": refit.effect,
@@ -126,28 +128,28 @@ def _errors(errors: Any) -> dict[str, Any]:
 def warm_up() -> None:
     """Load what every job needs: modules, and kernels for a small record."""
     data = _small()
-    model = rg.fit(data, 3)
-    looked = rg.inspect(data)
-    every = tuple(kind() for kind in rg.effects.values())
+    model = face.fit(data, 3)
+    looked = face.inspect(data)
+    every = tuple(kind() for kind in face.effects.values())
     looked.refit(replace(model.plant, effects=every[-1:]))
     looked.respond(replace(model.plant, effects=in_chain_order(every)))
     with suppress(_EnoughError):
-        rg.diagnose(data, jobs=1, on_candidate=_enough)
+        face.diagnose(data, jobs=1, on_candidate=_enough)
 
 
 class _EnoughError(Exception):
     """Ends a search that has shown its beginning."""
 
 
-def _enough(refit: rg.Refit) -> None:
+def _enough(refit: face.Refit) -> None:
     raise _EnoughError
 
 
-def _small() -> rg.Dataset:
+def _small() -> face.Dataset:
     t_s = np.arange(_WARM_SAMPLES, dtype=np.float64) * 1e-3
     u_V = 10.0 * np.sin(2.0 * np.pi * 5.0 * t_s) * np.linspace(0.5, 1.0, t_s.size)
     y_um = 1.1 * u_V + 0.1 * np.abs(u_V) + 0.01 * np.cos(777.0 * t_s)
-    return rg.Dataset("warm-up", (Record("warm-up", t_s, u_V, y_um, ts_s=1e-3),))
+    return face.Dataset("warm-up", (Record("warm-up", t_s, u_V, y_um, ts_s=1e-3),))
 
 
 def warm_helpers(count: int) -> threading.Thread:

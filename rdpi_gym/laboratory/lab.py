@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import rdpi_gym as rg
+from rdpi_gym import face
 from rdpi_gym.laboratory import bringing, jobs, views
 from rdpi_gym.laboratory.buying import course
 from rdpi_gym.laboratory.events import Events
@@ -188,14 +188,14 @@ class Lab(Models):
             bringing.write_settings(data_folder, example.settings, [])
             return await self.open(anew=True)
 
-        def simulated(data: rg.Dataset) -> None:
+        def simulated(data: face.Dataset) -> None:
             self._in_background(self._open_written(replace(data, title=example.title)))
 
         arguments = dict(example.simulated or {})
         self._begin("simulate", example.title, jobs.simulate, arguments, simulated)
         return self.state()
 
-    async def _open_written(self, data: rg.Dataset) -> None:
+    async def _open_written(self, data: face.Dataset) -> None:
         await self._clear()
         await asyncio.to_thread(data.write, self.session.data_folder)
         await self.open(anew=True)
@@ -265,9 +265,9 @@ class Lab(Models):
             There is no such effect, or the model has it.
         """
         step = self._current()
-        if effect not in rg.effects and effect != "unknown":
+        if effect not in face.effects and effect != "unknown":
             raise InputError(
-                f"effect {quoted(effect)} is unknown; give one of {', '.join(rg.effects)}"
+                f"effect {quoted(effect)} is unknown; give one of {', '.join(face.effects)}"
             )
         if any(own.name == effect for own in step.plant.effects):
             raise InputError(f"the model has {effect} already; choose another effect")

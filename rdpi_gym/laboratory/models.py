@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import rdpi_gym as rg
+from rdpi_gym import face
 from rdpi_gym.laboratory import jobs, views
 from rdpi_gym.laboratory.desk import Desk
 from rdpi_gym.laboratory.entries import error_um
@@ -46,8 +46,8 @@ class Models(Desk):
         super().__init__(folder, events, processes)
         self.pictures: Mapping[str, Any] = {}
         self._looking = threading.Lock()
-        self._looked: tuple[rg.Dataset, rg.Inspection] | None = None
-        self._responses: dict[int, tuple[PlantModel, rg.Response]] = {}
+        self._looked: tuple[face.Dataset, face.Inspection] | None = None
+        self._responses: dict[int, tuple[PlantModel, face.Response]] = {}
 
     def start(self) -> None:
         """Begin to listen to workers, and draw what cards show."""
@@ -56,7 +56,7 @@ class Models(Desk):
 
     # models on records: called in threads
 
-    def respond(self, plant: PlantModel, keep: bool = True) -> rg.Response:
+    def respond(self, plant: PlantModel, keep: bool = True) -> face.Response:
         """Return what a model makes of all records; the last few are kept."""
         found = self._responses.get(id(plant))
         if found is not None and found[0] is plant:
@@ -83,12 +83,12 @@ class Models(Desk):
         ranking = None if name is None else self.session.ranking_of(name)
         return None if ranking is None else ranking.plant_with(effect)
 
-    def _look(self) -> rg.Inspection:
+    def _look(self) -> face.Inspection:
         data = self.need_data()
         with self._looking:
             if self._looked is None or self._looked[0] is not data:
                 self._responses.clear()
-                self._looked = (data, rg.inspect(data))
+                self._looked = (data, face.inspect(data))
             return self._looked[1]
 
     def _look_ahead(self) -> None:
@@ -189,7 +189,7 @@ class Models(Desk):
         self._in_background(self._compare(self.session.step(step)))
 
     async def _compare(self, step: Step) -> None:
-        found = await asyncio.to_thread(rg.compare, self.need_data(), step.plant)
+        found = await asyncio.to_thread(face.compare, self.need_data(), step.plant)
         if self.session.steps.get(step.id) is not step:
             return  # it has moved on meanwhile
         sentence = _sentence(step.validation_um, found)
@@ -206,9 +206,9 @@ class Models(Desk):
         self.events.changed()
 
 
-def _sentence(validation_um: float, found: rg.Comparison | rg.ModelComparison) -> str:
+def _sentence(validation_um: float, found: face.Comparison | face.ModelComparison) -> str:
     """Say how much is left, and where most of it is."""
-    assert isinstance(found, rg.Comparison)
+    assert isinstance(found, face.Comparison)
     floor = found.noise_floor_um
     error = micrometres(validation_um)
     if floor > 0 and validation_um <= _TIMES_FLOOR * floor:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
-import rdpi_gym as rg
+from rdpi_gym import face
 from rdpi_gym.laboratory.bringing import REFUSED, read
 from rdpi_gym.laboratory.entries import error_um, refit_of, result_of
 from rdpi_gym.plant import PlantModel
@@ -177,7 +177,7 @@ class Session:
         self.payoffs: dict[str, dict[str, Any]] = {}
         self.said: dict[str, dict[str, Any]] = {}
         self.files: dict[str, dict[str, Any]] = {}
-        self._data: rg.Dataset | None = None
+        self._data: face.Dataset | None = None
         self._is_read = False
         self._count = 0
         check_folder(folder)
@@ -198,7 +198,7 @@ class Session:
         return self.folder / DATA_FOLDER
 
     @property
-    def data(self) -> rg.Dataset | None:
+    def data(self) -> face.Dataset | None:
         """The records; None before there are any."""
         if self._data is None and self._is_read:
             self._data = read(self.data_folder).data
@@ -234,7 +234,7 @@ class Session:
         """Return the name of a step that is new."""
         return f"s{self._count + 1}"
 
-    def begin(self, data: rg.Dataset) -> None:
+    def begin(self, data: face.Dataset) -> None:
         """Take records that were read from :attr:`data_folder`: a new history begins."""
         self.write({"do": "read"})
         self._data = data

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import rdpi_gym as rg
+from rdpi_gym import face
 from rdpi_gym.laboratory.bringing import SETTINGS, data_files
 from rdpi_gym.laboratory.notebook import notebook_of
 from rdpi_gym.laboratory.session import Session, Step
@@ -56,7 +56,7 @@ def _present(session: Session) -> Step:
     return session.step(session.current)
 
 
-def _records(session: Session) -> rg.Dataset:
+def _records(session: Session) -> face.Dataset:
     data = session.data
     if data is None:
         raise InputError("there are no data yet; drop a file or take an exercise")
@@ -72,7 +72,7 @@ def _model(session: Session) -> str:
 def _report(session: Session) -> str:
     plant, data = _present(session).plant, _records(session)
     with TemporaryDirectory() as folder:
-        path = rg.compare(data, plant).page(Path(folder) / "report.html")
+        path = face.compare(data, plant).page(Path(folder) / "report.html")
         return path.read_text(encoding="utf-8")
 
 
@@ -112,13 +112,13 @@ def _experiment(session: Session, rate_hz: float | None) -> str:
     if ranking is None or ranking.result is None:
         raise InputError("the next experiment is known when the ranking is done; wait for it")
     advice = ranking.result["next_experiment"]
-    planned = rg.plan_experiment(advice, _records(session), present.plant, rate_hz)
+    planned = face.plan_experiment(advice, _records(session), present.plant, rate_hz)
     if planned is None:
         raise InputError("no experiment is advised that is a motion; there is nothing to play")
     return planned.csv()
 
 
-def experiment_shown(planned: rg.PlannedExperiment | None) -> dict[str, Any] | None:
+def experiment_shown(planned: face.PlannedExperiment | None) -> dict[str, Any] | None:
     """Return the next experiment as the page draws it, thinned; None where there is none."""
     if planned is None:
         return None

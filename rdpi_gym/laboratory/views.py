@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import rdpi_gym as rg
+from rdpi_gym import face
 from rdpi_gym.laboratory.session import Ranking, Step
 from rdpi_gym.measurement import Quantities, Record
 from rdpi_gym.plant import RDPI, Plant, PlantModel
@@ -65,7 +65,7 @@ def quantities_of(quantities: Quantities) -> dict[str, Any]:
     return {"input": vars(quantities.input), "output": vars(quantities.output)}
 
 
-def record_named(data: rg.Dataset, name: str) -> Record:
+def record_named(data: face.Dataset, name: str) -> Record:
     """Return a record."""
     for record in data.records:
         if record.name == name:
@@ -217,7 +217,7 @@ def cards(
     chosen = set(ranking.result.get("chosen", [])) if ranking.result else set()
     found = []
     waiting = 0
-    for name, kind in rg.effects.items():
+    for name, kind in face.effects.items():
         if name in present or not kind.fits_in(core):
             continue
         refit = ranking.refit_of(name)
@@ -310,10 +310,10 @@ def pictures() -> dict[str, dict[str, Any]]:
     u_V = np.where(
         t_s < 0.4, 10.0 * np.sin(2.0 * np.pi * 5.0 * t_s), np.where(t_s < 0.5, 0.0, 10.0)
     )
-    bare = replace(rg.plants["P5"], effects=())
+    bare = replace(face.plants["P5"], effects=())
     without = Plant(bare, ts_s).simulate(u_V)
     found = {}
-    for name, kind in rg.effects.items():
+    for name, kind in face.effects.items():
         effect = kind(**(kind.picture.values if kind.picture is not None else {}))
         gone = Plant(replace(bare, effects=(effect,)), ts_s).simulate(u_V) - without
         over_command = name in _OVER_COMMAND

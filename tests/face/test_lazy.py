@@ -48,21 +48,3 @@ def test_every_name_is_there_and_listed():
 def test_a_name_that_is_not_there_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'dicsover'"):
         rg.dicsover  # noqa: B018
-
-
-def test_type_checkers_are_told_the_same_as_the_interpreter():
-    # `_HOME` and the imports under TYPE_CHECKING say where each name stands
-    import ast
-    from pathlib import Path
-
-    tree = ast.parse(Path(rg.__file__).read_text(encoding="utf-8"))
-    told = {
-        alias.name: node.module
-        for block in tree.body
-        if isinstance(block, ast.If)
-        for node in block.body
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
-    assert {k: v for k, v in told.items() if k not in rg._ROOMS} == rg._MODULES
-    assert {*told, "__version__"} == set(rg.__all__)
