@@ -12,14 +12,16 @@ from typing import Any, cast
 
 import numpy as np
 
+from rdpi_gym.diagnosis import words
 from rdpi_gym.diagnosis.comparison.compare import compare
 from rdpi_gym.diagnosis.hygiene import inspection, limits
 from rdpi_gym.diagnosis.hygiene.finding import Finding
+from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
 from rdpi_gym.diagnosis.portrait.sentences import experiment_for, sentences_of
 from rdpi_gym.diagnosis.results import Candidate, CoreChoice, Errors
-from rdpi_gym.diagnosis.search import conclusion, core_choice, openings, record_clocks, verdict
-from rdpi_gym.diagnosis.search.experiments import asked_for, what_to_measure
+from rdpi_gym.diagnosis.search import core_choice, openings, record_clocks, verdict
+from rdpi_gym.diagnosis.search.experiments import what_to_measure
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor
 from rdpi_gym.diagnosis.search.separability import next_experiment
 from rdpi_gym.diagnosis.search.suitability import unrelated
@@ -74,7 +76,7 @@ def datasets() -> dict[str, Dataset]:
 def _limits() -> Iterator[tuple[str, Any]]:
     for name, data in datasets().items():
         found = limits(data)
-        yield f"limits of {name}", list(found)
+        yield f"limits of {name}", list(map(words.text_of, found))
         for settled in (False, True):
             yield (
                 f"experiment of {name}, settled {settled}",
@@ -96,7 +98,11 @@ def _advised(said: Any, findings: Any, settled: bool = False, again: Any = None)
 
 
 def _played(advice: Any) -> Any:
-    return [advice, list(asked_for(advice))]
+    return [_text(advice), list(advice.records) if advice else []]
+
+
+def _text(notice: Notice | None) -> str | None:
+    return None if notice is None else words.text_of(notice)
 
 
 def _findings() -> Iterator[tuple[str, Any]]:
@@ -136,7 +142,7 @@ def _findings() -> Iterator[tuple[str, Any]]:
 
 def _advice() -> Iterator[tuple[str, Any]]:
     yield "again", _advised((), (), again=verdict.Judgement("explained").again)
-    yield "standard protocol", _played(conclusion._STANDARD_PROTOCOL)
+    yield "standard protocol", _played(Notice(Code.STANDARD))
     for kind, others in (
         ("rdpi", ("stop",)), ("rdpi", ("bouc_wen", "duhem")), ("bouc_wen", ("dahl",)),
         ("stop", ("rdpi", "lugre", "dahl")), ("preisach", ("stop",)),
@@ -154,14 +160,14 @@ def _reservations() -> Iterator[tuple[str, Any]]:
     uneven = NumericalFloor(0.01, 0.02, 1000.0, 0.0, 0.5, 2.5e-6, 0.01)
     for name, floor in (("step", fine), ("clock", uneven)):
         found = verdict._by_floor("unexplained", floor, 0.05)
-        yield f"reservation {name}", [found.sampling, found.rest, *_played(found.again)]
+        yield f"reservation {name}", [_text(found.sampling), found.rest, *_played(found.again)]
     for effect, values in (("resonance", {"f0_hz": 900.0}), ("delay", {"delay_s": 1e-5})):
         own = CATALOGUE[effect](**values)
         variant = cast("Any", SimpleNamespace(effects=(own,)))
-        yield f"reservation {effect}", verdict._beyond_sampling(variant, [record(sine())])
+        yield f"reservation {effect}", _text(verdict._beyond_sampling(variant, [record(sine())]))
     yield (
         "reservation none",
-        verdict._beyond_sampling(cast("Any", SimpleNamespace(effects=())), [record(sine())]),
+        _text(verdict._beyond_sampling(cast("Any", SimpleNamespace(effects=())), [record(sine())])),
     )
 
 
@@ -174,7 +180,7 @@ def _headlines() -> Iterator[tuple[str, Any]]:
         ((), (creep,), (creep, "delay")),
         ("explained", "no missing effect", "unexplained"),
         (None, told),
-        (None, floor.sampling),
+        (None, words.request_of(cast("Notice", floor.sampling))),
     )
     for asked, effects, verdict_, undecided, sampling in cases:
         if undecided is not None and (sampling is not None or verdict_ != "unexplained"):
