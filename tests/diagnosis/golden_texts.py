@@ -12,6 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from benchmarks.tracking.scoring import Caution
 from rdpi_gym.diagnosis import words
 from rdpi_gym.diagnosis.comparison.compare import compare
 from rdpi_gym.diagnosis.hygiene import inspection, limits
@@ -251,7 +252,7 @@ _CAUTIONS = (
 
 def _cautions() -> Iterator[tuple[str, Any]]:
     for (i, blind), (k, knowing) in product(enumerate(_CAUTIONS), enumerate(_CAUTIONS)):
-        said = ["; ".join(f"{w}: {t}" for w, t in each) or None for each in (blind, knowing)]
+        said = [[Caution(*each) for each in part] for part in (blind, knowing)]
         yield f"cautions {i} {k}", list(buying._warnings(*said))
 
 
