@@ -20,7 +20,6 @@ import pandas as pd
 from benchmarks.hidden_effects import cases as study
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.diagnosis.search.experiments import asked_for
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
@@ -69,7 +68,8 @@ def run_case(case: Case, code: str) -> Row:
         return row | {"status": "masked", "error": str(error)}
     began = time.process_time()
     before = discover(_part(whole, case.given), seed=case.plant.seed)
-    more = tuple(name for name in asked_for(before.next_experiment) if name not in case.given)
+    asked = () if before.advice is None else before.advice.records
+    more = tuple(name for name in asked if name not in case.given)
     row |= {"status": "done", "advice": before.next_experiment, "made": list(more)}
     row |= {"before": _told(before), "after": None}
     if more:

@@ -79,6 +79,50 @@ def score(
     )
 
 
+@dataclass(frozen=True)
+class Caution:
+    """One thing to beware of.
+
+    Parameters
+    ----------
+    word
+        A key of `MEANING`.
+    text
+        What it is here.
+    """
+
+    word: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.word}: {self.text}"
+
+
+def cautions(
+    scored: Score,
+    reference_um: Array,
+    *,
+    warning: str | None,
+    ts_s: float,
+    identified_V_s: float | None,
+) -> tuple[Caution, ...]:
+    """Return what a score alone does not say: what to beware of."""
+    found = []
+    if warning:
+        word = UNSTABLE if "stability limit" in warning else WARNED
+        found.append(Caution(word, one_line(warning)))
+    if scored.rmse_um > np.std(reference_um):
+        found.append(Caution(DIVERGED, "the error is larger than that of standing still"))
+    if scored.saturated_percent > 0.0:
+        share = f"{scored.saturated_percent:.3g} %"
+        found.append(Caution(SATURATED, f"{share} of the samples at the end of the command range"))
+    rate = scored.max_command_step_V / ts_s
+    if identified_V_s is not None and rate > COVERED * identified_V_s:
+        text = f"command rate up to {rate:.3g} V/s, the plant was identified up to {identified_V_s:.3g} V/s"
+        found.append(Caution(EXTRAPOLATED, text))
+    return tuple(found)
+
+
 def status(
     scored: Score,
     reference_um: Array,
@@ -88,22 +132,10 @@ def status(
     identified_V_s: float | None,
 ) -> str:
     """Say in words what a score alone does not: ``ok``, or what to beware of."""
-    said = []
-    if warning:
-        word = UNSTABLE if "stability limit" in warning else WARNED
-        said.append(f"{word}: {one_line(warning)}")
-    if scored.rmse_um > np.std(reference_um):
-        said.append(f"{DIVERGED}: the error is larger than that of standing still")
-    if scored.saturated_percent > 0.0:
-        said.append(
-            f"{SATURATED}: {scored.saturated_percent:.3g} % of the samples at the end of the command range"
-        )
-    rate = scored.max_command_step_V / ts_s
-    if identified_V_s is not None and rate > COVERED * identified_V_s:
-        said.append(
-            f"{EXTRAPOLATED}: command rate up to {rate:.3g} V/s, the plant was identified up to {identified_V_s:.3g} V/s"
-        )
-    return "; ".join(said) or "ok"
+    found = cautions(
+        scored, reference_um, warning=warning, ts_s=ts_s, identified_V_s=identified_V_s
+    )
+    return "; ".join(map(str, found)) or "ok"
 
 
 def one_line(text: object) -> str:

@@ -201,8 +201,8 @@ def _bench_tasks(
 def _refuse_errors(table: pd.DataFrame, own: Sequence[str]) -> None:
     """End with an error where a controller that the user gave did, now that all else is written."""
     for name in own:
-        rows = table.loc[table["controller"] == name, "status"]
-        failed = rows[rows.str.startswith("error")]
+        rows = table.loc[table["controller"] == name]
+        failed = rows.loc[rows["rmse_um"].isna(), "status"]  # no numbers: an error
         if not failed.empty:
             raise InputError(
                 f"{name} has no score in {len(failed)} of {len(rows)} rows; the first says {failed.iloc[0]!r}"

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
 from rdpi_gym.diagnosis.hygiene.finding import Finding
+from rdpi_gym.diagnosis.notices import Notice
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.probability import Probabilities
-from rdpi_gym.diagnosis.words import headline, sized
+from rdpi_gym.diagnosis.words import headline, request_of, sized
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
@@ -244,6 +245,8 @@ class CoreChoice:
     clockwise
         Whether the loops turn clockwise in the plane of command and displacement; None: they
         enclose no area that stands out.
+    advice
+        The experiment as a notice.
     """
 
     kind: str
@@ -251,6 +254,7 @@ class CoreChoice:
     confidence: float | None = None
     experiment: str | None = None
     clockwise: bool | None = None
+    advice: Notice | None = None
 
     @property
     def sentence(self) -> str:
@@ -268,7 +272,8 @@ class CoreChoice:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the files."""
-        return asdict(self) | {"alike": list(self.alike)}
+        advice = None if self.advice is None else self.advice.to_dict()
+        return asdict(self) | {"alike": list(self.alike), "advice": advice}
 
     @classmethod
     def from_fields(cls, fields: Fields) -> CoreChoice:
@@ -280,6 +285,7 @@ class CoreChoice:
             fields.optional_number("confidence"),
             fields.optional_text("experiment"),
             None if clockwise is None else bool(clockwise),
+            Notice.optional(fields, "advice"),
         )
 
 
@@ -377,6 +383,9 @@ class SearchResult:
         unit of its output.
     core
         Which kind of hysteresis `plant` has, and how that was decided.
+    reservation, advice, limit_notices
+        What `sampling`, `next_experiment` and `limits` are the texts of; None and empty in results
+        of files that hold the texts alone.
     """
 
     kind: Kind
@@ -409,6 +418,9 @@ class SearchResult:
     probabilities: Probabilities | None = None
     quantities: Quantities = field(default_factory=Quantities)
     core: CoreChoice = field(default_factory=lambda: CoreChoice(RDPI.name))
+    reservation: Notice | None = None
+    advice: Notice | None = None
+    limit_notices: tuple[Notice, ...] = ()
 
     @property
     def added(self) -> tuple[Candidate, ...]:
@@ -434,7 +446,7 @@ class SearchResult:
             self.noise_floor_um,
             self.verdict,
             self.undecided,
-            self.sampling,
+            self.sampling if self.reservation is None else request_of(self.reservation),
         )
         return self.quantities.said(said)
 
@@ -461,10 +473,13 @@ class SearchResult:
             "left": None if self.left is None else self.left.to_dict(),
             "portrait": None if self.portrait is None else self.portrait.to_dict(),
             "probabilities": None if self.probabilities is None else self.probabilities.to_dict(),
+            "reservation": None if self.reservation is None else self.reservation.to_dict(),
             "next_experiment": self.next_experiment,
+            "advice": None if self.advice is None else self.advice.to_dict(),
             "indistinguishable": [list(group) for group in self.indistinguishable],
             "findings": [finding.to_dict() for finding in self.findings],
             "limits": list(self.limits),
+            "limit_notices": [notice.to_dict() for notice in self.limit_notices],
             "checks": list(self.checks),
             "seconds": self.seconds,
             "core": self.core.to_dict(),
@@ -583,6 +598,9 @@ class SearchResult:
             core=CoreChoice.from_fields(fields.inner("core"))
             if "core" in document
             else CoreChoice(RDPI.name),
+            reservation=Notice.optional(fields, "reservation"),
+            advice=Notice.optional(fields, "advice"),
+            limit_notices=tuple(map(Notice.from_fields, fields.objects("limit_notices"))),
         )
 
 

@@ -31,6 +31,9 @@ _KEPT = frozenset(
         "plane",
         "traces",
         "views",
+        "advice",
+        "reservation",
+        "limit_notices",
     ]
 )
 

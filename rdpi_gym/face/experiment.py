@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from rdpi_gym import measurement
-from rdpi_gym.diagnosis.search.experiments import asked_for
+from rdpi_gym.diagnosis.notices import Notice
+from rdpi_gym.diagnosis.words import notice_of, text_of
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import as_dataset
 from rdpi_gym.identification.scale import data_scale
@@ -23,8 +24,6 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.words import joined
 
-_SAME = "Record the same motion again"
-_FASTER = 4.0  # times the rate that was too slow
 _MOST = 5_000_000  # samples
 _SLOWEST = 0.1  # of the rate that the standard protocol gives a record
 _SMALLEST = 0.02  # of the span: where δ1 is taken to be at least
@@ -91,7 +90,7 @@ class PlannedExperiment:
 
 @checked
 def plan_experiment(
-    advice: str | None,
+    advice: Notice | str | None,
     data: measurement.Dataset | PathLike[str] | str,
     model: PlantModel | HasPlant | PathLike[str] | str,
     rate_hz: float | None = None,
@@ -101,7 +100,7 @@ def plan_experiment(
     Parameters
     ----------
     advice
-        ``next_experiment`` of a search.
+        Of a search, or its code or text where it names no record, effect or kind.
     data
         The records that were searched: the command stays within their range.
     model
@@ -123,20 +122,20 @@ def plan_experiment(
     --------
     >>> import rdpi_gym as rg
     >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
-    >>> rg.plan_experiment("Record steps up and down with holds from 0.05 to 50 s.", data, "P5")
+    >>> rg.plan_experiment("steps with holds", data, "P5")
     stairs: 62 s at 200 samples a second, -8.217 to 8.217 V
     """
     dataset = as_dataset(data)
-    if advice is None:
+    notice = notice_of(advice) if isinstance(advice, str) else advice
+    if notice is None:
         return None
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0):
         raise InputError(f"rate_hz is {rate_hz:g}; give samples a second above 0")
-    found = _same_again(advice, dataset, rate_hz)
-    if found is not None:
-        return found
+    if notice.again is not None and dataset.train:
+        return _same_again(notice, notice.again, dataset, rate_hz)
     scale = data_scale((*dataset.train, *dataset.validation))
     first_V = max(as_plant(model).hysteresis.first_threshold_V, _SMALLEST * scale.span_V)
-    names = asked_for(advice)
+    names = notice.records
     known = {e.name: e for e in standard_protocol(scale.centre_V, scale.span_V, first_V)}
     parts = [known[name] for name in names if name in known]
     if not parts:
@@ -155,7 +154,8 @@ def plan_experiment(
     ]
     rest = min(max(0.0, low), high)
     u_V = np.clip(_one_after_the_other(played, rest, max(round(PAUSE_S * rate), 1)), low, high)
-    return PlannedExperiment(joined(names), advice, rate, *_timed(u_V, rate), dataset.quantities)
+    text = text_of(notice)
+    return PlannedExperiment(joined(names), text, rate, *_timed(u_V, rate), dataset.quantities)
 
 
 def _fits(seconds: float, rate_hz: float) -> bool:
@@ -168,19 +168,19 @@ def _fits(seconds: float, rate_hz: float) -> bool:
 
 
 def _same_again(
-    advice: str, data: measurement.Dataset, rate_hz: float | None
-) -> PlannedExperiment | None:
-    """Return the motion of the first record to fit, sampled faster; None for another advice."""
-    if _SAME not in advice or not data.train:
-        return None
+    advice: Notice, times: float, data: measurement.Dataset, rate_hz: float | None
+) -> PlannedExperiment:
+    """Return the motion of the first record to fit, at so many times its rate."""
     record = data.train[0]
     own = 1.0 / record.ts_s
-    rate = rate_hz or (_FASTER * own if "faster" in advice else own)
+    rate = rate_hz or times * own
     seconds = float(record.t_s[-1] - record.t_s[0])
     _fits(seconds, rate)
     t_s, _ = _timed(np.zeros(round(seconds * rate) + 1), rate)
     u_V = np.interp(t_s, record.t_s - record.t_s[0], record.u_V)
-    return PlannedExperiment(f"{record.name} again", advice, rate, t_s, u_V, data.quantities)
+    return PlannedExperiment(
+        f"{record.name} again", text_of(advice), rate, t_s, u_V, data.quantities
+    )
 
 
 def _one_after_the_other(parts: list[Array], rest: float, pause: int) -> Array:

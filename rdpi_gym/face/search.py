@@ -144,7 +144,7 @@ class SearchResult(Shown, results.SearchResult):
         InputError
             A rate that the motion cannot be played at.
         """
-        return plan_experiment(self.next_experiment, self.data, self.plant, rate_hz)
+        return plan_experiment(self.advice, self.data, self.plant, rate_hz)
 
     def _lines(self) -> Sequence[str]:
         return [*lines(self), *map(closed, self.notes)]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from baselines import Controller
 from benchmarks.tracking.episode import play
-from benchmarks.tracking.scoring import score, status
+from benchmarks.tracking.scoring import Caution, cautions, score
 from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ
 from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.envs.layout import ObservationLayout
@@ -42,6 +42,8 @@ class Tracking:
         Error over the samples that count (µm rms), and in percent of the reference's peak to peak.
     warning
         What to beware of: outside its stability limit, diverged, saturated; None: nothing.
+    cautions
+        The same, one by one.
     """
 
     controller: str
@@ -52,6 +54,7 @@ class Tracking:
     rmse_um: float
     rmse_percent: float
     warning: str | None
+    cautions: tuple[Caution, ...] = ()
 
     def __repr__(self) -> str:
         """Error first, then what to beware of."""
@@ -137,10 +140,10 @@ def track(
         part[:end, 0] for part in (taken.displacement_um, taken.command_V, taken.action)
     )
     scored = score(reference, y, u, action, first=first, ts_s=ts_s)
-    said = status(
+    found = cautions(
         scored, reference[first:], warning=warning_of(made), ts_s=ts_s, identified_V_s=None
     )
     return Tracking(
         controller, np.arange(end, dtype=np.float64) * float(ts_s), reference, y, u, scored.rmse_um, scored.rmse_percent,
-        None if said == "ok" else said,
+        "; ".join(map(str, found)) or None, found,
     )  # fmt: skip

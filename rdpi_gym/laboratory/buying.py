@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from benchmarks.tracking.scoring import DIVERGED, UNSTABLE, WARNED, Caution
 from rdpi_gym import face
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.report.thin import thin_index
@@ -35,7 +36,7 @@ _PERIODS = 3
 _PER_PERIOD = 20.0  # samples, at least
 _LEAD = 0.15  # of a run: the way from rest to where a reference begins
 _LEVELS = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5)
-_LOST = ("unstable", "diverged")
+_LOST = (UNSTABLE, DIVERGED)
 _LONGEST_S, _MOST_POINTS = 3600.0, 2000
 
 
@@ -175,7 +176,7 @@ def payoff(
                 "after_um": _finite(knowing.rmse_um),
                 "before_percent": _finite(blind.rmse_percent),
                 "after_percent": _finite(knowing.rmse_percent),
-                "warning": "; ".join(_warnings(blind.warning, knowing.warning)) or None,
+                "warning": "; ".join(_warnings(blind.cautions, knowing.cautions)) or None,
             }
         )
         if knowing.rmse_um < best:
@@ -194,12 +195,12 @@ def _suits(name: str, belief: PlantModel) -> bool:
     return True
 
 
-def _warnings(blind: str | None, knowing: str | None) -> Iterator[str]:
+def _warnings(blind: Sequence[Caution], knowing: Sequence[Caution]) -> Iterator[str]:
     """Yield what to beware of with the present belief, and where the one before loses the plant."""
-    for part in [] if knowing is None else knowing.split("; "):
-        yield part.removeprefix("warned: ")
-    worst = [p for p in (blind or "").split("; ") if p.startswith(_LOST)]
-    if worst and not (knowing or "").startswith(_LOST):
+    for caution in knowing:
+        yield caution.text if caution.word == WARNED else str(caution)
+    worst = [caution for caution in blind if caution.word in _LOST]
+    if worst and not (knowing and knowing[0].word in _LOST):
         yield f"before: {worst[0]}"
 
 

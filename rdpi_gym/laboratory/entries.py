@@ -26,7 +26,7 @@ _CANDIDATE: Fields = {
 _RESULT: Fields = {
     "candidates": (Sequence[Entry], []), "chosen": (Sequence[str], []), "headline": (str, ""),
     "lines": (Sequence[str], []), "remainder": (str, ""), "portrait_lines": (Sequence[str], []),
-    "next_experiment": (str | None, None), "experiment": (Entry | None, None),
+    "next_experiment": (str | None, None), "experiment": (Entry | None, None), "advice": (Entry | None, None),
     "noise_floor": (float | None, None), "settled": (Entry | None, None), "final": (Entry, {}),
 }  # fmt: skip
 _FINAL: Fields = {

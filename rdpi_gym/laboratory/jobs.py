@@ -22,7 +22,7 @@ from rdpi_gym.support.parallel import run_cases
 _RDPI = "rdpi"
 _TOLD = (
     "candidates", "chosen", "headline", "verdict", "sampling", "undecided", "remainder", "left",
-    "next_experiment", "noise_floor", "noise_origin", "indistinguishable", "limits", "notes",
+    "next_experiment", "advice", "noise_floor", "noise_origin", "indistinguishable", "limits", "notes",
     "seconds", "base", "final",
 )  # fmt: skip
 _WARM_SAMPLES = 800

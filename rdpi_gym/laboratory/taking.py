@@ -11,11 +11,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from rdpi_gym import face
+from rdpi_gym.diagnosis.notices import Notice
 from rdpi_gym.laboratory.bringing import SETTINGS, data_files
 from rdpi_gym.laboratory.notebook import notebook_of
 from rdpi_gym.laboratory.session import Session, Step
 from rdpi_gym.report.thin import thin_index
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.words import quoted
 
 FORMAT, VERSION = "rdpi-lab-session", 1
@@ -111,7 +113,9 @@ def _experiment(session: Session, rate_hz: float | None) -> str:
     ranking = session.ranking_of(present.id)
     if ranking is None or ranking.result is None:
         raise InputError("the next experiment is known when the ranking is done; wait for it")
-    advice = ranking.result["next_experiment"]
+    fields = Fields(ranking.result, "ranking")
+    # a session of before holds the text alone
+    advice = Notice.optional(fields, "advice") or ranking.result["next_experiment"]
     planned = face.plan_experiment(advice, _records(session), present.plant, rate_hz)
     if planned is None:
         raise InputError("no experiment is advised that is a motion; there is nothing to play")

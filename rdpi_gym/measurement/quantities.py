@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from string import Formatter
 from typing import Any
 
 from rdpi_gym.measurement.units import measured_by, ratio, shown_unit
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.fields import Fields
-from rdpi_gym.support.words import quoted
+from rdpi_gym.support.words import digits, quoted
 
 _LONGEST = 30  # characters of a header's name that serves as the name of a quantity
 SIDES: Mapping[str, str] = {"input": "u", "output": "y"}
@@ -93,6 +95,41 @@ class Quantities:
         }
         for old, new in (("voltage", u.name), ("displacement", y.name)):
             found |= {old: new, old.capitalize(): new[:1].upper() + new[1:]}
+        return found
+
+    def text(self, template: str, *names: str, **values: object) -> str:
+        """Write a text with its numbers in these quantities.
+
+        Parameters
+        ----------
+        template
+            With fields for words, ``{input}`` and ``{output}``, a capital where they begin; for
+            units, ``{input_unit}``, ``{output_unit}`` and ``{gain_unit}``; and for what is given,
+            with a kind: ``{x:output}`` and ``{x:input}`` are numbers with the unit, ``{x:~2}`` is
+            one of two digits.
+        names, values
+            What is given; it is written as it is, whatever stands in it.
+
+        Examples
+        --------
+        >>> damper = Quantities(Quantity("displacement", "x", "mm"), Quantity("force", "F", "kN"))
+        >>> damper.text("{Output} of {0}: {peak:output} at {u:input}", "V", peak=2.5, u=3.0)
+        'Force of V: 2.5 kN at 3 mm'
+        """
+        return self._writer.vformat(template, names, {**self._fields, **values})
+
+    @cached_property
+    def _writer(self) -> _Writer:
+        return _Writer({"output": self.output.unit, "input": self.input.unit})
+
+    @cached_property
+    def _fields(self) -> dict[str, str]:
+        """What stands for the fields of a template that every text may have."""
+        found = {"gain_unit": f"{self.output.unit}/{_divisor(self.input.unit)}"}
+        for side in SIDES:
+            own: Quantity = getattr(self, side)
+            found |= {side: own.name, side.capitalize(): own.name[:1].upper() + own.name[1:]}
+            found |= {f"{side}_unit": own.unit, f"{side}_symbol": own.symbol}
         return found
 
     def said(self, text: str, keep: Iterable[str] = ()) -> str:
@@ -183,6 +220,21 @@ def stated_quantities(identification: Mapping[str, Any]) -> Quantities:
             if all(isinstance(text, str) for text in texts):
                 found[key] = Quantity(*map(str, texts))
     return Quantities(found["input"], found["output"])
+
+
+class _Writer(Formatter):
+    """Writes numbers as a kind asks, with a unit where it is the name of a side."""
+
+    def __init__(self, units: Mapping[str, str]) -> None:
+        self._units = units
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if format_spec in self._units:
+            finite = math.isfinite(value)
+            return f"{digits(value, 3)} {self._units[format_spec]}" if finite else "no finite error"
+        if format_spec.startswith("~"):
+            return digits(value, int(format_spec[1:]))
+        return str(super().format_field(value, format_spec))
 
 
 _DONE = "\N{NO-BREAK SPACE}"

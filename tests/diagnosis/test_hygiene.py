@@ -10,6 +10,7 @@ import rdpi_gym as rg
 from rdpi_gym.diagnosis.hygiene import inspect, limits
 from rdpi_gym.diagnosis.hygiene.opening import opening
 from rdpi_gym.diagnosis.hygiene.rebuilt import rebuilt_command
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import Plant, named_plant
 
@@ -320,8 +321,10 @@ def test_a_record_that_begins_at_rest_is_not_in_motion():
 
 
 def test_what_one_record_cannot_tell_is_said():
-    said = " ".join(limits(Dataset("one", (record(sine()),))))
+    said = " ".join(text_of(each) for each in limits(Dataset("one", (record(sine()),))))
     for words in ("1 record", "1 frequency (2 Hz)", "1 amplitude", "No rest", "No small signals"):
         assert words in said
     assert "No repetition" not in said
-    assert "300 samples" in " ".join(limits(Dataset("short", (record(sine(400)),))))
+    assert "300 samples" in " ".join(
+        text_of(each) for each in limits(Dataset("short", (record(sine(400)),)))
+    )

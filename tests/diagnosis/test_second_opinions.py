@@ -8,11 +8,13 @@ import pytest
 
 from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
 from rdpi_gym.diagnosis.hygiene import inspect
+from rdpi_gym.diagnosis.notices import Code
 from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.laboratory import Laboratory
 from rdpi_gym.diagnosis.search.numerics import numerical_floor
 from rdpi_gym.diagnosis.search.verdict import judge
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
@@ -169,11 +171,12 @@ def test_a_model_within_the_floor_of_its_clock_is_explained_and_the_clock_is_the
     noise_um = 0.3 * floor.jittered_um
     found = judge(setting, variant, floor.jittered_um, noise_um, floor, added=True)
     assert found.verdict == "explained"
-    assert (found.sampling or "").startswith(
+    assert found.sampling is not None
+    assert text_of(found.sampling).startswith(
         "Write time stamps with more digits, or trigger the samples by a clock: stamps that are off "
         "an even one by 120 µs rms change the model by "
     )
-    assert "one clock" in found.again
+    assert found.again.code is Code.CLOCKED
     beyond = judge(setting, variant, 5.0 * floor.jittered_um, noise_um, floor, added=True)
     assert (beyond.verdict, beyond.sampling) == ("unexplained", None)
 

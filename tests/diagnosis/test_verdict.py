@@ -9,6 +9,7 @@ from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor, held_about, numerical_floor
 from rdpi_gym.diagnosis.search.verdict import judge
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
@@ -121,7 +122,8 @@ def test_an_effect_too_fast_for_the_records_is_named_with_the_rate_that_would_do
     floor = numerical_floor(mode, [moved])
     found = judge(setting, mode, 5.0, NOISE_UM, floor, added=True)
     assert found.verdict == "unexplained"
-    assert found.sampling == (
+    assert found.sampling is not None
+    assert text_of(found.sampling) == (
         "Sample faster than 10000 Hz before anything more is concluded: resonance (1000 Hz) is too "
         "fast for records of 5000 Hz."
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rdpi_gym as rg
-from rdpi_gym.diagnosis.search.experiments import ASKED_FOR
+from rdpi_gym.diagnosis.notices import RECORDS, Notice
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.errors import InputError
 
@@ -18,9 +18,9 @@ def recorded(low, high):
     return rg.Dataset("one", (Record("one", t, u, 0.1 * u, ts_s=1e-3),))
 
 
-@pytest.mark.parametrize("words", ASKED_FOR)
-def test_it_starts_and_ends_where_a_stage_rests_and_stays_in_range(words):
-    planned = rg.plan_experiment(f"{words}.", recorded(20.0, 100.0), "P5")
+@pytest.mark.parametrize("code", RECORDS)
+def test_it_starts_and_ends_where_a_stage_rests_and_stays_in_range(code):
+    planned = rg.plan_experiment(Notice(code, ("rdpi", "stop")), recorded(20.0, 100.0), "P5")
     assert planned.u_V[0] == planned.u_V[-1] == 20.0  # the command nearest 0 V
     assert planned.u_V.min() >= 20.0
     assert planned.u_V.max() <= 100.0
@@ -28,7 +28,7 @@ def test_it_starts_and_ends_where_a_stage_rests_and_stays_in_range(words):
 
 
 def test_a_file_at_a_chosen_rate_holds_the_signal(tmp_path):
-    planned = rg.plan_experiment("Record the same thing twice.", recorded(-10.0, 10.0), "P5", 500.0)
+    planned = rg.plan_experiment("same motion twice", recorded(-10.0, 10.0), "P5", 500.0)
     read = np.genfromtxt(planned.write(tmp_path / "next.csv"), delimiter=",", names=True)
     assert read.dtype.names == ("t_s", "u_V")
     assert np.allclose(read["u_V"], planned.u_V, rtol=0, atol=1e-10)
@@ -47,7 +47,7 @@ def test_the_same_motion_again_is_sampled_four_times_as_fast():
 )
 def test_a_rate_that_cannot_be_played_is_one_line(rate, said):
     with pytest.raises(InputError, match=said):
-        rg.plan_experiment("steps up and down with holds", recorded(-10.0, 10.0), "P5", rate)
+        rg.plan_experiment("steps with holds", recorded(-10.0, 10.0), "P5", rate)
 
 
 def test_what_is_no_motion_is_none():

@@ -1,5 +1,6 @@
 """The pages of the laboratory: every result can be drawn, and says in words what it shows."""
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,9 +9,12 @@ import plotly.graph_objects as go
 import pytest
 
 from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
+from rdpi_gym.diagnosis.hygiene import Finding
+from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step, View, steps_of
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.plant import P5
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
 from rdpi_gym.report.discovery import candidates, view_figures
@@ -134,9 +138,10 @@ def test_an_answer_for_every_verdict(made_discovery):
     assert "and something that no effect of the catalogue explains. Error 0.8" in part.headline
     asked = replace(part, kind="addition")
     assert asked.headline.startswith("Added: creep and resonance, which leaves part of the error")
-    slow = made_discovery(sampling="Sample faster than 20000 Hz: the records miss motion.")
+    missed = Notice(Code.MOTION_BETWEEN, ("one",), (20000.0, 5000.0, 4.0, 0.02))
+    slow = made_discovery(sampling=text_of(missed), reservation=missed)
     assert slow.headline.endswith("noise 0.02 µm. Sample faster than 20000 Hz.")
-    assert "Sample faster than 20000 Hz: the records miss motion." in lines(slow)
+    assert text_of(missed) in lines(slow)
 
 
 def test_a_portrait_is_printed_shown_and_kept(made_discovery, tmp_path):
@@ -363,3 +368,30 @@ def test_spectrum_of_noise_is_its_floor(made_discovery):
     assert profiles.hold is None
     figure = view_figures.residuals({"base": profiles}, 0.05, 1e-3)
     assert isinstance(figure, go.Figure)
+
+
+def test_codes_stand_beside_their_texts_in_a_file_and_a_file_without_them_is_read(made_discovery):
+    missed = Notice(Code.MOTION_BETWEEN, ("one",), (20000.0, 5000.0, 4.0, 0.02))
+    loose = Finding.of("spikes", "one", 3, "3 samples stand alone.", Notice(Code.CONTACTS))
+    found = made_discovery(
+        sampling=text_of(missed),
+        reservation=missed,
+        next_experiment=text_of(Notice(Code.HOLDS)),
+        advice=Notice(Code.HOLDS),
+        limits=(text_of(Notice(Code.NO_REST)),),
+        limit_notices=(Notice(Code.NO_REST),),
+        findings=(loose,),
+        views=(),
+    )
+    document = json.loads(json.dumps(found.to_dict()))
+    read = type(found).from_dict(document)
+    assert read.to_dict() == found.to_dict()
+    assert (read.advice, read.reservation) == (found.advice, missed)
+    assert (read.limit_notices, read.findings) == (found.limit_notices, (loose,))
+    for key in ("advice", "reservation", "limit_notices"):
+        del document[key]
+    del document["findings"][0]["advice"], document["core"]["advice"]
+    old = type(found).from_dict(document)
+    assert (old.advice, old.reservation, old.limit_notices) == (None, None, ())
+    assert (old.next_experiment, old.limits) == (found.next_experiment, found.limits)
+    assert old.headline.endswith(found.sampling)

@@ -1,6 +1,7 @@
 """What an advice asks for is made, and sets that shrink by half are counted."""
 
-from rdpi_gym.diagnosis.search.experiments import _LIFTS, ASKED_FOR, asked_for
+from rdpi_gym.diagnosis.notices import RECORDS, Code, Notice
+from rdpi_gym.diagnosis.search.experiments import _LIFTS
 from rdpi_gym.signals.experiments import standard_protocol
 from studies.advised_experiment import GIVEN, report
 
@@ -16,12 +17,11 @@ def row(before, after, hidden="creep"):
 def test_every_record_that_is_given_or_asked_for_is_of_the_protocol():
     known = {experiment.name for experiment in standard_protocol(0.0, 30.0, 1.0)}
     assert {name for pair in GIVEN for name in pair} <= known
-    assert {name for records in ASKED_FOR.values() for name in records} <= known
+    assert {name for records in RECORDS.values() for name in records} <= known
 
 
 def test_every_advice_on_limits_but_a_longer_record_names_records():
-    unmet = [text for _, text in _LIFTS if not asked_for(text)]
-    assert [text.split()[1] for text in unmet] == ["longer,"]
+    assert [code for code in _LIFTS.values() if not Notice(code).records] == [Code.LONGER]
 
 
 def test_the_table_counts_sets_that_shrink_by_half():

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rdpi_gym.diagnosis.notices import Notice
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.fields import Fields
@@ -34,6 +36,8 @@ class Finding:
         What was found and what was done about it.
     next_step
         What a better measurement would do.
+    advice
+        The same as a notice; None in files without it.
     """
 
     kind: str
@@ -41,6 +45,12 @@ class Finding:
     samples: int
     sentence: str
     next_step: str = ""
+    advice: Notice | None = None
+
+    @classmethod
+    def of(cls, kind: str, record: str, samples: int, sentence: str, advice: Notice) -> Finding:
+        """Build one with the text of its advice."""
+        return cls(kind, record, samples, sentence, text_of(advice), advice)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as a JSON object."""
@@ -50,6 +60,7 @@ class Finding:
             "samples": self.samples,
             "sentence": self.sentence,
             "next_step": self.next_step,
+            "advice": None if self.advice is None else self.advice.to_dict(),
         }
 
     @classmethod
@@ -61,6 +72,7 @@ class Finding:
             int(fields.number("samples")),
             fields.text("sentence"),
             fields.text("next_step"),
+            Notice.optional(fields, "advice"),
         )
 
 

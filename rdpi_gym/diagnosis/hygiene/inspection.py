@@ -26,6 +26,7 @@ from rdpi_gym.diagnosis.hygiene.stands import (
     output_rails,
     silent,
 )
+from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.measurement import MIN_SAMPLES, Dataset, Record
 from rdpi_gym.support.words import digits
 
@@ -138,9 +139,7 @@ def _spikes(record: Record, at: BoolArray, farthest: float) -> Finding:
         f"{counted(number, record)} {stand}, up to {digits(farthest)} times the noise from {their} "
         f"neighbours: outlier{'s' if number > 1 else ''}, left out."
     )
-    return Finding(
-        "spikes", record.name, number, sentence, "Look for loose contacts and switching."
-    )
+    return Finding.of("spikes", record.name, number, sentence, Notice(Code.CONTACTS))
 
 
 def _clipped(record: Record, at: BoolArray) -> Finding:
@@ -148,8 +147,8 @@ def _clipped(record: Record, at: BoolArray) -> Finding:
         f"{counted(int(at.sum()), record)} stand at the end of the displacement's range without "
         "any noise: the sensor or its converter clips, left out."
     )
-    step = "Measure again with a wider range of the sensor."
-    return Finding("clipped output", record.name, int(at.sum()), sentence, step)
+    step = Notice(Code.SENSOR_RANGE)
+    return Finding.of("clipped output", record.name, int(at.sum()), sentence, step)
 
 
 def _silent(record: Record, kind: str, at: BoolArray) -> Finding:
@@ -158,9 +157,7 @@ def _silent(record: Record, kind: str, at: BoolArray) -> Finding:
         "frozen": "repeat one value exactly: the displacement was frozen, left out.",
     }[kind]
     sentence = f"{counted(int(at.sum()), record)} {what}"
-    return Finding(
-        kind, record.name, int(at.sum()), sentence, "Check the sensor's cable and range."
-    )
+    return Finding.of(kind, record.name, int(at.sum()), sentence, Notice(Code.SENSOR))
 
 
 def _clipped_command(record: Record, at: BoolArray, missed_V: float | None) -> Finding:
@@ -177,8 +174,8 @@ def _clipped_command(record: Record, at: BoolArray, missed_V: float | None) -> F
             "what was commanded there was rebuilt from the displacement, which tells the rest of "
             f"the command to {digits(missed_V)} V rms."
         )
-    step = "Record the command over its full range, or give the one that was sent."
-    return Finding("clipped input", record.name, int(at.sum()), sentence, step)
+    step = Notice(Code.COMMAND_RANGE)
+    return Finding.of("clipped input", record.name, int(at.sum()), sentence, step)
 
 
 def _in_motion(record: Record, start: BoolArray) -> Finding:
@@ -186,8 +183,8 @@ def _in_motion(record: Record, start: BoolArray) -> Finding:
         f"{counted(int(start.sum()), record)} lie before the command has passed both of its "
         "extremes: the record begins in motion, and what came before it is unknown."
     )
-    step = "Begin each record at rest, or with one cycle that may be left out."
-    return Finding("in motion", record.name, int(start.sum()), sentence, step)
+    step = Notice(Code.BEGIN_AT_REST)
+    return Finding.of("in motion", record.name, int(start.sum()), sentence, step)
 
 
 def _clocks(
@@ -215,7 +212,7 @@ def _clocks(
         )
         size = sum(records[name].t_s.size for name in names)
         label = names[0] if len(names) == 1 else ""
-        found.append(Finding("clock", label, size, sentence, "Sample both channels by one clock."))
+        found.append(Finding.of("clock", label, size, sentence, Notice(Code.ONE_CLOCK)))
     late = late_by(lags)
     if late > 0.0:
         size = sum(r.t_s.size for r in moving)
@@ -223,5 +220,5 @@ def _clocks(
             f"{digits(late, 2)} samples: at least by so much the displacement is late in every "
             "record, whatever its sampling time: a shift of the channels, and no delay of the plant."
         )
-        found.append(Finding("clock", "", size, sentence, "Sample both channels by one clock."))
+        found.append(Finding.of("clock", "", size, sentence, Notice(Code.ONE_CLOCK)))
     return found

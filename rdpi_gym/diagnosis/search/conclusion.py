@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.probability import Probabilities, probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, Left, SearchResult, View, steps_of
@@ -25,6 +26,7 @@ from rdpi_gym.diagnosis.search.separability import separability, typical_effects
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
 from rdpi_gym.diagnosis.search.vetoes import capped
 from rdpi_gym.diagnosis.telling import told
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.plausibility import plausibility_warnings
@@ -39,10 +41,6 @@ Groups = tuple[tuple[str, ...], ...]
 
 # Effects of the catalogue that a portrait is held beside.
 _NEAREST = 3
-_STANDARD_PROTOCOL = (
-    "Record the standard protocol: a slow decaying triangle, sines at several rates and "
-    "amplitudes, a multisine, steps with long holds."
-)
 
 
 @dataclass(frozen=True)
@@ -102,6 +100,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     chances = _probabilities(laboratory, search, added)
     probable = () if chances is None else chances.probable
     experiment = _next_experiment(laboratory, end, search.last, judgement, groups, probable)
+    advice = clocks[0].advice if clocks else experiment
     sentence, shares = _remainder(laboratory, end, judgement, numerical.borne_um)
     plant = plant_of(laboratory.setting, end.outcome, search.given)
     left = [simulate_record(plant, record) for record in laboratory.setting.train]
@@ -121,16 +120,19 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         final=end.outcome.errors,
         given=_given_errors(laboratory, search.given),
         verdict=judgement.verdict,
-        sampling=judgement.sampling,
+        sampling=None if judgement.sampling is None else text_of(judgement.sampling),
+        reservation=judgement.sampling,
         undecided=laboratory.undecided,
         unexplained_rmse_um=math.sqrt(max(end.outcome.mean_square - laboratory.noise_um**2, 0.0)),
         remainder=sentence,
         left=shares,
         portrait=_portrait(laboratory, search, shares),
-        next_experiment=clocks[0].next_step if clocks else experiment,
+        next_experiment=None if advice is None else text_of(advice),
+        advice=advice,
         indistinguishable=groups,
         findings=(*laboratory.findings, *clocks),
-        limits=laboratory.limits,
+        limits=tuple(map(text_of, laboratory.limits)),
+        limit_notices=laboratory.limits,
         probabilities=chances,
         checks=tuple(check.sentence for check in checks),
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
@@ -224,12 +226,12 @@ def _next_experiment(
     judgement: Judgement,
     groups: Groups,
     probable: Sequence[str],
-) -> str | None:
+) -> Notice | None:
     """Name the experiment that would decide what these data cannot, `groups` among it."""
     if laboratory.undecided is not None:
-        return _STANDARD_PROTOCOL
-    if laboratory.core.experiment is not None and judgement.sampling is None:
-        return laboratory.core.experiment
+        return Notice(Code.STANDARD)
+    if laboratory.core.advice is not None and judgement.sampling is None:
+        return laboratory.core.advice
     scale = laboratory.setting.scale
     return what_to_measure(
         [r.candidate for r in chosen],

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.identification.first_fits import first_fit
 from rdpi_gym.identification.held_out import beats
 from rdpi_gym.identification.joint import NO_FIT
@@ -20,7 +22,6 @@ from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import in_chain_order
 from rdpi_gym.support.progress import Progress
-from rdpi_gym.support.words import joined
 
 AUTO = "auto"
 """Asks for every kind that turns as the loops do."""
@@ -94,13 +95,9 @@ def choose(
     fits = [way.outcome.fit for way in ways if way.outcome.fit is not None]
     told = told_apart([judged_way(f, setting.validation) for f in fits], setting.train, seed)
     kind = type(told.chosen.core)
-    return CoreChoice(
-        kind.name,
-        told.alike,
-        told.confidence,
-        _experiment(kind, [CORES[name] for name in told.alike]),
-        clockwise,
-    )
+    advice = _experiment(kind, [CORES[name] for name in told.alike])
+    text = None if advice is None else text_of(advice)
+    return CoreChoice(kind.name, told.alike, told.confidence, text, clockwise, advice)
 
 
 def instead(ways: Sequence[Fitted], of: Outcome, seed: int) -> bool:
@@ -123,21 +120,15 @@ def simpler(ways: Sequence[Fitted], of: Fitted, noise_um: float, seed: int) -> l
     ]
 
 
-def _experiment(kind: type[Core], alike: Iterable[type[Core]]) -> str | None:
+def _experiment(kind: type[Core], alike: Iterable[type[Core]]) -> Notice | None:
     """Name the experiment that would tell a kind from those that the records do not tell from it."""
     others = list(alike)
     if not others:
         return None
-    names = joined([other.name for other in others])
-    ways: Mapping[str, list[type[Core]]] = {
-        "loops within a loop, from small to large: some kinds close them, others drift": [
-            o for o in others if o.wipes_out != kind.wipes_out
-        ],
-        "one loop at four rates, ten times apart in all": [
-            o for o in others if o.rated != kind.rated
-        ],
+    ways = {
+        Code.LOOPS_WITHIN: [o for o in others if o.wipes_out != kind.wipes_out],
+        Code.ONE_LOOP: [o for o in others if o.rated != kind.rated],
     }
     most = max(ways, key=lambda way: len(ways[way]))
-    if ways[most]:
-        return f"Record {most}; that tells {kind.name} from {joined([o.name for o in ways[most]])}."
-    return f"Record nested loops of one size at unlike bias: that tells {kind.name} from {names}."
+    code, told = (most, ways[most]) if ways[most] else (Code.NESTED, others)
+    return Notice(code, (kind.name, *(other.name for other in told)))

@@ -2,64 +2,26 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping, Sequence
 
 from rdpi_gym.diagnosis.hygiene import Finding
+from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.separability import next_experiment
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect
 
-# By what a limit of the records is about: what lifts it.
-_LIFTS = (
-    (
-        "samples to fit",
-        "Record longer, or faster: a few thousand samples while the command moves.",
-    ),
-    (
-        "half-cycles",
-        "Record a slow triangle that decays from the full range to zero in twenty turns.",
-    ),
-    (
-        "frequency",
-        "Record sines at four rates, up to ten times this one, their amplitude lower in proportion "
-        "as they are faster.",
-    ),
-    ("amplitude", "Record a slow triangle that decays from the full range, and loops at three biases."),
-    ("No rest", "Record steps up and down with holds from 0.05 to 50 s."),
-    ("small signals", "Record a small multisine, below the first threshold, where every play sticks."),
-    ("No repetition", "Record the same thing twice, at the beginning and at the end."),
-    ("1 record", "Record another kind of motion in a second file, to be held out."),
-)  # fmt: skip
-
-_SINES = ("sine-10hz", "sine-50hz", "sine-100hz-half", "sine-200hz-quarter")
-ASKED_FOR: Mapping[str, tuple[str, ...]] = {
-    "slow triangle that decays from the full range, and loops": ("triangle-slow", "minor-loops"),
-    "slow triangle that decays": ("triangle-slow",),
-    "sines at four rates": _SINES,
-    "one loop at four rates": _SINES,
-    "steps up and down with holds": ("stairs",),
-    "small multisine": ("multisine-small",),
-    "the same thing twice": ("triangle-slow-again", "triangle-slow"),
-    "loops within a loop": ("minor-loops",),
-    "nested loops": ("minor-loops",),
-    "another kind of motion": ("validation-loops",),
-    "Record the standard protocol": (
-        "triangle-slow", "sine-10hz", "sine-50hz", "sine-100hz-half", "multisine", "stairs",
-    ),
-}  # fmt: skip
-"""Words of an advice, and the records of the standard protocol that it asks for."""
-
-
-def asked_for(advice: str | None) -> tuple[str, ...]:
-    """Return the records of the standard protocol that an advice asks for; none where it is another."""
-    if advice is None:
-        return ()
-    named = re.search(r"of the standard protocol, ([\w-]+) \(", advice)
-    if named:
-        return (named[1],)
-    return next((records for words, records in ASKED_FOR.items() if words in advice), ())
+_LIFTS: Mapping[Code, Code] = {
+    Code.FEW_SAMPLES: Code.LONGER,
+    Code.FEW_HALF_CYCLES: Code.DECAYING,
+    Code.ONE_FREQUENCY: Code.RATES,
+    Code.ONE_AMPLITUDE: Code.BIASES,
+    Code.NO_REST: Code.HOLDS,
+    Code.NO_SMALL_SIGNALS: Code.SMALL,
+    Code.NO_REPETITION: Code.TWICE,
+    Code.ONE_RECORD: Code.OTHER_MOTION,
+}
+"""What lifts a limit of the records, in the order of worth."""
 
 
 def what_to_measure(
@@ -69,13 +31,13 @@ def what_to_measure(
     groups: Sequence[Sequence[str]],
     hysteresis: Core,
     scale: DataScale,
-    again: str | None,
+    again: Notice | None,
     findings: Sequence[Finding],
-    limits: Sequence[str],
+    limits: Sequence[Notice],
     is_settled: bool,
     probable: Sequence[str] = (),
     made: Collection[str] = (),
-) -> str | None:
+) -> Notice | None:
     """Name the experiment that would decide what these data cannot."""
     if again is not None:
         return again
@@ -96,8 +58,9 @@ def what_to_measure(
         return found
     if is_settled and not effects:
         return None
-    steps = [finding.next_step for finding in findings if finding.next_step]
-    lifted = [text for about, text in _LIFTS for limit in limits if about in limit]
+    steps = [finding.advice for finding in findings if finding.advice is not None]
+    told = {limit.code for limit in limits}
+    lifted = [Notice(lifts) for limit, lifts in _LIFTS.items() if limit in told]
     if is_settled:
         return lifted[0] if lifted else None
     return next(iter((*lifted, *steps)), None)

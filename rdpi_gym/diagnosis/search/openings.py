@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rdpi_gym.diagnosis.hygiene.finding import BoolArray, Finding, joined_records
+from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, refit
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.measurement import MIN_SAMPLES, Record
@@ -70,9 +71,9 @@ def unknown_past(openings: Mapping[str, BoolArray]) -> Finding:
         f"{samples} of {whole} samples at the beginning of {joined_records(list(openings))} left "
         "out: they hang on a history that nobody recorded."
     )
-    step = "Begin each record at rest, after one full cycle."
+    step = Notice(Code.BEGIN_AFTER_CYCLE)
     name = next(iter(openings)) if len(openings) == 1 else ""
-    return Finding("in motion", name, samples, sentence, step)
+    return Finding.of("in motion", name, samples, sentence, step)
 
 
 def outliers_left(name: str, mask: BoolArray) -> Finding:
@@ -81,7 +82,7 @@ def outliers_left(name: str, mask: BoolArray) -> Finding:
     sentence = (
         f"{number} more of {name} stand alone beside what the model leaves: outliers, left out."
     )
-    return Finding("spikes", name, number, sentence, "Look for loose contacts and switching.")
+    return Finding.of("spikes", name, number, sentence, Notice(Code.CONTACTS))
 
 
 def _spared(record: Record, openings: Mapping[str, BoolArray]) -> Record:

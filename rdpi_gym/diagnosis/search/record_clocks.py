@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from rdpi_gym.diagnosis.hygiene import Finding
+from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import NO_FIT, fit_joint
 from rdpi_gym.measurement import Record
@@ -244,7 +245,7 @@ def _said(record: Record, wishes: dict[Kind, Wish]) -> Finding:
             f"right for the other records, fits it when {digits(record.ts_s * math.exp(value), 3)} s "
             f"pass between its samples, not {digits(record.ts_s, 3)} s; nothing was changed."
         )
-        step = f"Check the sampling time of {record.name}, and give it as ts_s in dataset.toml."
+        step = Notice(Code.SAMPLING_TIME, (record.name,))
     else:
         way = "lags" if value > 0.0 else "leads"
         text = (
@@ -252,5 +253,5 @@ def _said(record: Record, wishes: dict[Kind, Wish]) -> Finding:
             f"({digits(abs(value) / record.ts_s, 2)} samples): its displacement fits when it is "
             "moved by that; nothing was changed."
         )
-        step = f"Check the trigger of {record.name}: sample both channels by one clock."
-    return Finding("clock", record.name, record.t_s.size, text, step)
+        step = Notice(Code.TRIGGER, (record.name,))
+    return Finding.of("clock", record.name, record.t_s.size, text, step)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.identification.jacobian import Variant, jacobian_rows, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
@@ -127,7 +128,7 @@ def next_experiment(
     hysteresis: Core,
     scale: DataScale,
     made: Collection[str] = (),
-) -> str | None:
+) -> Notice | None:
     """Name the experiment of the standard protocol that tells two effects apart best."""
     best: tuple[float, Experiment] | None = None
     smallest_V = max(hysteresis.first_threshold_V, 0.02 * scale.span_V)
@@ -143,9 +144,4 @@ def next_experiment(
             best = (seen, experiment)
     if best is None or best[0] <= 0.0:
         return None
-    chosen = best[1]
-    return (
-        f"Record other frequencies and amplitudes: of the standard protocol, {chosen.name} "
-        f"({chosen.purpose}; {chosen.duration_s:g} s at {1 / chosen.ts_s:g} samples a second) tells "
-        f"{first.name} from {second.name} best."
-    )
+    return Notice(Code.EFFECTS_APART, (best[1].name, first.name, second.name))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.results import Verdict
 from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor
@@ -16,7 +17,6 @@ from rdpi_gym.identification.joint import NO_FIT, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits, micrometres
 
 # At most this many times the noise floor is explained.
 EXPLAINED = 1.15
@@ -34,6 +34,7 @@ _CORRECTIONS, _LEAST_SHARE = 3, 0.1
 # records show more than that it is there.
 _HIGHEST_SHARE, _FEWEST_SAMPLES = 0.1, 2.0
 
+_FASTER = Notice(Code.FASTER)
 _BETWEEN = "motion between the samples"
 
 
@@ -46,8 +47,8 @@ class Judgement:
     verdict
         As in the files.
     sampling
-        A sentence where records are sampled too slowly for the model, with the rate that would do,
-        or at times that are too uncertain.
+        A reservation where records are sampled too slowly for the model, with the rate that would
+        do, or at times that are too uncertain.
     rest
         What is then left.
     again
@@ -55,9 +56,9 @@ class Judgement:
     """
 
     verdict: Verdict
-    sampling: str | None = None
+    sampling: Notice | None = None
     rest: str = "the noise"
-    again: str = "Record the same motion again, sampled faster."
+    again: Notice = _FASTER
 
 
 def judge(
@@ -109,21 +110,14 @@ def _by_floor(verdict: Verdict, numerical: NumericalFloor, noise_um: float) -> J
     """Return a verdict that stands under the reservation of the larger part of the floor."""
     if numerical.jittered_um <= numerical.sampled_um:
         return Judgement(verdict, _faster(numerical, noise_um), _BETWEEN)
-    text = (
-        f"Write time stamps with more digits, or trigger the samples by a clock: stamps that are "
-        f"off an even one by {digits(1e6 * numerical.off_s)} µs rms change the model by "
-        f"{micrometres(numerical.jittered_um)} rms, so less than that cannot be judged."
-    )
-    again = "Record the same motion again, every sample triggered by one clock."
-    return Judgement(verdict, text, "what uneven sampling times change", again)
+    uneven = Notice(Code.STAMPS_UNEVEN, numbers=(numerical.off_s, numerical.jittered_um))
+    rest = "what uneven sampling times change"
+    return Judgement(verdict, uneven, rest, Notice(Code.CLOCKED))
 
 
-def _faster(numerical: NumericalFloor, noise_um: float) -> str:
-    return (
-        f"Sample faster than {digits(numerical.needed_hz(noise_um), 2)} Hz: half the step and "
-        f"another command between the samples change the model by "
-        f"{micrometres(numerical.borne_um)} rms, so less than that cannot be judged."
-    )
+def _faster(numerical: NumericalFloor, noise_um: float) -> Notice:
+    numbers = (numerical.needed_hz(noise_um), numerical.borne_um)
+    return Notice(Code.STEP_TOO_LONG, numbers=numbers)
 
 
 def _misses(variant: Variant[Core], records: Sequence[Record]) -> float:
@@ -150,7 +144,7 @@ def _corrected(setting: Setting, variant: Variant[Core]) -> Variant[Core]:
 
 def _between_samples(
     variant: Variant[Core], noise_um: float, validation: Sequence[Record]
-) -> str | None:
+) -> Notice | None:
     """Say how fast to sample where steps between the samples bring the error to the noise floor."""
     samples = [int(np.count_nonzero(r.error_mask)) for r in validation]
     before = [_mean_square(variant, r, 1) for r in validation]
@@ -160,11 +154,8 @@ def _between_samples(
         if left_um <= EXPLAINED * noise_um:
             gained = [n * (b - a) for n, b, a in zip(samples, before, after, strict=True)]
             record = validation[int(np.argmax(gained))]
-            return (
-                f"Sample faster than {digits(parts / record.ts_s, 3)} Hz: the records miss motion "
-                f"between their samples ({record.name} has {digits(1.0 / record.ts_s, 3)} Hz); with "
-                f"{parts} steps from sample to sample the model leaves {micrometres(left_um)}."
-            )
+            numbers = (parts / record.ts_s, 1.0 / record.ts_s, parts, left_um)
+            return Notice(Code.MOTION_BETWEEN, (record.name,), numbers)
     return None
 
 
@@ -173,22 +164,20 @@ def _mean_square(variant: Variant[Core], record: Record, parts: int) -> float:
     return float(np.var(error))
 
 
-def _beyond_sampling(variant: Variant[Core], validation: Sequence[Record]) -> str | None:
+def _beyond_sampling(variant: Variant[Core], validation: Sequence[Record]) -> Notice | None:
     """Say how fast to sample for an effect that is faster than the records can show."""
     fastest_hz = max(1.0 / record.ts_s for record in validation)
-    needed: dict[str, float] = {}
+    needed: list[tuple[float, Notice]] = []
+
+    def need(rate_hz: float, name: str, unit: str, value: float) -> None:
+        numbers = (rate_hz, value, fastest_hz)
+        needed.append((rate_hz, Notice(Code.EFFECT_TOO_FAST, (name, unit), numbers)))
+
     for effect in variant.effects:
         for parameter in effect.parameters:
             value = effect.values[parameter.name]
-            where = f"{effect.name} ({digits(value, 3)} {parameter.unit})"
             if parameter.unit == "Hz" and value > _HIGHEST_SHARE * fastest_hz:
-                needed[where] = value / _HIGHEST_SHARE
+                need(value / _HIGHEST_SHARE, effect.name, parameter.unit, value)
             if parameter.unit == "s" and 0.0 < value < _FEWEST_SAMPLES / fastest_hz:
-                needed[where] = _FEWEST_SAMPLES / value
-    if not needed:
-        return None
-    where = max(needed, key=lambda name: needed[name])
-    return (
-        f"Sample faster than {digits(needed[where], 3)} Hz before anything more is concluded: "
-        f"{where} is too fast for records of {digits(fastest_hz, 3)} Hz."
-    )
+                need(_FEWEST_SAMPLES / value, effect.name, parameter.unit, value)
+    return max(needed, key=lambda each: each[0])[1] if needed else None
