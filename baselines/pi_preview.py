@@ -21,7 +21,7 @@ class PIPreview(LinearFeedback):
     feedforward knows of the effects by it alone. N = (s² + 2 ζ ω0 s + ω0²) / (s² + 2 w ω0 s + ω0²)
     cuts the believed mode out, wider than it is; a belief without a mode gives a controller without
     a notch. k_i is a share of the largest that leaves |1 / (1 + L)| at most 2 on the belief, as
-    :func:`baselines.pi_gains.gains_within_margin` finds it.
+    :func:`baselines.pi.gains_within_margin` finds it.
 
     Source: PI, notch and inversion as compared by Fleming, Leang, ACC 2013.
 

@@ -2,14 +2,140 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-from baselines.learned.checkpoint import load_checkpoint
-from baselines.learned.course import Course
-from baselines.learned.folder import CHECKPOINT, POLICY, begin_folder
+import numpy as np
+from torch import nn
+
+from baselines import make_controller
+from baselines.learned.checkpoint import load_checkpoint, save_checkpoint
+from baselines.learned.controller import LearnedController
+from baselines.learned.evaluation import Evaluation, HeldOut
+from baselines.learned.folder import CHECKPOINT, CURVE, POLICY, Row, begin_folder, curve_text
 from baselines.learned.learner import Learner
+from baselines.learned.policy import Policy
 from baselines.learned.run import Run
+from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
+
+_COMPARED = ("rmse_um", "rmse_percent", "command_variation_V_s")
+
+
+class Course:
+    """Between two stretches of a training: evaluates, keeps the best policy and a checkpoint.
+
+    Parameters
+    ----------
+    run
+        The training.
+    learner
+        What learns.
+    progress
+        Called as steps are done.
+
+    Attributes
+    ----------
+    rows
+        Of ``training.csv``, so far.
+    """
+
+    def __init__(self, run: Run, learner: Learner, progress: Progress | None) -> None:
+        self.run, self.learner, self.progress = run, learner, progress
+        self.rows: list[Row] = []
+        self._stretch, self._seeded = -1, False
+        self._rewards: list[float] = []
+        self._before_s, self._began = 0.0, time.perf_counter()
+        self._held_out = HeldOut(run.options)
+        name = run.options.baseline
+        self._compensator = self._held_out.evaluate(partial(make_controller, name))
+
+    def resume(self, kept: dict[str, Any]) -> None:
+        """Go on from what a checkpoint kept."""
+        self.rows, self._stretch = kept["rows"], kept["stretch"]
+        self._before_s = kept["seconds"]
+
+    def before_rollout(self) -> dict[str, float]:
+        """End the stretch where it is full; seed the next, or the first after an interruption."""
+        if self.progress is not None:
+            self.progress("training", self.learner.timesteps, self.run.timesteps)
+        stretch = self.learner.timesteps // self.run.every
+        found: dict[str, float] = {}
+        if stretch > self._stretch:
+            self._stretch = stretch
+            found = self._keep()
+            self._seed()
+        elif not self._seeded:
+            self._seed()
+        self._seeded = True
+        return found
+
+    def rewarded(self, reward: float) -> None:
+        """Take the mean reward of a step of all lanes."""
+        self._rewards.append(reward)
+
+    def end(self) -> dict[str, float]:
+        """Evaluate for the last time, and keep what is done as finished."""
+        found = self._keep(finished=True)
+        if self.progress is not None:
+            self.progress("training", self.run.timesteps, self.run.timesteps)
+        return found
+
+    def _seed(self) -> None:
+        entropy = [self.run.options.seed, self._stretch]
+        self.learner.begin(int(np.random.SeedSequence(entropy).generate_state(1)[0]))
+
+    def _keep(self, finished: bool = False) -> dict[str, float]:
+        """Evaluate, and write what a reader and a later run find: policy, curve, checkpoint."""
+        policy = self._policy()
+        witness = self._held_out.witness()
+        found = self._held_out.evaluate(partial(LearnedController, policy), witness)
+        best = max((row["reward"] or 0.0 for row in self.rows), default=-np.inf)
+        seconds = self._before_s + time.perf_counter() - self._began
+        row = self._row(found, seconds)
+        self.rows.append(row)
+        self._rewards = []
+        out = self.run.options.out
+        if found.reward > best:
+            seen = witness.largest
+            replace(policy, training=self._story(row), seen=seen).save(out / POLICY)
+        write_atomic(out / CURVE, curve_text(self.rows))
+        progress = {"rows": self.rows, "stretch": self._stretch, "seconds": seconds}
+        save_checkpoint(out / CHECKPOINT, self.learner, progress, finished)
+        return asdict(found)
+
+    def _policy(self) -> Policy:
+        settings, layout, options = self.run.settings, self.learner.layout, self.run.options
+        return Policy(
+            layout=layout,
+            history=settings.history,
+            frequency_hz=settings.frequency_hz,
+            error=settings.error,
+            actor=nn.Sequential(*self.learner.actor()),
+            baseline=options.baseline if layout.action == "correction" else None,
+        )
+
+    def _row(self, found: Evaluation, seconds: float) -> Row:
+        row: Row = {
+            "timesteps": self.learner.timesteps,
+            "seconds": round(seconds, 3),
+            "training_reward": float(np.mean(self._rewards)) if self._rewards else None,
+            **asdict(found),
+        }
+        compensator = asdict(self._compensator)
+        return row | {f"compensator_{name}": compensator[name] for name in _COMPARED}
+
+    def _story(self, row: Row) -> dict[str, Any]:
+        """What a policy says of how it came about."""
+        return {
+            "algorithm": self.run.algorithm,
+            "seed": self.run.options.seed,
+            "plants": [model.name for model in self.run.options.models],
+            **{name: row[name] for name in ("timesteps", "rmse_um", "command_variation_V_s")},
+        }
 
 
 def learn(run: Run, learner: Learner, progress: Progress | None = None) -> Path:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -19,15 +20,210 @@ from benchmarks.foreign_effects.degradations import (
     degrade,
     through_files,
 )
-from benchmarks.foreign_effects.forms import EFFECTS, UnfitError, draw_form, scale_of
-from benchmarks.foreign_effects.outside import OUTSIDE
+from benchmarks.foreign_effects.forms import (
+    EFFECTS,
+    Form,
+    Mechanism,
+    Scale,
+    UnfitError,
+    draw_form,
+    mechanism,
+    scale_of,
+)
+from benchmarks.foreign_effects.physics import duhem, stuck_and_slipped
 from benchmarks.foreign_effects.plants import draw_plant, noise_of
 from benchmarks.foreign_effects.protocols import PROTOCOLS, take
-from benchmarks.foreign_effects.visible import alike, blank_records, remaining_um, sized
-from rdpi_gym.measurement import Dataset
+from benchmarks.hidden_effects.outside import BoucWen
+from rdpi_gym.diagnosis.search.separability import separability, typical_effects
+from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError
+from rdpi_gym.virtual_lab.visibility import left_over
+
+_ATTEMPTS = 14
+_WANTED = (3.5, 40.0)  # noise floors, of which one is drawn for each effect
+_STEPS = (1.25, 3.0)  # least and largest factor on a size that is too small
+_LOOKED_AT = 5_000  # samples of all records
+_GROWN = 1.1  # the direction in which another effect may be refitted
+
+
+def blank_records(bench: Bench) -> list[Record]:
+    """Records of the commands; the displacement is a placeholder."""
+    found = []
+    for drive, start in zip(bench.taken.drives, bench.starts_s(), strict=True):
+        u = drive.command_V
+        t = start + drive.ts_s * np.arange(u.size, dtype=np.float64)
+        kept = slice(drive.cut, None)
+        found.append(
+            Record(drive.name, t[kept], u[kept], u[kept], ts_s=drive.ts_s, role=drive.role)
+        )
+    return found
+
+
+def remaining_um(
+    bench: Bench, records: Sequence[Record], differences: Sequence[Array],
+    others: Sequence[Array] = (),
+) -> float:  # fmt: skip
+    """What a refit of the base model leaves of a difference, on the record that shows most (µm rms)."""
+    every = max(1, sum(r.u_V.size for r in records) // _LOOKED_AT)
+    plant, span = bench.plant.model(), bench.plant.span_V
+    return max(left_over(plant, (), span, records, differences, others, every).values())
+
+
+def sized(
+    bench: Bench, forms: Sequence[Form], scale: Scale, rng: np.random.Generator
+) -> tuple[Bench, dict[str, float]]:
+    """Hide forms, each large enough to leave 3 to 40 noise floors beside the others."""
+    seeds = rng.integers(2**31, size=len(forms))
+    sizes = np.exp(rng.uniform(np.log(0.7), np.log(3.0), len(forms)))
+    wanted = np.exp(rng.uniform(np.log(_WANTED[0]), np.log(_WANTED[1]), len(forms)))
+    records, best, before = blank_records(bench), None, np.zeros(len(forms))
+    for _ in range(_ATTEMPTS):
+        made = [
+            mechanism(f, scale, int(s), float(x))
+            for f, s, x in zip(forms, seeds, sizes, strict=True)
+        ]
+        hidden = tuple(sorted(made, key=lambda m: m.form.place))
+        trial = replace(bench, hidden=hidden)
+        full = trial.displacements()
+        grown = [
+            _without_one(trial, full, m, mechanism(f, scale, int(s), float(x) * _GROWN))
+            for m, f, s, x in zip(made, forms, seeds, sizes, strict=True)
+        ]
+        floors: dict[str, float] = {}
+        for k, m in enumerate(made):
+            difference = _without_one(trial, full, m, None)
+            others = [
+                np.column_stack([g[r] for j, g in enumerate(grown) if j != k])
+                if len(made) > 1 else np.empty((full[r].size, 0))
+                for r in range(len(full))
+            ]  # fmt: skip
+            noise = bench.plant.noise_um
+            floors[m.effect] = max(float(np.std(d)) for d in difference) / noise
+            if floors[m.effect] >= VISIBLE:  # before a refit; else none can leave it
+                floors[m.effect] = remaining_um(bench, records, difference, others) / noise
+        found = np.array([floors[f.effect] for f in forms])
+        if np.all(found >= VISIBLE):
+            best = trial, floors
+        small = found < wanted
+        if not small.any() or np.all(found[small] <= 1.001 * before[small]):
+            break  # all that is wanted, or all that can be
+        before = found
+        sizes[small] *= np.clip(wanted / np.maximum(found, 1e-9), *_STEPS)[small]
+    if best is not None:
+        return best
+    raise MaskedError("no size of the effects shows them all on this experiment")
+
+
+def _without_one(
+    bench: Bench, full: Sequence[Array], one: Mechanism, other: Mechanism | None
+) -> list[Array]:
+    """Difference that it makes to leave an effect out, or to have another in its place (µm)."""
+    changed = tuple(
+        other if m is one and other is not None else m
+        for m in bench.hidden
+        if m is not one or other is not None
+    )
+    return [y - x for y, x in zip(full, bench.displacements(changed), strict=True)]
+
+
+def alike(dataset: Dataset, bench: Bench, names: Sequence[str]) -> dict[str, list[str]]:
+    """Effects of the catalogue that these records cannot tell from some others."""
+    effects = typical_effects(CATALOGUE, data_scale(dataset.train))
+    known = [name for name in names if name in effects]
+    if not known:
+        return {}
+    try:
+        found = separability(dataset.train, bench.plant.model().hysteresis, (), effects)
+    except (InputError, np.linalg.LinAlgError):
+        return {}
+    return {name: [n for n in found.alike(name) if n in effects] for name in known}
+
+
+Displaced = tuple[list[Array], list[Array], dict[str, Any]]
+"""Displacement at the recorded samples (µm), the part that follows from the input, the numbers."""
+
+
+def _force(bench: Bench, rng: np.random.Generator) -> Displaced:
+    """Push with band-limited noise: twenty lines that go by the clock."""
+    still = bench.displacements()
+    size = bench.plant.noise_um * rng.uniform(3.0, 12.0)
+    fastest = 0.2 / min(d.ts_s for d in bench.taken.drives)
+    hz = np.exp(rng.uniform(math.log(0.005 * fastest), math.log(fastest), 20))
+    phases = rng.uniform(0.0, 2.0 * math.pi, hz.size)
+    pushed = []
+    for y, t in zip(still, _clocks(bench), strict=True):
+        force = sum(np.sin(2.0 * math.pi * f * t + p) for f, p in zip(hz, phases, strict=True))
+        pushed.append(y + size * math.sqrt(2.0 / hz.size) * force)
+    return pushed, still, {"rms_um": size, "low_hz": float(hz.min()), "high_hz": float(hz.max())}
+
+
+def _second_input(bench: Bench, rng: np.random.Generator) -> Displaced:
+    """Move another axis, which nobody recorded, in steps that couple into this one."""
+    still = bench.displacements()
+    size = bench.plant.noise_um * rng.uniform(6.0, 25.0)
+    moved = []
+    for y, t in zip(still, _clocks(bench), strict=True):
+        ends = np.sort(rng.uniform(t[0], t[-1], int(rng.integers(8, 30))))
+        levels = rng.uniform(-1.0, 1.0, ends.size + 1)
+        moved.append(y + size * levels[np.searchsorted(ends, t)])
+    return moved, still, {"peak_um": size}
+
+
+def _bouc_wen(bench: Bench, rng: np.random.Generator) -> Displaced:
+    p = bench.plant
+    width = p.span_V * rng.uniform(0.1, 0.3)
+    depth = float(p.weights.sum()) * width * rng.uniform(0.7, 1.5)
+    model = BoucWen(
+        p.gain_um_V, depth, width, exponent=rng.uniform(1.0, 2.0), share=rng.uniform(0.5, 0.9)
+    )
+    y = _of_commands(bench, model.of_command)
+    return y, y, model.to_dict()
+
+
+def _duhem(bench: Bench, rng: np.random.Generator) -> Displaced:
+    p = bench.plant
+    alpha = rng.uniform(1.5, 6.0) / p.span_V
+    numbers = {"alpha": alpha, "slope_um_V": p.gain_um_V, "initial_um_V": p.a0_um_V}
+    y = _of_commands(bench, lambda u: np.asarray(duhem(u, alpha, p.gain_um_V, p.a0_um_V)))
+    return y, y, numbers
+
+
+def _stick_slip(bench: Bench, rng: np.random.Generator) -> Displaced:
+    sticks = bench.plant.noise_um * rng.uniform(8.0, 30.0)
+    slips = sticks * rng.uniform(0.1, 0.5)
+    y = [np.asarray(stuck_and_slipped(x, sticks, slips)) for x in bench.displacements()]
+    return y, y, {"sticks_um": sticks, "slips_um": slips}
+
+
+def _clocks(bench: Bench) -> list[Array]:
+    return [
+        start + d.ts_s * np.arange(d.cut, d.command_V.size, dtype=np.float64)
+        for d, start in zip(bench.taken.drives, bench.starts_s(), strict=True)
+    ]
+
+
+def _of_commands(bench: Bench, respond: Callable[[Array], Array]) -> list[Array]:
+    """Displacement of a core that stands in the place of the plays, by record."""
+    found = []
+    for drive in bench.taken.drives:
+        about = drive.fine_V - bench.plant.centre_V  # symmetric about the middle of the range
+        found.append(respond(about)[:: drive.parts][drive.cut :])
+    return found
+
+
+OUTSIDE: Mapping[str, Callable[[Bench, np.random.Generator], Displaced]] = {
+    "force": _force,
+    "second input": _second_input,
+    "bouc-wen": _bouc_wen,
+    "duhem": _duhem,
+    "stick-slip": _stick_slip,
+}
+"""What may be there that is no effect of the catalogue, by name."""
+
 
 NUMBERS = {"single": 450, "double": 250, "triple": 100, "none": 100, "outside": 100}
 """Studies, and how many plants each has."""
@@ -50,7 +246,7 @@ class Case:
     study
         One of :data:`NUMBERS`.
     subject
-        What is in it: effects, one of :data:`~benchmarks.foreign_effects.outside.OUTSIDE`, or nothing.
+        What is in it: effects, one of :data:`~benchmarks.foreign_effects.cases.OUTSIDE`, or nothing.
     number
         Of the plant, within the study.
     seed

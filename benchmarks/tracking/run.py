@@ -3,21 +3,232 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
-from baselines import FULL_PREVIEW
+import numpy as np
+
+from baselines import (
+    FULL_PREVIEW,
+    Controller,
+    ControllerFactory,
+    FullPreviewInversion,
+    make_controller,
+)
+from benchmarks.tracking.case import Case
+from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
+from benchmarks.tracking.own import Made
 from benchmarks.tracking.rows import Key, key, open_rows
-from benchmarks.tracking.scoring import ERROR, words
+from benchmarks.tracking.scoring import ERROR, one_line, score, status, words
 from benchmarks.tracking.selection import Selection
-from benchmarks.tracking.stages import Stage
-from benchmarks.tracking.tasks import Lane, Task, make_tasks, row_keys, run_task
+from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
+from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.envs.controller import warning_of
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
+
+TRACE_SAMPLES = 200
+TRUE_PLANT = "true plant"
+"""What tables say in place of a belief for the bound."""
+# Lanes whose lengths differ by more are run apart: a short one would idle to the end of a long one.
+_LENGTH_RATIO = 4.0
+
+
+@dataclass(frozen=True)
+class Lane:
+    """One row to be: a case and a seed.
+
+    Parameters
+    ----------
+    case
+        The reference.
+    seed
+        Draws the truth, the sensor's noise and a random reference.
+    keep_trace
+        Whether the row carries what its page draws.
+    """
+
+    case: Case
+    seed: int
+    keep_trace: bool = False
+
+
+@dataclass(frozen=True)
+class Task:
+    """What one worker does at a time; its rows are written when it is done.
+
+    Parameters
+    ----------
+    controller
+        A name of ``baselines.CONTROLLERS``, or ``module:attribute``.
+    stage
+        The plant.
+    ts_s
+        Sampling time (s).
+    lanes
+        The rows to be computed.
+    stamps
+        Fingerprints that go into every row.
+    factory
+        What makes the controller, where its name does not say.
+    """
+
+    controller: str
+    stage: Stage
+    ts_s: float
+    lanes: tuple[Lane, ...]
+    stamps: tuple[tuple[str, str], ...] = ()
+    factory: ControllerFactory | None = None
+
+    @property
+    def samples(self) -> int:
+        """Samples of the longest lane."""
+        return max(lane.case.window(self.ts_s)[1] for lane in self.lanes)
+
+
+def make_tasks(
+    controller: str,
+    stage: Stage,
+    ts_s: float,
+    lanes: Sequence[Lane],
+    stamps: Mapping[str, str],
+    factory: ControllerFactory | None = None,
+) -> list[Task]:
+    """Cut the rows of one controller, plant and sampling time into tasks.
+
+    Lanes of one task have similar lengths, since a short one idles to the end of a long one.
+    """
+
+    def length(lane: Lane) -> int:
+        return lane.case.window(ts_s)[1]
+
+    groups: list[list[Lane]] = []
+    for lane in sorted(lanes, key=length):
+        if groups and length(lane) <= _LENGTH_RATIO * length(groups[-1][0]):
+            groups[-1].append(lane)
+        else:
+            groups.append([lane])
+    return [
+        Task(controller, stage, ts_s, tuple(group), tuple(stamps.items()), factory)
+        for group in groups
+    ]
+
+
+def row_keys(task: Task) -> list[Key]:
+    """Return the keys of a task's rows, in the order of its lanes."""
+    return [key(_row(task, lane)) for lane in task.lanes]
+
+
+def run_task(task: Task) -> list[Row]:
+    """Score every lane of a task; a controller that fails leaves rows that say so."""
+    try:
+        return _run(task)
+    except Exception as error:  # a user's controller may raise anything; the others go on
+        reason = one_line(f"{type(error).__name__}: {error}")
+        return [_row(task, lane) | {"status": f"{ERROR}: {reason}"} for lane in task.lanes]
+
+
+def _run(task: Task) -> list[Row]:
+    plant, lanes = task.stage.plant, task.lanes
+    truths = [truth(plant, lane.seed) for lane in lanes]
+    usual = ObservationLayout.for_plant(plant, task.ts_s)
+    layout = task.stage.layout(task.ts_s, _controller(task, usual, truths))
+    layout = task.factory.layout if isinstance(task.factory, Made) else layout
+    references = _references(task)
+    timed = microseconds_per_sample(
+        _controller(task, layout, truths[:1]), truths[0], layout, references[:, 0]
+    )
+    controller = _controller(task, layout, truths)
+    rngs = [
+        np.random.default_rng([lane.seed, zlib.crc32(lane.case.name.encode())]) for lane in lanes
+    ]
+    recording = record(controller, truths, layout, references, rngs)
+    warning = warning_of(controller)
+    rows = []
+    for b, lane in enumerate(lanes):
+        row = _row(task, lane) | {"microseconds_per_sample": timed}
+        rows.append(row | _scores(task, lane, references[:, b], recording, b, warning))
+    return rows
+
+
+def _controller(task: Task, layout: ObservationLayout, truths: Sequence[PlantModel]) -> Controller:
+    """Make what is scored: the bound alone is given the true plants, all others their belief."""
+    if task.controller == FULL_PREVIEW:
+        return FullPreviewInversion(truths, layout)
+    return make_controller(task.factory or task.controller, _belief(task), layout)
+
+
+def _belief(task: Task) -> PlantModel:
+    return task.stage.belief(task.controller)
+
+
+def _references(task: Task) -> Array:
+    centre = task.stage.plant.reference_um[0]
+    rest = task.stage.rest_um
+    columns = [lane.case.samples(task.ts_s, centre, rest, lane.seed) for lane in task.lanes]
+    longest = max(map(len, columns))
+    held = [np.pad(column, (0, longest - len(column)), mode="edge") for column in columns]
+    return np.stack(held, axis=1)
+
+
+def _scores(
+    task: Task, lane: Lane, reference: Array, recording: Recording, b: int, warning: str | None
+) -> Row:
+    first, end = lane.case.window(task.ts_s)
+    parts = (
+        reference,
+        recording.displacement_um[:, b],
+        recording.command_V[:, b],
+        recording.action[:, b],
+    )
+    r, y, u, action = (part[:end] for part in parts)
+    bad = ~np.isfinite(action)
+    if bad.any():
+        return {
+            "status": f"{ERROR}: the controller's action at sample {int(np.argmax(bad))} is not finite"
+        }
+    scored = score(r, y, u, action, first=first, ts_s=task.ts_s)
+    limit = largest_rate_V_s(task.stage.plant)
+    said = status(scored, r[first:], warning=warning, ts_s=task.ts_s, identified_V_s=limit)
+    row: Row = {**asdict(scored), "status": said}
+    if lane.keep_trace:
+        row["trace"] = _trace(r[first:], y[first:], u[first:], task.ts_s, lane.case)
+    return row
+
+
+def _trace(r: Array, y: Array, u: Array, ts_s: float, case: Case) -> dict[str, Any]:
+    """Keep the first scored period, every so many samples."""
+    count = min(len(r), round(case.period_s / ts_s) + 1)
+    stride = -(-count // TRACE_SAMPLES)
+    kept = slice(0, count, stride)
+    return {
+        "step_s": stride * ts_s,
+        "reference_um": [float(f"{x:.6g}") for x in r[kept]],
+        "displacement_um": [float(f"{x:.6g}") for x in y[kept]],
+        "error_um": [float(f"{x:.4g}") for x in (r - y)[kept]],
+        "command_V": [float(f"{x:.6g}") for x in u[kept]],
+    }
+
+
+def _row(task: Task, lane: Lane) -> Row:
+    return {
+        "controller": task.controller,
+        "plant": task.stage.plant.name,
+        "belief": TRUE_PLANT if task.controller == FULL_PREVIEW else _belief(task).name,
+        "reference": lane.case.reference,
+        "frequency_hz": lane.case.frequency_hz,
+        "ts_s": task.ts_s,
+        "seed": lane.seed,
+        **dict(task.stamps),
+    }
 
 
 @dataclass(frozen=True)

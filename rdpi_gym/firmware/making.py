@@ -3,27 +3,266 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from baselines.lookup import GUARDED, LEARNED
-from baselines.registry import known_controller
+from baselines.base import Baseline
+from baselines.lookup import GUARDED, LEARNED, make_controller
+from baselines.registry import CONTROLLERS, known_controller
+from baselines.tuning import Tunable
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.firmware.controllers import ControllerTwin, controller_program
 from rdpi_gym.firmware.fixed_point import FixedPoint, fixed_point_body
 from rdpi_gym.firmware.plants import plant_program
-from rdpi_gym.firmware.program import Program
+from rdpi_gym.firmware.program import Memory, Program
+from rdpi_gym.firmware.tracing.arrays import Inputs, Recording, Remembered, Traced, constant
+from rdpi_gym.firmware.tracing.functions import NUMPY
+from rdpi_gym.firmware.tracing.intercepting import Interception
+from rdpi_gym.firmware.tracing.statements import lines
+from rdpi_gym.firmware.tracing.tables import Tables, named_arrays
+from rdpi_gym.firmware.tracing.tape import Tape, recorded
+from rdpi_gym.firmware.translation.kernels import Functions
 from rdpi_gym.firmware.writing.package import Package
 from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.plant.packing import check_ts
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import quoted, some
+
+# First references (µm) at which the memory at rest is looked at, in scales about the centre.
+_FIRST = (0.0, 1.0, -1.0, 0.3, -0.71828)
+
+
+class PhysicalLayout(ObservationLayout):
+    """A layout that shows micrometres and volts as they are: nothing is scaled, so nothing rounds.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import named_plant
+    >>> layout = PhysicalLayout.for_plant(named_plant("P5"), ts_s=1e-4, preview=1)
+    >>> layout.measured_um(np.array([[1.0, 2.0, 3.0, 4.0]])).tolist()
+    [3.0]
+    """
+
+    def reference_um(self, observation: NDArray[np.floating]) -> Array:
+        """See :meth:`ObservationLayout.reference_um`."""
+        return observation[..., : self.preview + 1]  # type: ignore[return-value]
+
+    def measured_um(self, observation: NDArray[np.floating]) -> Array:
+        """See :meth:`ObservationLayout.measured_um`."""
+        return observation[..., self.preview + 1]  # type: ignore[return-value]
+
+    def command_V(self, observation: NDArray[np.floating]) -> Array:
+        """See :meth:`ObservationLayout.command_V`."""
+        return observation[..., self.preview + 2]  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class ControllerTwin:
+    """A controller in Python, fed with what the C is fed with.
+
+    Parameters
+    ----------
+    made
+        The controller.
+    """
+
+    made: Baseline
+
+    def controller(self, reference_um: Array, measured_um: Array) -> Array:
+        """See :class:`~rdpi_gym.firmware.program.Twin`."""
+        lanes = reference_um.shape[1]
+        if lanes == 1:  # a single lane is summed in another order than several
+            both = np.repeat(reference_um, 2, axis=1), np.repeat(measured_um, 2, axis=1)
+            return self.controller(*both)[:, :1]
+        made, layout = self.made, self.made.layout
+        state = made.start(reference_um[0])
+        applied = np.full(lanes, made.limits.rest_V)
+        u = np.empty_like(measured_um)
+        for k, measured in enumerate(measured_um):
+            window = reference_um[k : k + layout.preview + 1]
+            shown = observed(layout, window, measured, applied)
+            pair = np.ascontiguousarray(window[:2])
+            applied = u[k] = made.next_command(shown, pair, state)
+        return u
+
+    def plant(self, command_V: Array) -> Array:
+        """A controller has none."""
+        raise InputError("a controller has no plant's twin")
+
+
+def observed(layout: ObservationLayout, reference_um: Any, measured_um: Any, applied_V: Any) -> Any:
+    """Return observations ``(B, D)`` of what was measured and commanded."""
+    columns = np.concatenate([reference_um, measured_um[None], applied_V[None]]).T
+    if isinstance(layout, PhysicalLayout):
+        return columns
+    low, high = layout.command_range_V
+    place = 2.0 * (columns[:, -1:] - low) / (high - low) - 1.0
+    return np.concatenate([(columns[:, :-1] - layout.centre_um) / layout.scale_um, place], axis=1)
+
+
+def controller_program(
+    name: str,
+    belief: PlantModel[Any],
+    ts_s: float,
+    preview: int | None = None,
+    settings: Mapping[str, float] | None = None,
+) -> Program:
+    """Return a controller's sample as C."""
+    made = _made(name, belief, ts_s, preview, settings)
+    if hasattr(made, "plan"):
+        raise InputError(
+            f"{name} plans over the whole reference, which a controller that runs sample by sample does not have"
+        )
+    return traced_program(made, name)
+
+
+def traced_program(made: Baseline, title: str) -> Program:
+    """Return the sample of a controller that was made, as C; see :func:`controller_program`."""
+    layout = made.layout
+    tracer = _Tracer(made)
+    rest, by_reference, is_affine = _affine_start(made)
+    count = len(rest)
+
+    def step(recording: Recording) -> None:
+        given = Inputs(
+            recording,
+            [
+                ("reference_um", None),
+                ("ahead_um", layout.preview),
+                ("measured_um", None),
+                ("applied_V", None),
+            ],
+        )
+        column = Traced(given, np.arange(layout.preview + 3, dtype=np.int64)[:, None])
+        window = column[: layout.preview + 1]
+        physical = isinstance(layout, PhysicalLayout)
+        shown = column.T if physical else observed(layout, window, column[-2], column[-1])
+        traced: Any = shown, window[:2], _memory(recording, count)
+        command: Any = made.next_command(*traced)
+        if not isinstance(command, Traced):  # the same whatever is measured
+            value = constant(command[0])
+        else:
+            value = command.store.element(int(command.places.flat[0]))
+        recording.tape.write(f"return {value};", keeps=True)
+
+    def begin(recording: Recording) -> None:
+        given = Inputs(recording, [("reference_um", None)])
+        reference: Any = Traced(given, np.zeros(1, dtype=np.int64))
+        _memory(recording, count)[:] = made.start(reference)
+
+    body = tracer.text(step)
+    begins = "" if is_affine else tracer.text(begin)
+    called = f"{tracer.functions.text}\n{body}\n{begins}"
+    return Program(
+        kind="controller",
+        title=title,
+        model=made.belief.name,
+        ts_s=layout.ts_s,
+        preview=layout.preview,
+        command_range_V=(made.limits.low_V, made.limits.high_V),
+        rest_V=made.limits.rest_V,
+        centre_um=layout.centre_um,
+        scale_um=layout.scale_um,
+        tables=[table for table in tracer.tables.all if f"p->{table.name}" in called],
+        memory=[Memory("state", rest, by_reference)] if count else [],
+        functions=tracer.functions.text,
+        step=body,
+        begin=begins,
+        mathematics=frozenset(each for each in tracer.mathematics if f"RDPI_{each}(" in called),
+        twin=ControllerTwin(made),
+        exact=not tracer.inexact,
+        inexact_because="; ".join(tracer.inexact),
+    )
+
+
+class _Tracer:
+    """Traces pieces of one controller, which share their kernels and tables."""
+
+    def __init__(self, made: Baseline) -> None:
+        self.functions, self.tables = Functions(), Tables(named_arrays(made))
+        self._interception = Interception(
+            made, self.functions, Recording(Tape(), self.tables, NUMPY)
+        )
+        self._runs: list[Recording] = []
+
+    def text(self, piece: Callable[[Recording], None]) -> str:
+        """Return the C of a piece of code."""
+
+        def run(tape: Tape) -> None:
+            recording = Recording(tape, self.tables, NUMPY)
+            self._runs.append(recording)
+            self._interception.recording = recording
+            piece(recording)
+
+        with self._interception.active():
+            return "\n".join(lines(recorded(run)))
+
+    @property
+    def inexact(self) -> list[str]:
+        """Why it is not equal to Python bit by bit, if it is not."""
+        own = dict.fromkeys(why for run in self._runs for why in run.inexact)
+        return [*own, *sorted(self.functions.inexact | self.functions.by_lanes)]
+
+    @property
+    def mathematics(self) -> set[str]:
+        """Functions of the mathematics that are called."""
+        own = {each for run in self._runs for each in run.mathematics}
+        return own | self.functions.mathematics
+
+
+def _memory(recording: Recording, count: int) -> Traced:
+    return Traced(Remembered(recording, "state", count), np.arange(count, dtype=np.int64)[:, None])
+
+
+def _made(
+    name: str,
+    belief: PlantModel[Any],
+    ts_s: float,
+    preview: int | None,
+    settings: Mapping[str, float] | None,
+) -> Baseline:
+    learned = name.startswith((LEARNED, GUARDED))
+    if not learned and name not in CONTROLLERS:
+        raise InputError(f"{quoted(name)} is no controller of this package; rdpi list names them")
+    kind = ObservationLayout if learned else PhysicalLayout
+
+    def make(samples: int) -> Baseline:
+        layout = kind.for_plant(belief, ts_s, preview=samples)
+        factory = CONTROLLERS.get(name)
+        if settings is not None:
+            if not (isinstance(factory, type) and issubclass(factory, Tunable)):
+                raise InputError(f"{name} has no settings")
+            return factory(belief, layout, settings)
+        made = make_controller(name, belief, layout)
+        assert isinstance(made, Baseline)
+        return made
+
+    if preview is not None:
+        return make(preview)
+    samples = made_with = 1
+    made = make(made_with)
+    while (samples := made.needed_preview) > made_with:
+        made, made_with = make(samples), samples
+    return made
+
+
+def _affine_start(made: Baseline) -> tuple[Array, Array, bool]:
+    """Return the memory at rest of a first reference of 0 µm, what each µm adds, and whether that is all."""
+    layout = made.layout
+    references = np.array([0.0, 1.0, *(layout.centre_um + layout.scale_um * x for x in _FIRST)])
+    started = made.start(references)
+    rest = started[:, 0].copy()
+    by_reference = np.where(np.isnan(rest), 0.0, started[:, 1] - rest)
+    affine = rest[:, None] + by_reference[:, None] * references
+    return rest, by_reference, bool(np.array_equal(affine, started, equal_nan=True))
+
 
 _WALK = 400
 """Commands of the slow walk that says what a range reaches."""

@@ -15,10 +15,8 @@ from baselines.learned import evaluation, train_native_ppo
 from baselines.learned.controller import LearnedController
 from baselines.learned.device import lanes as device_lanes
 from baselines.learned.device import replay as replays
-from baselines.learned.device.learner import DeviceLearner
-from baselines.learned.device.networks import DeviceActorCritic
-from baselines.learned.device.rows import Rows
-from baselines.learned.device.update import DeviceUpdater
+from baselines.learned.device.lanes import Rows
+from baselines.learned.device.learner import DeviceActorCritic, DeviceLearner, DeviceUpdater
 from baselines.learned.native.networks import ActorCritic
 from baselines.learned.native.ppo import NativePPO
 from baselines.learned.native.update import Batch, Law, Updater

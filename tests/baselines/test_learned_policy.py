@@ -246,7 +246,7 @@ def test_every_shipped_policy_is_whole_and_all_are_small():
 
 def test_torch_is_not_loaded_before_a_learned_controller_is_asked_for():
     code = (
-        "import sys, rdpi_gym, baselines, benchmarks.tracking.tasks, rdpi_gym.cli;"
+        "import sys, rdpi_gym, baselines, benchmarks.tracking.run, rdpi_gym.cli;"
         "from rdpi_gym.cli import main; main(['--help']);"
         "sys.exit('torch' in sys.modules or 'stable_baselines3' in sys.modules)"
     )

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baselines import FEEDFORWARDS, make_controller
-from baselines.pi_gains import simc_gains
+from baselines.pi import simc_gains
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import P5, P10, RDPI, Sensor
 

@@ -11,12 +11,11 @@ import pytest
 
 from benchmarks.foreign_effects import __main__ as foreign_effects
 from benchmarks.foreign_effects.case_row import run_case
-from benchmarks.foreign_effects.cases import NUMBERS, Case, make_cases, prepare
+from benchmarks.foreign_effects.cases import NUMBERS, OUTSIDE, Case, make_cases, prepare
 from benchmarks.foreign_effects.chain import Bench
 from benchmarks.foreign_effects.degradations import KINDS, Sampled, degrade, through_files
 from benchmarks.foreign_effects.drives import Drive, held, smooth
 from benchmarks.foreign_effects.forms import EFFECTS, FORMS, Mechanism
-from benchmarks.foreign_effects.outside import OUTSIDE
 from benchmarks.foreign_effects.physics import linear, plays_by_substeps, plays_by_turning_points
 from benchmarks.foreign_effects.plants import Foreign
 from benchmarks.foreign_effects.protocols import PROTOCOLS, Taken, take

@@ -7,8 +7,8 @@ from benchmarks.tracking.evaluation import evaluate
 from benchmarks.tracking.leaderboard import COLUMNS
 from benchmarks.tracking.results import write_tables
 from benchmarks.tracking.rows import FORMAT, ROWS_FILE, key
+from benchmarks.tracking.run import row_keys
 from benchmarks.tracking.selection import select
-from benchmarks.tracking.tasks import row_keys
 from rdpi_gym.plant import P5
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import RowStore

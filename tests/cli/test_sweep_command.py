@@ -9,11 +9,11 @@ pytest.importorskip("stable_baselines3")
 pytest.importorskip("optuna")
 
 from baselines.learned import evaluation
-from baselines.learned.course import Course
 from baselines.learned.learner import DivergedError
 from baselines.learned.search_space import SPACES, read_space
 from baselines.learned.settings import SHIPPED, read_settings, read_values
 from baselines.learned.stable_baselines import StableBaselinesLearner
+from baselines.learned.training import Course
 from rdpi_gym.cli import main
 from rdpi_gym.face.training import _script
 

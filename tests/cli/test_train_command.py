@@ -198,7 +198,7 @@ def test_an_unknown_algorithm_is_one_line(capsys):
 
 
 def test_an_interrupted_command_says_that_it_continues(capsys, monkeypatch):
-    from baselines.learned.course import Course
+    from baselines.learned.training import Course
 
     def interrupt(self, reward):
         raise KeyboardInterrupt

@@ -13,9 +13,8 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
 from studies.tutorial.__main__ import TEMPLATES
 from studies.tutorial.__main__ import main as make
-from studies.tutorial.results import contradiction, is_claim, quoted
 from studies.tutorial.session import ELISION, Session
-from studies.tutorial.template import CONSOLE, FENCE, PROMPT, fill
+from studies.tutorial.template import CONSOLE, FENCE, PROMPT, contradiction, fill, is_claim, quoted
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

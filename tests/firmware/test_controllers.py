@@ -15,7 +15,7 @@ from numba.core.registry import CPUDispatcher
 from baselines.extended import ExtendedInverse
 from baselines.inverses.catalogue import inverse_of
 from baselines.registry import CONTROLLERS
-from rdpi_gym.firmware.controllers import PhysicalLayout, controller_program, traced_program
+from rdpi_gym.firmware.making import PhysicalLayout, controller_program, traced_program
 from rdpi_gym.firmware.program import Program
 from rdpi_gym.plant import CORES, P5, P10, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, load_effect

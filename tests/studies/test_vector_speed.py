@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from studies import vector_speed
-from studies.vector_roofline import bytes_a_lane, operations_a_lane, roofline
+from studies.vector_speed import bytes_a_lane, operations_a_lane, roofline
 
 PAGE = Path(__file__).parents[2] / "docs" / "vector-environment.md"
 

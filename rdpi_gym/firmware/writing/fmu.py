@@ -4,29 +4,273 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import re
 import sys
 import tempfile
 import uuid
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
-from typing import get_args
+from typing import Literal, get_args
+from xml.etree import ElementTree
 
 from rdpi_gym.firmware.compiling import STRICT, compiler, run
 from rdpi_gym.firmware.program import Program
-from rdpi_gym.firmware.writing.fmu_description import (
-    FmiVersion,
-    build_description,
-    model_description,
-    model_identifier,
-    variables,
-)
 from rdpi_gym.firmware.writing.templating import filled, template
-from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.words import quoted
+
+FmiVersion = Literal["2.0", "3.0"]
+Causality = Literal["independent", "local", "input", "output"]
+
+FIRST_INPUT = 10
+"""Value reference of the first input; what stands below is in ``rdpi_fmu.h``."""
+_FLAGS = {
+    "controller": {
+        "clamped": (3, "The command stood at an end of its range"),
+        "saturated": (4, "The reference was outside what the range of commands reaches"),
+        "out_of_range": (5, "An input was not finite or absurdly large: the last command was held"),
+    },
+    "plant": {
+        "clamped": (3, "The command was outside its range"),
+        "out_of_range": (5, "The command was not finite or absurdly large: the last one was held"),
+    },
+}
+_UNITS: Mapping[str, Mapping[str, str]] = {
+    "s": {"s": "1"},
+    "V": {"kg": "1", "m": "2", "s": "-3", "A": "-1"},
+    "um": {"m": "1", "factor": "1e-06"},
+}
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_LONGEST_IDENTIFIER = 48
+_LONGEST_NAME = 200
+_LONGEST_DESCRIPTION = 1000
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of an FMU.
+
+    Parameters
+    ----------
+    name
+        Identifier.
+    reference
+        Its value reference.
+    description
+        One line.
+    causality
+        What it is to the importer.
+    unit
+        ``s``, ``V``, ``um``; empty for a flag.
+    start
+        Value at the beginning; None where the FMU computes it.
+    range
+        Lowest and highest value; None where there is none.
+    """
+
+    name: str
+    reference: int
+    description: str
+    causality: Causality
+    unit: str = ""
+    start: float | None = None
+    range: tuple[float, float] | None = None
+
+
+def variables(program: Program) -> list[Variable]:
+    """Return the variables of a program's FMU."""
+    low, high = (float(end) for end in program.command_range_V)
+    found = [
+        Variable("time", 0, "Time of the last communication point", "independent", "s"),
+        Variable("ts_s", 1, "Sampling time", "local", "s", float(program.ts_s)),
+    ]
+    reach = f"from {low!r} V to {high!r} V"
+    if program.kind == "plant":
+        command = f"Command that is held for the step, {reach}"
+        output = Variable("displacement_um", 2, "Displacement", "output", "um")
+        inputs = [Variable("command_V", FIRST_INPUT, command, "input", "V", float(program.rest_V))]
+    else:
+        command = f"Command for the next sample, {reach}"
+        output = Variable("command_V", 2, command, "output", "V", range=(low, high))
+        names = {"reference_um": "Reference r(k)", "measured_um": "Measured displacement y(k)"} | {
+            f"reference_ahead_{j}_um": f"Reference r(k+{j})" for j in range(1, program.preview + 1)
+        }
+        inputs = [
+            Variable(name, FIRST_INPUT + place, text, "input", "um", float(program.centre_um))
+            for place, (name, text) in enumerate(names.items())
+        ]
+    flags = [
+        Variable(name, reference, f"{text}, in a sample of the last step", "output")
+        for name, (reference, text) in _FLAGS[program.kind].items()
+    ]
+    return [*found, output, *flags, *inputs]
+
+
+def model_identifier(program: Program) -> str:
+    """Return the name of the FMU's binary: an identifier of C, whatever the model is called.
+
+    Only letters and digits of ASCII are kept of the names; what it begins with makes it no word of C
+    and no name that a system keeps for itself.
+    """
+    title = [program.title] if program.kind == "controller" else []
+    words = re.findall("[A-Za-z0-9]+", " ".join([*title, program.model]))
+    return f"rdpi_{program.kind}_{'_'.join(words)}"[:_LONGEST_IDENTIFIER].rstrip("_")
+
+
+def model_description(
+    program: Program, fmi: FmiVersion, token: str, sources: Sequence[str], tool: str
+) -> bytes:
+    """Return ``modelDescription.xml``."""
+    third = fmi == "3.0"
+    identifier = model_identifier(program)
+    root = ElementTree.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": fmi,
+            "modelName": _text(_name(program), _LONGEST_NAME) or identifier,
+            "instantiationToken" if third else "guid": token,
+            "description": _text(_description(program), _LONGEST_DESCRIPTION),
+            "generationTool": tool,
+            "variableNamingConvention": "structured",
+            **({} if third else {"numberOfEventIndicators": "0"}),
+        },
+    )
+    state = "State" if third else "state"
+    interface = ElementTree.SubElement(
+        root,
+        "CoSimulation",
+        {
+            "modelIdentifier": identifier,
+            "canHandleVariableCommunicationStepSize": "false",
+            f"canGetAndSetFMU{state}": "true",
+            f"canSerializeFMU{state}": "true",
+            **({"fixedInternalStepSize": repr(float(program.ts_s))} if third else {}),
+            **({} if third else {"canNotUseMemoryManagementFunctions": "true"}),
+        },
+    )
+    if not third:
+        files = ElementTree.SubElement(interface, "SourceFiles")
+        for name in sources:
+            ElementTree.SubElement(files, "File", {"name": name})
+    units = ElementTree.SubElement(root, "UnitDefinitions")
+    for name, base in _UNITS.items():
+        ElementTree.SubElement(
+            ElementTree.SubElement(units, "Unit", {"name": name}), "BaseUnit", dict(base)
+        )
+    log = ElementTree.SubElement(root, "LogCategories")
+    ElementTree.SubElement(
+        log, "Category", {"name": "logStatusError", "description": "Why a call was refused"}
+    )
+    ElementTree.SubElement(
+        root,
+        "DefaultExperiment",
+        {
+            "startTime": "0.0",
+            "stopTime": repr(1000 * float(program.ts_s)),
+            "stepSize": repr(float(program.ts_s)),
+        },
+    )
+    listed = variables(program)
+    described = ElementTree.SubElement(root, "ModelVariables")
+    for variable in listed:
+        (_described_3 if third else _described_2)(described, variable)
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    outputs = [place for place, one in enumerate(listed, 1) if one.causality == "output"]
+    # an output is that of the last sample: none depends on what stands at its input now
+    if third:
+        for kind in ("Output", "InitialUnknown"):
+            for place in outputs:
+                known = {"valueReference": str(listed[place - 1].reference), "dependencies": ""}
+                ElementTree.SubElement(structure, kind, known)
+    else:
+        for kind in ("Outputs", "InitialUnknowns"):
+            group = ElementTree.SubElement(structure, kind)
+            for place in outputs:
+                known = {"index": str(place), "dependencies": ""}
+                ElementTree.SubElement(group, "Unknown", known)
+    return _xml(root)
+
+
+def build_description(program: Program, sources: Sequence[str]) -> bytes:
+    """Return ``sources/buildDescription.xml`` of FMI 3.0."""
+    root = ElementTree.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
+    configuration = ElementTree.SubElement(
+        root, "BuildConfiguration", {"modelIdentifier": model_identifier(program)}
+    )
+    group = ElementTree.SubElement(configuration, "SourceFileSet", {"language": "C99"})
+    for name in sources:
+        ElementTree.SubElement(group, "SourceFile", {"name": name})
+    return _xml(root)
+
+
+def _described_2(parent: ElementTree.Element, variable: Variable) -> None:
+    common = ElementTree.SubElement(parent, "ScalarVariable", _common(variable))
+    values = _values(variable)
+    ElementTree.SubElement(common, "Real" if variable.unit else "Boolean", values)
+
+
+def _described_3(parent: ElementTree.Element, variable: Variable) -> None:
+    kind = "Float64" if variable.unit else "Boolean"
+    ElementTree.SubElement(parent, kind, _common(variable) | _values(variable))
+
+
+def _common(variable: Variable) -> dict[str, str]:
+    nature = {
+        "independent": {"variability": "continuous"},
+        "local": {"variability": "constant", "initial": "exact"},
+        "input": {"variability": "discrete"},
+        "output": {"variability": "discrete", "initial": "calculated"},
+    }[variable.causality]
+    return {
+        "name": variable.name,
+        "valueReference": str(variable.reference),
+        "description": variable.description,
+        "causality": variable.causality,
+        **nature,
+    }
+
+
+def _values(variable: Variable) -> dict[str, str]:
+    found = {"unit": variable.unit} if variable.unit else {}
+    if variable.range is not None:
+        found |= {"min": repr(variable.range[0]), "max": repr(variable.range[1])}
+    if variable.start is not None:
+        found["start"] = repr(variable.start)
+    return found
+
+
+def _description(program: Program) -> str:
+    what = (
+        "Piezo actuator with hysteresis"
+        if program.kind == "plant"
+        else "Controller of a piezo actuator with hysteresis"
+    )
+    time = (
+        f"{what}, sampled every {program.ts_s:g} s. A communication step is a whole multiple of that; "
+        "inputs are held for it."
+    )
+    return " ".join([time, *program.notes])
+
+
+def _name(program: Program) -> str:
+    return program.model if program.kind == "plant" else f"{program.title}, {program.model}"
+
+
+def _text(text: str, longest: int) -> str:
+    """Return what XML can hold of a text, shortened."""
+    return _NO_XML.sub("�", printable(text))[:longest]
+
+
+def _xml(root: ElementTree.Element) -> bytes:
+    ElementTree.indent(root)
+    text: str = ElementTree.tostring(root, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+
 
 # Of a zip archive: the date of every file in it, so that archives are equal.
 _EARLIEST = (1980, 1, 1, 0, 0, 0)

@@ -2,16 +2,302 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 
 from rdpi_gym.firmware.fixed_point import FixedPoint
-from rdpi_gym.firmware.writing.counting import Operations, count
 from rdpi_gym.firmware.writing.roundings import Roundings
-from rdpi_gym.firmware.writing.source import Source, safe
+from rdpi_gym.firmware.writing.source import MATHEMATICS, Source, safe
 from rdpi_gym.firmware.writing.templating import filled, template
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import table
 from rdpi_gym.support.words import number
+
+_TOKEN = re.compile(
+    r"""(?P<number>0[xX][0-9a-fA-F]+\w*|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\w*)
+    |(?P<name>[A-Za-z_]\w*)|(?P<text>"[^"\n]*"|'[^'\n]*')
+    |(?P<sign>->|\+\+|--|<<=|>>=|<<|>>|<=|>=|==|!=|&&|\|\||[-+*/%&|^]=|.)""",
+    re.VERBOSE,
+)
+_TYPE = re.compile(
+    r"rdpi_real|u?int(8|32|64)_t|double|float|int|unsigned|void|const|rdpi_\w+_(state|parameters|memory)"
+)
+_DEFINITION = re.compile(r"^(?:static )?(?:inline )?\w+ (?P<name>\w+)\([^;{]*\)\s*\{", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Operations:
+    """Operations of one step in the worst case.
+
+    Parameters
+    ----------
+    additions
+        And subtractions.
+    multiplications, comparisons
+        A smaller or larger of two numbers is one comparison.
+    divisions
+        In every precision.
+    by_constants
+        Divisions by a constant, which are multiplications but in double.
+    mathematics
+        Calls of ``<math.h>``.
+    """
+
+    additions: int = 0
+    multiplications: int = 0
+    comparisons: int = 0
+    divisions: int = 0
+    by_constants: int = 0
+    mathematics: int = 0
+
+    def __add__(self, other: Operations) -> Operations:
+        return self._each(other, lambda a, b: a + b)
+
+    def __mul__(self, times: int) -> Operations:
+        return Operations(*(getattr(self, each.name) * times for each in fields(self)))
+
+    def __or__(self, other: Operations) -> Operations:
+        """The dearer of each kind."""
+        return self._each(other, max)
+
+    def _each(self, other: Operations, taken: object) -> Operations:
+        assert callable(taken)
+        return Operations(
+            *(taken(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+        )
+
+    @property
+    def total(self) -> int:
+        """Operations of all kinds."""
+        return sum(getattr(self, each.name) for each in fields(self))
+
+
+def count(text: str, function: str, *, precision: int = 64) -> Operations:
+    """Count what one call of a function does at most."""
+    return _Counter(_preprocessed(text, precision)).function(function)
+
+
+def _preprocessed(text: str, precision: int) -> str:
+    """Return what is compiled, without comments; constants that are defined in place."""
+    text = re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL)
+    kept: list[str] = []
+    open_at: list[bool] = []  # of every condition that is not closed: whether this branch is it
+    taken: list[bool] = []  # and whether one of its branches was
+    constants: dict[str, str] = {}
+    for line in text.splitlines():
+        word = re.match(r"\s*#\s*(\w+)\s*(.*)", line)
+        if word is None:
+            if all(open_at):
+                kept.append(line)
+            continue
+        directive, rest = word[1], word[2].strip()
+        if directive in ("if", "ifdef", "ifndef"):
+            open_at.append(_holds(directive, rest, precision))
+            taken.append(open_at[-1])
+        elif directive in ("else", "elif"):
+            holds = directive == "else" or _holds("if", rest, precision)
+            open_at[-1] = not taken[-1] and holds
+            taken[-1] |= open_at[-1]
+        elif directive == "endif":
+            open_at.pop()
+            taken.pop()
+        elif directive == "define" and all(open_at):
+            constant = re.fullmatch(r"(\w+)\s+(\d+)", rest)
+            if constant:
+                constants[constant[1]] = constant[2]
+    joined = "\n".join(kept)
+    lengths = dict(re.findall(r"^ +\w+_t (\w+)\[(\d+)\];", joined, re.MULTILINE))
+    whole = r"sizeof m->(\w+) / sizeof m->\1\[0\]"
+    joined = re.sub(whole, lambda found: lengths.get(found[1], found[0]), joined)
+    return re.sub(r"\b[A-Z]\w*\b", lambda found: constants.get(found[0], found[0]), joined)
+
+
+def _holds(directive: str, condition: str, precision: int) -> bool:
+    if directive == "ifdef":
+        return False  # of the compiler's own names
+    if directive == "ifndef":
+        return True
+    found = re.fullmatch(r"RDPI_PRECISION (==|!=) (\d+)(.*)", condition)
+    return found is not None and (int(found[2]) == precision) == (found[1] == "==")
+
+
+@dataclass
+class _Counter:
+    """Walks over the tokens of functions, statement by statement."""
+
+    text: str
+    _done: dict[str, Operations] = field(default_factory=dict)
+
+    def function(self, name: str) -> Operations:
+        if name not in self._done:
+            found = next((f for f in _DEFINITION.finditer(self.text) if f["name"] == name), None)
+            if found is None:
+                return Operations()
+            tokens = _tokens(self.text[found.end() - 1 :])
+            self._done[name], _ = self._statement(tokens, 0, {})
+        return self._done[name]
+
+    def _statement(
+        self, tokens: list[str], at: int, bounds: Mapping[str, int]
+    ) -> tuple[Operations, int]:
+        """Count a statement; return with where the next one begins."""
+        token = tokens[at]
+        if token == "{":
+            total, at = Operations(), at + 1
+            inside = dict(bounds)
+            while tokens[at] != "}":
+                bound = _whole(tokens, at, inside)
+                inside |= bound
+                more, at = self._statement(tokens, at, inside)
+                total += Operations() if bound else more
+            return total, at + 1
+        if token == "if":
+            end = _closed(tokens, at + 1)
+            test = self._expression(tokens[at + 2 : end - 1])
+            one, at = self._statement(tokens, end, bounds)
+            other = Operations()
+            if at < len(tokens) and tokens[at] == "else":
+                other, at = self._statement(tokens, at + 1, bounds)
+            return test + (one | other), at
+        if token == "for":
+            end = _closed(tokens, at + 1)
+            variable, turns, last = _loop(tokens[at + 2 : end - 1], bounds)
+            body, at = self._statement(tokens, end, {**bounds, variable: last})
+            return body * turns, at
+        if token in ("while", "do", "switch", "goto"):
+            raise InputError(f"a loop whose turns cannot be counted: {token}")
+        end = tokens.index(";", at)
+        return self._expression(tokens[at:end]), end + 1
+
+    def _expression(self, tokens: list[str]) -> Operations:
+        """Count an expression or a declaration."""
+        total, depth = Operations(), 0
+        for at, token in enumerate(tokens):
+            depth += (token == "[") - (token == "]")
+            if depth:
+                continue  # an index
+            before = tokens[at - 1] if at else "("
+            follows = tokens[at + 1] if at + 1 < len(tokens) else ""
+            if follows == "(" and re.match(r"[A-Za-z_]", token):
+                total += self._call(token)
+            elif _is_binary(token, before, tokens[:at]):
+                total += _OPERATORS[token]
+        return total
+
+    def _call(self, name: str) -> Operations:
+        if name == "RDPI_OVER":
+            return Operations(by_constants=1)
+        if name.removeprefix("RDPI_") in MATHEMATICS:
+            return Operations(mathematics=1)
+        return self.function(_SAME.get(name, name))
+
+
+_SAME = {"RDPI_FABS": "rdpi_abs", "RDPI_ISNAN": "rdpi_is_nan", "RDPI_COPYSIGN": "rdpi_copysign",
+         "RDPI_MIN": "rdpi_min", "RDPI_MAX": "rdpi_max"}  # fmt: skip
+_ADDED, _MULTIPLIED, _DIVIDED, _COMPARED = (
+    Operations(additions=1), Operations(multiplications=1), Operations(divisions=1), Operations(comparisons=1),
+)  # fmt: skip
+_OPERATORS: Mapping[str, Operations] = {
+    **dict.fromkeys(("+", "-", "+=", "-="), _ADDED),
+    **dict.fromkeys(("*", "*="), _MULTIPLIED),
+    **dict.fromkeys(("/", "/=", "%", "%="), _DIVIDED),
+    **dict.fromkeys(("<", ">", "<=", ">=", "==", "!="), _COMPARED),
+}
+
+
+def _tokens(text: str) -> list[str]:
+    """Return the tokens of one block, from its brace to the one that closes it."""
+    found, depth = [], 0
+    for token in _split(text):
+        found.append(token)
+        depth += (token == "{") - (token == "}")
+        if depth == 0:
+            break
+    return found
+
+
+def _split(text: str) -> Iterator[str]:
+    for match in _TOKEN.finditer(text):
+        if not match[0].isspace():
+            yield match[0]
+
+
+def _closed(tokens: list[str], at: int) -> int:
+    """Return where what follows the parenthesis at a place begins."""
+    depth = 0
+    for place in range(at, len(tokens)):
+        depth += (tokens[place] == "(") - (tokens[place] == ")")
+        if depth == 0:
+            return place + 1
+    raise ValueError("a parenthesis that is never closed")
+
+
+def _loop(head: list[str], bounds: Mapping[str, int]) -> tuple[str, int, int]:
+    """Return a loop's variable, how often it turns at most, and the variable's largest value."""
+    pattern = re.fullmatch(
+        r"(?:u?int32_t )?(\w+) = (.+) ; (\w+) (<=?|>=?) (.+) ; (.+)", " ".join(head)
+    )
+    if pattern is None:
+        raise InputError(f"a loop whose turns cannot be counted: for ({' '.join(head)})")
+    variable, start, end = (
+        pattern[1],
+        _largest(pattern[2], bounds, 0),
+        _largest(pattern[5], bounds, 1),
+    )
+    if pattern[4].startswith("<"):
+        last = end - (pattern[4] == "<")
+        return variable, max(last - start + 1, 0), last
+    first = _largest(pattern[2], bounds, 1)
+    lowest = _largest(pattern[5], bounds, 0) + (pattern[4] == ">")
+    return variable, max(first - lowest + 1, 0), first
+
+
+def _whole(tokens: list[str], at: int, bounds: Mapping[str, int]) -> dict[str, int]:
+    """Return the largest value of a whole number that is stated here and never changed."""
+    if tokens[at : at + 2] != ["const", "int32_t"] or tokens[at + 3] != "=":
+        return {}
+    try:
+        return {
+            tokens[at + 2]: _largest(" ".join(tokens[at + 4 : tokens.index(";", at)]), bounds, 1)
+        }
+    except InputError:
+        return {}
+
+
+def _largest(text: str, bounds: Mapping[str, int], sign: int) -> int:
+    """Return the largest (1) or the smallest (0) value of a bound: a sum of whole numbers and variables.
+
+    A variable of an outer loop runs from 0 on.
+    """
+    chosen = re.search(r"\? (\d+) : (\d+)", text)
+    if chosen:
+        return (max if sign else min)(int(chosen[1]), int(chosen[2]))
+    total, factor = 0, 1
+    for word in text.replace("(", " ").replace(")", " ").split():
+        if word in "+-":
+            factor = 1 if word == "+" else -1
+        elif word.rstrip("u").isdigit():
+            total, factor = total + factor * int(word.rstrip("u")), 1
+        elif word in bounds:
+            reaches = bounds[word] if (sign == 1) == (factor == 1) else 0
+            total, factor = total + factor * reaches, 1
+        else:
+            raise InputError(f"a loop whose turns cannot be counted: its bound is {text}")
+    return total
+
+
+def _is_binary(token: str, before: str, earlier: list[str]) -> bool:
+    if token not in _OPERATORS:
+        return False
+    if token not in "+-*":
+        return True
+    if _TYPE.fullmatch(before) or before in ("return", "?", ":"):
+        return False  # a pointer, a sign
+    if before == ")":  # of a cast
+        return not (len(earlier) > 2 and _TYPE.fullmatch(earlier[-2]))
+    return bool(re.fullmatch(r"[\w.]+|\]", before))
+
 
 DEVIATIONS = {
     "2.2": "a step that has no effect for these numbers",

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rdpi_gym.firmware.program import Program
 from rdpi_gym.firmware.writing.manual import manual_text
 from rdpi_gym.firmware.writing.roundings import Roundings
-from rdpi_gym.firmware.writing.sfunction import sfunction_text
 from rdpi_gym.firmware.writing.source import Source, header_text, safe, source_text
 from rdpi_gym.firmware.writing.templating import filled, template
 from rdpi_gym.firmware.writing.vectors import SAMPLES, vectors, vectors_text
@@ -17,6 +17,15 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_atomic, write_json
 from rdpi_gym.support.folders import replaced_folder
 from rdpi_gym.support.words import some
+
+
+def sfunction_text(program: Program) -> str:
+    """Return ``rdpi_controller_sfunction.c`` or ``rdpi_plant_sfunction.c``, to be compiled with ``mex``."""
+    if program.kind == "plant":
+        return filled(template("sfunction_plant.c"), WHAT=f"Plant {safe(program.model)}")
+    what = f"Controller {safe(program.title)} for plant {safe(program.model)}"
+    return filled(template("sfunction_controller.c"), WHAT=what, PREVIEW=str(program.preview))
+
 
 FORMAT, VERSION = "rdpi-firmware", 1
 DESCRIPTION = "program.json"

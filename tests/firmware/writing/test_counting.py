@@ -2,7 +2,7 @@
 
 import pytest
 
-from rdpi_gym.firmware.writing.counting import Operations, count
+from rdpi_gym.firmware.writing.manual import Operations, count
 from rdpi_gym.support.errors import InputError
 
 

@@ -16,10 +16,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rdpi_gym.envs.tasks import named_task
-from rdpi_gym.firmware.controllers import controller_program
+from rdpi_gym.firmware.making import controller_program
 from rdpi_gym.firmware.plants import plant_program
-from rdpi_gym.firmware.writing.fmu import binary_place, fmu_sources, write_fmu
-from rdpi_gym.firmware.writing.fmu_description import model_description, model_identifier, variables
+from rdpi_gym.firmware.writing.fmu import (
+    binary_place,
+    fmu_sources,
+    model_description,
+    model_identifier,
+    variables,
+    write_fmu,
+)
 from rdpi_gym.firmware.writing.source import Source, header_text, source_text
 from rdpi_gym.support.errors import InputError
 from tests.firmware.hand_made import STRICT

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rdpi_gym.firmware.controllers import controller_program
+from rdpi_gym.firmware.making import controller_program
 from rdpi_gym.firmware.plants import plant_program
-from rdpi_gym.firmware.writing.sfunction import sfunction_text
+from rdpi_gym.firmware.writing.package import sfunction_text
 from rdpi_gym.firmware.writing.source import Source, header_text, source_text
 from rdpi_gym.plant import named_plant
 from tests.firmware.hand_made import STRICT
