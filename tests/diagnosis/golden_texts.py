@@ -26,15 +26,17 @@ from rdpi_gym.diagnosis.search.experiments import what_to_measure
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor
 from rdpi_gym.diagnosis.search.separability import next_experiment
 from rdpi_gym.diagnosis.search.suitability import unrelated
+from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.diagnosis.words import headline, sized
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.laboratory import buying
-from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import CORES, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.report.discovery.sentences import candidate_sentence
 
 FILE = Path(__file__).with_name("golden_texts.json")
+STANDARD = Quantities()
 P5 = named_plant("P5")
 
 
@@ -256,13 +258,13 @@ def _cautions() -> Iterator[tuple[str, Any]]:
         yield f"cautions {i} {k}", list(buying._warnings(*said))
 
 
-def texts() -> dict[str, Any]:
+def texts(quantities: Quantities = STANDARD) -> dict[str, Any]:
     """Return every text by what it is of."""
     parts = (
         _limits, _findings, _advice, _reservations, _headlines, _effects, _portraits, _results,
         _comparisons, _cautions,
     )  # fmt: skip
-    return {key: text for part in parts for key, text in part()}
+    return told({key: text for part in parts for key, text in part()}, quantities)
 
 
 if __name__ == "__main__":

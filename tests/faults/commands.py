@@ -75,7 +75,12 @@ def run(words: Sequence[str], folder: Path, kill_s: float | None = None) -> int:
 def seen(folder: Path) -> dict[str, bytes]:
     """Return the files that a command left by their names, its temporaries (files and folders) among them."""
     beside = [path for path in folder.glob(".*") if path.name.endswith(".tmp")]
-    files = [path for root in (folder / "out", *beside) for path in (root, *sorted(root.rglob("*"))) if path.is_file()]
+    files = [
+        path
+        for root in (folder / "out", *beside)
+        for path in (root, *sorted(root.rglob("*")))
+        if path.is_file()
+    ]
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
