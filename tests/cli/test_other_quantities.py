@@ -23,7 +23,7 @@ TOML = f"""title = "{TITLE}"
 input = {{ name = "displacement", symbol = "x", unit = "mm" }}
 output = {{ name = "force", symbol = "F", unit = "kN" }}
 """
-FOREIGN = re.compile(r"µm|\bV\b|[vV]oltage")
+FOREIGN = re.compile(r"µm|\bV\b|[vV]oltage|put(_\w+)?}")
 
 
 @pytest.fixture(scope="module")

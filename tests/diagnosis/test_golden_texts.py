@@ -85,17 +85,20 @@ def test_what_the_catalogue_says_is_a_template_of_itself(name):
         assert not re.search(r"A-shaped|current-driven|kN/V|µm|[dD]isplacement", turned)
 
 
-def test_a_page_is_told_in_the_users_units_and_names_stay(tmp_path):
+@pytest.mark.parametrize("quantities", [Quantities(), AMPLIFIER])
+def test_a_page_is_told_in_the_users_units_and_names_stay(tmp_path, quantities):
     own = "3 µm over {u} voltage"
-    data = datasets(AMPLIFIER)["fading"]
+    data = datasets(quantities)["fading"]
     data = replace(data, title=own, records=(replace(data.records[0], name=own), data.records[1]))
     page = write_compare_page(tmp_path / "page.html", compare(data, named_plant("P5")))
     text = page.read_text(encoding="utf-8")
-    assert "RMS error (kN)" in text
+    assert f"RMSE ({quantities.output.unit})" in text
     assert own in text
     shown = re.sub(r"<script>.*?</script>|<style>.*?</style>", "", text, flags=re.DOTALL)
     shown = re.sub(r'"bdata": ?"[^"]*"', "", shown).replace("\\u00b5", "µ").replace(own, "")
-    assert FOREIGN.findall(shown) == []
+    assert "put_unit" not in shown
+    assert "put}" not in shown
+    assert quantities.are_standard or FOREIGN.findall(shown) == []
 
 
 def experiments():
