@@ -448,7 +448,7 @@ class SearchResult:
             self.undecided,
             self.sampling if self.reservation is None else request_of(self.reservation),
         )
-        return self.quantities.said(said)
+        return self.quantities.fill(said)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``diagnosis.json``, ``add.json``, ``discovery.json``."""

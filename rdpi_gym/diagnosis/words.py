@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.measurement import Quantities
+from rdpi_gym.measurement.quantities import in_output, unit_template
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.signals.experiments import standard_protocol
-from rdpi_gym.support.words import closed, digits, joined, micrometres
+from rdpi_gym.support.words import closed, digits, joined
 
 _UNIT_IN_NAME = re.compile(r"(_per)?_(hz|V_s|um_s|s|V|um|rad)$")
 # Of the error without an effect, the share that is no improvement.
@@ -127,7 +128,7 @@ def _written(template: str, notice: Notice, quantities: Quantities) -> str:
 
 
 def sized(effect: Effect) -> str:
-    """Name an effect with its fitted parameters."""
+    """Name an effect with its fitted parameters, as a template."""
     places, sizes = [], []
     for parameter in effect.parameters:
         value = effect.values[parameter.name]
@@ -137,7 +138,7 @@ def sized(effect: Effect) -> str:
             places.append(f" at {digits(value, 3)} Hz")
             continue
         label = _UNIT_IN_NAME.sub("", parameter.name).replace("_", " ")
-        unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+        unit = "" if parameter.unit == "1" else f" {unit_template(parameter.unit)}"
         quantity = _time(value) if parameter.unit == "s" else f"{_figures(value)}{unit}"
         sizes.append(f"{label} {quantity}")
     return effect.full_name() + "".join(places) + (f" ({', '.join(sizes)})" if sizes else "")
@@ -152,9 +153,9 @@ def headline(
     undecided: str | None,
     request: str | None,
 ) -> str:
-    """Answer a search; `request` is what a reservation asks for."""
-    before, after = (micrometres(error) for error in errors_um)
-    noise = f"noise {micrometres(noise_um)}"
+    """Answer a search, as a template; `request` is what a reservation asks for."""
+    before, after = (in_output(error) for error in errors_um)
+    noise = f"noise {in_output(noise_um)}"
     rest = "" if request is None else f" {closed(request)}"
     if not effects:
         numbers = f"Error {after}, {noise}.{rest}"
@@ -164,7 +165,7 @@ def headline(
             return f"Nothing is missing. {numbers}"
         return f"Unexplained: no effect of the catalogue improves held-out error. {numbers}"
     verb = {"addition": "Added", "removal": "Removed"}.get(asked, "Missing")
-    numbers = f"Error {before.removesuffix(' µm')} to {after}, {noise}.{rest}"
+    numbers = f"Error {before.removesuffix(' {output_unit}')} to {after}, {noise}.{rest}"
     names = joined(effects)
     if undecided is not None:
         return f"{verb}: {names}. Undecided whether it is there. {undecided} {numbers}"

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 _COLUMNS = {
     "name": "record",
     "role": "role",
-    "rmse_um": "RMSE (µm)",
+    "rmse_um": "RMSE ({output_unit})",
     "nrmse_percent": "of the stroke (%)",
     "systematic_percent": "systematic (%)",
-    "max_um": "largest (µm)",
+    "max_um": "largest ({output_unit})",
 }
 
 
@@ -65,9 +65,6 @@ class Comparison(Shown, diagnosis.Comparison):
     def overview(self) -> pd.DataFrame:
         """Return the errors record by record, with the columns that matter most."""
         return self._told_table(self.records[list(_COLUMNS)].rename(columns=_COLUMNS))
-
-    def _names(self) -> Sequence[str]:
-        return (self.title, self.model.name, *(trace.name for trace in self.traces))
 
     def _draw(self, figure: Figure) -> Any:
         from rdpi_gym.report.comparison.picture import draw_comparison
@@ -128,11 +125,9 @@ class ModelComparison(Shown, diagnosis.ModelComparison):
             "",
             *[f"{self.noise_floor_um:.3g}"] * len(self.names),
         ]
-        return self._told_table(frame.rename(columns={"record": "RMS error (µm), * nearest"}))
-
-    def _names(self) -> Sequence[str]:
-        traces = self.comparisons[0].traces
-        return (self.title, *self.names, *(trace.name for trace in traces))
+        return self._told_table(
+            frame.rename(columns={"record": "RMS error ({output_unit}), * nearest"})
+        )
 
     def _draw(self, figure: Figure) -> Any:
         from rdpi_gym.report.comparison.picture import draw_models

@@ -65,10 +65,8 @@ class Dataset(Shown, measurement.Dataset):
         return f"{self.title}: {count}, {samples:,} samples; {', '.join(parts)}"
 
     def _lines(self) -> Sequence[str]:
-        return [
-            self.summary,
-            *(line for line in self.describe().splitlines()[1:] if not line.startswith(_NOTE)),
-        ]
+        described = self.quantities.said(self.describe(), self._names()).splitlines()[1:]
+        return [self.summary, *(line for line in described if not line.startswith(_NOTE))]
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return every sample of every record, one below the other.
@@ -110,8 +108,8 @@ class Dataset(Shown, measurement.Dataset):
                     "samples": r.t_s.size,
                     "Ts (s)": r.ts_s,
                     "duration (s)": float(r.t_s[-1] - r.t_s[0]),
-                    "u (V)": f"{np.min(r.u_V):.4g} to {np.max(r.u_V):.4g}",
-                    "y (µm)": f"{r.y_range_um[0]:.4g} to {r.y_range_um[1]:.4g}",
+                    "{input_symbol} ({input_unit})": f"{np.min(r.u_V):.4g} to {np.max(r.u_V):.4g}",
+                    "{output_symbol} ({output_unit})": f"{r.y_range_um[0]:.4g} to {r.y_range_um[1]:.4g}",
                 }
                 for r in self.records
             ]

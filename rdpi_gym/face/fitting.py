@@ -13,15 +13,16 @@ from rdpi_gym import identification, measurement
 from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.identification import interval_95
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.progress import Progress
-from rdpi_gym.support.words import micrometres, pm
+from rdpi_gym.support.words import pm
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-_SYMBOLS = {"delta1_V": ("δ1", "V"), "delta2_s": ("δ2", "s")}
+_SYMBOLS = {"delta1_V": ("δ1", "{input_unit}"), "delta2_s": ("δ2", "s")}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,9 +49,9 @@ class FitResult(Shown, identification.FitResult):
         return cls(**{f.name: getattr(found, f.name) for f in fields(identification.FitResult)})
 
     def _lines(self) -> Sequence[str]:
-        errors = f"{micrometres(self.train_rmse_um)} rms on the records fitted"
+        errors = f"{in_output(self.train_rmse_um)} rms on the records fitted"
         if self.validation_rmse_um is not None:
-            errors = f"{micrometres(self.validation_rmse_um)} rms on validation records, {errors}"
+            errors = f"{in_output(self.validation_rmse_um)} rms on validation records, {errors}"
         n = self.plant.hysteresis.n
         found = ", ".join(
             f"{symbol} = {pm(self.parameters[name], self.standard_errors[name])} {unit}"
@@ -84,14 +85,13 @@ class FitResult(Shown, identification.FitResult):
                     "standard_error": self.standard_errors[name],
                     "low": intervals[name][0],
                     "high": intervals[name][1],
-                    "unit": self._said()(_SYMBOLS.get(name, ("", "µm/V"))[1]),
+                    "unit": self._said()(
+                        _SYMBOLS.get(name, ("", "{output_unit}/{input_divisor}"))[1]
+                    ),
                 }
                 for name, value in self.parameters.items()
             ]
         )
-
-    def _names(self) -> Sequence[str]:
-        return (self.plant.name, *self.rmse_um)
 
     def overview(self) -> pd.DataFrame:
         """Return parameters, offsets and extrema with their standard errors and intervals."""
@@ -100,7 +100,7 @@ class FitResult(Shown, identification.FitResult):
         intervals = self.intervals_95
         rows = [
             (
-                *_SYMBOLS.get(name, (name, "µm/V")),
+                *_SYMBOLS.get(name, (name, "{output_unit}/{input_divisor}")),
                 value,
                 self.standard_errors[name],
                 intervals[name],
@@ -108,8 +108,8 @@ class FitResult(Shown, identification.FitResult):
             for name, value in self.parameters.items()
         ]
         further = (
-            ("offset", "µm", self.offsets_um, self.offset_errors_um),
-            ("extremum", "V", self.extrema_V, self.extremum_errors_V),
+            ("offset", "{output_unit}", self.offsets_um, self.offset_errors_um),
+            ("extremum", "{input_unit}", self.extrema_V, self.extremum_errors_V),
         )
         rows += [
             (f"{what} of {name}", unit, values[name], error, interval_95(values[name], error))

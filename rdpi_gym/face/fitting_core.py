@@ -13,11 +13,12 @@ from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.identification import cores, interval_95, kinds
 from rdpi_gym.measurement.options import unknown_name
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.progress import Progress
-from rdpi_gym.support.words import joined, micrometres
+from rdpi_gym.support.words import joined
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,9 +48,9 @@ class CoreFit(Shown, cores.CoreFit):
 
     def _lines(self) -> Sequence[str]:
         core = self.plant.hysteresis
-        errors = f"{micrometres(self.train_rmse_um)} rms on the records fitted"
+        errors = f"{in_output(self.train_rmse_um)} rms on the records fitted"
         if self.validation_rmse_um is not None:
-            errors = f"{micrometres(self.validation_rmse_um)} rms on validation records, {errors}"
+            errors = f"{in_output(self.validation_rmse_um)} rms on validation records, {errors}"
         gains = core.gains
         used = sum(gain != 0.0 for gain in gains)
         lines = [
@@ -80,7 +81,7 @@ class CoreFit(Shown, cores.CoreFit):
         for name, value in self.shape.items():
             error = self.standard_errors.get(name, math.inf)
             low, high = interval_95(value, error)
-            unit = self._said()(units[name])
+            unit = self.quantities.unit(units[name])
             rows.append((name, value, error, low, high, unit))
         heads = ["parameter", "value", "standard_error", "low", "high", "unit"]
         return pd.DataFrame(rows, columns=heads)
@@ -92,23 +93,25 @@ class CoreFit(Shown, cores.CoreFit):
         units = {p.name: p.unit for p in self.plant.hysteresis.shape}
         errors = self.standard_errors
         rows = [
-            (name, f"{value:.5g}", _error(errors.get(name, math.inf)), self._said()(units[name]))
+            (
+                name,
+                f"{value:.5g}",
+                _error(errors.get(name, math.inf)),
+                self.quantities.unit(units[name]),
+            )
             for name, value in self.shape.items()
         ]
         rows += [
-            (f"error of {name}", f"{value:.3g}", "", self._said()("µm"))
+            (f"error of {name}", f"{value:.3g}", "", self.quantities.output.unit)
             for name, value in self.rmse_um.items()
         ]
         return pd.DataFrame(rows, columns=["what", "value", "standard error", "unit"])
-
-    def _names(self) -> Sequence[str]:
-        return (self.plant.name, *self.rmse_um)
 
     def _draw(self, figure: Figure) -> Any:
         axes = figure.subplots()
         axes.barh(list(self.rmse_um), list(self.rmse_um.values()))
         axes.invert_yaxis()
-        axes.set_xlabel("RMS error (µm)")
+        axes.set_xlabel("RMS error ({output_unit})")
         return axes
 
 
@@ -202,14 +205,14 @@ class KindChoice(Shown, kinds.KindChoice):
     def _lines(self) -> Sequence[str]:
         core = self.plant.hysteresis
         others = [fit for fit in self.fits if fit.plant.hysteresis.name != core.name]
-        error = micrometres(self.chosen.validation_rmse_um or 0.0)
+        error = in_output(self.chosen.validation_rmse_um or 0.0)
         lines = [f"Kind of hysteresis: {core.name}, the {core.title}. Error {error} rms held out."]
         apart = [fit for fit in others if fit.plant.hysteresis.name not in self.alike]
         if apart:
             nearest = apart[0]
             lines.append(
                 f"The next kind, {nearest.plant.hysteresis.name}, leaves "
-                f"{micrometres(nearest.validation_rmse_um or 0.0)}."
+                f"{in_output(nearest.validation_rmse_um or 0.0)}."
             )
         if self.clockwise is not None:
             turn = "clockwise" if self.clockwise else "counter-clockwise"
@@ -260,7 +263,11 @@ class KindChoice(Shown, kinds.KindChoice):
     def overview(self) -> pd.DataFrame:
         """Return the kinds with their errors, as texts."""
         frame = self.to_dataframe()
-        heads = {"held_out_um": "held out (µm)", "fitted_um": "fitted (µm)", "at_bound": "at bound"}
+        heads = {
+            "held_out_um": "held out ({output_unit})",
+            "fitted_um": "fitted ({output_unit})",
+            "at_bound": "at bound",
+        }
         for name in ("held_out_um", "fitted_um"):
             frame[name] = [f"{value:.3g}" for value in frame[name]]
         return self._told_table(frame.rename(columns=heads))
@@ -272,7 +279,7 @@ class KindChoice(Shown, kinds.KindChoice):
         axes = figure.subplots()
         axes.barh(self._names(), [fit.validation_rmse_um or 0.0 for fit in self.fits])
         axes.invert_yaxis()
-        axes.set_xlabel("RMS error, held out (µm)")
+        axes.set_xlabel("RMS error, held out ({output_unit})")
         return axes
 
 

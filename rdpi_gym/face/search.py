@@ -22,6 +22,7 @@ from rdpi_gym.face.experiment import PlannedExperiment, plan_experiment
 from rdpi_gym.face.options import CandidateOptions, SearchOptions
 from rdpi_gym.face.shown import Shown
 from rdpi_gym.measurement.options import unknown_name
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
 from rdpi_gym.report.discovery.sentences import lines, staircase
@@ -29,7 +30,7 @@ from rdpi_gym.support.checked import check_type, checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
 from rdpi_gym.support.progress import Progress
-from rdpi_gym.support.words import closed, joined, micrometres
+from rdpi_gym.support.words import closed, joined
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -191,7 +192,7 @@ class SearchResult(Shown, results.SearchResult):
     def overview_title(self) -> str:
         """What :meth:`overview` shows."""
         if self.kind == "diagnosis":
-            without = self._said()(micrometres(self.base.validation_rmse_um))
+            without = self._said()(in_output(self.base.validation_rmse_um))
             return f"Candidates, refitted; without one {without}"
         return "Error, step by step"
 
@@ -201,7 +202,7 @@ class SearchResult(Shown, results.SearchResult):
             rows = [
                 {
                     "candidate": c.effect,
-                    "validation": micrometres(c.errors.validation_rmse_um),
+                    "validation": in_output(c.errors.validation_rmse_um),
                     "share": _percent(c.share),
                     "confidence": _percent(c.confidence),
                     "indistinguishable from": ", ".join(c.indistinguishable),
@@ -215,8 +216,8 @@ class SearchResult(Shown, results.SearchResult):
             [
                 {
                     "model": name,
-                    "training": micrometres(errors.train_rmse_um),
-                    "validation": micrometres(errors.validation_rmse_um),
+                    "training": in_output(errors.train_rmse_um),
+                    "validation": in_output(errors.validation_rmse_um),
                     "of the stroke": f"{errors.validation_nrmse_percent:.3g} %",
                     "times the noise floor": f"{errors.validation_rmse_um / floor:.2f}"
                     if floor > 0
@@ -226,9 +227,6 @@ class SearchResult(Shown, results.SearchResult):
             ]
         )
         return self._told_table(table, "training", "validation")
-
-    def _names(self) -> Sequence[str]:
-        return (self.title, *(record.name for record in self.data.records))
 
     def _draw(self, figure: Figure) -> Any:
         from rdpi_gym.report.discovery.picture import draw_search

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Callable, Sequence
-from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -44,16 +43,12 @@ class Shown:
         raise NotImplementedError
 
     def _said(self) -> Callable[[str], str]:
-        """Return what turns a text made for V and µm into the quantities of the result."""
-        return partial(self._quantities().said, keep=self._names())
+        """Return what fills the fields of a text with the quantities of the result."""
+        return self._quantities().fill
 
     def _quantities(self) -> Quantities:
         found = getattr(self, "quantities", None)
         return found if isinstance(found, Quantities) else Quantities()
-
-    def _names(self) -> Sequence[str]:
-        """Name a user's own words, which stay in every quantity."""
-        return ()
 
     def __repr__(self) -> str:
         return "\n".join(map(self._said(), self._lines()))
@@ -100,20 +95,19 @@ class Shown:
             return self._draw_told(plt.figure(figsize=self.figure_inches, layout="constrained"))
 
     def _draw_told(self, figure: Figure) -> Any:
-        """Draw, and turn what stands on the axes into the quantities of the result."""
+        """Draw, and fill what stands on the axes with the quantities of the result."""
         axes = self._draw(figure)
-        if not self._quantities().are_standard:
-            say = self._said()
-            for each in figure.axes:
-                for axis in (each.xaxis, each.yaxis):
-                    axis.set_label_text(say(axis.get_label_text()))
-                legend = each.get_legend()
-                for text in [*each.texts, *(legend.get_texts() if legend else ())]:
-                    text.set_text(say(text.get_text()))
+        say = self._said()
+        for each in figure.axes:
+            for axis in (each.xaxis, each.yaxis):
+                axis.set_label_text(say(axis.get_label_text()))
+            legend = each.get_legend()
+            for text in [*each.texts, *(legend.get_texts() if legend else ())]:
+                text.set_text(say(text.get_text()))
         return axes
 
     def _told_table(self, frame: pd.DataFrame, *columns: str) -> pd.DataFrame:
-        """Turn the headings of a table, and the cells of columns, into the quantities of the result."""
+        """Fill the headings of a table, and the cells of columns, with the quantities of the result."""
         say = self._said()
         for name in columns:
             frame[name] = [say(cell) for cell in frame[name]]

@@ -17,9 +17,9 @@ from rdpi_gym.laboratory.entries import error_um
 from rdpi_gym.laboratory.events import Events
 from rdpi_gym.laboratory.session import Step
 from rdpi_gym.laboratory.telling import cards_of
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import micrometres
 
 _TIMES_FLOOR = 1.15  # of the noise: up to here nothing is left that matters
 _KEPT = 6  # responses
@@ -210,11 +210,11 @@ def _sentence(validation_um: float, found: face.Comparison | face.ModelCompariso
     """Say how much is left, and where most of it is."""
     assert isinstance(found, face.Comparison)
     floor = found.noise_floor_um
-    error = micrometres(validation_um)
+    error = in_output(validation_um)
     if floor > 0 and validation_um <= _TIMES_FLOOR * floor:
-        said = f"{error} is left on validation records: the noise, {micrometres(floor)}."
+        said = f"{error} is left on validation records: the noise, {in_output(floor)}."
     else:
         times = f", {validation_um / floor:.1f} times the noise" if floor > 0 else ""
         where = found.findings.get("records", found.findings.get("largest", ""))
         said = f"{error} is left on validation records{times}. {where}".strip()
-    return found.quantities.said(said, [t.name for t in found.traces])
+    return found.quantities.fill(said)

@@ -28,7 +28,7 @@ def state_of(
         "records": _records(session),
         "settings": _settings(session),
         "noise_um": noise_um(session),
-        "steps": {id: views.step_row(step, quantities.said) for id, step in session.steps.items()},
+        "steps": {id: views.step_row(step, quantities.unit) for id, step in session.steps.items()},
         "path": session.path,
         "redo": session.redo,
         "current": current,
@@ -122,5 +122,5 @@ def cards_of(session: Session, step: str, pictures: Mapping[str, Any]) -> list[d
         type(plant.hysteresis),
         {effect.name for effect in plant.effects},
         pictures,
-        str if session.data is None else session.data.quantities.said,
+        str if session.data is None else session.data.quantities.unit,
     )

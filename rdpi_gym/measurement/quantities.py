@@ -48,7 +48,7 @@ STANDARD: Mapping[str, Quantity] = {
 
 @dataclass(frozen=True)
 class Quantities:
-    r"""Input and output of a data set.
+    """Input and output of a data set.
 
     The records and models keep the names of their fields, ``u_V`` and ``y_um``, whatever the numbers
     in them are; what is printed uses the quantities.
@@ -62,8 +62,8 @@ class Quantities:
     --------
     >>> damper = Quantities(Quantity("displacement", "x", "mm"), Quantity("force", "F", "kN"))
     >>> damper.said("The displacement moves by 3 µm, 2.5 µm/V, as the voltage passes 0 V.")
-    'The force moves by 3 kN, 2.5 kN/mm, as the\xa0displacement passes 0 mm.'
-    >>> Quantities().said("3 µm"), damper.said("Displacement (µm)"), damper.said("V/s")
+    'The force moves by 3 kN, 2.5 kN/mm, as the displacement passes 0 mm.'
+    >>> Quantities().said("3 µm"), damper.said("Displacement (µm)"), damper.unit("V/s")
     ('3 µm', 'Force (kN)', 'mm/s')
     """
 
@@ -80,23 +80,6 @@ class Quantities:
         """Whether they are a voltage in V and a displacement in µm, whatever they are called."""
         return (self.input.unit, self.output.unit) == ("V", "µm")
 
-    @cached_property
-    def _words(self) -> dict[str, str]:
-        """What stands for each word of the sentences that are made for V and µm."""
-        u, y = self.input, self.output
-        found = {
-            "µm/V": f"{y.unit}/{_divisor(u.unit)}",
-            "1/µm": f"1/{_divisor(y.unit)}",
-            "1/V": f"1/{_divisor(u.unit)}",
-            "µm": y.unit,
-            "V": u.unit,
-            "u (V)": f"{u.symbol} ({u.unit})",
-            "y (µm)": f"{y.symbol} ({y.unit})",
-        }
-        for old, new in (("voltage", u.name), ("displacement", y.name)):
-            found |= {old: new, old.capitalize(): new[:1].upper() + new[1:]}
-        return found
-
     def text(self, template: str, *names: str, **values: object) -> str:
         """Write a text with its numbers in these quantities.
 
@@ -104,7 +87,7 @@ class Quantities:
         ----------
         template
             With fields for words, ``{input}`` and ``{output}``, a capital where they begin; for
-            units, ``{input_unit}``, ``{output_unit}`` and ``{gain_unit}``; and for what is given,
+            units, ``{input_unit}`` and ``{output_unit}``; and for what is given,
             with a kind: ``{x:output}`` and ``{x:input}`` are numbers with the unit, ``{x:~2}`` is
             one of two digits.
         names, values
@@ -125,20 +108,54 @@ class Quantities:
     @cached_property
     def _fields(self) -> dict[str, str]:
         """What stands for the fields of a template that every text may have."""
-        found = {"gain_unit": f"{self.output.unit}/{_divisor(self.input.unit)}"}
+        found: dict[str, str] = {}
         for side in SIDES:
             own: Quantity = getattr(self, side)
             found |= {side: own.name, side.capitalize(): own.name[:1].upper() + own.name[1:]}
             found |= {f"{side}_unit": own.unit, f"{side}_symbol": own.symbol}
+            found[f"{side}_divisor"] = _divisor(own.unit)
         return found
 
+    def fill(self, template: str) -> str:
+        """Fill in the words and units of a text, and leave all else in it as it is.
+
+        Parameters
+        ----------
+        template
+            A text with the fields that :meth:`text` knows, as ``{output}`` and ``{input_unit}``;
+            what a user has named may stand in it.
+
+        Examples
+        --------
+        >>> damper = Quantities(Quantity("displacement", "x", "mm"), Quantity("force", "F", "kN"))
+        >>> damper.fill("{Output} ({output_unit}) of {V} over %{x:.4g} {input_unit}: V-shaped")
+        'Force (kN) of {V} over %{x:.4g} mm: V-shaped'
+        """
+        if "put" in template:
+            for field, text in self._fields.items():
+                template = template.replace(f"{{{field}}}", text)
+        return template
+
+    def unit(self, symbol: str) -> str:
+        """Return what a unit in V and µm is in these quantities.
+
+        Examples
+        --------
+        >>> amplifier = Quantities(Quantity("current", "I", "A"), Quantity("force", "F", "N/m"))
+        >>> [amplifier.unit(symbol) for symbol in ("µm/V²", "1/µm", "V/s", "Hz")]
+        ['N/m/A²', '1/(N/m)', 'A/s', 'Hz']
+        """
+        return self.fill(unit_template(symbol))
+
     def said(self, text: str, keep: Iterable[str] = ()) -> str:
-        """Turn a sentence, a heading or the caption of an axis into these quantities.
+        """Turn a text that was made for a voltage in V and a displacement in µm.
+
+        It is for rooms that write no templates; a template is filled by :meth:`text` or :meth:`fill`.
 
         Parameters
         ----------
         text
-            Made for a voltage in V and a displacement in µm.
+            Made for V and µm.
         keep
             A user's own words in it, which stay: titles, names of records.
         """
@@ -146,13 +163,7 @@ class Quantities:
             return text
         own = [re.escape(words) for words in sorted(set(keep), key=len, reverse=True) if words]
         parts = re.split(f"({'|'.join(own)})", text) if own else [text]
-        return "".join(p if k % 2 else _WORDS.sub(self._word, p) for k, p in enumerate(parts))
-
-    def _word(self, found: re.Match[str]) -> str:
-        before, word = found[1], found[2]
-        new = self._words[word]
-        # a sentence may come here again inside another one: behind such a blank it is left alone
-        return f"{_DONE if before and _WORDS.search(f' {new}') else before}{new}"
+        return "".join(p if k % 2 else self.fill(template_of(p)) for k, p in enumerate(parts))
 
     @property
     def words(self) -> str:
@@ -237,15 +248,53 @@ class _Writer(Formatter):
         return str(super().format_field(value, format_spec))
 
 
-_DONE = "\N{NO-BREAK SPACE}"
+_BASES = {"V": "input", "µm": "output"}
+_NAMES = {"voltage": "{input}", "Voltage": "{Input}", "displacement": "{output}"}
+_NAMES |= {"Displacement": "{Output}", "u (V)": "{input_symbol} ({input_unit})"}
+_NAMES |= {"y (µm)": "{output_symbol} ({output_unit})"}
+# "V-shaped" and "voltage-driven" are neither a unit nor a quantity.
 _WORDS = re.compile(
-    rf"(?<!{_DONE})( ?)(\bu \(V\)|\by \(µm\)|µm/V\b|1/µm|1/V\b|µm|\bV\b"
-    r"|\b[vV]oltage(?=s?\b)|\b[dD]isplacement(?=s?\b))"
+    r"\bu \(V\)|\by \(µm\)|\b(?:[vV]oltage|[dD]isplacement)(?=s?\b(?!-))"
+    r"|(?<![\w/])(?:µm|V|1(?=/(?:µm|V)))[²³]?(?:/(?:µm|V|s)[²³]?)?(?![\w²³-])"
 )
+
+
+def unit_template(symbol: str) -> str:
+    """Return the template of a unit in V and µm.
+
+    Examples
+    --------
+    >>> unit_template("µm/V²"), unit_template("Hz")
+    ('{output_unit}/{input_divisor}²', 'Hz')
+    """
+    over, slash, under = symbol.partition("/")
+    return f"{_of_base(over, 'unit')}{slash}{_of_base(under, 'divisor')}"
+
+
+def _of_base(symbol: str, place: str) -> str:
+    """Return the template of one factor of a unit."""
+    base = symbol.rstrip("²³")
+    return f"{{{_BASES[base]}_{place}}}{symbol[len(base) :]}" if base in _BASES else symbol
+
+
+def template_of(text: str) -> str:
+    """Return a text of a room that knows V and µm alone as a template.
+
+    Examples
+    --------
+    >>> template_of("A V-shaped loop of the displacement (µm/V²), voltage-driven, at 3 V")
+    'A V-shaped loop of the {output} ({output_unit}/{input_divisor}²), voltage-driven, at 3 {input_unit}'
+    """
+    return _WORDS.sub(lambda found: _NAMES.get(found[0]) or unit_template(found[0]), text)
 
 
 def _divisor(unit: str) -> str:
     return f"({unit})" if re.search(r"[/·* ]", unit) else unit
+
+
+def in_output(value: float) -> str:
+    """Write a number of the output as a template: three significant digits with the unit."""
+    return f"{digits(value, 3)} {{output_unit}}" if math.isfinite(value) else "no finite error"
 
 
 def quantities_of(

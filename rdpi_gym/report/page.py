@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from html import escape
 from itertools import count
 from pathlib import Path
@@ -16,11 +16,11 @@ from plotly.offline import get_plotlyjs
 from rdpi_gym.measurement import Quantities, Quantity
 from rdpi_gym.report.assets import CSS, SCRIPT
 from rdpi_gym.report.style import figure_text
-from rdpi_gym.report.tables import table_html, told_table
+from rdpi_gym.report.tables import table_html
 from rdpi_gym.support.files import write_atomic
 
 VOLTS_AND_MICROMETRES = Quantities()
-"""For which every text of this room is written."""
+"""Of a page that states no other."""
 
 # The browser is told to fetch nothing, whatever a figure may ask for.
 _POLICY = (
@@ -65,17 +65,17 @@ def write_page(
     summary: str,
     sections: Sequence[Section],
     quantities: Quantities = VOLTS_AND_MICROMETRES,
-    keep: Sequence[str] = (),
 ) -> Path:
-    """Write a self-contained page, whole or not at all; it opens without a network."""
+    """Write a self-contained page, whole or not at all; it opens without a network.
+
+    Fields of texts, as ``{output_unit}``, are filled in from `quantities`.
+    """
     numbers = count(1)
-    say = partial(quantities.said, keep=keep)
-    drawn = partial(_in_figures(quantities).said, keep=[*keep, *map(figure_text, keep)])
-    if not quantities.are_standard:
-        summary, sections = say(summary), [_told(section, say, drawn) for section in sections]
-    parts = [_section_html(f"s{i}", s, numbers) for i, s in enumerate(sections, start=1)]
+    say, drawn = _written(quantities, escape).fill, _written(quantities, _in_json).fill
+    parts = [say(_section_html(f"s{i}", s, numbers, drawn)) for i, s in enumerate(sections, 1)]
     contents = "".join(
-        f'<li><a href="#s{i}">{escape(s.title)}</a></li>' for i, s in enumerate(sections, start=1)
+        f'<li><a href="#s{i}">{say(escape(s.title))}</a></li>'
+        for i, s in enumerate(sections, start=1)
     )
     plotly = f"<script>{get_plotlyjs()}</script>" if next(numbers) > 1 else ""
     document = f"""<!DOCTYPE html>
@@ -94,7 +94,7 @@ def write_page(
 <nav aria-label="Contents"><ol>{contents}</ol></nav>
 <main>
 <header><h1>{escape(title)}</h1>
-{_prose(summary)}</header>
+{say(_prose(summary))}</header>
 {"".join(parts)}</main>
 </div>
 <script>{SCRIPT}</script>
@@ -104,66 +104,49 @@ def write_page(
     return write_atomic(path, document)
 
 
-def _in_figures(quantities: Quantities) -> Quantities:
-    """Return the quantities as a figure takes words that come from a user."""
+def _written(quantities: Quantities, write: Callable[[str], str]) -> Quantities:
+    """Return quantities whose words, which come from a user, are written as a place needs them."""
     sides = (quantities.input, quantities.output)
-    return Quantities(*(Quantity(*map(figure_text, vars(side).values())) for side in sides))
+    return Quantities(*(Quantity(*map(write, vars(side).values())) for side in sides))
 
 
-def _told(section: Section, say: Callable[[str], str], drawn: Callable[[str], str]) -> Section:
-    """Return a section in other quantities than V and µm."""
-
-    def redrawn(figure: Any) -> Any:
-        return type(figure)(_said(figure.to_plotly_json(), drawn))
-
-    figure, table = section.figure, section.table
-    if isinstance(figure, Mapping):
-        figure = {name: redrawn(each) for name, each in figure.items()}
-    elif isinstance(figure, Sequence):
-        figure = [redrawn(each) for each in figure]
-    elif figure is not None:
-        figure = redrawn(figure)
-    return Section(say(section.title), say(section.text), figure, told_table(table, say))
+def _in_json(word: str) -> str:
+    """Write a word as it stands within a text of a figure, in JSON within a page."""
+    return json.dumps(figure_text(word))[1:-1].replace("<", "\\u003c")
 
 
-def _said(value: Any, say: Callable[[str], str]) -> Any:
-    """Turn every text of a figure."""
-    if isinstance(value, str):
-        return say(value)
-    if isinstance(value, dict):
-        return {key: each if key == "bdata" else _said(each, say) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_said(each, say) for each in value]
-    return value
-
-
-def _section_html(name: str, section: Section, numbers: Iterator[int]) -> str:
+def _section_html(
+    name: str, section: Section, numbers: Iterator[int], drawn: Callable[[str], str]
+) -> str:
     body = [f"<h2>{escape(section.title)}</h2>\n", _prose(section.text)]
     figure = section.figure
     if isinstance(figure, Mapping):
-        body.append(_choice_html(figure, section.title, numbers))
+        body.append(_choice_html(figure, section.title, numbers, drawn))
     elif isinstance(figure, Sequence):
-        body += [_figure_html(f"f{next(numbers)}", each) for each in figure]
+        body += [_figure_html(f"f{next(numbers)}", each, drawn) for each in figure]
     elif figure is not None:
-        body.append(_figure_html(f"f{next(numbers)}", figure))
+        body.append(_figure_html(f"f{next(numbers)}", figure, drawn))
     if section.table is not None:
         body.append(table_html(section.table))
     return f'<section id="{name}">{"".join(body)}</section>\n'
 
 
-def _choice_html(figures: Mapping[str, Any], title: str, numbers: Iterator[int]) -> str:
+def _choice_html(
+    figures: Mapping[str, Any], title: str, numbers: Iterator[int], drawn: Callable[[str], str]
+) -> str:
     names = {f"f{next(numbers)}": name for name in figures}
     options = "".join(f'<option value="{f}">{escape(name)}</option>' for f, name in names.items())
-    drawn = [
-        _figure_html(f, figures[name], hidden=i > 0) for i, (f, name) in enumerate(names.items())
+    each = [
+        _figure_html(f, figures[name], drawn, hidden=i > 0)
+        for i, (f, name) in enumerate(names.items())
     ]
     label = f'<label class="choice">Show <select aria-label="{escape(title)}" autocomplete="off">'
-    return f"{label}{options}</select></label>{''.join(drawn)}"
+    return f"{label}{options}</select></label>{''.join(each)}"
 
 
-def _figure_html(name: str, figure: Any, hidden: bool = False) -> str:
+def _figure_html(name: str, figure: Any, drawn: Callable[[str], str], hidden: bool = False) -> str:
     # "<" cannot end the script element early when it is written as JSON's escape
-    data = figure.to_json().replace("<", "\\u003c")
+    data = drawn(figure.to_json().replace("<", "\\u003c"))
     height = figure.layout.height or 420
     return (
         f'<script type="application/json" id="{name}-data">{data}</script>'

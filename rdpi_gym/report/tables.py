@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from html import escape
 from typing import Any
 
@@ -16,15 +15,14 @@ SEARCH_FROM_ROWS = 15
 """Tables of at least so many rows get a search field."""
 
 _UNITS = {
-    "um": "µm", "V": "V", "s": "s", "ms": "ms", "hz": "Hz", "percent": "%", "V_s": "V/s",
-    "um_V": "µm/V", "V_per_s": "V/s",
+    "um": "{output_unit}", "V": "{input_unit}", "s": "s", "ms": "ms", "hz": "Hz", "percent": "%", "V_s": "{input_unit}/s",
+    "um_V": "{output_unit}/{input_divisor}", "V_per_s": "{input_unit}/s",
 }  # fmt: skip
-_TURNED = {"unit", "meaning"}  # columns whose cells are captions
 _WORDS = {"rmse": "RMSE", "nrmse": "NRMSE", "ts": "Ts", "rms": "RMS"}
 
 
 def heading(name: str) -> str:
-    """Turn a column's name into what a reader expects above it, the unit in brackets.
+    """Turn a column's name into what a reader expects above it, the unit in brackets, as a template.
 
     A name that has a blank or a capital at its beginning is taken as written.
     """
@@ -38,21 +36,6 @@ def heading(name: str) -> str:
     words = [_WORDS.get(word, word) for word in stem.split("_")]
     text = " ".join(words)
     return text[:1].upper() + text[1:] + unit
-
-
-def told_table(frame: Any, say: Callable[[str], str]) -> Any:
-    """Return a table, or nothing, in other quantities: its headings, units and meanings are turned."""
-    if frame is None:
-        return None
-    turned = frame.rename(columns={name: _said_heading(str(name), say) for name in frame.columns})
-    for name in _TURNED & set(turned.columns):
-        turned[name] = [say(cell) if isinstance(cell, str) else cell for cell in turned[name]]
-    return turned
-
-
-def _said_heading(name: str, say: Callable[[str], str]) -> str:
-    said = say(heading(name))
-    return name if said == heading(name) else said
 
 
 def format_number(value: float) -> str:

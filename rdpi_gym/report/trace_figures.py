@@ -15,7 +15,7 @@ from rdpi_gym.report.style import FALLING, MEASURED, MODEL, RESIDUAL, RISING, st
 from rdpi_gym.report.thin import DISPLAY_SAMPLES, around_largest_error, thin_index
 from rdpi_gym.support.arrays import Array
 
-DISPLACEMENT_UM = "Displacement (µm)"
+DISPLACEMENT_UM = "{Output} ({output_unit})"
 _LOOP_SAMPLES = 120
 _LEFT_OUT = "#9AA3AB"
 _Shown = TypeVar("_Shown")
@@ -76,7 +76,10 @@ def _over_time(trace: Trace, k: NDArray[np.intp], left_out: bool) -> Any:
     both = np.concatenate([trace.measured_um[shown], trace.model_um[shown]])
     figure.update_yaxes(title_text=DISPLACEMENT_UM, range=axis_range(both), row=1, col=1)
     figure.update_yaxes(
-        title_text="Difference (µm)", range=axis_range(trace.residual_um[shown]), row=2, col=1
+        title_text="Difference ({output_unit})",
+        range=axis_range(trace.residual_um[shown]),
+        row=2,
+        col=1,
     )
     figure.update_xaxes(title_text="Time (s)", row=2, col=1)
     return styled(figure, 520)
@@ -145,12 +148,12 @@ def loops(trace: Trace, samples: int = 2 * DISPLAY_SAMPLES) -> Any:
         figure.add_scatter(
             x=u, y=gapped(residual, k), name=name, line={"color": colour, "width": 1}, row=1, col=2
         )
-    figure.update_xaxes(title_text="Command (V)")
+    figure.update_xaxes(title_text="Command ({input_unit})")
     figure.update_yaxes(title_text=DISPLACEMENT_UM, row=1, col=1)
     # the stretch before the first reversal is drawn, but does not set the scale
     known = k[k >= trace.cycles.edges[1]] if trace.cycles.edges.size > 3 else k[k >= 0]
     limits = axis_range(trace.residual_um[known]) if known.size else None
-    figure.update_yaxes(title_text="Measured − model (µm)", range=limits, row=1, col=2)
+    figure.update_yaxes(title_text="Measured − model ({output_unit})", range=limits, row=1, col=2)
     return styled(figure, 480)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -26,15 +26,17 @@ from rdpi_gym.diagnosis.search.experiments import what_to_measure
 from rdpi_gym.diagnosis.search.numerics import NumericalFloor
 from rdpi_gym.diagnosis.search.separability import next_experiment
 from rdpi_gym.diagnosis.search.suitability import unrelated
+from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.diagnosis.words import headline, sized
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.laboratory import buying
-from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import CORES, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.report.discovery.sentences import candidate_sentence
 
 FILE = Path(__file__).with_name("golden_texts.json")
+STANDARD = Quantities()
 P5 = named_plant("P5")
 
 
@@ -53,14 +55,14 @@ def sine(size: int = 2000, amplitude_V: float = 10.0, frequency_hz: float = 5.0)
 SCALE = data_scale((record(sine()),))
 
 
-def datasets() -> dict[str, Dataset]:
+def datasets(quantities: Quantities = STANDARD) -> dict[str, Dataset]:
     """Return data sets, each with limits of its own."""
     t = np.arange(4000) * 1e-3
     sweep = 10.0 * np.sin(2.0 * np.pi * (1.0 + 4.0 * t) * t)
     fading = sine(4000) * np.linspace(1.0, 0.05, t.size)
     steps = 5.0 * np.repeat([0.0, 1.0, -1.0, 0.5], 1000)
     wrong = np.random.default_rng(1).standard_normal(4000)
-    return {
+    found = {
         "still": Dataset("still", (record(np.ones(600)),)),
         "one sine": Dataset("one sine", (record(sine()),)),
         "short": Dataset("short", (record(sine(400)),)),
@@ -72,41 +74,44 @@ def datasets() -> dict[str, Dataset]:
         "unrelated": Dataset("unrelated", (record(sine(4000), y_um=wrong),)),
         "small": Dataset("small", (record(sine()), record(sine(amplitude_V=0.5), "small"))),
     }
+    return {name: replace(data, quantities=quantities) for name, data in found.items()}
 
 
-def _limits() -> Iterator[tuple[str, Any]]:
-    for name, data in datasets().items():
+def _limits(q: Quantities) -> Iterator[tuple[str, Any]]:
+    for name, data in datasets(q).items():
         found = limits(data)
-        yield f"limits of {name}", list(map(words.text_of, found))
+        yield f"limits of {name}", [words.text_of(each, q) for each in found]
         for settled in (False, True):
             yield (
                 f"experiment of {name}, settled {settled}",
-                _advised(found, (), settled),
+                _advised(q, found, (), settled),
             )
-    for name, data in datasets().items():
+    for name, data in datasets(q).items():
         if name != "still":
             yield f"relation of {name}", unrelated(data.train)
 
 
-def _advised(said: Any, findings: Any, settled: bool = False, again: Any = None) -> Any:
+def _advised(
+    q: Quantities, said: Any, findings: Any, settled: bool = False, again: Any = None
+) -> Any:
     nothing: Any = ((), P5.effects, {}, (), P5.hysteresis, SCALE)
     chosen, _, typical, groups, core, scale = nothing
     effects = [CATALOGUE["creep"]()]
     found = what_to_measure(
         chosen, effects, typical, groups, core, scale, again, findings, said, settled
     )
-    return _played(found)
+    return _played(found, q)
 
 
-def _played(advice: Any) -> Any:
-    return [_text(advice), list(advice.records) if advice else []]
+def _played(advice: Any, q: Quantities) -> Any:
+    return [_text(advice, q), list(advice.records) if advice else []]
 
 
-def _text(notice: Notice | None) -> str | None:
-    return None if notice is None else words.text_of(notice)
+def _text(notice: Notice | None, q: Quantities) -> str | None:
+    return None if notice is None else words.text_of(notice, q)
 
 
-def _findings() -> Iterator[tuple[str, Any]]:
+def _findings(q: Quantities) -> Iterator[tuple[str, Any]]:
     one = record(sine(), "held")
     few = np.zeros(2000, dtype=bool)
     few[40:47] = True
@@ -138,49 +143,54 @@ def _findings() -> Iterator[tuple[str, Any]]:
             made[f"clock {shift} {k}"] = finding
     for name, finding in made.items():
         yield f"finding {name}", [finding.kind, finding.sentence, finding.next_step]
-        yield f"experiment of finding {name}", _advised((), [finding])
+        yield f"experiment of finding {name}", _advised(q, (), [finding])
 
 
-def _advice() -> Iterator[tuple[str, Any]]:
-    yield "again", _advised((), (), again=verdict.Judgement("explained").again)
-    yield "standard protocol", _played(Notice(Code.STANDARD))
+def _advice(q: Quantities) -> Iterator[tuple[str, Any]]:
+    yield "again", _advised(q, (), (), again=verdict.Judgement("explained").again)
+    yield "standard protocol", _played(Notice(Code.STANDARD), q)
     for kind, others in (
         ("rdpi", ("stop",)), ("rdpi", ("bouc_wen", "duhem")), ("bouc_wen", ("dahl",)),
         ("stop", ("rdpi", "lugre", "dahl")), ("preisach", ("stop",)),
     ):  # fmt: skip
         found = core_choice._experiment(CORES[kind], [CORES[o] for o in others])
-        yield f"kinds {kind} {others}", _played(found)
+        yield f"kinds {kind} {others}", _played(found, q)
     creep, lag = CATALOGUE["creep"](), CATALOGUE["actuator_lag"]()
     for made in ((), ("triangle-slow", "stairs", "multisine-small")):
         found = next_experiment(creep, lag, P5.hysteresis, SCALE, made)
-        yield f"creep or lag {len(made)}", _played(found)
+        yield f"creep or lag {len(made)}", _played(found, q)
 
 
-def _reservations() -> Iterator[tuple[str, Any]]:
+def _reservations(q: Quantities) -> Iterator[tuple[str, Any]]:
     fine = NumericalFloor(0.01, 0.2, 1000.0, 0.0, 0.0, 0.0, 0.3)
     uneven = NumericalFloor(0.01, 0.02, 1000.0, 0.0, 0.5, 2.5e-6, 0.01)
     for name, floor in (("step", fine), ("clock", uneven)):
         found = verdict._by_floor("unexplained", floor, 0.05)
-        yield f"reservation {name}", [_text(found.sampling), found.rest, *_played(found.again)]
+        yield (
+            f"reservation {name}",
+            [_text(found.sampling, q), found.rest, *_played(found.again, q)],
+        )
     for effect, values in (("resonance", {"f0_hz": 900.0}), ("delay", {"delay_s": 1e-5})):
         own = CATALOGUE[effect](**values)
         variant = cast("Any", SimpleNamespace(effects=(own,)))
-        yield f"reservation {effect}", _text(verdict._beyond_sampling(variant, [record(sine())]))
+        yield f"reservation {effect}", _text(verdict._beyond_sampling(variant, [record(sine())]), q)
     yield (
         "reservation none",
-        _text(verdict._beyond_sampling(cast("Any", SimpleNamespace(effects=())), [record(sine())])),
+        _text(
+            verdict._beyond_sampling(cast("Any", SimpleNamespace(effects=())), [record(sine())]), q
+        ),
     )
 
 
-def _headlines() -> Iterator[tuple[str, Any]]:
+def _headlines(q: Quantities) -> Iterator[tuple[str, Any]]:
     floor = verdict._by_floor("unexplained", NumericalFloor(0.1, 0.2, 1e3), 0.05)
     creep = sized(CATALOGUE["creep"]())
-    told = unrelated(datasets()["unrelated"].train)
+    loose = unrelated(datasets(q)["unrelated"].train)
     cases = product(
         ("diagnosis", "addition", "discovery", "removal"),
         ((), (creep,), (creep, "delay")),
         ("explained", "no missing effect", "unexplained"),
-        (None, told),
+        (None, loose),
         (None, words.request_of(cast("Notice", floor.sampling))),
     )
     for asked, effects, verdict_, undecided, sampling in cases:
@@ -191,12 +201,12 @@ def _headlines() -> Iterator[tuple[str, Any]]:
         yield key, headline(asked, effects, errors, 0.05, verdict_, undecided, sampling)
 
 
-def _effects() -> Iterator[tuple[str, Any]]:
+def _effects(q: Quantities) -> Iterator[tuple[str, Any]]:
     for name, kind in CATALOGUE.items():
         yield f"size of {name}", sized(kind())
 
 
-def _portraits() -> Iterator[tuple[str, Any]]:
+def _portraits(q: Quantities) -> Iterator[tuple[str, Any]]:
     plain = Portrait(
         "behind", {"behind": 0.9, "in": 0.1}, False, 0.1, (), "even", {"even": 1.0}, Value(2.0, 0.1),
         Value(0.0, 0.0), Value(3.0, 0.2), 0.5, 0.2, "", (Kin("asymmetry", "that is odd"),), "", (),
@@ -218,7 +228,7 @@ def _portraits() -> Iterator[tuple[str, Any]]:
         yield f"portrait {name}", [drawn.experiment, *sentences_of(drawn)]
 
 
-def _results() -> Iterator[tuple[str, Any]]:
+def _results(q: Quantities) -> Iterator[tuple[str, Any]]:
     errors = Errors(0.1, 0.2, 1.0, {"one": 0.2})
     for indistinguishable, remarks, without in product(((), ("delay",)), ((), ("a",)), (None, 0.3)):
         found = Candidate(
@@ -231,9 +241,9 @@ def _results() -> Iterator[tuple[str, Any]]:
         yield f"core {alike} {sure} {clockwise}", found_core.sentence
 
 
-def _comparisons() -> Iterator[tuple[str, Any]]:
+def _comparisons(q: Quantities) -> Iterator[tuple[str, Any]]:
     for name in ("fading", "one sine"):
-        found = compare(datasets()[name], P5)
+        found = compare(datasets(q)[name], P5)
         yield f"comparison of {name}", found.findings
         yield f"left out of {name}", list(found.left_out)
         yield f"noise of {name}", found.noise_origin
@@ -250,19 +260,21 @@ _CAUTIONS = (
 )
 
 
-def _cautions() -> Iterator[tuple[str, Any]]:
+def _cautions(q: Quantities) -> Iterator[tuple[str, Any]]:
     for (i, blind), (k, knowing) in product(enumerate(_CAUTIONS), enumerate(_CAUTIONS)):
         said = [[Caution(*each) for each in part] for part in (blind, knowing)]
         yield f"cautions {i} {k}", list(buying._warnings(*said))
 
 
-def texts() -> dict[str, Any]:
+CHOSEN = (_limits, _findings, _advice, _reservations)
+"""What has experiments to choose."""
+PARTS = (*CHOSEN, _headlines, _effects, _portraits, _results, _comparisons, _cautions)
+
+
+def texts(quantities: Quantities = STANDARD, parts: Sequence[Any] = PARTS) -> dict[str, Any]:
     """Return every text by what it is of."""
-    parts = (
-        _limits, _findings, _advice, _reservations, _headlines, _effects, _portraits, _results,
-        _comparisons, _cautions,
-    )  # fmt: skip
-    return {key: text for part in parts for key, text in part()}
+    found = {key: text for part in parts for key, text in part(quantities)}
+    return told(found, quantities)
 
 
 if __name__ == "__main__":

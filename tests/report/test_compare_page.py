@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis import compare
-from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import P5, Plant, named_plant
 from rdpi_gym.report.comparison.figures import error_by_frequency, record_errors, residual_plane
 from rdpi_gym.report.comparison.page import MOST_RECORDS, write_compare_page
@@ -127,7 +127,7 @@ def test_every_axis_carries_its_unit(comparison):
         residual_plane(comparison.plane),
     ):
         titles = [
-            axis.title.text
+            Quantities().fill(axis.title.text)
             for axis in (*figure.select_xaxes(), *figure.select_yaxes())
             if axis.title.text
         ]

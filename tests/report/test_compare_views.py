@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis import compare
-from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import P5, Plant, named_plant
 from rdpi_gym.report.comparison.page import write_compare_page
 from rdpi_gym.report.comparison.views import (
@@ -48,7 +48,7 @@ def figures(comparison):
 def test_every_axis_carries_its_unit(comparison):
     for name, figure in figures(comparison).items():
         titles = [
-            axis.title.text
+            Quantities().fill(axis.title.text)
             for axis in (*figure.select_xaxes(), *figure.select_yaxes())
             if axis.title.text
         ]

@@ -15,6 +15,7 @@ from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step, View, steps_of
 from rdpi_gym.diagnosis.words import text_of
+from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import P5
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
 from rdpi_gym.report.discovery import candidates, view_figures
@@ -204,7 +205,7 @@ def test_rounds_name_what_was_there(made_discovery):
         "Round 3: added to creep and resonance",
     ]
     reference = [
-        next(t.name for t in figure.data if t.name.startswith("without"))
+        Quantities().fill(next(t.name for t in figure.data if t.name.startswith("without")))
         for figure in section.figure.values()
     ]
     assert reference == [f"without a candidate, {um} µm" for um in ("0.8", "0.1", "0.021")]
@@ -276,7 +277,7 @@ def test_every_axis_carries_its_unit(made_discovery):
     figures.append(discovery_figures.staircase(stairs, 0.02))
     for figure in figures:
         titles = [
-            axis.title.text
+            Quantities().fill(axis.title.text)
             for axis in (*figure.select_xaxes(), *figure.select_yaxes())
             if axis.title.text
         ]

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rdpi_gym.measurement import Quantities
 from rdpi_gym.report.tables import SEARCH_FROM_ROWS, format_number, heading, table_html
 
 
@@ -24,7 +25,7 @@ from rdpi_gym.report.tables import SEARCH_FROM_ROWS, format_number, heading, tab
     ],
 )
 def test_heading(name, shown):
-    assert heading(name) == shown
+    assert Quantities().fill(heading(name)) == shown
 
 
 def test_full_number_is_kept_for_sorting():

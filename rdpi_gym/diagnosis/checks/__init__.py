@@ -21,6 +21,7 @@ from rdpi_gym.diagnosis.features.half_cycles import half_cycles
 from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.diagnosis.features.periods import steady_periods
 from rdpi_gym.diagnosis.features.rests import find_rests
+from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.measurement import Dataset, Record, longest_counted
 
 __all__ = ["Check", "Zone", "run_checks"]
@@ -40,7 +41,7 @@ def run_checks(dataset: Dataset) -> tuple[Check, ...]:
     stretches = [p for record, cycles in moving if (p := steady_periods(record, cycles))]
     loops = [loop for record, cycles in moving for loop in closed_loops(record, cycles)]
     whole = {r.name for r in dataset.records if r.error_mask[:1].all()}
-    return (
+    found = (
         *excitation(moving, rests, stretches),
         clipping(records),
         resolution(kept),
@@ -57,6 +58,7 @@ def run_checks(dataset: Dataset) -> tuple[Check, ...]:
         *repeats(records, stretches),
         mains_hum(rests, records, noise_um, stroke_um),
     )
+    return told(found, dataset.quantities)
 
 
 def _counted(record: Record) -> Record | None:

@@ -10,8 +10,9 @@ from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
 from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.diagnosis.features.periods import Periods
 from rdpi_gym.measurement import Record
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits, micrometres, pm
+from rdpi_gym.support.words import digits, pm
 
 CLIPPED_SAMPLES = 5
 """Samples at one extreme value in a row, while the command moves."""
@@ -39,12 +40,12 @@ def clipping(records: Sequence[Record]) -> Check:
         for extreme in (record.y_um.max(), record.y_um.min()):
             length = _longest_stand(record, float(extreme))
             if length > worst:
-                worst, where = length, f"{record.name} near {extreme:.5g} µm"
+                worst, where = length, f"{record.name} near {extreme:.5g} {{output_unit}}"
     if worst >= CLIPPED_SAMPLES:
-        text = f"In {where} the displacement stands still for {worst} samples while the command moves: the sensor or the recorder clips."
+        text = f"In {where} the {{output}} stands still for {worst} samples while the command moves: the sensor or the recorder clips."
         step = "Measure again with a wider range, or leave these samples out (mask_s)."
         return Check(name, float(worst), float(CLIPPED_SAMPLES), "samples", "yes", text, step)
-    text = "The displacement never stands at its extreme while the command moves: no clipping."
+    text = "The {output} never stands at its extreme while the command moves: no clipping."
     return Check(name, float(worst), float(CLIPPED_SAMPLES), "samples", "no", text)
 
 
@@ -77,12 +78,12 @@ def resolution(records: Sequence[Record]) -> Check:
             worst = (ratio, smallest, record.name)
     ratio, smallest, where = worst
     if ratio >= STEP_RATIO:
-        text = f"{where} moves in steps of {micrometres(smallest)}, more than its noise: errors below a third of a step cannot be judged."
+        text = f"{where} moves in steps of {in_output(smallest)}, more than its noise: errors below a third of a step cannot be judged."
         return Check(name, ratio, STEP_RATIO, "", "yes", text, "Use a finer range of the recorder.")
     text = (
-        f"The smallest step of the displacement ({micrometres(smallest)} in {where}) is lost in its noise."
+        f"The smallest step of the {{output}} ({in_output(smallest)} in {where}) is lost in its noise."
         if where
-        else "The displacement shows no steps."
+        else "The {output} shows no steps."
     )
     return Check(name, ratio, STEP_RATIO, "", "no", text)
 
@@ -111,10 +112,10 @@ def feedback(records: Sequence[Record]) -> Check:
     value, error, where = worst
     zone = zone_of(value, error, FEEDBACK)
     if zone == "yes":
-        text = f"In {where} the command's noise follows the displacement (correlation {digits(value)}): the loop was closed, and noise of the sensor is part of the command."
-        step = "Record with the loop open, or give the voltage at the stack with less noise."
+        text = f"In {where} the command's noise follows the {{output}} (correlation {digits(value)}): the loop was closed, and noise of the sensor is part of the command."
+        step = "Record with the loop open, or give the {input} at the stack with less noise."
         return Check(name, value, FEEDBACK, "", zone, text, step)
-    text = f"The command's noise does not follow the displacement (correlation {value:.1g} in {where}): the loop was open."
+    text = f"The command's noise does not follow the {{output}} (correlation {value:.1g} in {where}): the loop was open."
     return Check(name, value, FEEDBACK, "", "no", text)
 
 
@@ -157,19 +158,19 @@ def clocks(stretches: Sequence[Periods]) -> Check:
         return cannot_tell(
             name,
             "No record holds six steady periods, so it cannot be seen whether command and "
-            "displacement were sampled by one clock.",
+            "{output} were sampled by one clock.",
             "Record twenty periods or more of a sine.",
         )
     value, error, where = min(found, key=lambda entry: entry[1])
     zone = zone_of(value, error, SKEW_PPM)
     if zone == "yes":
-        text = f"In {where} the lag of the displacement changes by {digits(value, 3)} µs a second: command and displacement were sampled by two clocks, or their times are wrong."
+        text = f"In {where} the lag of the {{output}} changes by {digits(value, 3)} µs a second: command and {{output}} were sampled by two clocks, or their times are wrong."
         return Check(
             name, value, SKEW_PPM, "µs/s", zone, text, "Sample both channels by one clock."
         )
     said = "stays the same" if zone == "no" else f"changes by {pm(value, error)} µs a second"
     end = "one clock." if zone == "no" else "too uncertain."
-    text = f"In {where} the lag of the displacement {said}: {end}"
+    text = f"In {where} the lag of the {{output}} {said}: {end}"
     step = "" if zone == "no" else "Record twenty periods or more of a sine."
     return Check(name, value, SKEW_PPM, "µs/s", zone, text, step)
 

@@ -60,7 +60,7 @@ def gain_over_amplitude(loops: Sequence[Loop]) -> Check:
         if falls
         else max(changes, key=lambda c: c[3].span_V / c[2].span_V)
     )
-    where = f"From loops of {digits(small.span_V, 3)} V ({small.record}) to {digits(large.span_V, 3)} V ({large.record})"
+    where = f"From loops of {digits(small.span_V, 3)} {{input_unit}} ({small.record}) to {digits(large.span_V, 3)} {{input_unit}} ({large.record})"
     if falls:
         text = f"{where} the gain falls by {digits(-change)} %: with plays it only grows, so the actuator saturates."
         return Check(NAME, change, THRESHOLD_PERCENT, "%", "yes", text, "", ("saturation",))

@@ -51,7 +51,7 @@ def congruency(loops: Sequence[Loop]) -> Check:
     best = min(range(len(values)), key=lambda i: values[i][1])
     (value, error), group = values[best], groups[best]
     zone = zone_of(value, error, THRESHOLD_PERCENT)
-    where = f"Loops of {digits(group[0].span_V, 3)} V in {group[0].record}"
+    where = f"Loops of {digits(group[0].span_V, 3)} {{input_unit}} in {group[0].record}"
     facts = f"{where} are {digits(abs(value))} % {'higher' if value > 0 else 'lower'} at the sides of the range than in its middle"
     effects: tuple[str, ...] = ("congruency",)
     if zone == "yes" and value > 0:

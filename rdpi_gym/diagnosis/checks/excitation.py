@@ -37,7 +37,7 @@ def excitation(
     return (
         _reversals(reversals),
         _range(
-            "few amplitudes", amplitude, AMPLITUDE_RATIO, "V",
+            "few amplitudes", amplitude, AMPLITUDE_RATIO, "{input_unit}",
             "thresholds and weights are known at these amplitudes only, and a gain that changes "
             "with amplitude cannot be seen",
             "Add a slow triangle whose amplitude decays from the full range to nothing.",

@@ -40,7 +40,7 @@ def half_wave(stretches: Sequence[Periods]) -> Check:
         return cannot_tell(
             NAME,
             "No record holds three steady periods of a half-wave symmetric command, so even "
-            "harmonics of the displacement cannot be laid to the actuator.",
+            "harmonics of the {output} cannot be laid to the actuator.",
             _EXPERIMENT,
         )
     widest = max(swing for swing, *_ in found)
@@ -49,7 +49,7 @@ def half_wave(stretches: Sequence[Periods]) -> Check:
     _, value, error, periods = max(large, key=lambda e: (_second_is_clear(e[3]), e[0], -e[2]))
     zone = zone_of(value, error, THRESHOLD_PERCENT)
     facts = (
-        f"Under the half-wave symmetric command of {periods.record.name} the displacement has even "
+        f"Under the half-wave symmetric command of {periods.record.name} the {{output}} has even "
         f"harmonics of {digits(value)} % of the odd ones (rms)"
     )
     if zone == "yes":

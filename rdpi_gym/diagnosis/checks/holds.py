@@ -55,13 +55,13 @@ def _creep(found: RestFit, late: RestFit | None) -> Check:
     where = _where(found)
     if zone == "yes" and (value > MOST_CREEP_PERCENT or not _goes_on(found, late)):
         text = (
-            f"{where}, of up to {digits(found.longest_s)} s, the displacement goes on by "
+            f"{where}, of up to {digits(found.longest_s)} s, the {{output}} goes on by "
             f"{digits(value)} % of each step a decade of time, but not as creep does: a lag that is "
             "not over when the command stops."
         )
         return _check(0, value, CREEP_PERCENT, "%/decade", "cannot tell", text, _STAIRS, "creep")
     text = {
-        "yes": f"{where} the displacement goes on by {digits(value)} % of each step a decade of "
+        "yes": f"{where} the {{output}} goes on by {digits(value)} % of each step a decade of "
         "time, in the step's direction: creep.",
         "no": f"{where} nothing follows the last step (under {CREEP_PERCENT:g} % of it a decade): "
         "no creep.",
@@ -86,7 +86,7 @@ def _drift(found: RestFit, stroke_um: float) -> Check:
     zone = _beyond(zone_of(value, error, DRIFT_PERCENT_MIN), value, leak, found)
     alone = not math.isfinite(found.gain_drift_per_s[1])
     facts = (
-        f"{_where(found)} the displacement moves by {pm(value, error)} % of the stroke a minute"
+        f"{_where(found)} the {{output}} moves by {pm(value, error)} % of the stroke a minute"
         f"{'' if alone else ' whatever the command did'}"
     )
     text = {
@@ -104,10 +104,10 @@ def _gain_drift(found: RestFit) -> Check:
     level_um = max(found.level_um, 1e-300)
     leak = _LEAK * 6000.0 * abs(found.drift_um_s[0]) / level_um
     zone = _beyond(zone_of(value, error, GAIN_DRIFT_PERCENT_MIN), value, leak, found)
-    facts = f"{_where(found)} the displacement grows by {pm(value, error)} % of itself a minute"
+    facts = f"{_where(found)} the {{output}} grows by {pm(value, error)} % of itself a minute"
     text = {
         "yes": f"{facts}: the gain drifts.",
-        "no": f"{_where(found)} the displacement keeps its size (within "
+        "no": f"{_where(found)} the {{output}} keeps its size (within "
         f"{GAIN_DRIFT_PERCENT_MIN:g} % a minute): the gain does not drift.",
         "cannot tell": f"{facts}: too uncertain, or too little beside the rest, to call it a drift "
         "of the gain.",

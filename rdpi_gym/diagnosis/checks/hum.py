@@ -10,8 +10,8 @@ import numpy as np
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell
 from rdpi_gym.diagnosis.features.rests import Rest
 from rdpi_gym.measurement import Record
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import micrometres
 
 NAME = "mains hum"
 SHARE = 0.25
@@ -51,15 +51,17 @@ def mains_hum(
     threshold = max(SHARE * noise_um, _SMALLEST * stroke_um)
     best = max(lines, key=lambda line: line.amplitude_um / max(line.around_um, 1e-300))
     clear = best.amplitude_um > _ABOVE * best.around_um
-    amplitude = micrometres(best.amplitude_um)
+    amplitude = in_output(best.amplitude_um)
     if clear and best.amplitude_um >= threshold:
-        text = f"In {best.where} there is a line of {amplitude} at {best.frequency_hz:.4g} Hz, while frequencies around it have {micrometres(best.around_um)} at most: mains hum."
-        return Check(NAME, best.amplitude_um, threshold, "µm", "yes", text, "", ("mains_hum",))
+        text = f"In {best.where} there is a line of {amplitude} at {best.frequency_hz:.4g} Hz, while frequencies around it have {in_output(best.around_um)} at most: mains hum."
+        return Check(
+            NAME, best.amplitude_um, threshold, "{output_unit}", "yes", text, "", ("mains_hum",)
+        )
     if clear or max(line.around_um for line in lines if line.where == best.where) < threshold:
         text = f"In {best.where} no line at 50 or 60 Hz or their harmonics stands out of the noise: no mains hum."
-        return Check(NAME, best.amplitude_um, threshold, "µm", "no", text)
+        return Check(NAME, best.amplitude_um, threshold, "{output_unit}", "no", text)
     text = f"In {best.where} a line at {best.frequency_hz:.4g} Hz has {amplitude}, which other frequencies nearby have too: nothing can be said about mains hum."
-    return Check(NAME, best.amplitude_um, threshold, "µm", "cannot tell", text, _QUIET)
+    return Check(NAME, best.amplitude_um, threshold, "{output_unit}", "cannot tell", text, _QUIET)
 
 
 def _resting(rests: Sequence[Rest]) -> list[Line]:

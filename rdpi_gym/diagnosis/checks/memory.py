@@ -53,12 +53,12 @@ def initial_memory(records: Sequence[tuple[Record, HalfCycles]]) -> Check:
     zone = zone_of(value, error, threshold)
     facts = (
         f"{name} begins {digits(abs(value))} % of half its loop's opening away from where a stage "
-        "that had rested at 0 V would"
+        "that had rested at 0 {input_unit} would"
     )
     if zone == "yes":
         text = f"{facts}: the plays remember an excursion from before the record."
     elif zone == "no":
-        text = f"{name} begins where a stage that had rested at 0 V would: no memory from before."
+        text = f"{name} begins where a stage that had rested at 0 {{input_unit}} would: no memory from before."
     else:
         text = f"{facts}, not safely more than the noise."
     step = "" if zone == "no" else _EXPERIMENT

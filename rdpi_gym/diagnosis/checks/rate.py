@@ -56,11 +56,11 @@ def rate_law(records: Sequence[tuple[Record, HalfCycles]], span_V: float) -> Che
     error = np.array([np.hypot(level.error_um, _SYSTEMATIC * stroke_um) for level in levels])
     growth = abs(half[-1] - half[0])
     if growth < max(_GROWTH * abs(half[0]), 10.0 * float(np.hypot(error[0], error[-1]))):
-        text = f"Loops open as far at {digits(rate[-1])} V/s as at {digits(rate[0])} V/s: nothing depends on the rate."
+        text = f"Loops open as far at {digits(rate[-1])} {{input_unit}}/s as at {digits(rate[0])} {{input_unit}}/s: nothing depends on the rate."
         return Check(NAME, None, THRESHOLD, "", "no", text)
     value, uncertain = _exponent(rate, half, error)
     zone = zone_of(value - 1.0, uncertain, THRESHOLD)
-    facts = f"From {digits(rate[0])} to {digits(rate[-1])} V/s the loops' opening grows with the power {pm(value, uncertain)} of the rate"
+    facts = f"From {digits(rate[0])} to {digits(rate[-1])} {{input_unit}}/s the loops' opening grows with the power {pm(value, uncertain)} of the rate"
     if zone == "yes":
         text = f"{facts}; δ2 |v|, a delay or a lag would give 1."
     elif zone == "no":

@@ -67,11 +67,11 @@ def _offset(found: Repeat, value: float, error: float) -> Check:
     zone = zone_of(value, error, OFFSET_PERCENT)
     where = f"From {found.first} to {found.second}, {digits(found.apart_s, 3)} s later,"
     if zone == "yes":
-        text = f"{where} the displacement has shifted by {digits(value)} % of its peak to peak ({digits(found.offset_um[0])} µm): drift, or creep that still goes on."
+        text = f"{where} the {{output}} has shifted by {digits(value)} % of its peak to peak ({digits(found.offset_um[0])} {{output_unit}}): drift, or creep that still goes on."
     elif zone == "no":
-        text = f"{where} the displacement has come back to within {OFFSET_PERCENT:g} % of its peak to peak: no drift."
+        text = f"{where} the {{output}} has come back to within {OFFSET_PERCENT:g} % of its peak to peak: no drift."
     else:
-        text = f"{where} the displacement has shifted by {pm(value, error)} % of its peak to peak: too uncertain."
+        text = f"{where} the {{output}} has shifted by {pm(value, error)} % of its peak to peak: too uncertain."
     step = _AGAIN if zone == "cannot tell" else ""
     return Check(
         "drift between repeats",

@@ -79,7 +79,7 @@ def small_signal(
     if not found and still:
         text = f"In {still[0]} nothing moves at the command's frequencies, so there is no phase."
         lag, resonance = (cannot_tell(name, text, _EXPERIMENT) for name in _NAMES[:2])
-        text = f"In {still[0]} the displacement does not follow the command at all: motion is lost, as in a gap."
+        text = f"In {still[0]} the {{output}} does not follow the command at all: motion is lost, as in a gap."
         motion = Check(_NAMES[2], 100.0, DISTORTION_PERCENT, "%", "yes", text, "", ("backlash",))
         return lag, resonance, motion
     if not found:
@@ -93,7 +93,7 @@ def small_signal(
     motion = _motion(best)
     if motion.zone == "yes":
         text = (
-            f"In {best.record} the displacement is not proportional to the command, so its phase is "
+            f"In {best.record} the {{output}} is not proportional to the command, so its phase is "
             "not that of a lag alone."
         )
         return (
@@ -108,7 +108,7 @@ def _motion(found: SmallSignal) -> Check:
     value, error = (100.0 * number for number in found.distortion)
     zone = zone_of(value, error, DISTORTION_PERCENT)
     facts = (
-        f"In {found.record} {digits(value)} % of the displacement is not what a linear path would "
+        f"In {found.record} {digits(value)} % of the {{output}} is not what a linear path would "
         "make of the command"
     )
     text = {
@@ -130,7 +130,7 @@ def _lag(found: SmallSignal) -> Check:
     if zone == "yes" and value > 0:
         kind, effects = _kind(found)
         text = (
-            f"{where} the displacement lags by {digits(value, 3)} µs at amplitudes where no play "
+            f"{where} the {{output}} lags by {digits(value, 3)} µs at amplitudes where no play "
             f"moves: {kind}."
         )
         return Check(_NAMES[0], value, threshold, "µs", zone, text, "", effects)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -134,8 +135,13 @@ class Comparison:
     def _units(self) -> dict[str, str]:
         quantities = self.quantities
         if quantities.are_standard:
-            return {"error": "um", "command": "V", "rate": "V/s", "frequency": "Hz"}
-        rate = quantities.said("V/s")
+            return {
+                "error": "um",
+                "command": "V",
+                "rate": "V/s",
+                "frequency": "Hz",
+            }
+        rate = quantities.unit("V/s")
         return {**quantities.units, "rate": rate, "frequency": "Hz"}
 
 
@@ -223,7 +229,7 @@ def _compared(
         "largest": findings.largest(traces),
         "gain": findings.gain(table),
         "by_frequency": findings.trend(frequency, "frequency_hz", "Hz", "frequency"),
-        "by_amplitude": findings.trend(amplitude, "amplitude_V", "V", "amplitude"),
+        "by_amplitude": findings.trend(amplitude, "amplitude_V", "{input_unit}", "amplitude"),
         "by_direction": findings.direction(directions, command, rmse_um),
         "distortion": distortion_finding(distortion, floor),
         "spectrum": spectrum_finding(spectrum),
@@ -254,18 +260,18 @@ def _compared(
         findings={key: text for key, text in sentences.items() if text is not None},
         quantities=dataset.quantities,
     )
-    names = (dataset.title, model.name, *(record.name for record in dataset.records))
-    return told(found, dataset.quantities, names)
+    return told(found, dataset.quantities)
 
 
 def _left_out(dataset: Dataset, samples: pd.DataFrame, plane: Plane) -> tuple[str, ...]:
-    lines = [f"{record.name}: {remark}" for record in dataset.records for remark in record.remarks]
-    lines += [f"{r.name}: constant voltage, no part of the comparison" for r in dataset.quiet]
-    lines += list(dataset.remarks)
-    partial = int(samples["frequency_hz"].isna().sum())
-    if partial:
+    say = partial(dataset.quantities.said, keep=[record.name for record in dataset.records])
+    lines = [f"{r.name}: {say(remark)}" for r in dataset.records for remark in r.remarks]
+    lines += [f"{r.name}: constant {{input}}, no part of the comparison" for r in dataset.quiet]
+    lines += map(say, dataset.remarks)
+    without = int(samples["frequency_hz"].isna().sum())
+    if without:
         lines.append(
-            f"{partial} of {len(samples)} samples lie before the first or after the last reversal "
+            f"{without} of {len(samples)} samples lie before the first or after the last reversal "
             "of their record, or where the command mostly rests: they have no frequency and no "
             "amplitude, and count everywhere else"
         )
@@ -284,7 +290,7 @@ def _of_hygiene(findings: Sequence[Finding]) -> list[str]:
 def _remembered(records: Sequence[Record], model: PlantModel) -> list[str]:
     extrema_V = {record.name: fitted_extremum_V(model, record.name) for record in records}
     return [
-        f"{name}: simulated from the memory that the fit found, a turn at {extremum_V:.4g} V"
+        f"{name}: simulated from the memory that the fit found, a turn at {extremum_V:.4g} {{input_unit}}"
         for name, extremum_V in extrema_V.items()
         if extremum_V is not None
     ]

@@ -11,8 +11,9 @@ import pandas as pd
 from rdpi_gym.diagnosis.comparison.traces import Trace
 from rdpi_gym.diagnosis.features.periods import Periods, counted_periods, harmonics, steady_periods
 from rdpi_gym.measurement import Record
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits, micrometres
+from rdpi_gym.support.words import digits
 
 PARTS = ("gain_um", "width_um", "odd_um", "even_um", "other_um")
 """Columns whose squares add up to the squared error of the periods."""
@@ -105,10 +106,10 @@ def distortion_finding(table: pd.DataFrame, noise_um: float) -> str:
         meaning = "in even harmonics, which the command has too: that need not be asymmetry"
     elif part == "even_um" and row["even_um"] < EVEN_PERCENT / 100.0 * row["measured_um"]:
         meaning = (
-            f"in even harmonics, less than {EVEN_PERCENT:g} % of the displacement: too little to "
+            f"in even harmonics, less than {EVEN_PERCENT:g} % of the {{output}}: too little to "
             "lay it to the actuator"
         )
     return (
         f"In {row['name']} ({digits(float(row['frequency_hz']), 3)} Hz) {share:.0f} % of the squared "
-        f"error ({micrometres(float(row[part]))} rms) is {meaning}."
+        f"error ({in_output(float(row[part]))} rms) is {meaning}."
     )

@@ -11,7 +11,8 @@ import pandas as pd
 
 from rdpi_gym.diagnosis.comparison.breakdown import Plane
 from rdpi_gym.diagnosis.comparison.traces import Trace
-from rdpi_gym.support.words import digits, micrometres
+from rdpi_gym.measurement.quantities import in_output
+from rdpi_gym.support.words import digits
 
 Row: TypeAlias = dict[Any, Any]
 
@@ -35,7 +36,9 @@ def far_away(records: pd.DataFrame) -> str | None:
     rows = _rows(records)
     still = [row["name"] for row in rows if row["measured_peak_to_peak_um"] == 0]
     if still:
-        return f"The measured displacement of {still[0]} never changes; check its column and the sensor."
+        return (
+            f"The measured {{output}} of {still[0]} never changes; check its column and the sensor."
+        )
     # where little more than noise is off, a held-out rest for one, model and data do not disagree
     rows = [row for row in rows if row["systematic_percent"] > _FAR_SYSTEMATIC_PERCENT]
     if not rows:
@@ -79,8 +82,8 @@ def out_of_range(
     if least >= low - slack and most <= high + slack:
         return None
     return (
-        f"Commands from {least:.4g} to {most:.4g} V go beyond the range of {low:.4g} to "
-        f"{high:.4g} V that {name} states: what the model says there is extrapolated."
+        f"Commands from {least:.4g} to {most:.4g} {{input_unit}} go beyond the range of {low:.4g} to "
+        f"{high:.4g} {{input_unit}} that {name} states: what the model says there is extrapolated."
     )
 
 
@@ -90,11 +93,11 @@ def errors(
     """Say how large the error is, and how much of it is more than noise."""
     parts = []
     if train_um is not None:
-        parts.append(f"{micrometres(train_um)} on the training records")
+        parts.append(f"{in_output(train_um)} on the training records")
     if validation_um is not None:
-        parts.append(f"{micrometres(validation_um)} on the validation records")
+        parts.append(f"{in_output(validation_um)} on the validation records")
     if not parts:
-        parts.append(f"{micrometres(rms_over(records))} on the test records")
+        parts.append(f"{in_output(rms_over(records))} on the test records")
     text = f"Error {' and '.join(parts)}, rms with one offset free in each record; {noise}."
     share = systematic_share(records)
     if share < _ALL_NOISE:
@@ -125,8 +128,8 @@ def record_spread(records: pd.DataFrame) -> str:
         return f"{row['name']} ({row['role']})" if twice else str(row["name"])
 
     text = (
-        f"The error is largest on {label(worst)} ({micrometres(worst['rmse_um'])}) and smallest on "
-        f"{label(best)} ({micrometres(best['rmse_um'])})"
+        f"The error is largest on {label(worst)} ({in_output(worst['rmse_um'])}) and smallest on "
+        f"{label(best)} ({in_output(best['rmse_um'])})"
     )
     ratio = worst["rmse_um"] / best["rmse_um"] if best["rmse_um"] > 0 else math.inf
     return f"{text}; the records are alike." if ratio < 1.1 else f"{text}."
@@ -176,7 +179,7 @@ def drift(traces: Sequence[Trace], rmse_um: float) -> str:
     move, name, same_command = max(moves, key=lambda found: abs(found[0]))
     facts = (
         f"From the first to the last quarter of {name} the mean of measured minus model moves by "
-        f"{micrometres(move)}"
+        f"{in_output(move)}"
     )
     if abs(move) < MARKED * rmse_um:
         return f"{facts}: no marked slow drift."
@@ -192,8 +195,8 @@ def largest(traces: Sequence[Trace]) -> str:
     each, sample = traces[which], int(np.argmax(peaks[which]))
     way = "rising" if each.cycles.by_sample(each.cycles.rising)[sample] else "falling"
     text = (
-        f"The largest difference is {micrometres(float(peaks[which][sample]))}, in {each.name} "
-        f"at t = {each.t_s[sample]:.6g} s ({each.u_V[sample]:.3g} V, {way})"
+        f"The largest difference is {in_output(float(peaks[which][sample]))}, in {each.name} "
+        f"at t = {each.t_s[sample]:.6g} s ({each.u_V[sample]:.3g} {{input_unit}}, {way})"
     )
     if sample < each.cycles.edges[1]:
         return (
@@ -209,15 +212,15 @@ def direction(table: pd.DataFrame, by_command: pd.DataFrame, rmse_um: float) -> 
         only = "rises" if "rising" in mean else "falls"
         return f"The command only {only}: the width of the loop cannot be compared."
     facts = (
-        f"Measured minus model is {micrometres(mean['rising'])} on average while the command "
-        f"rises and {micrometres(mean['falling'])} while it falls"
+        f"Measured minus model is {in_output(mean['rising'])} on average while the command "
+        f"rises and {in_output(mean['falling'])} while it falls"
     )
     gap = mean["rising"] - mean["falling"]
     if abs(gap) < MARKED * rmse_um:
         text = f"{facts}: the mean width of the loop is about right."
     else:
         text = (
-            f"{facts}: the measured loop is on average about {micrometres(abs(gap))} "
+            f"{facts}: the measured loop is on average about {in_output(abs(gap))} "
             f"{_width(gap)} than the model's, which suggests weights or thresholds that are off "
             "(or, where it changes with frequency, a lag or the rate law)."
         )
@@ -225,7 +228,7 @@ def direction(table: pd.DataFrame, by_command: pd.DataFrame, rmse_um: float) -> 
     if abs(widest) < max(rmse_um, 1.5 * abs(gap)):
         return text
     return (
-        f"{text} Near {place:.3g} V it is {micrometres(abs(widest))} {_width(widest)}: the loop's "
+        f"{text} Near {place:.3g} {{input_unit}} it is {in_output(abs(widest))} {_width(widest)}: the loop's "
         "shape differs along the command."
     )
 
@@ -265,12 +268,12 @@ def trend(table: pd.DataFrame, column: str, unit: str, name: str) -> str:
             f"cannot tell how the error depends on {name}."
         )
     facts = f"from {digits(low[column], 3)} to {digits(high[column], 3)} {unit} the RMS error"
-    ends = f"{micrometres(low['rmse_um'])} to {micrometres(high['rmse_um'])}"
+    ends = f"{in_output(low['rmse_um'])} to {in_output(high['rmse_um'])}"
     factor = high["rmse_um"] / low["rmse_um"] if low["rmse_um"] > 0 else math.inf
     peak = max(rows, key=lambda row: row["rmse_um"])
     if peak["rmse_um"] > GROWTH * max(low["rmse_um"], high["rmse_um"]):
         text = (
-            f"The error is largest in between, {micrometres(peak['rmse_um'])} near "
+            f"The error is largest in between, {in_output(peak['rmse_um'])} near "
             f"{digits(peak[column], 3)} {unit}; {facts} goes from {ends}"
         )
     elif factor >= GROWTH:

@@ -11,8 +11,9 @@ import pandas as pd
 from rdpi_gym.diagnosis.comparison.traces import Trace
 from rdpi_gym.diagnosis.features.rests import Rest, find_rests
 from rdpi_gym.measurement import Record
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits, micrometres
+from rdpi_gym.support.words import digits
 
 _BINS_A_DECADE = 4.0
 _NET = 0.02  # of the widest swing: a move that has a direction
@@ -124,7 +125,7 @@ def since_rest_finding(table: pd.DataFrame, noise_um: float) -> str:
     facts = (
         f"From {digits(float(rows['time_s'].iloc[0]))} to {digits(float(rows['time_s'].iloc[-1]))} s "
         f"after a move measured minus model goes {'on' if way > 0 else 'back'} by "
-        f"{micrometres(abs(way))}"
+        f"{in_output(abs(way))}"
     )
     error_um = float(np.sqrt(np.average(rows["rmse_um"] ** 2, weights=rows["samples"])))
     if abs(way) < max(_GOES_ON * error_um, noise_um):
@@ -136,7 +137,7 @@ def since_rest_finding(table: pd.DataFrame, noise_um: float) -> str:
     if way > 0 and later < _STEADY * slope:
         return f"{facts}, but hardly any more in the later half of that: a lag that is not over when the command stops, rather than creep."
     if way > 0:
-        return f"{facts} in the direction of the move ({micrometres(abs(slope))} a decade): creep is missing."
+        return f"{facts} in the direction of the move ({in_output(abs(slope))} a decade): creep is missing."
     return f"{facts}, against the direction of the move: the model creeps too much, or something drifts."
 
 
@@ -194,7 +195,7 @@ def clock_finding(table: pd.DataFrame, rmse_um: float) -> str:
     sure = _sureness(t, mean, table["command_V"].to_numpy(), weight)
     facts = (
         f"Over the {digits(float(np.ptp(t)), 3)} s of the experiment the mean of measured minus model "
-        f"{'rises' if way > 0 else 'falls'} by {micrometres(abs(way))}"
+        f"{'rises' if way > 0 else 'falls'} by {in_output(abs(way))}"
     )
     if abs(way) < _MARKED * rmse_um:
         return f"{facts}: no marked drift."

@@ -11,9 +11,10 @@ import pandas as pd
 from rdpi_gym.diagnosis.comparison.compare import FORMAT, VERSION, Comparison, compare_each
 from rdpi_gym.diagnosis.comparison.findings import FEW_HALF_CYCLES
 from rdpi_gym.measurement import Dataset, Quantities, stated_quantities
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.words import joined, micrometres
+from rdpi_gym.support.words import joined
 
 MOST_MODELS = 6
 """Models that a page shows together: more colours are not told apart."""
@@ -192,14 +193,13 @@ def compare_several(dataset: Dataset, models: Mapping[str, PlantModel]) -> Model
     comparisons = compare_each(dataset, list(models.values()))
     names = tuple(models)
     bare = ModelComparison(names, comparisons, {}, dataset.quantities)
-    keep = (dataset.title, *names, *(record.name for record in dataset.records))
     said = {
         "overall": _overall(bare),
         "records": _on_records(bare),
         "by_frequency": _where(bare.by_frequency, "frequency_hz", "Hz", "frequency"),
-        "by_amplitude": _where(bare.by_amplitude, "amplitude_V", "V", "amplitude"),
+        "by_amplitude": _where(bare.by_amplitude, "amplitude_V", "{input_unit}", "amplitude"),
     }
-    findings = {k: dataset.quantities.said(t, keep) for k, t in said.items() if t is not None}
+    findings = {k: dataset.quantities.fill(t) for k, t in said.items() if t is not None}
     return ModelComparison(names, comparisons, findings, dataset.quantities)
 
 
@@ -219,11 +219,11 @@ def _overall(found: ModelComparison) -> str:
     order = sorted(errors, key=lambda name: errors[name])
     near = [name for name in order if errors[name] <= (1.0 + _AS_GOOD) * errors[order[0]]]
     where = "held out" if role else "on all records"
-    rest = [f"{name} {micrometres(errors[name])}" for name in order if name not in near]
+    rest = [f"{name} {in_output(errors[name])}" for name in order if name not in near]
     best = f"{joined(near)} {'is' if len(near) == 1 else 'are'} nearest"
     others = f"; {joined(rest)}" if rest else ""
-    floor = micrometres(found.noise_floor_um)
-    return f"{best} with {micrometres(errors[order[0]])} rms {where}{others}. The noise floor is {floor}."
+    floor = in_output(found.noise_floor_um)
+    return f"{best} with {in_output(errors[order[0]])} rms {where}{others}. The noise floor is {floor}."
 
 
 def _on_records(found: ModelComparison) -> str | None:

@@ -10,8 +10,9 @@ import pandas as pd
 
 from rdpi_gym.diagnosis.comparison.traces import Trace
 from rdpi_gym.diagnosis.features.periods import Complexes
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits, micrometres
+from rdpi_gym.support.words import digits
 
 _SEGMENTS = 8  # of a record, half of each shared with its neighbour
 _SHORTEST = 32
@@ -141,7 +142,7 @@ def spectrum_finding(table: pd.DataFrame) -> str:
     facts = (
         f"Most of what is more than noise lies between {digits(low)} and {digits(high)} Hz, the most "
         f"near {digits(float(table['frequency_hz'].iloc[worst]))} Hz "
-        f"({micrometres(float(np.sqrt(power[worst])))} rms). {share:.0f} % of the squared error is "
+        f"({in_output(float(np.sqrt(power[worst])))} rms). {share:.0f} % of the squared error is "
         "coherent with the command"
     )
     if share >= _MUCH:

@@ -215,7 +215,7 @@ def noise_floor(
         / sum(level.samples for level in alike)
     )
     most = max(alike, key=lambda level: level.samples)
-    return floor, f"noise floor {floor:.4g} µm rms, from {most.origin}"
+    return floor, f"noise floor {floor:.4g} {{output_unit}} rms, from {most.origin}"
 
 
 @dataclass(frozen=True)

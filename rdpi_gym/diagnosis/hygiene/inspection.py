@@ -27,6 +27,7 @@ from rdpi_gym.diagnosis.hygiene.stands import (
     silent,
 )
 from rdpi_gym.diagnosis.notices import Code, Notice
+from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.measurement import MIN_SAMPLES, Dataset, Record
 from rdpi_gym.support.words import digits
 
@@ -116,7 +117,7 @@ def inspect(dataset: Dataset) -> Inspected:
     }
     return Inspected(
         replace(dataset, records=tuple(done.get(r.name, r) for r in dataset.records)),
-        tuple(findings),
+        told(tuple(findings), dataset.quantities),
         openings,
     )
 
@@ -144,7 +145,7 @@ def _spikes(record: Record, at: BoolArray, farthest: float) -> Finding:
 
 def _clipped(record: Record, at: BoolArray) -> Finding:
     sentence = (
-        f"{counted(int(at.sum()), record)} stand at the end of the displacement's range without "
+        f"{counted(int(at.sum()), record)} stand at the end of the {{output}}'s range without "
         "any noise: the sensor or its converter clips, left out."
     )
     step = Notice(Code.SENSOR_RANGE)
@@ -154,7 +155,7 @@ def _clipped(record: Record, at: BoolArray) -> Finding:
 def _silent(record: Record, kind: str, at: BoolArray) -> Finding:
     what = {
         "dropout": "jump to one value and stay there: the sensor dropped out, left out.",
-        "frozen": "repeat one value exactly: the displacement was frozen, left out.",
+        "frozen": "repeat one value exactly: the {output} was frozen, left out.",
     }[kind]
     sentence = f"{counted(int(at.sum()), record)} {what}"
     return Finding.of(kind, record.name, int(at.sum()), sentence, Notice(Code.SENSOR))
@@ -163,7 +164,7 @@ def _silent(record: Record, kind: str, at: BoolArray) -> Finding:
 def _clipped_command(record: Record, at: BoolArray, missed_V: float | None) -> Finding:
     sentence = (
         f"{counted(int(at.sum()), record)} show a command that stands at its extreme while the "
-        "displacement goes on and comes back: the recorded command is clipped, left out; "
+        "{output} goes on and comes back: the recorded command is clipped, left out; "
     )
     if missed_V is None:
         sentence += (
@@ -171,8 +172,8 @@ def _clipped_command(record: Record, at: BoolArray, missed_V: float | None) -> F
         )
     else:
         sentence += (
-            "what was commanded there was rebuilt from the displacement, which tells the rest of "
-            f"the command to {digits(missed_V)} V rms."
+            "what was commanded there was rebuilt from the {output}, which tells the rest of "
+            f"the command to {digits(missed_V)} {{input_unit}} rms."
         )
     step = Notice(Code.COMMAND_RANGE)
     return Finding.of("clipped input", record.name, int(at.sum()), sentence, step)
@@ -207,7 +208,7 @@ def _clocks(
     for samples, names in groups.items():
         many = "sample" if samples == 1.0 else "samples"
         sentence = (
-            f"{digits(samples, 3)} {many}: by so much the displacement of {joined_records(names)} "
+            f"{digits(samples, 3)} {many}: by so much the {{output}} of {joined_records(names)} "
             "leads its command, which no plant does; it was moved later by that."
         )
         size = sum(records[name].t_s.size for name in names)
@@ -217,7 +218,7 @@ def _clocks(
     if late > 0.0:
         size = sum(r.t_s.size for r in moving)
         sentence = (
-            f"{digits(late, 2)} samples: at least by so much the displacement is late in every "
+            f"{digits(late, 2)} samples: at least by so much the {{output}} is late in every "
             "record, whatever its sampling time: a shift of the channels, and no delay of the plant."
         )
         found.append(Finding.of("clock", "", size, sentence, Notice(Code.ONE_CLOCK)))

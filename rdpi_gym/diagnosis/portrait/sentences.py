@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from rdpi_gym.diagnosis.portrait.portrait import Portrait, Value
-from rdpi_gym.support.words import joined, micrometres, number, pm
+from rdpi_gym.measurement.quantities import in_output
+from rdpi_gym.support.words import joined, number, pm
 
 _PLACES = {
     "before": "there it changes the command that the plays see",
     "in": "there it changes the weights of the plays",
-    "behind": "there it is added to the displacement or bends it",
+    "behind": "there it is added to the {output} or bends it",
 }
 _PARITIES = {
     "even": "It is even: where the command is mirrored about the middle of its range, it stays as it is",
@@ -19,7 +20,7 @@ _PARITIES = {
 _BETWEEN = {
     frozenset({"before", "behind"}): (
         "small loops at five biases from one end of the range to the other, and one large loop: what "
-        "stands before the plays bends both by the command, what stands behind them by the displacement"
+        "stands before the plays bends both by the command, what stands behind them by the {output}"
     ),
     frozenset({"before", "in"}): (
         "a multisine below the first threshold beside loops of half the range: what changes the weights "
@@ -62,7 +63,7 @@ def experiment_for(drawn: Portrait) -> str:
 def sentences_of(drawn: Portrait) -> tuple[str, ...]:
     """Return the portrait in words, the answer with its number first."""
     said = [
-        f"From {micrometres(drawn.before_um)} to {micrometres(drawn.after_um)}: so far a free block takes the "
+        f"From {in_output(drawn.before_um)} to {in_output(drawn.after_um)}: so far a free block takes the "
         f"validation error (`rdpi add unknown`, form {drawn.form or 'static, behind'!r}).",
         f"{_place(drawn)}.",
         f"{_memory(drawn)}. {_parity(drawn)}.",

@@ -114,8 +114,8 @@ class Beginning(Bench):
         """Say what a search with another core left, which did not take the place of this one."""
         own_um, its_um = (s.outcome.errors.validation_rmse_um for s in (state, other))
         return (
-            f"the core {core.kind} with its own effects leaves {its_um:.4g} µm held out, {RDPI.name} "
-            f"{own_um:.4g} µm: --core {core.kind} shows it"
+            f"the core {core.kind} with its own effects leaves {its_um:.4g} {{output_unit}} held out, {RDPI.name} "
+            f"{own_um:.4g} {{output_unit}}: --core {core.kind} shows it"
         )
 
     def base_of(self, core: CoreChoice) -> State:

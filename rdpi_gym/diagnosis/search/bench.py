@@ -102,7 +102,7 @@ class Bench:
         if not train or not validation:
             raise InputError(
                 "a diagnosis needs records to fit and records to validate on; the data set has "
-                f"{len(train)} and {len(validation)} in which the voltage moves"
+                f"{len(train)} and {len(validation)} in which the {dataset.quantities.input.name} moves"
             )
         check_motion(train)
         check_scale(train, dataset.quantities)

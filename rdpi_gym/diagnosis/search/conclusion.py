@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -106,6 +107,11 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     left = [simulate_record(plant, record) for record in laboratory.setting.train]
     label = f"with {added[0].effect}" if len(added) == 1 else "with effects"
     dataset = laboratory.dataset
+    say = partial(text_of, quantities=dataset.quantities)
+    warnings = plausibility_warnings(
+        left, quantities=dataset.quantities, clockwise=plant.hysteresis.clockwise
+    )
+    keep = [record.name for record in dataset.records]
     found = SearchResult(
         kind=search.kind,
         title=laboratory.dataset.title,
@@ -120,27 +126,25 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         final=end.outcome.errors,
         given=_given_errors(laboratory, search.given),
         verdict=judgement.verdict,
-        sampling=None if judgement.sampling is None else text_of(judgement.sampling),
+        sampling=None if judgement.sampling is None else say(judgement.sampling),
         reservation=judgement.sampling,
         undecided=laboratory.undecided,
         unexplained_rmse_um=math.sqrt(max(end.outcome.mean_square - laboratory.noise_um**2, 0.0)),
         remainder=sentence,
         left=shares,
         portrait=_portrait(laboratory, search, shares),
-        next_experiment=None if advice is None else text_of(advice),
+        next_experiment=None if advice is None else say(advice),
         advice=advice,
         indistinguishable=groups,
         findings=(*laboratory.findings, *clocks),
-        limits=tuple(map(text_of, laboratory.limits)),
+        limits=tuple(map(say, laboratory.limits)),
         limit_notices=laboratory.limits,
         probabilities=chances,
         checks=tuple(check.sentence for check in checks),
         views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
         seconds=time.perf_counter() - search.began,
         notes=(
-            *plausibility_warnings(
-                left, quantities=dataset.quantities, clockwise=plant.hysteresis.clockwise
-            ),
+            *(dataset.quantities.said(warning, keep) for warning in warnings),
             *laboratory.remarks,
             *search.notes,
             *laboratory.on_every_sample(end),
@@ -149,7 +153,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
         quantities=dataset.quantities,
         core=laboratory.core,
     )
-    return told(found, dataset.quantities, (dataset.title, *(r.name for r in dataset.records)))
+    return told(found, dataset.quantities)
 
 
 def _probabilities(

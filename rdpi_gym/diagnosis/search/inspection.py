@@ -63,7 +63,8 @@ class Inspection:
         if not dataset.train or not dataset.validation:
             raise InputError(
                 f"{dataset.title} has {len(dataset.train)} records to fit and "
-                f"{len(dataset.validation)} to validate on in which the voltage moves; give one of each"
+                f"{len(dataset.validation)} to validate on in which the {dataset.quantities.input.name} moves; "
+                "give one of each"
             )
         self._sign = -1.0 if falls((*dataset.train, *dataset.validation)) else 1.0
         inspected = inspect(dataset if self._sign > 0 else turned(dataset))

@@ -103,7 +103,7 @@ class Laboratory(Pruning):
             with_um, without_um = (s.outcome.errors.validation_rmse_um for s in (state, without))
             notes.append(
                 f"{name} was taken out again, as it is {100.0 * chances[least]:.0f} % probable: the "
-                f"validation error is {with_um:.4g} µm with it and {without_um:.4g} µm without"
+                f"validation error is {with_um:.4g} {{output_unit}} with it and {without_um:.4g} {{output_unit}} without"
             )
             state, removed = without, [*removed, name]
             del kept[least]
@@ -154,7 +154,7 @@ class Laboratory(Pruning):
         here = replace(self._whole, smoothness=self.setting.smoothness)
         whole_um = assess(here, "", state.fit).errors.validation_rmse_um
         return (
-            f"with the beginnings that were left out the validation error is {whole_um:.4g} µm",
+            f"with the beginnings that were left out the validation error is {whole_um:.4g} {{output_unit}}",
         )
 
     def final_noise(self, state: State) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from rdpi_gym.diagnosis.search.candidates import SEARCH_SAMPLES, Outcome, Setting, assess, attempt
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.measurement.quantities import template_of, unit_template
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.words import digits
@@ -46,7 +47,10 @@ def in_few_numbers(
 
 def _said(core: Core) -> str:
     shape = [(p, float(getattr(core, p.name))) for p in type(core).shape if not p.fixed]
-    numbers = [f"{p.meaning} {digits(v, 3)} {p.unit}".removesuffix(" 1") for p, v in shape]
+    numbers = [
+        f"{template_of(p.meaning)} {digits(v, 3)} {unit_template(p.unit)}".removesuffix(" 1")
+        for p, v in shape
+    ]
     used = sum(gain != 0.0 for gain in core.gains)
     return "; ".join([f"core {core.name}: {used} gains that are not zero", *numbers])
 
@@ -71,12 +75,12 @@ def _to_threshold_law(
     before, after = outcome.errors.validation_rmse_um, law.errors.validation_rmse_um
     if cost <= allowed:
         return law, (
-            f"thresholds of Eq. 8 with {plays} plays: validation error {after:.4g} µm, "
-            f"{before:.4g} µm on the comb of the diagnosis"
+            f"thresholds of Eq. 8 with {plays} plays: validation error {after:.4g} {{output_unit}}, "
+            f"{before:.4g} {{output_unit}} on the comb of the diagnosis"
         )
     return outcome, (
-        f"the thresholds stay those of the comb ({before:.4g} µm): Eq. 8 with {plays} plays would "
-        f"leave {after:.4g} µm on validation records"
+        f"the thresholds stay those of the comb ({before:.4g} {{output_unit}}): Eq. 8 with {plays} plays would "
+        f"leave {after:.4g} {{output_unit}} on validation records"
     )
 
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import joined, micrometres
+from rdpi_gym.support.words import joined
 
 TEMPERATURE = "temperature"
 # Samples that are learned from, fewer where there are many inputs; numbers of one design matrix.
@@ -273,5 +274,5 @@ def _sentence(
         advice = "hold it still, or give it to a model as an input"
     return (
         f"{what}{together} {verb} {100 * share:.0f} % of what is left ({100 * low:.0f} to "
-        f"{100 * high:.0f} %; {micrometres(before)} to {micrometres(after)}): {advice}."
+        f"{100 * high:.0f} %; {in_output(before)} to {in_output(after)}): {advice}."
     )

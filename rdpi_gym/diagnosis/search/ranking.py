@@ -12,6 +12,7 @@ from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import AS_IT_IS, Outcome
 from rdpi_gym.identification.held_out import beats
 from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.measurement.quantities import template_of
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.support.arrays import Array
 
@@ -191,9 +192,9 @@ def _evidence(current: Outcome, outcome: Outcome, share: float, signature: str) 
     most = max(falls, key=lambda name: falls[name])
     return (
         f"With {outcome.effect} refitted the validation error goes from "
-        f"{before.validation_rmse_um:.4g} to {after.validation_rmse_um:.4g} µm "
+        f"{before.validation_rmse_um:.4g} to {after.validation_rmse_um:.4g} {{output_unit}} "
         f"({100 * share:.0f} % of the excess over the noise), most on {most} "
-        f"({before.by_record_um[most]:.4g} to {after.by_record_um[most]:.4g} µm). {signature}"
+        f"({before.by_record_um[most]:.4g} to {after.by_record_um[most]:.4g} {{output_unit}}). {template_of(signature)}"
     )
 
 

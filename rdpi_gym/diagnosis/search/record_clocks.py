@@ -250,7 +250,7 @@ def _said(record: Record, wishes: dict[Kind, Wish]) -> Finding:
         way = "lags" if value > 0.0 else "leads"
         text = (
             f"{record.name} {way} the other records by {digits(1e3 * abs(value), 2)} ms "
-            f"({digits(abs(value) / record.ts_s, 2)} samples): its displacement fits when it is "
+            f"({digits(abs(value) / record.ts_s, 2)} samples): its {{output}} fits when it is "
             "moved by that; nothing was changed."
         )
         step = Notice(Code.TRIGGER, (record.name,))

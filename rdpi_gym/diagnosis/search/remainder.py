@@ -17,10 +17,10 @@ from rdpi_gym.diagnosis.results import Left
 from rdpi_gym.diagnosis.search.learner import HeldOut, Part, learn_across
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import micrometres
 
 # Samples that are learned from: an effect of the input is as plain on every fourth sample.
 _MOST_ROWS = 24_000
@@ -281,7 +281,7 @@ def _mean(pieces: Array) -> tuple[float, float]:
 def _sentence(found: Remainder, learned: float, little: bool, origin: str) -> str:
     if little:
         return "What is left is the noise."
-    left = f"what is left ({micrometres(found.left_um)} rms over the noise)"
+    left = f"what is left ({in_output(found.left_um)} rms over the noise)"
     seen = f"a learner with memory predicts {_percent(learned)} % of it on data it has not seen"
     if found.low < FOUND and learned > found.low + _UNSURE:
         seen += f", too unevenly to be sure of more than {_percent(found.low)} %"
@@ -298,7 +298,7 @@ def _sentence(found: Remainder, learned: float, little: bool, origin: str) -> st
         if found.low >= FOLLOWS:
             text += " The model lacks an effect, or has one or the hysteresis in another form."
         return text + (f" {_capital(disturbed)}." if found.high < 1.0 - FOUND else "")
-    hides = f"an effect of less than {micrometres(found.hidden_um)} rms could hide"
+    hides = f"an effect of less than {in_output(found.hidden_um)} rms could hide"
     if found.high <= FOLLOWS and (found.repeats or 0.0) < FOLLOWS:
         return f"Nothing was found that follows from the input; {hides}. Of {left} {disturbed}."
     if found.high < 1.0 - FOUND:

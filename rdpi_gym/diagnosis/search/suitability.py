@@ -10,9 +10,7 @@ import numpy as np
 from rdpi_gym.identification.plausibility import LITTLE, linear_share
 from rdpi_gym.measurement import Dataset, Record
 
-TURNED = (
-    "the displacement falls where the voltage rises: its sign was turned, the model describes -y"
-)
+TURNED = "the {output} falls where the {input} rises: its sign was turned, the model describes -y"
 
 
 def falls(records: Sequence[Record]) -> bool:
@@ -36,6 +34,6 @@ def unrelated(train: Sequence[Record]) -> str | None:
     if follows >= LITTLE:
         return None
     return (
-        f"The displacement hardly follows the voltage ({100 * max(follows, 0.0):.1f} % of its "
+        f"The {{output}} hardly follows the {{input}} ({100 * max(follows, 0.0):.1f} % of its "
         "power): check the columns and the sensor."
     )

@@ -22,7 +22,7 @@ from rdpi_gym.report.style import (
 )
 from rdpi_gym.support.arrays import Array
 
-COMMAND_V = "Command (V)"
+COMMAND_V = "Command ({input_unit})"
 _ROLES = {"train": PALETTE[0], "validation": PALETTE[1], "test": PALETTE[2]}
 _NAMED_BARS = 46
 
@@ -42,7 +42,7 @@ def record_errors(records: pd.DataFrame) -> Any:
                 name=role,
                 marker_color=colour,
                 hovertext=[figure_text(str(name)) for name in records["name"][here]],
-                hovertemplate="%{hovertext}<br>%{x:.4g} µm<extra></extra>",
+                hovertemplate="%{hovertext}<br>%{x:.4g} {output_unit}<extra></extra>",
             )
     named = len(records) <= _NAMED_BARS
     figure.update_yaxes(
@@ -52,7 +52,7 @@ def record_errors(records: pd.DataFrame) -> Any:
         ticktext=[short_name(str(name)) for name in records["name"]] if named else None,
         title_text=None if named else "Record, as in the table",
     )
-    figure.update_xaxes(title_text="RMS error (µm)", rangemode="tozero")
+    figure.update_xaxes(title_text="RMS error ({output_unit})", rangemode="tozero")
     bar_px = 26 if named else 1200 / len(records)
     return styled(figure.update_layout(showlegend=True), round(100 + bar_px * len(records)))
 
@@ -69,11 +69,11 @@ def error_by_command(table: pd.DataFrame) -> Any:
             name=name,
             mode="lines+markers",
             line_color=colour,
-            hovertemplate="%{x:.4g} V: mean %{y:.3g} µm<br>RMS %{customdata[1]:.3g} µm, "
+            hovertemplate="%{x:.4g} {input_unit}: mean %{y:.3g} {output_unit}<br>RMS %{customdata[1]:.3g} {output_unit}, "
             "%{customdata[0]} samples<extra></extra>",
         )
     figure.update_xaxes(title_text=COMMAND_V)
-    figure.update_yaxes(title_text="Mean of measured − model (µm)")
+    figure.update_yaxes(title_text="Mean of measured − model ({output_unit})")
     return styled(figure, 400)
 
 
@@ -98,9 +98,9 @@ def frequency_axis(figure: Any, frequencies_hz: Array) -> Any:
 
 def error_by_amplitude(table: pd.DataFrame) -> Any:
     """Draw the error over the amplitude of the command, in µm and in per cent of the stroke."""
-    return _trend(table, "amplitude_V", "Amplitude of the command (V)", "V").update_xaxes(
-        rangemode="tozero"
-    )
+    return _trend(
+        table, "amplitude_V", "Amplitude of the command ({input_unit})", "{input_unit}"
+    ).update_xaxes(rangemode="tozero")
 
 
 def _trend(table: pd.DataFrame, column: str, title: str, unit: str) -> Any:
@@ -110,7 +110,10 @@ def _trend(table: pd.DataFrame, column: str, title: str, unit: str) -> Any:
         horizontal_spacing=0.11,
         subplot_titles=["Absolute", "Relative to the stroke"],
     )
-    panels = (("rmse_um", "RMS error (µm)"), ("relative_percent", "RMS error (% of the amplitude)"))
+    panels = (
+        ("rmse_um", "RMS error ({output_unit})"),
+        ("relative_percent", "RMS error (% of the amplitude)"),
+    )
     for col, (name, label) in enumerate(panels, start=1):
         figure.add_scatter(
             x=table[column].to_numpy(),
@@ -147,14 +150,14 @@ def residual_plane(plane: Plane) -> Any:
             zmin=-reach,
             zmax=reach,
             colorscale=colour_steps(DIVERGING),
-            colorbar={"title": {"text": "Mean of<br>measured<br>− model<br>(µm)"}},
+            colorbar={"title": {"text": "Mean of<br>measured<br>− model<br>({output_unit})"}},
             hoverongaps=False,
-            hovertemplate="%{x:.4g} V, %{y:.4g} V/s: %{z:.3g} µm<br>%{customdata} samples"
+            hovertemplate="%{x:.4g} {input_unit}, %{y:.4g} {input_unit}/s: %{z:.3g} {output_unit}<br>%{customdata} samples"
             "<extra></extra>",
         )
     )
     figure.update_xaxes(title_text=COMMAND_V, showgrid=False)
-    figure.update_yaxes(title_text="Rate of the command (V/s)", showgrid=False)
+    figure.update_yaxes(title_text="Rate of the command ({input_unit}/s)", showgrid=False)
     return styled(figure, 460).update_layout(plot_bgcolor="#E9ECEF")
 
 

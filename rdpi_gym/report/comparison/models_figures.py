@@ -25,7 +25,7 @@ from rdpi_gym.report.trace_figures import (
 )
 from rdpi_gym.support.arrays import Array
 
-RMS_UM = "RMS error (µm)"
+RMS_UM = "RMS error ({output_unit})"
 _FLOOR = {"color": INK, "dash": "dash", "width": 1.2}
 # Loops of three models and a measurement that can still be followed, in samples.
 _LOOPS = 1000
@@ -56,7 +56,7 @@ def errors(found: ModelComparison, most: int) -> Any:
             name=short_name(name),
             marker_color=colour,
             hovertext=[figure_text(str(record)) for record in table["record"]],
-            hovertemplate=f"{figure_text(name)}<br>%{{hovertext}}: %{{x:.4g}} µm<extra></extra>",
+            hovertemplate=f"{figure_text(name)}<br>%{{hovertext}}: %{{x:.4g}} {{output_unit}}<extra></extra>",
         )
     figure.add_vline(x=found.noise_floor_um, line=_FLOOR)
     figure.add_scatter(x=[None], y=[None], mode="lines", name="noise floor", line=_FLOOR)
@@ -83,8 +83,10 @@ def error_by_frequency(found: ModelComparison) -> Any:
 
 def error_by_amplitude(found: ModelComparison) -> Any:
     """Draw each model's error over the amplitude of the command; returns a Plotly figure."""
-    figure = _by(found, found.by_amplitude, "amplitude_V", "V")
-    return figure.update_xaxes(title_text="Amplitude of the command (V)", rangemode="tozero")
+    figure = _by(found, found.by_amplitude, "amplitude_V", "{input_unit}")
+    return figure.update_xaxes(
+        title_text="Amplitude of the command ({input_unit})", rangemode="tozero"
+    )
 
 
 def _by(found: ModelComparison, table: pd.DataFrame, column: str, unit: str) -> Any:
@@ -103,7 +105,7 @@ def _by(found: ModelComparison, table: pd.DataFrame, column: str, unit: str) -> 
                 "color": np.where(few, PAPER, colour),
                 "line": {"color": colour, "width": 1.5},
             },
-            hovertemplate=f"{figure_text(name)}<br>%{{x:.4g}} {unit}: %{{y:.4g}} µm<extra></extra>",
+            hovertemplate=f"{figure_text(name)}<br>%{{x:.4g}} {unit}: %{{y:.4g}} {{output_unit}}<extra></extra>",
         )
     figure.add_hline(y=found.noise_floor_um, line=_FLOOR)
     figure.add_scatter(x=[None], y=[None], mode="lines", name="noise floor", line=_FLOOR)
@@ -156,7 +158,9 @@ def _over_time(traces: Mapping[str, Trace], k: NDArray[np.intp], left_out: bool)
         title_text=DISPLACEMENT_UM, range=axis_range(np.concatenate(both)), row=1, col=1
     )
     left = np.concatenate([residual[shown] for residual in residuals])
-    figure.update_yaxes(title_text="Measured − model (µm)", range=axis_range(left), row=2, col=1)
+    figure.update_yaxes(
+        title_text="Measured − model ({output_unit})", range=axis_range(left), row=2, col=1
+    )
     figure.update_xaxes(title_text="Time (s)", row=2, col=1)
     return styled(figure, 620)
 
@@ -185,10 +189,10 @@ def loops(traces: Mapping[str, Trace]) -> Any:
         figure.add_scatter(x=u, y=gapped(trace.model_um, k), row=1, col=1, **group)
         figure.add_scatter(x=u, y=gapped(residual, k), showlegend=False, row=1, col=2, **group)
         left.append(trace.residual_um[known])
-    figure.update_xaxes(title_text="Command (V)", matches="x")
+    figure.update_xaxes(title_text="Command ({input_unit})", matches="x")
     figure.update_yaxes(title_text=DISPLACEMENT_UM, row=1, col=1)
     limits = axis_range(np.concatenate(left)) if known.size else None
-    figure.update_yaxes(title_text="Measured − model (µm)", range=limits, row=1, col=2)
+    figure.update_yaxes(title_text="Measured − model ({output_unit})", range=limits, row=1, col=2)
     return styled(figure, 500)
 
 

@@ -27,14 +27,12 @@ def write_models_page(path: Path | str, found: ModelComparison) -> Path:
     summary = "\n\n".join(
         [said["overall"], *(["\n".join(lines)] if lines else []), "The models:", "\n".join(names)]
     )
-    traces = found.comparisons[0].traces
     return write_page(
         path,
         f"{len(found.names)} models against measurement",
         summary,
         _sections(found),
         found.quantities,
-        (found.title, *found.names, *(trace.name for trace in traces)),
     )
 
 
@@ -82,7 +80,7 @@ def _sections(found: ModelComparison) -> list[Section]:
             _table(
                 found,
                 found.by_amplitude,
-                {"amplitude_V": "Amplitude (V)", "half_cycles": "Half-cycles"},
+                {"amplitude_V": "Amplitude ({input_unit})", "half_cycles": "Half-cycles"},
             ),
         ),
         Section(
@@ -111,9 +109,9 @@ def _table(
 ) -> pd.DataFrame | None:
     if not len(table):
         return None
-    own = {name: f"{name} (µm)" for name in found.names}
+    own = {name: f"{name} ({{output_unit}})" for name in found.names}
     return table.rename(
-        columns={**heads, **own, "noise_floor": "Noise floor (µm)", "best": "Nearest"}
+        columns={**heads, **own, "noise_floor": "Noise floor ({output_unit})", "best": "Nearest"}
     )
 
 

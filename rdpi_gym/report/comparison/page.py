@@ -44,7 +44,6 @@ def write_compare_page(path: Path | str, comparison: Comparison) -> Path:
         summary,
         _sections(comparison),
         comparison.quantities,
-        (comparison.title, comparison.model.name, *(trace.name for trace in comparison.traces)),
     )
 
 
@@ -94,7 +93,7 @@ def _sections(comparison: Comparison) -> list[Section]:
         ),
         Section(
             "Error by direction",
-            f"{found['by_direction']}\n\nA line above zero means that the measured displacement "
+            f"{found['by_direction']}\n\nA line above zero means that the measured {{output}} "
             "is above the model's there. Rising above falling: the measured loop is narrower than "
             "the model's; rising below falling: it is wider. Both away from zero together: gain or "
             "curvature.",
@@ -155,7 +154,7 @@ def _sections(comparison: Comparison) -> list[Section]:
         ),
         Section(
             "Residual over command and rate",
-            f"{found['plane']}\n\nOrange: the measured displacement is above the model's, blue: "
+            f"{found['plane']}\n\nOrange: the measured {{output}} is above the model's, blue: "
             "below, grey: no sample. The upper half is a rising command, the lower half a falling "
             "one.",
             figures.residual_plane(comparison.plane),

@@ -39,7 +39,7 @@ def error_spectrum(table: pd.DataFrame) -> Any:
             y=table[column].to_numpy(),
             name=name,
             line=line,
-            hovertemplate="%{x:.3g} Hz: %{y:.3g} µm<extra></extra>",
+            hovertemplate="%{x:.3g} Hz: %{y:.3g} {output_unit}<extra></extra>",
             row=1,
             col=1,
         )
@@ -57,7 +57,7 @@ def error_spectrum(table: pd.DataFrame) -> Any:
     figure.update_xaxes(type="log", dtick=1)
     figure.update_xaxes(title_text="Frequency of the error (Hz)", row=2, col=1)
     figure.update_yaxes(
-        title_text="RMS in a third of an octave (µm)",
+        title_text="RMS in a third of an octave ({output_unit})",
         type="log",
         dtick=1,
         exponentformat="power",
@@ -82,10 +82,10 @@ def distortion_parts(table: pd.DataFrame) -> Any:
             orientation="h",
             name=_PART_NAMES[part],
             marker_color=colour,
-            hovertemplate="%{y}<br>%{x:.3g} µm<extra></extra>",
+            hovertemplate="%{y}<br>%{x:.3g} {output_unit}<extra></extra>",
         )
     figure.update_layout(barmode="group", bargap=0.25)
-    figure.update_xaxes(title_text="RMS (µm)", rangemode="tozero")
+    figure.update_xaxes(title_text="RMS ({output_unit})", rangemode="tozero")
     figure.update_yaxes(autorange="reversed", showgrid=False)
     return styled(figure, round(150 + 75 * len(table)))
 
@@ -107,7 +107,7 @@ def error_since_rest(table: pd.DataFrame, noise_um: float) -> Any:
             "customdata": rows["samples"].to_numpy(),
             "mode": "lines+markers",
             "line_color": colour,
-            "hovertemplate": "%{x:.3g} s: %{y:.3g} µm<br>%{customdata} samples<extra></extra>",
+            "hovertemplate": "%{x:.3g} s: %{y:.3g} {output_unit}<br>%{customdata} samples<extra></extra>",
         }
         if state == "resting":
             figure.add_scatter(
@@ -117,8 +117,10 @@ def error_since_rest(table: pd.DataFrame, noise_um: float) -> Any:
         figure.add_scatter(y=rows["rmse_um"].to_numpy(), name=name, row=1, col=2, **shared)
     figure.add_hline(y=noise_um, line=_NOISE, row=1, col=2)
     figure.update_xaxes(type="log", dtick=1, title_text="Time (s)", exponentformat="power")
-    figure.update_yaxes(title_text="Measured − model, with the last move (µm)", row=1, col=1)
-    figure.update_yaxes(title_text="RMS error (µm)", rangemode="tozero", row=1, col=2)
+    figure.update_yaxes(
+        title_text="Measured − model, with the last move ({output_unit})", row=1, col=1
+    )
+    figure.update_yaxes(title_text="RMS error ({output_unit})", rangemode="tozero", row=1, col=2)
     return styled(figure, 400)
 
 
@@ -137,9 +139,9 @@ def error_over_clock(table: pd.DataFrame) -> Any:
             name=str(role),
             legendgroup=str(role),
             showlegend=role not in seen,
-            hovertemplate=f"{figure_text(str(name))}<br>%{{x:.4g}} s: %{{y:.3g}} µm<extra></extra>",
+            hovertemplate=f"{figure_text(str(name))}<br>%{{x:.4g}} s: %{{y:.3g}} {{output_unit}}<extra></extra>",
         )
         seen.add(str(role))
     figure.update_xaxes(title_text="Time of the experiment (s)")
-    figure.update_yaxes(title_text="Mean of measured − model (µm)")
+    figure.update_yaxes(title_text="Mean of measured − model ({output_unit})")
     return styled(figure, 380)

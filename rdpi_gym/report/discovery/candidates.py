@@ -9,10 +9,11 @@ import pandas as pd
 
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, SearchResult, Step
+from rdpi_gym.measurement.quantities import in_output, template_of, unit_template
 from rdpi_gym.plant.effects import Effect, Parameter, forms_of
 from rdpi_gym.report.discovery import figures as discovery_figures
 from rdpi_gym.report.page import Section
-from rdpi_gym.support.words import closed, joined, micrometres
+from rdpi_gym.support.words import closed, joined
 
 
 def candidate_sections(result: SearchResult) -> list[Section]:
@@ -34,7 +35,7 @@ def candidate_sections(result: SearchResult) -> list[Section]:
     if len(rounds) == 1:
         table = table.drop(columns="Round")
     best = rounds[0][0]
-    least = micrometres(best.errors.validation_rmse_um)
+    least = in_output(best.errors.validation_rmse_um)
     seen = (
         f"The smallest validation error of the first round is {least}, with {best.effect}. Each "
         "candidate was refitted together with the rest of the model."
@@ -156,9 +157,9 @@ def _parameter_row(
         "value": candidate.parameters[name],
         "Standard error": candidate.standard_errors.get(name),
         "In the final model": final.get(candidate.effect, {}).get(name),
-        "unit": "" if parameter is None or parameter.unit == "1" else parameter.unit,
+        "unit": "" if parameter is None or parameter.unit == "1" else unit_template(parameter.unit),
         "bounds": "" if parameter is None else _bounds(parameter),
-        "meaning": "" if parameter is None else parameter.meaning,
+        "meaning": "" if parameter is None else template_of(parameter.meaning),
     }
 
 

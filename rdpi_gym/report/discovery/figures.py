@@ -38,7 +38,7 @@ def staircase(stairs: Sequence[tuple[str, Errors]], noise_floor_um: float) -> An
             line={"color": colour, "dash": dash, "shape": "hvh", "width": 2},
             marker={"size": 9},
             cliponaxis=False,
-            hovertemplate="%{x}: %{y:.4g} µm<extra>" + kind + "</extra>",
+            hovertemplate="%{x}: %{y:.4g} {output_unit}<extra>" + kind + "</extra>",
         )
     _floor_line(figure, noise_floor_um, axis="y")
     known = [v for _, values, _, _ in kinds for v in values if math.isfinite(v) and v > 0]
@@ -48,7 +48,7 @@ def staircase(stairs: Sequence[tuple[str, Errors]], noise_floor_um: float) -> An
     if low > 0:
         limits["log"] = [math.log10(low / 1.6), math.log10(high * 1.6)]
     chosen = "log" if wide else "linear"
-    figure.update_yaxes(title_text="RMS error (µm)", **_axis(chosen, limits[chosen]))
+    figure.update_yaxes(title_text="RMS error ({output_unit})", **_axis(chosen, limits[chosen]))
     figure.update_xaxes(range=[-0.5, len(names) - 0.5], showgrid=False)
     return _with_scale_buttons(styled(figure, 440), limits, chosen)
 
@@ -114,7 +114,9 @@ def ranking(
     _certainty_dots(figure, candidates)
     _floor_line(figure, noise_floor_um, axis="x")
     _line(figure, without.validation_rmse_um, "without a candidate", BEFORE, axis="x")
-    figure.update_xaxes(title_text="RMS error (µm)", range=[0.0, reach], nticks=4, row=1, col=1)
+    figure.update_xaxes(
+        title_text="RMS error ({output_unit})", range=[0.0, reach], nticks=4, row=1, col=1
+    )
     figure.update_xaxes(title_text="Value (%)", range=[-8.0, 108.0], row=1, col=2)
     figure.update_xaxes(tickangle=0)
     figure.update_annotations(font_size=13)  # titles fit over their panels on a narrow page
@@ -198,8 +200,8 @@ def _bar_text(candidate: Candidate, reach: float) -> str:
 def _hover(candidate: Candidate) -> str:
     lines = [
         f"<b>{figure_text(candidate.effect)}</b>",
-        f"validation {candidate.errors.validation_rmse_um:.4g} µm, "
-        f"training {candidate.errors.train_rmse_um:.4g} µm",
+        f"validation {candidate.errors.validation_rmse_um:.4g} {{output_unit}}, "
+        f"training {candidate.errors.train_rmse_um:.4g} {{output_unit}}",
     ]
     if candidate.indistinguishable:
         lines.append(
@@ -237,10 +239,10 @@ def records(
             mode="markers",
             name=figure_text(step),
             marker={"size": 10, "color": colour},
-            hovertemplate="%{y}: %{x:.4g} µm<extra>" + figure_text(step) + "</extra>",
+            hovertemplate="%{y}: %{x:.4g} {output_unit}<extra>" + figure_text(step) + "</extra>",
         )
     _floor_line(figure, noise_floor_um, axis="x")
-    figure.update_xaxes(title_text="RMS error (µm)", rangemode="tozero")
+    figure.update_xaxes(title_text="RMS error ({output_unit})", rangemode="tozero")
     figure.update_yaxes(
         categoryorder="array", categoryarray=labels, range=[len(labels) - 0.4, -0.6]
     )
@@ -267,7 +269,7 @@ def _line(figure: Any, value_um: float, name: str, colour: str, axis: str) -> No
         y=[None],
         mode="lines",
         line=style,
-        name=f"{name}, {value_um:.3g} µm",
+        name=f"{name}, {value_um:.3g} {{output_unit}}",
         hoverinfo="skip",
     )
 

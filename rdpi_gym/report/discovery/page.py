@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from rdpi_gym.diagnosis.results import SearchResult
+from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.report.discovery import figures as discovery_figures
 from rdpi_gym.report.discovery.candidates import candidate_sections, parameter_sections
@@ -18,7 +19,7 @@ from rdpi_gym.report.discovery.sentences import (
 )
 from rdpi_gym.report.discovery.view_sections import view_sections
 from rdpi_gym.report.page import Section, write_page
-from rdpi_gym.support.words import closed, joined, micrometres
+from rdpi_gym.support.words import closed, joined
 
 _HOW = (
     "- Every model and every candidate is refitted as a whole, hysteresis included, to the training "
@@ -57,8 +58,7 @@ def write_discovery_page(
         *_portrait(result),
         Section("How to read this page", _HOW),
     ]
-    names = (result.title, *(view.name for view in result.views))
-    return write_page(path, title, _summary(result), sections, result.quantities, names)
+    return write_page(path, title, _summary(result), sections, result.quantities)
 
 
 def _summary(result: SearchResult) -> str:
@@ -76,7 +76,7 @@ def _steps(result: SearchResult) -> Section:
     times = last[1].validation_rmse_um / floor if floor > 0 else float("inf")
     names = joined([candidate.effect for candidate in result.added])
     text = (
-        f"The RMS error on the validation records is {micrometres(last[1].validation_rmse_um)} "
+        f"The RMS error on the validation records is {in_output(last[1].validation_rmse_um)} "
         f"{f'with {names}' if names else 'without further effects'}, "
         f"{times:.2f} times the noise floor."
     )
@@ -121,7 +121,7 @@ def _checks(result: SearchResult) -> Section:
 
 def _left(result: SearchResult) -> Section:
     paragraphs = [
-        f"The final model leaves {micrometres(result.unexplained_rmse_um)} rms in excess of the "
+        f"The final model leaves {in_output(result.unexplained_rmse_um)} rms in excess of the "
         "noise floor.",
         result.remainder,
     ]

@@ -25,7 +25,7 @@ def draw_search(figure: Figure, result: SearchResult) -> Any:
     training = [errors.train_rmse_um for _, errors in stairs]
     axes[0].plot(names, training, "s:", color=MUTED, label="training records")
     axes[0].set_ylim(bottom=0.0)
-    axes[0].set_ylabel("RMS error (µm)")
+    axes[0].set_ylabel("RMS error ({output_unit})")
     axes[0].margins(x=0.15)
     known = [c for c in result.candidates if math.isfinite(c.errors.validation_rmse_um)][:_SHOWN]
     added = {candidate.effect for candidate in result.added}
@@ -35,7 +35,7 @@ def draw_search(figure: Figure, result: SearchResult) -> Any:
         color=[PALETTE[0] if c.effect in added else "#C3CAD1" for c in known] or None,
     )
     axes[1].invert_yaxis()
-    axes[1].set_xlabel("RMS error with the candidate (µm)")
+    axes[1].set_xlabel("RMS error with the candidate ({output_unit})")
     axes[0].axhline(result.noise_floor_um, color=PALETTE[2], linestyle="--", label="noise floor")
     axes[1].axvline(result.noise_floor_um, color=PALETTE[2], linestyle="--")
     axes[0].legend()

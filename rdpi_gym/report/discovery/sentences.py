@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult
-from rdpi_gym.support.words import closed, joined, micrometres
+from rdpi_gym.measurement.quantities import in_output
+from rdpi_gym.support.words import closed, joined
 
 AS_GIVEN = "model as given"
 """Name of the model that a search started from, in the list of models."""
@@ -26,7 +27,7 @@ def candidate_sentence(candidate: Candidate, chances: Probabilities | None = Non
     form = f", {candidate.form}" if candidate.form else ""
     sure = f"{candidate.effect}{form}: {_how_sure(candidate, chances)}"
     if candidate.without_um is not None:
-        sure += f"; without it, with all else refitted, {micrometres(candidate.without_um)}"
+        sure += f"; without it, with all else refitted, {in_output(candidate.without_um)}"
     if candidate.indistinguishable:
         sure += f", indistinguishable from {joined(candidate.indistinguishable)} on these records"
     text = closed(sure)
@@ -85,7 +86,7 @@ def lines(result: SearchResult) -> list[str]:
         *(f"Cannot be told: {sentence}" for sentence in result.limits),
         next_experiment,
     ]
-    return [closed(sentence) for sentence in said if sentence]
+    return [closed(result.quantities.fill(sentence)) for sentence in said if sentence]
 
 
 def confounded_sentence(result: SearchResult) -> str:

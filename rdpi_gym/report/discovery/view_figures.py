@@ -112,7 +112,10 @@ def _over_time(view: View, k: NDArray[np.intp], noise_floor_um: float) -> Any:
         title_text=DISPLACEMENT_UM, range=axis_range(np.concatenate(heights)), row=1, col=1
     )
     figure.update_yaxes(
-        title_text="Measured − model (µm)", range=axis_range(np.concatenate(errors)), row=2, col=1
+        title_text="Measured − model ({output_unit})",
+        range=axis_range(np.concatenate(errors)),
+        row=2,
+        col=1,
     )
     figure.update_xaxes(title_text="Time (s)", row=2, col=1)
     return styled(figure, 600)
@@ -151,10 +154,13 @@ def loops(view: View, noise_floor_um: float, samples: int = 2 * DISPLAY_SAMPLES)
         if look.visible is True:
             errors.append((view.y_um - model)[known])
     _band(figure, noise_floor_um, row=1, col=2, legend=True)
-    figure.update_xaxes(title_text="Command (V)")
+    figure.update_xaxes(title_text="Command ({input_unit})")
     figure.update_yaxes(title_text=DISPLACEMENT_UM, row=1, col=1)
     figure.update_yaxes(
-        title_text="Measured − model (µm)", range=axis_range(np.concatenate(errors)), row=1, col=2
+        title_text="Measured − model ({output_unit})",
+        range=axis_range(np.concatenate(errors)),
+        row=1,
+        col=2,
     )
     return styled(figure, 480)
 
@@ -187,7 +193,7 @@ def residuals(profiles: Mapping[str, ResidualProfiles], noise_floor_um: float, t
             showlegend=False,
             visible=look.visible,
             line={"color": look.colour, "width": 1.2},
-            hovertemplate="%{x:.4g} Hz: %{y:.3g} µm/√Hz<extra>" + look.name + "</extra>",
+            hovertemplate="%{x:.4g} Hz: %{y:.3g} {output_unit}/√Hz<extra>" + look.name + "</extra>",
             row=2,
             col=1,
         )
@@ -201,20 +207,20 @@ def residuals(profiles: Mapping[str, ResidualProfiles], noise_floor_um: float, t
         row=2,
         col=1,
     )
-    figure.update_yaxes(title_text="Mean of measured − model (µm)", row=1, col=1)
-    figure.update_yaxes(title_text="Mean of measured − model (µm)", row=1, col=2)
+    figure.update_yaxes(title_text="Mean of measured − model ({output_unit})", row=1, col=1)
+    figure.update_yaxes(title_text="Mean of measured − model ({output_unit})", row=1, col=2)
     figure.update_yaxes(
-        title_text="Measured − model (µm/√Hz)",
+        title_text="Measured − model ({output_unit}/√Hz)",
         type="log",
         exponentformat="power",
         row=2,
         col=1,
     )
-    figure.update_xaxes(title_text="Command (V)", row=1, col=1)
-    figure.update_xaxes(title_text="Rate of the command (V/s)", row=1, col=2)
+    figure.update_xaxes(title_text="Command ({input_unit})", row=1, col=1)
+    figure.update_xaxes(title_text="Rate of the command ({input_unit}/s)", row=1, col=2)
     figure.update_xaxes(title_text="Frequency (Hz)", type="log", dtick="D2", row=2, col=1)
     if held:
-        figure.update_yaxes(title_text="Onward since the move (µm)", row=2, col=2)
+        figure.update_yaxes(title_text="Onward since the move ({output_unit})", row=2, col=2)
         figure.update_xaxes(
             title_text="Time since the last move (s)", type="log", dtick="D2", row=2, col=2
         )
@@ -244,7 +250,7 @@ def _means(
         mode=mode,
         marker={"size": 5, "color": look.colour},
         line={"color": look.colour, "width": 1.4, "dash": dash},
-        hovertemplate="%{x:.4g}: mean %{y:.3g} µm<br>%{customdata} samples<extra>"
+        hovertemplate="%{x:.4g}: mean %{y:.3g} {output_unit}<br>%{customdata} samples<extra>"
         + look.name
         + "</extra>",
         row=row,

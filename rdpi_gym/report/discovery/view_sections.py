@@ -67,7 +67,7 @@ def view_sections(result: SearchResult) -> list[Section]:
         ),
         Section(
             "Loops",
-            "On the left displacement over command, on the right measured minus model along the same "
+            "On the left {output} over command, on the right measured minus model along the same "
             "loops. A shape that repeats there is physics that the model lacks.",
             {n: view_figures.loops(v, floor, samples) for n, v in names.items()},
         ),

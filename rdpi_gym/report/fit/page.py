@@ -48,7 +48,6 @@ def write_fit_page(
         "\n\n".join(said),
         sections,
         result.quantities,
-        (result.plant.name, *result.rmse_um),
     )
 
 
@@ -64,11 +63,11 @@ def _weights(result: FitResult) -> Any:
             width=0.6 * thresholds[1],
             error_y={"type": "data", "array": reach},
             marker_color=PALETTE[0],
-            hovertemplate="%{x:.4g} V: %{y:.4g} µm/V<extra></extra>",
+            hovertemplate="%{x:.4g} {input_unit}: %{y:.4g} {output_unit}/{input_divisor}<extra></extra>",
         )
     )
-    figure.update_xaxes(title_text="Threshold at rest (V)")
-    figure.update_yaxes(title_text="Weight (µm/V)")
+    figure.update_xaxes(title_text="Threshold at rest ({input_unit})")
+    figure.update_yaxes(title_text="Weight ({output_unit}/{input_divisor})")
     return styled(figure, 400)
 
 
@@ -80,9 +79,9 @@ def _errors(result: FitResult) -> Any:
             y=names,
             orientation="h",
             marker_color=PALETTE[1],
-            hovertemplate="%{y}: %{x:.4g} µm<extra></extra>",
+            hovertemplate="%{y}: %{x:.4g} {output_unit}<extra></extra>",
         )
     )
-    figure.update_xaxes(title_text="RMS error (µm)", rangemode="tozero")
+    figure.update_xaxes(title_text="RMS error ({output_unit})", rangemode="tozero")
     figure.update_yaxes(autorange="reversed", showgrid=False)
     return styled(figure, round(140 + 26 * len(names)))

@@ -30,9 +30,9 @@ def draw_fit(figure: Figure, result: FitResult) -> Any:
         ecolor=INK,
         capsize=3,
     )
-    axes[0].set_xlabel("Threshold at rest (V)")
-    axes[0].set_ylabel("Weight (µm/V), 95 % interval")
+    axes[0].set_xlabel("Threshold at rest ({input_unit})")
+    axes[0].set_ylabel("Weight ({output_unit}/{input_divisor}), 95 % interval")
     axes[1].barh(list(result.rmse_um), list(result.rmse_um.values()), color=PALETTE[1])
     axes[1].invert_yaxis()
-    axes[1].set_xlabel("RMS error (µm)")
+    axes[1].set_xlabel("RMS error ({output_unit})")
     return axes

@@ -37,27 +37,28 @@ def write_data_page(path: Path | str, dataset: Dataset) -> Path:
             for r in dataset.records
         ]
     )
+    keep = (dataset.title, dataset.quantities.words, *(r.name for r in dataset.records))
+    keep = (*keep, *(r.note for r in dataset.records))
+    described = dataset.quantities.said(dataset.describe(), keep).splitlines()[1:]
     sections = [
         Section(
             "Each record",
-            "Voltage and displacement over time, and the loops that they make. "
+            "{Input} and {output} over time, and the loops that they make. "
             "Drag over a stretch to enlarge it, double-click to return.",
             {record.name: _traces(record, samples) for record in dataset.records},
             table,
         ),
         Section(
             "How the records were read",
-            "\n".join(f"- {line.strip()}" for line in dataset.describe().splitlines()[1:]),
+            "\n".join(f"- {line.strip()}" for line in described),
         ),
     ]
     moving = sum(not record.is_quiet for record in dataset.records)
     summary = (
-        f"{len(dataset.records)} records, {moving} of them with a voltage that moves; "
+        f"{len(dataset.records)} records, {moving} of them with a {{input}} that moves; "
         f"{len(dataset.train)} to fit, {len(dataset.validation)} to validate on."
     )
-    names = (dataset.title, dataset.quantities.words, *(r.name for r in dataset.records))
-    notes = (r.note for r in dataset.records)
-    return write_page(path, dataset.title, summary, sections, dataset.quantities, (*names, *notes))
+    return write_page(path, dataset.title, summary, sections, dataset.quantities)
 
 
 def _traces(record: Record, samples: int) -> Any:
@@ -77,7 +78,7 @@ def _traces(record: Record, samples: int) -> Any:
             x=x, y=values, line={"color": colour, "width": 1}, showlegend=False, row=row, col=col
         )
     figure.update_xaxes(title_text="Time (s)", row=2, col=1)
-    figure.update_xaxes(title_text="Voltage (V)", row=1, col=2)
-    figure.update_yaxes(title_text="Displacement (µm)", row=1)
-    figure.update_yaxes(title_text="Voltage (V)", row=2, col=1)
+    figure.update_xaxes(title_text="{Input} ({input_unit})", row=1, col=2)
+    figure.update_yaxes(title_text="{Output} ({output_unit})", row=1)
+    figure.update_yaxes(title_text="{Input} ({input_unit})", row=2, col=1)
     return styled(figure, 460)

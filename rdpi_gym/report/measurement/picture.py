@@ -25,8 +25,8 @@ def draw_records(figure: Figure, records: Sequence[Record]) -> Any:
         axes[0].plot(record.t_s[k], record.y_um[k], color=colour, linewidth=0.8, label=record.name)
         axes[1].plot(record.u_V[k], record.y_um[k], color=colour, linewidth=0.8)
     axes[0].set_xlabel("Time (s)")
-    axes[1].set_xlabel("Voltage (V)")
-    axes[0].set_ylabel("Displacement (µm)")
+    axes[1].set_xlabel("{Input} ({input_unit})")
+    axes[0].set_ylabel("{Output} ({output_unit})")
     if 1 < len(moving) <= _NAMED:
         axes[0].legend()
     return axes
