@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -118,12 +118,12 @@ class Free:
         physical = min(max(physical, self.parameter.low), self.parameter.high)
         if self.effect is None:
             core = variant.hysteresis.with_shape({self.parameter.name: float(physical)})
-            return replace(variant, hysteresis=core)
+            return Variant(core, variant.effects)
         effects = list(variant.effects)
         effects[self.effect] = effects[self.effect].with_values(
             {self.parameter.name: float(physical)}
         )
-        return replace(variant, effects=tuple(effects))
+        return Variant(variant.hysteresis, tuple(effects))
 
 
 @dataclass(frozen=True)
@@ -547,7 +547,7 @@ def _gain_sizes(core: Core, records: Sequence[Record]) -> Array:
 
 
 def _with_gains(variant: Variant[Any], gains: Array) -> Variant[Any]:
-    return replace(variant, hysteresis=variant.hysteresis.with_gains(gains.tolist()))
+    return Variant(variant.hysteresis.with_gains(gains.tolist()), variant.effects)
 
 
 def _padded(weights: Array, at: _Pass) -> Array:
