@@ -245,16 +245,37 @@ def change_rows(
     kept, record = kept + record.before_V.size, record.with_history
     order, ahead, behind = _parted(base, changed)
     u, v, parameters, state = _front([base, *ahead], record)
-    y = np.empty_like(u)
-    type(base.hysteresis).block(u, v, parameters, state, y)
-    lanes, same = [base, *ahead, *behind], len(behind)
-    x = np.concatenate([y, np.repeat(y[:, :1], same, axis=1)], axis=1)
-    commands = np.concatenate([u, np.repeat(u[:, :1], same, axis=1)], axis=1)
+    x = np.empty_like(u)
+    type(base.hysteresis).block(u, v, parameters, state, x)
+    lanes = [base, *ahead, *behind]
     behind_core = in_order(_links(lanes, record, BEHIND), BEHIND)
-    x = walk(behind_core, [commands, None, x])[DISPLACEMENT]
+    if behind:
+        x, u = _widened(x, len(lanes)), _widened(u, len(lanes)) if behind_core else u
+    x = walk(behind_core, [u, None, x])[DISPLACEMENT]
     rows = np.empty((len(kept), len(lanes)))
     _difference_rows(x, record.y_um, kept, 1.0 / steps[order], order, rows)
     return rows
+
+
+def _widened(x: Array, lanes: int) -> Array:
+    """Lanes ``[T, F]``, and lane 0 again in each further one."""
+    wide = np.empty((len(x), lanes))
+    wide[:, : x.shape[1]] = x
+    wide[:, x.shape[1] :] = x[:, :1]
+    return wide
+
+
+@njit(cache=True)
+def centre(rows: Array) -> None:
+    """Take the mean of each column out of it."""
+    mean = np.zeros(rows.shape[1])
+    for t in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            mean[k] += rows[t, k]
+    mean /= rows.shape[0]
+    for t in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            rows[t, k] -= mean[k]
 
 
 def _parted(
