@@ -54,10 +54,6 @@ class Variant(Generic[AnyCore]):
     effects: tuple[Effect, ...]
 
 
-def _in_front(effect: Effect) -> bool:
-    return effect.slot in FRONT
-
-
 def _links(
     variants: Sequence[Variant[Any]], record: Record, places: Sequence[Place]
 ) -> dict[Place, Sequence[Link]]:
@@ -203,8 +199,7 @@ def jacobian_rows(
 ) -> Array:
     """Derivatives of the displacement over a record, and what the plant leaves of it."""
     kept, record = kept + record.before_V.size, record.with_history
-    ahead = [v for v in changed if _changes_front(base, v)]
-    behind = [v for v in changed if not _changes_front(base, v)]
+    order, ahead, behind = _parted(base, changed)
     u, v, parameters, state = _front([base, *ahead], record)
     core, first = base.hysteresis, len(gain_steps) + 1
     memory, front_u, front_v = state[2:, 0].copy(), u[:, 0].copy(), v[:, 0].copy()
@@ -217,7 +212,6 @@ def jacobian_rows(
     lanes = [base, *_gains_changed(base, gain_steps), *ahead, *behind]
     behind_core = in_order(_links(lanes, record, BEHIND), BEHIND)
     core_lanes = _core_lanes(core, front_u, front_v, memory, gain_steps)
-    order = np.array([changed.index(v) for v in (*ahead, *behind)], dtype=np.intp)
     scale = 1.0 / np.concatenate([gain_steps, steps[order]])
     target = np.concatenate([np.arange(first - 1), first - 1 + order])
     rows = np.empty((len(kept), len(lanes)))
@@ -249,27 +243,58 @@ def change_rows(
 ) -> Array:
     """Return :func:`jacobian_rows` without the columns of the weights: a few lanes, not dozens."""
     kept, record = kept + record.before_V.size, record.with_history
-    ahead = [v for v in changed if _changes_front(base, v)]
-    behind = [v for v in changed if not _changes_front(base, v)]
+    order, ahead, behind = _parted(base, changed)
     u, v, parameters, state = _front([base, *ahead], record)
-    y = np.empty_like(u)
-    type(base.hysteresis).block(u, v, parameters, state, y)
-    lanes, same = [base, *ahead, *behind], len(behind)
-    x = np.concatenate([y, np.repeat(y[:, :1], same, axis=1)], axis=1)
-    commands = np.concatenate([u, np.repeat(u[:, :1], same, axis=1)], axis=1)
+    x = np.empty_like(u)
+    type(base.hysteresis).block(u, v, parameters, state, x)
+    lanes = [base, *ahead, *behind]
     behind_core = in_order(_links(lanes, record, BEHIND), BEHIND)
-    x = walk(behind_core, [commands, None, x])[DISPLACEMENT]
-    order = np.array([changed.index(v) for v in (*ahead, *behind)], dtype=np.intp)
+    if behind:
+        x, u = _widened(x, len(lanes)), _widened(u, len(lanes)) if behind_core else u
+    x = walk(behind_core, [u, None, x])[DISPLACEMENT]
     rows = np.empty((len(kept), len(lanes)))
     _difference_rows(x, record.y_um, kept, 1.0 / steps[order], order, rows)
     return rows
 
 
+def _widened(x: Array, lanes: int) -> Array:
+    """Lanes ``[T, F]``, and lane 0 again in each further one."""
+    wide = np.empty((len(x), lanes))
+    wide[:, : x.shape[1]] = x
+    wide[:, x.shape[1] :] = x[:, :1]
+    return wide
+
+
+@njit(cache=True)
+def centre(rows: Array) -> None:
+    """Take the mean of each column out of it."""
+    mean = np.zeros(rows.shape[1])
+    for t in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            mean[k] += rows[t, k]
+    mean /= rows.shape[0]
+    for t in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            rows[t, k] -= mean[k]
+
+
+def _parted(
+    base: Variant[Any], changed: Sequence[Variant[Any]]
+) -> tuple[NDArray[np.intp], list[Variant[Any]], list[Variant[Any]]]:
+    """Variants that differ in front of the plays and behind, and the places of both in this order."""
+    front = np.array([_changes_front(base, variant) for variant in changed], dtype=np.bool_)
+    order = np.argsort(~front, kind="stable")
+    lanes = [changed[k] for k in order]
+    count = int(front.sum())
+    return order, lanes[:count], lanes[count:]
+
+
 def _changes_front(base: Variant[Any], variant: Variant[Any]) -> bool:
-    if variant.hysteresis != base.hysteresis:
+    """Whether a variant is another one up to the plays."""
+    if variant.hysteresis is not base.hysteresis and variant.hysteresis != base.hysteresis:
         return True
     pairs = zip(base.effects, variant.effects, strict=True)
-    return any(_in_front(a) and a != b for a, b in pairs)
+    return any(a is not b and a.slot in FRONT and a != b for a, b in pairs)
 
 
 def _core_lanes(
@@ -305,5 +330,5 @@ def _gains_changed(base: Variant[Any], steps: Array) -> list[Variant[Any]]:
     changed = []
     for k in range(count):
         gains = [*core.gains[:k], core.gains[k] + float(steps[k]), *core.gains[k + 1 :]]
-        changed.append(replace(base, hysteresis=core.with_gains(gains)))
+        changed.append(Variant(core.with_gains(gains), base.effects))
     return [*changed, *[base] * (len(steps) - count)]

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rdpi_gym.identification.fitting import MIN_MOTION
-from rdpi_gym.identification.jacobian import Variant, change_rows, jacobian_rows
+from rdpi_gym.identification.jacobian import Variant, centre, change_rows, jacobian_rows
 from rdpi_gym.identification.nonnegative import (
     BoolArray,
     bounded_least_squares,
@@ -118,12 +119,12 @@ class Free:
         physical = min(max(physical, self.parameter.low), self.parameter.high)
         if self.effect is None:
             core = variant.hysteresis.with_shape({self.parameter.name: float(physical)})
-            return replace(variant, hysteresis=core)
+            return Variant(core, variant.effects)
         effects = list(variant.effects)
         effects[self.effect] = effects[self.effect].with_values(
             {self.parameter.name: float(physical)}
         )
-        return replace(variant, effects=tuple(effects))
+        return Variant(variant.hysteresis, tuple(effects))
 
 
 @dataclass(frozen=True)
@@ -232,6 +233,20 @@ class _Pass:
         gain = abs(float(self.rhs[0])) / max(float(self.gram[0, 0]), 1e-300)
         return max(_SMALLEST_A0 * gain, 1e-300)
 
+    @cached_property
+    def gains(self) -> Array:
+        """Best gains where the free numbers stay."""
+        n, core = len(self.core.gains), self.core
+        gram, rhs = self.gram[:n, :n], self.rhs[:n]
+        return signed_least_squares(gram, rhs, core.signed, self.allowed, self.floor)
+
+    @cached_property
+    def least(self) -> float:
+        """Squares that these gains leave."""
+        x = np.zeros(len(self.rhs))
+        x[: len(self.gains)] = self.gains
+        return self.cost(x)
+
     def cost(self, x: Array) -> float:
         return float(self.total - 2 * x @ self.rhs + x @ self.gram @ x)
 
@@ -254,7 +269,7 @@ class _Problem:
         columns, changes = [], []
         for record, kept in zip(self.records, self.kept, strict=True):
             rows = jacobian_rows(variant, changed, steps, gain_steps, record, kept)
-            rows -= rows.mean(axis=0)
+            centre(rows)
             columns.append(rows[:, :n_weights])
             changes.append(rows[:, n_weights:])
         squares = [c.T @ c for c in columns]
@@ -272,7 +287,8 @@ class _Problem:
         changes = []
         for record, kept in zip(self.records, self.kept, strict=True):
             rows = change_rows(variant, changed, steps, record, kept)
-            changes.append(rows - rows.mean(axis=0))
+            centre(rows)
+            changes.append(rows)
         return _products(variant, self.free, columns, changes, squares, self.price)
 
     def stepped(self, best: Variant[Any], here: _Pass, damping: float) -> Variant[Any]:
@@ -394,36 +410,35 @@ def fit_joint(
 ) -> JointFit:
     """Refit the weights, δ2 and every parameter of the effects to records."""
     problem, best = _begun(records, start, effects, held, samples, smoothness)
-    n_weights = len(start.gains)
     here = problem.whole_pass(best)
-    best = _with_gains(best, _gains_alone(here, n_weights))
+    best = _with_gains(best, here.gains)
     here = problem.light_pass(best, here)
-    cost = _least(here, n_weights)
+    cost = here.least
     used, damping, moves, converged = 2, 1e-3, 0, False
     while used < passes and not converged:
         trial = problem.stepped(best, here, damping)
         there = problem.light_pass(trial, here)
         used += 1
-        trial_cost = _least(there, n_weights)
+        trial_cost = there.least
         better, small = trial_cost < cost, cost - trial_cost < tolerance * cost
         stale = moves > 0
         if better:
             best, here, cost, moves = trial, there, trial_cost, moves + 1
             damping = max(damping / 10, 1e-9)
         if stale and (small or moves > _LIGHT_PASSES):
-            best = _with_gains(best, _gains_alone(here, n_weights))
+            best = _with_gains(best, here.gains)
             here, moves = problem.whole_pass(best), 0
-            cost = _least(here, n_weights)
+            cost = here.least
         elif better:
             converged = small
         else:
             converged = damping > _LARGEST_DAMPING
             damping *= 10
-    best = _with_gains(best, _gains_alone(here, n_weights))
+    best = _with_gains(best, here.gains)
     if moves > 0:
         here = problem.whole_pass(best)
-        best = _with_gains(best, _gains_alone(here, n_weights))
-        cost = _least(here, n_weights)
+        best = _with_gains(best, here.gains)
+        cost = here.least
     cost -= problem.priced(best, here)
     edge = [n for n in problem.free if n.effect is not None and n.at_bound(best)]
     errors = _standard_errors(best, problem.free, here, cost)
@@ -485,22 +500,21 @@ def first_steps(
     by: the error that is returned is that of a model in which they are linear.
     """
     problem, best = _begun(records, start, effects, held, samples, smoothness)
-    n_weights = len(start.gains)
     here = (
         problem.whole_pass(best)
         if near is None
         else problem.changes_at(best, near.columns, near.squares)
     )
-    best = _with_gains(best, _gains_alone(here, n_weights))
+    best = _with_gains(best, here.gains)
     here = problem.light_pass(best, here)
-    cost, damping, tried = _least(here, n_weights), 1e-3, 0
+    cost, damping, tried = here.least, 1e-3, 0
     while tried < steps:
         if cost - _HOPE * (cost - problem.foreseen(best, here)) > least_um**2 * here.count:
             break
         trial = problem.stepped(best, here, damping)
         there = problem.light_pass(trial, here)
         tried += 1
-        trial_cost = _least(there, n_weights)
+        trial_cost = there.least
         if trial_cost < cost:
             small = cost - trial_cost < _SMALL * cost
             best, here, cost = trial, there, trial_cost
@@ -509,7 +523,7 @@ def first_steps(
                 break
         else:
             damping *= 10
-    best = _with_gains(best, _gains_alone(here, n_weights))
+    best = _with_gains(best, here.gains)
     cost -= problem.priced(best, here)
     return FirstSteps(
         best, math.sqrt(max(cost, 0.0) / max(here.count, 1)), here.columns, here.squares, here.left
@@ -547,21 +561,7 @@ def _gain_sizes(core: Core, records: Sequence[Record]) -> Array:
 
 
 def _with_gains(variant: Variant[Any], gains: Array) -> Variant[Any]:
-    return replace(variant, hysteresis=variant.hysteresis.with_gains(gains.tolist()))
-
-
-def _padded(weights: Array, at: _Pass) -> Array:
-    x = np.zeros(len(at.rhs))
-    x[: len(weights)] = weights
-    return x
-
-
-def _least(at: _Pass, n_weights: int) -> float:
-    return at.cost(_padded(_gains_alone(at, n_weights), at))
-
-
-def _gains_alone(at: _Pass, n: int) -> Array:
-    return signed_least_squares(at.gram[:n, :n], at.rhs[:n], at.core.signed, at.allowed, at.floor)
+    return Variant(variant.hysteresis.with_gains(gains.tolist()), variant.effects)
 
 
 def _standard_errors(

@@ -2,7 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+One = TypeVar("One")
+
+
+def moved(one: One, checks: type, **values: Any) -> One:
+    """Return a frozen dataclass with other values of some fields, which the caller has checked.
+
+    A class whose checks are not those of the class `checks` checks all of its fields anew.
+    """
+    kind: Any = type(one)
+    if kind.__post_init__ is not checks.__post_init__:  # type: ignore[attr-defined]
+        return replace(one, **values)  # type: ignore[type-var]
+    made: One = object.__new__(kind)
+    for name in kind.__dataclass_fields__:
+        object.__setattr__(made, name, values[name] if name in values else getattr(one, name))
+    return made
 
 
 @dataclass(frozen=True)

@@ -217,10 +217,13 @@ class Core(ABC):
 
     def with_shape(self, values: Mapping[str, float]) -> Self:
         """Return the same core with other values of numbers of ``shape``, within their bounds."""
-        limits = {p.name: (p.low, p.high) for p in self.shape}
-        inside = {k: min(max(float(v), limits[k][0]), limits[k][1]) for k, v in values.items()}
-        changed: Any = dataclasses.replace(self, **inside)  # type: ignore[type-var]
+        changed: Any = dataclasses.replace(self, **self._within(values))  # type: ignore[type-var]
         return changed  # type: ignore[no-any-return]
+
+    def _within(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values of numbers of ``shape``, each moved to the nearest within its bounds."""
+        limits = {p.name: (p.low, p.high) for p in self.shape}
+        return {k: min(max(float(v), limits[k][0]), limits[k][1]) for k, v in values.items()}
 
     @property
     def rate_gain_um_s_V(self) -> float:

@@ -18,7 +18,7 @@ from rdpi_gym.plant.cores.checks import (
 )
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
 from rdpi_gym.plant.cores.thresholds import ThresholdCore, spread_thresholds
-from rdpi_gym.plant.parameters import DataScale, Parameter
+from rdpi_gym.plant.parameters import DataScale, Parameter, moved
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
@@ -189,7 +189,17 @@ class RDPI(ThresholdCore):
         """Return the model with other weights (µm/V); a_0 stays above zero."""
         first, *others = (max(float(gain), 0.0) for gain in gains)
         least = first or _LEAST_A0 * max(math.fsum(others), _LEAST_A0)
-        return replace(self, weights=(least, *others))
+        return self._moved((least, *others), self.delta2_s)
+
+    def with_shape(self, values: Mapping[str, float]) -> RDPI:
+        """Return the model with another δ2 (s), within its bounds."""
+        return self._moved(self.weights, self._within(values).get("delta2_s", self.delta2_s))
+
+    def _moved(self, weights: tuple[float, ...], delta2_s: float) -> RDPI:
+        """The model with other numbers within their bounds: only whether they are finite is open."""
+        if math.isfinite(delta2_s + sum(weights)):
+            return moved(self, RDPI, weights=weights, delta2_s=delta2_s)
+        return replace(self, weights=weights, delta2_s=delta2_s)  # which refuses them
 
     def responses(self, u: Array, v: Array, memory: Array) -> Array:
         """The command, and each play operator's output (V)."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
@@ -16,6 +15,7 @@ from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.parameters import DataScale as DataScale
 from rdpi_gym.plant.parameters import Parameter as Parameter
+from rdpi_gym.plant.parameters import moved
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
@@ -176,12 +176,15 @@ class Effect(ABC):
 
     def __post_init__(self) -> None:
         for parameter in self.parameters:
-            value = getattr(self, parameter.name)
-            if not (is_finite(value) and parameter.low <= value <= parameter.high):
-                raise InputError(
-                    f"{self.full_name()} {parameter.name} is {shown(value)} {parameter.unit}; "
-                    f"physical values lie in {parameter.low:g} to {parameter.high:g}"
-                )
+            self._check(parameter, getattr(self, parameter.name))
+
+    def _check(self, parameter: Parameter, value: float) -> None:
+        """Refuse a value outside the bounds of a parameter."""
+        if not (is_finite(value) and parameter.low <= value <= parameter.high):
+            raise InputError(
+                f"{self.full_name()} {parameter.name} is {shown(value)} {parameter.unit}; "
+                f"physical values lie in {parameter.low:g} to {parameter.high:g}"
+            )
 
     @classmethod
     def fits_in(cls, core: type[Core]) -> bool:
@@ -407,14 +410,15 @@ class Effect(ABC):
         >>> CATALOGUE["resonance"]().with_values({"f0_hz": 700.0})
         Resonance(f0_hz=700.0, damping=0.02)
         """
-        known = [p.name for p in self.parameters]
-        for name in values:
+        known = {p.name: p for p in self.parameters}
+        for name, value in values.items():
             if name not in known:
                 raise InputError(
                     f"{self.full_name()} has no parameter {name!r}; "
                     f"its parameters are {', '.join(known)}"
                 )
-        return dataclasses.replace(self, **values)
+            self._check(known[name], value)
+        return moved(self, Effect, **values)
 
 
 class Stateless(Effect):
