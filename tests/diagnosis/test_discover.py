@@ -139,7 +139,7 @@ def test_what_came_close_is_tried_in_the_place_of_what_was_chosen(lagging):
     bench.setting = leaving_out(bench.setting, bench._spared)
     assert bench.on_every_sample(state) == (
         "with the beginnings that were left out the validation error is "
-        f"{state.outcome.errors.validation_rmse_um:.4g} µm",
+        f"{state.outcome.errors.validation_rmse_um:.4g} {{output_unit}}",
     )
 
 

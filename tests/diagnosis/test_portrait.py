@@ -12,9 +12,10 @@ from rdpi_gym.diagnosis.portrait.learning import learn_forms
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.sentences import sentences_of
 from rdpi_gym.diagnosis.search.candidates import Setting
+from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.scale import data_scale
-from rdpi_gym.measurement import Record
+from rdpi_gym.measurement import Quantities, Record
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.unknown import Unknown
@@ -47,7 +48,7 @@ def drawn(found):
     core = fit_joint(train, RDPI.comb(setting.scale)).variant.hysteresis.pruned()
     kin = {"asymmetry": CATALOGUE["asymmetry"]()}
     forms = learn_forms(setting, core, (), Unknown, lambda *_: None)
-    return draw(setting, core, (), forms, kin, 0, lambda *_: None)
+    return told(draw(setting, core, (), forms, kin, 0, lambda *_: None), Quantities())
 
 
 @pytest.fixture(scope="module")
