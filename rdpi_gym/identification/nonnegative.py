@@ -130,7 +130,10 @@ def signed_least_squares(
     """Minimise x'Gx - 2b'x where only some x may be negative."""
     turned, n = np.flatnonzero(signed), len(rhs)
     if not turned.size:
-        return bounded_least_squares(np.ascontiguousarray(gram), rhs, allowed, floor, allowed)[0]
+        whole: Array = bounded_least_squares(
+            np.ascontiguousarray(gram), rhs, allowed, floor, allowed
+        )[0]
+        return whole
     index = np.concatenate([np.arange(n), turned])
     signs = np.concatenate([np.ones(n), -np.ones(len(turned))])
     both = np.ascontiguousarray(gram[np.ix_(index, index)] * np.outer(signs, signs))
