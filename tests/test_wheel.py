@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-KINDS = {".py", ".typed", ".json", ".pt", ".npz", ".yml", ".html", ".css", ".js"}
+KINDS = {".py", ".pyi", ".typed", ".json", ".pt", ".npz", ".yml", ".html", ".css", ".js"}
 # Templates of what an export writes; a Makefile has no suffix.
 TEMPLATES = {".c", ".h", ".md", ".txt", ""}
 

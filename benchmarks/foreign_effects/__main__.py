@@ -18,10 +18,9 @@ from pathlib import Path
 
 from benchmarks.foreign_effects.case_row import run_case
 from benchmarks.foreign_effects.cases import NUMBERS, Case, make_cases
-from benchmarks.foreign_effects.fingerprint import study_fingerprint
 from benchmarks.foreign_effects.scoring import judgements
 from benchmarks.foreign_effects.summary import as_markdown, shares, targets
-from benchmarks.hidden_effects.case_row import Engine, discover_engine
+from benchmarks.hidden_effects.case_row import Engine, discover_engine, study_fingerprint
 from benchmarks.hidden_effects.run import run_rows, stored_rows
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.support.command_line import Options
@@ -81,7 +80,7 @@ def _rows(asked: Namespace, engine: Engine) -> list[Row]:
         return stored_rows(cases, asked.out)
     with progress_bar() as show:
         return run_rows(
-            cases, asked.out, partial(run_case, engine=engine), study_fingerprint(), asked.jobs, show,
+            cases, asked.out, partial(run_case, engine=engine), study_fingerprint("foreign_effects"), asked.jobs, show,
             lambda sentence: print(sentence, file=sys.stderr), asked.ray,
         )  # fmt: skip
 

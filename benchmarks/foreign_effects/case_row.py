@@ -7,9 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from benchmarks.foreign_effects.cases import Case, Prepared, prepare
-from benchmarks.foreign_effects.fingerprint import study_fingerprint
 from benchmarks.foreign_effects.sentences import what_is_left
-from benchmarks.hidden_effects.case_row import Engine, discover_engine, found
+from benchmarks.hidden_effects.case_row import Engine, discover_engine, found, study_fingerprint
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import Row
@@ -32,7 +31,7 @@ def run_case(
         "subject": list(case.subject),
         "number": case.number,
         "seed": case.seed,
-        "code": study_fingerprint(),
+        "code": study_fingerprint("foreign_effects"),
     }
     try:
         prepared = make(case)

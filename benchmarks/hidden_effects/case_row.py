@@ -5,17 +5,29 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from benchmarks.hidden_effects.cases import Case, prepare
-from benchmarks.hidden_effects.fingerprint import study_fingerprint
 from rdpi_gym.diagnosis.results import Candidate, SearchResult
 from rdpi_gym.measurement import Dataset
+from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files, used_files
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.draws import MaskedError
 
 Engine = Callable[[Dataset, int], SearchResult]
 """Called with records and a seed."""
+
+# What a row depends on; neither who runs the cases nor tables and pages made of rows are among it.
+_ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis", "virtual_lab")
+
+
+@cache
+def study_fingerprint(study: str = "hidden_effects") -> str:
+    """Return a hash of the code that a row of a study depends on, its text for readers left out."""
+    own = used_files([f"benchmarks.{study}.case_row"], Path(__file__).parents[1])
+    return fingerprint(code_parts([*room_files(*_ROOMS), *own]))
 
 
 def discover_engine(dataset: Dataset, seed: int) -> SearchResult:

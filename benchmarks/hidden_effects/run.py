@@ -7,9 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from benchmarks.hidden_effects.case_row import Engine, discover_engine, run_case
+from benchmarks.hidden_effects.case_row import Engine, discover_engine, run_case, study_fingerprint
 from benchmarks.hidden_effects.cases import Case
-from benchmarks.hidden_effects.fingerprint import study_fingerprint
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,8 @@ class Task:
         What it believes of the plant, and what that is called.
     seed
         Of the sensor's noise and of random references.
+    kept
+        Whether its rows are, so that they carry a hash of what they depend on.
     """
 
     hidden: HiddenPlant
@@ -65,11 +68,14 @@ class Task:
     name: str
     belief: PlantModel
     seed: int
+    kept: bool = True
 
-    @property
+    @cached_property
     def code(self) -> str:
         """A hash of all that its rows depend on."""
-        own = [Path(__file__).read_text(encoding="utf-8"), code_fingerprint()]
+        if not self.kept:
+            return ""
+        own = [Path(__file__).read_text(encoding="utf-8"), code_fingerprint(self.controller)]
         plants = [self.hidden.plant.to_dict(), self.belief.to_dict()]
         return hashlib.sha256(json.dumps([*own, *plants]).encode()).hexdigest()[:16]
 
@@ -86,11 +92,12 @@ def payoff_table(
     progress: Progress | None = None,
     ray_address: str | None = None,
     note: Callable[[str], None] | None = None,
+    kept: bool = True,
 ) -> pd.DataFrame:
     """Score every compensator with every belief on every plant; an interrupted run goes on."""
     cases = payoff_cases()
     tasks = [
-        Task(hidden, controller, name, own[name], seed)
+        Task(hidden, controller, name, own[name], seed, kept)
         for hidden, own in beliefs.items()
         for controller in CONTROLLERS
         for name in BELIEFS

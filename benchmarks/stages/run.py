@@ -17,7 +17,6 @@ from baselines import (
     inverts_any_core,
 )
 from baselines.preview import PreviewInversion
-from baselines.tuning import TUNED
 from benchmarks.stages.draws import TestSeed
 from benchmarks.stages.rows import SUITE_VERSION, key, open_rows
 from benchmarks.stages.unit import make_units, run_unit
@@ -25,12 +24,12 @@ from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
 from benchmarks.tracking.learned import is_learned, read_policy
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fingerprint import code_parts, fingerprint
+from rdpi_gym.support.fingerprint import code_parts, fingerprint, used_files
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
 
-_OWN = ("unit.py",)
+_OWN = ("benchmarks.stages.unit",)
 
 
 def field() -> list[str]:
@@ -79,8 +78,12 @@ def run_tasks(
     ray_address: str | None = None,
     factories: Mapping[str, ControllerFactory] | None = None,
     bound: bool = True,
+    kept: bool = True,
 ) -> Outcome:
-    """Compute what is missing, and return every row that was asked for; an interrupted run goes on."""
+    """Compute what is missing, and return every row that was asked for; an interrupted run goes on.
+
+    Rows of a folder that is not kept carry no hash of what they depend on.
+    """
     drawn = TestSeed() if seed is None else seed
     names = [named_task(task).name for task in tasks]
     made = dict(factories or {})
@@ -100,7 +103,7 @@ def run_tasks(
         for name in asked
         for unit in make_units(
             name, task, drawn.seed, drawn.label, range(plants),
-            _stamp(name, task, made), made.get(name),
+            _stamp(name, task, made) if kept else "", made.get(name),
         )
     ]  # fmt: skip
     store = open_rows(out)
@@ -129,14 +132,16 @@ def _stamp(controller: str, task: str, made: Mapping[str, ControllerFactory]) ->
         json.dumps(each.to_dict(), sort_keys=True).encode()
         for each in (*one.nominals, *one.beliefs)
     ]
-    parts = [_code().encode(), task_fingerprint(controller, one.nominal()).encode(), *plants]
+    parts = [
+        _code(controller).encode(),
+        task_fingerprint(controller, one.nominal()).encode(),
+        *plants,
+    ]
     return fingerprint(parts)
 
 
 @cache
-def _code() -> str:
-    here = Path(__file__).parent
-    tuned = sorted(TUNED.glob("*.json")) if TUNED.is_dir() else []
-    parts = [str(SUITE_VERSION).encode(), code_fingerprint().encode()]
-    parts += [path.read_bytes() for path in tuned]
-    return fingerprint([*parts, *code_parts([here / name for name in _OWN])])
+def _code(controller: str) -> str:
+    """Return a hash of the code that the rows of a controller depend on."""
+    parts = [str(SUITE_VERSION).encode(), code_fingerprint(controller).encode()]
+    return fingerprint([*parts, *code_parts(used_files(_OWN, Path(__file__).parents[1]))])

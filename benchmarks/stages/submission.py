@@ -92,7 +92,9 @@ def submit(
     code = _copied(controller, folder)
     words = ["rdpi", "submit", controller, "--task", ",".join(names), "--draws", str(plants)]
     command = shlex.join([*words, "--out", str(folder)])
-    entry = Submission(folder, controller, code, _hash(folder, code), names, plants, command)
+    entry = Submission(
+        folder, controller, code, _hash(folder, code, controller), names, plants, command
+    )
     write_json(
         folder / FILE,
         {
@@ -134,7 +136,7 @@ def read_submission(folder: Path) -> Submission:
     )
     if Path(entry.code).name != entry.code or (entry.code and not (folder / entry.code).exists()):
         raise InputError(f"{where} names the code {quoted(entry.code)}, which is not in its folder")
-    if entry.code and _hash(folder, entry.code) != entry.hash:
+    if entry.code and _hash(folder, entry.code, entry.controller) != entry.hash:
         raise InputError(
             f"{folder / entry.code} is not what was submitted: its hash differs; submit it again"
         )
@@ -242,9 +244,9 @@ def _copied(controller: str, folder: Path) -> str:
     return name
 
 
-def _hash(folder: Path, code: str) -> str:
+def _hash(folder: Path, code: str, controller: str) -> str:
     if not code:
-        return code_fingerprint()
+        return code_fingerprint(controller)
     path = folder / code
     files = sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
     digest = hashlib.sha256()

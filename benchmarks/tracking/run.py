@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -252,25 +253,39 @@ class Outcome:
 
 def benchmark(
     selection: Selection,
-    out: Path,
+    out: Path | None,
     jobs: int = -1,
     progress: Progress | None = None,
     ray_address: str | None = None,
 ) -> Outcome:
-    """Compute what is missing or failed and return every row that was asked for."""
+    """Compute what is missing or failed and return every row that was asked for.
+
+    Without a folder no row is kept, and none carries a fingerprint.
+    """
+    if out is None:
+        with TemporaryDirectory() as scratch:
+            tasks = _tasks(selection, stamped=False)
+            return _compute(selection, tasks, Path(scratch), jobs, progress, ray_address)
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for --out")
+    return _compute(selection, _tasks(selection, stamped=True), out, jobs, progress, ray_address)
+
+
+def _compute(
+    selection: Selection,
+    tasks: Sequence[Task],
+    out: Path,
+    jobs: int,
+    progress: Progress | None,
+    ray_address: str | None,
+) -> Outcome:
+    """Run what a folder does not have of tasks."""
     store = open_rows(out)
     remark = store.remark()
     notes = [] if remark is None else [remark]
-    tasks = _tasks(selection)
     stamps = {k: dict(task.stamps) for task in tasks for k in row_keys(task)}
-    code = code_fingerprint()
     aside = store.set_aside(
-        lambda row: (
-            row.get("code") != code
-            or any(row.get(name) != value for name, value in stamps.get(key(row), {}).items())
-        )
+        lambda row: any(row.get(name) != value for name, value in stamps.get(key(row), {}).items())
     )
     if aside is not None:
         notes.append(f"Rows of changed code, plants or controllers were set aside in {aside.name}.")
@@ -288,16 +303,19 @@ def benchmark(
     return Outcome([store.rows[k] for k in _in_order(selection)], tuple(notes), computed)
 
 
-def _tasks(selection: Selection) -> list[Task]:
+def _tasks(selection: Selection, stamped: bool) -> list[Task]:
+    """Return all tasks, stamped with what tells whether their rows are still valid, or with nothing."""
     tasks = []
     for controller, one, ts in _settings(selection):
         factory = selection.factories.get(controller)
-        stamps = {
-            "code": code_fingerprint(),
-            "task": task_fingerprint(controller, one.plant, one.believed),
-        }
-        if factory is not None:  # no one can say whether it is still the same: always run anew
-            stamps["task"] = os.urandom(8).hex()
+        stamps = {}
+        if stamped:
+            # what makes a controller may be another each time: always run anew
+            task = os.urandom(8).hex() if factory is not None else None
+            stamps = {
+                "code": code_fingerprint(controller),
+                "task": task or task_fingerprint(controller, one.plant, one.believed),
+            }
         lanes = [
             Lane(case, seed, ts == one.shown_ts_s and seed == selection.seeds[0])
             for case in one.cases(selection.references, ts)

@@ -293,10 +293,11 @@ def benchmark(
     notes: list[str] = []
     payoff = None
     with TemporaryDirectory() as scratch:
-        folder = Path(scratch if out is None else out)
+        folder = None if out is None else Path(out)
         outcome = run_benchmark(selection, folder, jobs, progress, ray)
         if everything:
-            payoff = _payoff(folder, jobs, ray, progress, notes)
+            kept = folder is not None
+            payoff = _payoff(folder or Path(scratch), kept, jobs, ray, progress, notes)
     return Evaluation.of(
         evaluation.evaluate(selection, outcome),
         finished=len(outcome.rows),
@@ -314,7 +315,12 @@ def _named(plant: PlantModel | HasPlant | PathLike[str] | str) -> PlantModel | s
 
 
 def _payoff(
-    out: Path, jobs: int, ray: str | None, progress: Progress | None, notes: list[str]
+    out: Path,
+    kept: bool,
+    jobs: int,
+    ray: str | None,
+    progress: Progress | None,
+    notes: list[str],
 ) -> pd.DataFrame:
     """Score the plants with hidden effects, with the beliefs of this release."""
     from benchmarks.payoff.beliefs import stored_beliefs
@@ -329,6 +335,7 @@ def _payoff(
         progress=progress,
         ray_address=ray,
         note=notes.append,
+        kept=kept,
     )
 
 

@@ -92,7 +92,7 @@ class Run:
         """A hash of all that its rows depend on."""
         own = [Path(__file__), Path(__file__).with_name("worlds.py")]
         parts = [
-            code_fingerprint(),
+            code_fingerprint(self.contestant.controller),
             task_fingerprint(self.contestant.controller, self.world.nominal),
         ]
         parts += [file.read_text(encoding="utf-8") for file in own]

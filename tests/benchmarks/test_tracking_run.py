@@ -1,7 +1,14 @@
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
+import baselines
+import rdpi_gym as rg
 from benchmarks.tracking import fingerprint, run
 from benchmarks.tracking.evaluation import evaluate
 from benchmarks.tracking.leaderboard import COLUMNS
@@ -130,7 +137,7 @@ def test_a_torn_line_costs_its_row_only(tmp_path):
 
 def test_rows_of_changed_code_are_set_aside(tmp_path, monkeypatch):
     first = run.benchmark(small(), tmp_path, jobs=1)
-    monkeypatch.setattr(run, "code_fingerprint", lambda: "another")
+    monkeypatch.setattr(run, "code_fingerprint", lambda controller: "another")
     second = run.benchmark(small(), tmp_path, jobs=1)
     assert second.computed == len(first.rows)
     assert "set aside in rows-stale-1.jsonl" in second.notes[0]
@@ -147,11 +154,77 @@ def test_only_the_rows_of_a_changed_controller_are_set_aside(tmp_path, mine):
     assert outcome.computed == 10
 
 
-def test_the_fingerprint_depends_on_the_plant_and_on_every_source_file():
+def test_the_fingerprint_of_a_task_depends_on_the_plant():
     changed = P5.with_hysteresis(P5.hysteresis.static())
     name = "none"
     assert fingerprint.task_fingerprint(name, P5) != fingerprint.task_fingerprint(name, changed)
     assert fingerprint.task_fingerprint(name, P5) == fingerprint.task_fingerprint(name, P5)
+
+
+def code_of(controller, folder):
+    fingerprint.code_fingerprint.cache_clear()
+    return fingerprint.code_fingerprint(controller, folder)
+
+
+def edit(path):
+    with path.open("a") as stream:
+        stream.write("\nEDITED = 1\n")
+
+
+def test_the_fingerprint_of_code_depends_on_the_files_that_a_controller_uses(tmp_path):
+    folder = tmp_path / "baselines"
+    shutil.copytree(Path(baselines.__file__).parent, folder)
+    rows = "pi", "pi-classical-static", "pi-extended-inverse", "learned:ppo-correction"
+    before = {name: code_of(name, folder) for name in rows}
+    guarded = code_of("guarded:ppo-correction", folder)
+
+    def changed():
+        return [name for name in rows if code_of(name, folder) != before[name]]
+
+    (folder / "another.py").write_text("class Another:\n    name = 'another'\n")
+    assert changed() == []
+    assert code_of("guarded:ppo-correction", folder) != guarded  # its name does not say which
+    edit(folder / "repetitive.py")
+    assert changed() == []
+    edit(folder / "inverses" / "creep.py")
+    assert "pi-extended-inverse" in changed()
+    assert not {"pi", "pi-classical-static"} & set(changed())
+    edit(folder / "classical.py")
+    assert "pi-classical-static" in changed()
+    assert "pi" not in changed()
+    edit(folder / "pi.py")
+    assert "pi" in changed()
+    fingerprint.code_fingerprint.cache_clear()
+
+
+def test_the_files_that_a_controller_uses_are_those_that_its_modules_load():
+    """In a process of its own: what is loaded beyond the registry stands among the files."""
+    script = """
+import sys
+from pathlib import Path
+import baselines
+from benchmarks.tracking import fingerprint
+folder = Path(baselines.__file__).parent
+before = set(sys.modules)
+for name in ("model-predictive", "pi-preview", "h-infinity"):
+    __import__("baselines." + name.replace("-", "_"))
+loaded = {Path(sys.modules[m].__file__) for m in set(sys.modules) - before if m.startswith("baselines.")}
+from rdpi_gym.support.fingerprint import used_files
+used = used_files(["baselines.model_predictive", "baselines.pi_preview", "baselines.h_infinity"], folder)
+missing = sorted(path.name for path in loaded - set(used) if path.name != "__init__.py")
+assert not missing, missing
+"""
+    subprocess.run([sys.executable, "-c", script], check=True)
+
+
+def test_without_a_folder_nothing_is_hashed(monkeypatch):
+    def refuse(*_):
+        raise AssertionError("a fingerprint")
+
+    monkeypatch.setattr(run, "code_fingerprint", refuse)
+    monkeypatch.setattr(run, "task_fingerprint", refuse)
+    scores = rg.benchmark(["none"], ["P5"], ["sine"], [1e-3], seeds=1, jobs=1)
+    assert scores.order == ["none"]
 
 
 def test_a_controller_of_ones_own_scores_as_the_same_baseline(tmp_path, mine):
