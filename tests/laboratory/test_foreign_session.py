@@ -11,9 +11,9 @@ import pytest
 import rdpi_gym as rg
 from rdpi_gym.laboratory.events import Events
 from rdpi_gym.laboratory.lab import Lab
-from rdpi_gym.laboratory.notebook import notebook_of
 from rdpi_gym.laboratory.opening import session_folder
 from rdpi_gym.laboratory.session import JOURNAL, Session, Step
+from rdpi_gym.laboratory.taking import notebook_of
 from tests.laboratory.test_lab import Played
 
 SECRET = "what the user has elsewhere"

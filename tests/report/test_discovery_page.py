@@ -20,9 +20,8 @@ from rdpi_gym.plant import P5
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
 from rdpi_gym.report.discovery import candidates, view_figures
 from rdpi_gym.report.discovery import figures as discovery_figures
-from rdpi_gym.report.discovery.page import write_discovery_page
+from rdpi_gym.report.discovery.page import MOST_VIEWS, view_sections, write_discovery_page
 from rdpi_gym.report.discovery.sentences import lines, staircase
-from rdpi_gym.report.discovery.view_sections import MOST_VIEWS, view_sections
 
 
 def page_of(result, tmp_path):

@@ -4,22 +4,183 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.portrait.kin import Character, character
 from rdpi_gym.diagnosis.portrait.learning import SAMPLES, learn
 from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
-from rdpi_gym.diagnosis.portrait.power_law import POWER_LAWS
 from rdpi_gym.diagnosis.portrait.sentences import experiment_for, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import Tried, shares, try_all
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.plant.cores.rdpi import RDPI
+from rdpi_gym.plant.effects.base import Effect, Parameter
 from rdpi_gym.plant.effects.unknown import Unknown
+from rdpi_gym.plant.effects.unknown_drives import weight
+from rdpi_gym.plant.effects.unknown_places import (
+    MICROMETRES,
+    VOLTS,
+    Before,
+    Behind,
+    Beside,
+    Block,
+    In,
+    Place,
+    Terms,
+)
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.progress import Progress
+
+_POWERS = (
+    weight("weight", "share w"),
+    Parameter("power", "1", 0.0, 8.0, (1.0, 3.0), "exponent a of |s|"),
+    Parameter("rate_power", "1", 0.0, 4.0, (0.0, 2.0), "exponent b of |r|"),
+    Parameter("time_constant_s", "s", 1e-6, 1e9, (0.1, 10.0), "time constant τ of its lag"),
+    Parameter("signed", "1", 0.0, 1.0, (0.0, 1.0), "whether it has the sign of s", fixed=True),
+    Parameter("rate_signed", "1", 0.0, 1.0, (0.0, 1.0), "whether it has the sign of r", fixed=True),
+)
+
+
+@dataclass(frozen=True)
+class PowerLaw(Block):
+    """One term w |s|^a |r|^b, lagging: it tells exponents, and is no form of the block."""
+
+    weight: float = 0.02
+    power: float = 2.0
+    rate_power: float = 0.0
+    time_constant_s: float = 1.0
+    signed: float = 0.0
+    rate_signed: float = 0.0
+
+    name = "unknown"
+    form = "power law"
+    on_request = True
+    equation = "τ dz/dt + z = ±w |s|^a |r|^b, r the rate of s"
+    source, signature, experiment = Unknown.source, Unknown.signature, Unknown.experiment
+    mistaken_for = ()
+
+    def memories(self) -> list[tuple[float, Terms]]:
+        """One."""
+        return [(self.time_constant_s, self.values)]
+
+
+@dataclass(frozen=True)
+class _PowerBefore(Before, PowerLaw):
+    parameters = (*_POWERS, *VOLTS)
+
+
+@dataclass(frozen=True)
+class _PowerIn(In, PowerLaw):
+    parameters = (*_POWERS, *VOLTS)
+
+
+@dataclass(frozen=True)
+class _PowerBeside(Beside, PowerLaw):
+    parameters = (*_POWERS, *VOLTS)
+
+
+@dataclass(frozen=True)
+class _PowerBehind(Behind, PowerLaw):
+    parameters = (*_POWERS, *MICROMETRES)
+
+
+POWER_LAWS: Mapping[Place, type[PowerLaw]] = {
+    "before": _PowerBefore,
+    "in": _PowerIn,
+    "behind": _PowerBehind,
+    "beside": _PowerBeside,
+}
+"""Power laws by their place."""
+
+
+# What a response does while the command rests, as a share of it, is a memory from here on.
+_MOVES = 0.05
+# What the same wave leaves otherwise at a fifth of the rate, as a share of it, is of the rate.
+_RATED, _SLOWER = 0.2, 5.0
+_SAMPLES, _TURNS = 2_000, 3.0
+_CORES = RDPI((1.0, 0.5), (0.2,), 1e-4), RDPI((0.7, 0.5), (0.2,), 1e-4)
+
+
+@dataclass(frozen=True)
+class Character:
+    """What a portrait and an effect can be compared in.
+
+    Parameters
+    ----------
+    place
+        ``before``, ``in`` or ``behind`` the hysteresis.
+    memory
+        Whether it goes on while the command rests.
+    parity
+        ``even`` or ``odd``; ``both`` where it is as much of either.
+    rated
+        Without a memory: whether it is another at another rate.
+    clocked
+        Whether it goes by the clock.
+    """
+
+    place: str | None
+    memory: bool | None
+    parity: str | None
+    rated: bool | None = None
+    clocked: bool = False
+
+    def differs(self, other: Character) -> str:
+        """Say in what another one differs."""
+        said = []
+        if other.clocked and not self.clocked:
+            said.append("goes by the clock")
+        if None not in (self.place, other.place) and self.place != other.place:
+            said.append(f"stands {other.place} the hysteresis")
+        if None not in (self.memory, other.memory) and self.memory != other.memory:
+            said.append("has a memory" if other.memory else "has no memory")
+        if None not in (self.rated, other.rated) and self.rated != other.rated:
+            said.append("goes by the rate" if other.rated else "does not go by the rate")
+        if {self.parity, other.parity} == {"even", "odd"}:
+            said.append(f"is {other.parity}")
+        if not said:
+            return "it differs in its form alone"
+        *most, last = said
+        return f"it {', '.join(most)} and {last}" if most else f"it {last}"
+
+
+def character(effect: Effect, span_V: float, longest_s: float) -> Character:
+    """Read what an effect is like off its response to a wave, to its mirror image and to a rest."""
+    if effect.clocked:
+        return Character("behind", None, None, clocked=True)
+    phase = np.linspace(0.0, 1.0, _SAMPLES)
+    moving = np.minimum(phase / 0.5, 1.0)
+    wave = span_V * np.sin(2.0 * np.pi * (_TURNS + 0.2) * moving)
+    ts_s = longest_s / _SAMPLES
+    core = RDPI((1.0, 0.5), (0.2 * span_V,), 0.02 * ts_s)
+    up, down = (_added(effect, core, side * wave, ts_s) for side in (1.0, -1.0))
+    even, odd = float(np.std(up + down)), float(np.std(up - down))
+    rest = up[phase > 0.52]
+    moves = float(np.ptp(rest)) > _MOVES * max(float(np.ptp(up)), 1e-300)
+    parity = "even" if even > 2.0 * odd else "odd" if odd > 2.0 * even else "both"
+    slower = _added(effect, core, wave, _SLOWER * ts_s)
+    rated = float(np.std(slower - up)) > _RATED * float(np.std(up))
+    return Character(_place(effect, ts_s), moves, parity, None if moves else rated)
+
+
+def _place(effect: Effect, ts_s: float) -> str:
+    if effect.slot == "input":
+        return "before"
+    if effect.slot in ("rate", "memory"):
+        return "in"
+    read = [effect.coefficients(ts_s, core) for core in _CORES]
+    return "in" if effect.slot == "hysteresis" and read[0] != read[1] else "behind"
+
+
+def _added(effect: Effect, core: RDPI, u_V: Array, ts_s: float) -> Array:
+    t = ts_s * np.arange(len(u_V), dtype=np.float64)
+    record = Record("wave", t, u_V, u_V, ts_s=ts_s)
+    both = [simulate_effects([Variant(core, e)], record)[:, 0] for e in ((effect,), ())]
+    return both[0] - both[1]
+
 
 # Share of the draws below which it is not said where, or what, the effect is.
 SURE = 0.8
