@@ -105,8 +105,9 @@ def notice_of(text: str) -> Notice | None:
 
 
 def request_of(notice: Notice) -> str:
-    """Write what a reservation asks for, without its reason."""
-    return _written(_REQUESTS[notice.code][0], notice, _PLAIN)
+    """Write what a reservation asks for without its reason; any other notice whole."""
+    template, *_ = _REQUESTS.get(notice.code, (_TEXTS[notice.code],))
+    return _written(template, notice, _PLAIN)
 
 
 def _written(template: str, notice: Notice, quantities: Quantities) -> str:

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+import rdpi_gym
+
 ROOT = Path(__file__).parents[2]
 ROOMS = "rdpi_gym|baselines|benchmarks|studies|tests|docs|examples"
 WRITTEN = {"effects.md"}
@@ -61,6 +63,8 @@ def missing_module(name):
         for file in (path / "__init__.py", path.with_name(f"{path.name}.py")):
             if file.exists():
                 text, rest = file.read_text(encoding="utf-8"), parts[count:]
+                if parts[:count] == ["rdpi_gym"]:  # its names stand in stubs
+                    text += " ".join(rdpi_gym.__all__)
                 return bool(rest) and not re.search(rf"\b{rest[0]}", text)
     return True
 
