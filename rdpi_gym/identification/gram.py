@@ -24,6 +24,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.identification.stack import Stack
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.support.arrays import Array
 
 _FAST = {"reassoc", "contract"}
@@ -64,7 +65,7 @@ def _fill(
         shift = delta2 * abs(v[t])
         for i in range(rest.shape[0]):
             r = rest[i] + shift  # Eq. 8
-            xi[i] = min(max(xi[i], u[t] - r), u[t] + r)  # Eq. 4
+            xi[i] = play(xi[i], u[t] - r, u[t] + r)
         w = root[t]
         if w > 0.0:
             row = rows[k]
@@ -113,7 +114,7 @@ def _fill_tangents(
             x = xi[i]
             sign = (1.0 if x > high else 0.0) - (1.0 if x < low else 0.0)
             sticks = 1.0 - abs(sign)
-            xi[i] = min(max(x, low), high)
+            xi[i] = play(x, low, high)
             by1[i] = sticks * by1[i] + sign * order[i]
             by2[i] = sticks * by2[i] + sign * speed
             d1 += weights[i] * by1[i]

@@ -27,6 +27,7 @@ from rdpi_gym.plant.chain import (
     walk,
 )
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.model import AnyCore
@@ -160,10 +161,7 @@ def _weight_lanes(
         total = weights[0] * u[t]
         for i in range(n):
             r = rest[i] + shift
-            low, high = u[t] - r, u[t] + r
-            z = xi[i]
-            z = z if z < high else high
-            z = z if z > low else low  # Eq. 4
+            z = play(xi[i], u[t] - r, u[t] + r)
             xi[i] = z
             total += weights[i + 1] * z
         x[t, 0] = total

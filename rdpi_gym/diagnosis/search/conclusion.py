@@ -85,7 +85,7 @@ def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
     search = _on_all_samples(laboratory, search)
     end, checks = search.end, laboratory.checks
     # last of all: no cap decides what is added
-    added = [capped(candidate, checks) for candidate in search.added]
+    added = [capped(candidate, checks, laboratory.catalogue) for candidate in search.added]
     laboratory.final_noise(end)
     numerical = laboratory.numerical(end)
     judgement = judge(

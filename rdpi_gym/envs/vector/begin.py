@@ -34,6 +34,7 @@ from rdpi_gym.envs.vector.random import (
 )
 from rdpi_gym.envs.vector.sines import sample_references
 from rdpi_gym.envs.vector.waves import Drawn, begin_waves
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.support.arrays import Array
 
 
@@ -120,8 +121,8 @@ def settle_plays(rest_V: float, turns_V: Array, fresh: Lanes) -> None:
             r, x = p[n + 1 + i, b], 0.0
             if b < turns_V.shape[1]:
                 for turn in turns_V[:, b]:
-                    x = max(turn - r, min(turn + r, x))
-            state[2 + i, b] = max(rest_V - r, min(rest_V + r, x))
+                    x = play(x, turn - r, turn + r)
+            state[2 + i, b] = play(x, rest_V - r, rest_V + r)
 
 
 @njit(cache=True)

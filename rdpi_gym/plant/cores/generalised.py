@@ -16,6 +16,7 @@ from rdpi_gym.plant.cores.checks import (
     check_weights,
     numbers,
 )
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.cores.rdpi import comb_roughness
 from rdpi_gym.plant.cores.thresholds import ThresholdCore, spread_thresholds
 from rdpi_gym.plant.parameters import DataScale, Parameter
@@ -65,7 +66,7 @@ def _columns(rising: Array, falling: Array, rest: Array, x: Array, columns: Arra
     for i in range(rest.shape[0]):
         state = x[i]
         for t in range(rising.shape[0]):
-            state = max(rising[t] - rest[i], min(falling[t] + rest[i], state))
+            state = play(state, rising[t] - rest[i], falling[t] + rest[i])
             columns[i, t] = state
 
 
@@ -105,9 +106,7 @@ def _many_lanes(u: Array, p: Array, state: Array, y: Array) -> None:
         for i in range(n):
             for b in range(lanes):
                 low, high = rising[b] - p[n + 1 + i, b], falling[b] + p[n + 1 + i, b]
-                x = state[2 + i, b]
-                x = x if x < high else high
-                x = x if x > low else low
+                x = play(state[2 + i, b], low, high)
                 state[2 + i, b] = x
                 y[t, b] += p[1 + i, b] * x
 

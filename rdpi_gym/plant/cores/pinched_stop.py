@@ -11,7 +11,7 @@ from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.checks import check_rate_bandwidth, check_weights, numbers
-from rdpi_gym.plant.cores.play import play_columns
+from rdpi_gym.plant.cores.play import play, play_columns
 from rdpi_gym.plant.cores.rdpi import settled_memory
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -36,8 +36,7 @@ def pinched_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
         r, density = p[2 * count + 1, b], p[2 * count + 2, b]
         x = state[2, b]
         for t in range(u.shape[0]):
-            x = min(x, u[t, b] + r)
-            x = max(x, u[t, b] - r)
+            x = play(x, u[t, b] - r, u[t, b] + r)
             s = u[t, b] - x
             k = min(max(int((s + r) * density), 0), count - 1)
             y[t, b] = slope * u[t, b] + p[1 + k, b] * s + p[1 + count + k, b] + offset
