@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baselines.inverses.base import Inverse, Setting
-from baselines.inverses.catalogue import inverse_of, without_inverse
+from baselines.inverses.base import Inverse, Setting, inverse_of, without_inverse
 from baselines.inverses.congruency import UNDONE
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import Effect

@@ -26,13 +26,12 @@ from rdpi_gym.plant.chain import (
     in_order,
     walk,
 )
-from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.base import Core, empty_state, pack
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.model import AnyCore
-from rdpi_gym.plant.packing import empty_state, pack
-from rdpi_gym.plant.stages import Stage, core_links
+from rdpi_gym.plant.plant import Stage, core_links
 from rdpi_gym.support.arrays import Array
 
 # Samples that run through the stages at a time: their lanes stay in the cache.

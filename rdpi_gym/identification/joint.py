@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rdpi_gym.identification.fitting import MIN_MOTION
 from rdpi_gym.identification.jacobian import Variant, centre, change_rows, jacobian_rows
-from rdpi_gym.identification.nonnegative import (
+from rdpi_gym.identification.least_squares import (
     BoolArray,
     bounded_least_squares,
     signed_least_squares,

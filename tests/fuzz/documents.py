@@ -27,7 +27,7 @@ from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.measurement.stacked import stacked_tags
 from rdpi_gym.plant import P5, PlantModel, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.plant.named import PLANTS
+from rdpi_gym.plant.model import PLANTS
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import RowStore, named_rows
 from tests.fuzz import subjects

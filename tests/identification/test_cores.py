@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification.cores import CoreFit, fit_core
-from rdpi_gym.identification.kind_rules import same_models
-from rdpi_gym.identification.kinds import choose_kind, orientation
+from rdpi_gym.identification.kinds import choose_kind, orientation, same_models
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
-from rdpi_gym.plant.cores.asymmetric_bouc_wen import AsymmetricBoucWen
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.bouc_wen import BoucWen
+from rdpi_gym.plant.cores.bouc_wen import AsymmetricBoucWen, BoucWen
 from rdpi_gym.plant.cores.dahl import Dahl
 from rdpi_gym.plant.cores.duhem import Duhem
 from rdpi_gym.plant.cores.generalised import GeneralisedPI

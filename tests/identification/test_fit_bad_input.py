@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification import fit, pooled_rmse, simulate_record, validation_rmse
-from rdpi_gym.identification.yardstick import yardstick
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.support.errors import InputError
+from studies.identification import yardstick
 
 
 def sine(name="sine", samples=600, sign=1.0):

@@ -6,9 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
-from rdpi_gym.identification.gram import gram_matrices, tangent_matrices
-from rdpi_gym.identification.nonnegative import bounded_least_squares
-from rdpi_gym.identification.rates import movements
+from rdpi_gym.identification.least_squares import (
+    bounded_least_squares,
+    gram_matrices,
+    tangent_matrices,
+)
+from rdpi_gym.identification.scale import movements
 from rdpi_gym.identification.stack import Stack, command_rate, thin
 from rdpi_gym.identification.uncertainty import correlation_length
 from rdpi_gym.plant import settled_memory

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification import MIN_MOTION, fit
-from rdpi_gym.identification.gram import gram_matrices
+from rdpi_gym.identification.least_squares import gram_matrices
 from rdpi_gym.identification.stack import stack_records
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10, RDPI, Plant, PlantModel

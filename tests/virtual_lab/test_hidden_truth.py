@@ -13,9 +13,8 @@ from rdpi_gym.plant import P5, P10, Converter, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.virtual_lab import HIDEABLE, Truth, draws, hide, simulate_dataset
-from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, View, draw_effect
+from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, View, draw_effect, left_over
 from rdpi_gym.virtual_lab.independent import twins
-from rdpi_gym.virtual_lab.visibility import left_over
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,7 @@ from rdpi_gym.plant import CORES, P5, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.virtual_lab.core_deformation import CoreDeformation
-from rdpi_gym.virtual_lab.dataset import plant_displacement
+from rdpi_gym.virtual_lab.dataset import CoreDeformation, plant_displacement
 from rdpi_gym.virtual_lab.independent import simulate_truth
 
 TS_S = 1e-3

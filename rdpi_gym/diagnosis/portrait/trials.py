@@ -13,8 +13,7 @@ from rdpi_gym.diagnosis.portrait.learning import are_shown, learn
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess, attempt
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, forms_of
-from rdpi_gym.plant.effects.unknown import Unknown
-from rdpi_gym.plant.effects.unknown_drives import is_even
+from rdpi_gym.plant.effects.unknown import Unknown, is_even
 from rdpi_gym.plant.effects.unknown_places import Block, Place
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.progress import Progress

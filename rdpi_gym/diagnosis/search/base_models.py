@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rdpi_gym.diagnosis.search.candidates import Setting
-from rdpi_gym.identification.first_fits import first_fit
+from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core

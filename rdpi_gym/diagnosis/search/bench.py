@@ -38,8 +38,7 @@ from rdpi_gym.diagnosis.search.verdict import EXPLAINED
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.plausibility import check_motion, check_scale
-from rdpi_gym.identification.rates import rate_spread
-from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.identification.scale import data_scale, rate_spread
 from rdpi_gym.identification.stack import stack_records
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import PlantModel

@@ -12,10 +12,10 @@ import numpy as np
 from rdpi_gym.diagnosis.results import Errors
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
 from rdpi_gym.diagnosis.search.traces import nearest
-from rdpi_gym.identification.first_fits import FIRST_SAMPLES
-from rdpi_gym.identification.held_out import PIECES, left_by, pieces_of
+from rdpi_gym.identification.cores import FIRST_SAMPLES
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import NO_FIT, FirstSteps, JointFit, first_steps, fit_joint
+from rdpi_gym.identification.residuals import PIECES, left_by, pieces_of
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE

@@ -10,8 +10,8 @@ import numpy as np
 
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import AS_IT_IS, Outcome
-from rdpi_gym.identification.held_out import beats
 from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.identification.residuals import beats
 from rdpi_gym.measurement.quantities import template_of
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.support.arrays import Array

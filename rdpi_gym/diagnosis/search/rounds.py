@@ -36,7 +36,7 @@ from rdpi_gym.diagnosis.search.ranking import (
 from rdpi_gym.diagnosis.search.stability import WITHIN, exchanged, in_blocks
 from rdpi_gym.diagnosis.search.traces import taken_by
 from rdpi_gym.diagnosis.search.vetoes import hear
-from rdpi_gym.identification.first_fits import FIRST_SAMPLES
+from rdpi_gym.identification.cores import FIRST_SAMPLES
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import NO_FIT, FirstSteps, JointFit
 from rdpi_gym.plant.effects.base import Effect, forms_of

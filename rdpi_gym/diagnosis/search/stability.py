@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess, attempt
-from rdpi_gym.identification.held_out import beats
 from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.identification.residuals import beats
 from rdpi_gym.measurement import Record, hold_out_blocks
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, in_chain_order

@@ -41,7 +41,7 @@ from rdpi_gym.support.arrays import Array
 class Column(NamedTuple):
     """A plant as the lanes hold it."""
 
-    p: Array  # float64[P]: as rdpi_gym.plant.packing packs it
+    p: Array  # float64[P]: as rdpi_gym.plant.cores.base packs it
     stage_p: Array  # float64[P']
     turns_V: Array  # float64[K]: commands at which it turned before the episode, in order
     offset_um: float  # behind its effects

@@ -10,15 +10,16 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.checks import (
+from rdpi_gym.plant.cores.families import (
+    ThresholdCore,
     check_rate_bandwidth,
     check_thresholds,
     check_weights,
     numbers,
+    spread_thresholds,
 )
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.cores.rdpi import comb_roughness
-from rdpi_gym.plant.cores.thresholds import ThresholdCore, spread_thresholds
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown

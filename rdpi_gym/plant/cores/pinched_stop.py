@@ -10,9 +10,13 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.checks import check_rate_bandwidth, check_weights, numbers
+from rdpi_gym.plant.cores.families import (
+    check_rate_bandwidth,
+    check_weights,
+    numbers,
+    settled_memory,
+)
 from rdpi_gym.plant.cores.play import play, play_columns
-from rdpi_gym.plant.cores.rdpi import settled_memory
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown

@@ -1,7 +1,7 @@
 """Play operators and the RDPI sum: the kernels of Eq. 2 to 5 and 8 over (time, batch) blocks.
 
 One lane is one plant. A lane's parameters are a column of ``p[P, B]``, its state a column of
-``state[S, B]``; both layouts are written by :mod:`rdpi_gym.plant.packing`:
+``state[S, B]``; both layouts are written by :mod:`rdpi_gym.plant.cores.base`:
 
 ======================  ==================================================
 row of ``p``            meaning

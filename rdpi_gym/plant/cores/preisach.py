@@ -24,9 +24,8 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.checks import check_rate_bandwidth, numbers
+from rdpi_gym.plant.cores.families import check_rate_bandwidth, numbers, settled_memory
 from rdpi_gym.plant.cores.play import play
-from rdpi_gym.plant.cores.rdpi import settled_memory
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown

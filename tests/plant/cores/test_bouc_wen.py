@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.plant.cores.asymmetric_bouc_wen import AsymmetricBoucWen
-from rdpi_gym.plant.cores.bouc_wen import BoucWen
+from rdpi_gym.plant.cores.bouc_wen import AsymmetricBoucWen, BoucWen
 from rdpi_gym.support.errors import InputError
 from tests.plant.cores.integration import corners, integrated, run, sampled
 

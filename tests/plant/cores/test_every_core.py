@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from rdpi_gym.plant import CORES, Plant, PlantModel
-from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.base import Core, empty_state, pack
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import forms_of
-from rdpi_gym.plant.packing import empty_state, pack
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError

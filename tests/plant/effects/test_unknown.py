@@ -9,9 +9,8 @@ import pytest
 from baselines.inverses import Setting, inverse_of
 from rdpi_gym.plant import P5, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
-from rdpi_gym.plant.effects.unknown import Unknown
-from rdpi_gym.plant.effects.unknown_drives import is_even
-from rdpi_gym.plant.effects.unknown_kernel import TERMS, unknown_block
+from rdpi_gym.plant.effects.unknown import Unknown, is_even
+from rdpi_gym.plant.effects.unknown_places import TERMS, unknown_block
 
 FORMS = forms_of(Unknown)
 TS = 1e-3
