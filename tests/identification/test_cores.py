@@ -23,6 +23,7 @@ from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 TS_S = 1e-3
 SCALE = DataScale(
@@ -49,7 +50,7 @@ def records(core: Core, noise_um: float = 0.0, effects: tuple[Effect, ...] = ())
     return found
 
 
-@pytest.mark.parametrize("name", CORES)
+@over("name", CORES)
 def test_the_shape_of_its_own_plant_is_found_within_a_per_cent(name: str) -> None:
     kind = CORES[name]
     # a comb lies over the data: a plant on the comb that the fit will use
@@ -103,8 +104,8 @@ def test_what_one_loop_does_not_tell_of_a_grid_is_smooth() -> None:
     assert fit_core([clean], CORES["preisach"]).smoothness == 0.0
 
 
-@pytest.mark.parametrize(
-    ("case", "models"),
+@over(
+    "case, models",
     [
         (
             "one length, no line",
@@ -175,7 +176,7 @@ def test_more_gains_than_samples_are_refused_in_a_line() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["bouc_wen", "preisach", "rdpi", "stop"])
+@over("name", ["bouc_wen", "preisach", "rdpi", "stop"])
 def test_the_kind_of_a_plant_is_chosen_or_stands_among_those_that_are_alike(name: str) -> None:
     kind = CORES[name]
     start = kind.starts(SCALE)[0]

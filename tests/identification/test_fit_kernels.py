@@ -16,6 +16,7 @@ from rdpi_gym.identification.stack import Stack, command_rate, thin
 from rdpi_gym.identification.uncertainty import correlation_length
 from rdpi_gym.plant import settled_memory
 from rdpi_gym.plant.cores.play import play_columns
+from tests.looping import over
 
 N_PLAYS = 5
 
@@ -146,7 +147,7 @@ def test_movements_ignore_ripple_and_cut_ends():
     assert peak.size == 5
 
 
-@pytest.mark.parametrize("length", [1, 20, 500])
+@over("length", [1, 20, 500])
 def test_the_correlation_length_is_that_of_a_moving_average(length):
     rng = np.random.default_rng(length)
     noise = np.convolve(rng.standard_normal(200_000), np.ones(length), "valid")

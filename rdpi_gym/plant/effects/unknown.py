@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from types import new_class
 from typing import Self
 
 from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
@@ -200,146 +202,43 @@ class Unknown(Behind, Static):
     mistaken_for = ()
 
 
-_IN_FRONT = "u' = u + U z, s = (u - u_c) / U"
-_WITHIN = "y = a_0 u + (1 + z) (y_h - a_0 u), s = (u - u_c) / U"
-_PARALLEL = "y = y_h + A U z, s = (u - u_c) / U"
-_BEHIND = "y = y_h + Y z, s = (y_h - A u_c) / Y"
-_CURVED = "z = E(|s|) + sgn(s) O(|s|) + c S(s), E and O quadratic splines, S a smooth step"
-_OF_THE_RATE = "z = c_1 |r| + c_2 r |r| + c_3 s r, r the rate of s"
-_LAGS = "τ dz/dt + z = c_1 s + c_2 |s| + c_3 s² + c_4 s |s| + c_5 S(s) + c_6 |r|, r the rate of s"
-_LAGS_TWICE = "z = z_1 + z_2, τ_k dz_k/dt + z_k = c_1k s + c_2k |s| + c_3k s² + c_4k s |s| + c_5k S(s) + c_6k |r|"
+# What stands where a block does, and what drives it: the forms are their combinations.
+_PLACES: tuple[tuple[type[Block], tuple[Parameter, ...], str, str], ...] = (
+    (Behind, MICROMETRES, "added behind the hysteresis", "y = y_h + Y z, s = (y_h - A u_c) / Y"),
+    (In, VOLTS, "that changes the weights of the plays", "y = a_0 u + (1 + z) (y_h - a_0 u), s = (u - u_c) / U"),
+    (Before, VOLTS, "added to the command", "u' = u + U z, s = (u - u_c) / U"),
+    (Beside, VOLTS, "of the command, added to the displacement", "y = y_h + A U z, s = (u - u_c) / U"),
+)  # fmt: skip
+_DRIVES: tuple[tuple[type[Block], tuple[Parameter, ...], str, str, str], ...] = (
+    (OfTheRate, RATE, "of the rate", "A function of the rate", "z = c_1 |r| + c_2 r |r| + c_3 s r, r the rate of s"),
+    (Static, CURVE, "static", "A curve", "z = E(|s|) + sgn(s) O(|s|) + c S(s), E and O quadratic splines, S a smooth step"),
+    (
+        WithMemory, LAG, "with memory", "A first-order lag",
+        "τ dz/dt + z = c_1 s + c_2 |s| + c_3 s² + c_4 s |s| + c_5 S(s) + c_6 |r|, r the rate of s",
+    ),
+    (
+        WithTwoMemories, TWO_LAGS, "with two memories", "Two first-order lags",
+        "z = z_1 + z_2, τ_k dz_k/dt + z_k = c_1k s + c_2k |s| + c_3k s² + c_4k s |s| + c_5k S(s) + c_6k |r|",
+    ),
+)  # fmt: skip
 
 
-@dataclass(frozen=True)
-class RateBehind(Behind, OfTheRate, of=Unknown):
-    """What the rate adds behind the hysteresis."""
-
-    form = "of the rate, behind"
-    parameters = (*RATE, *MICROMETRES)
-    equation = f"{_BEHIND}, {_OF_THE_RATE}"
-
-
-@dataclass(frozen=True)
-class RateIn(In, OfTheRate, of=Unknown):
-    """Weights of the plays that change with the rate."""
-
-    form = "of the rate, in"
-    parameters = (*RATE, *VOLTS)
-    equation = f"{_WITHIN}, {_OF_THE_RATE}"
-
-
-@dataclass(frozen=True)
-class RateBefore(Before, OfTheRate, of=Unknown):
-    """What the rate adds to the command."""
-
-    form = "of the rate, before"
-    parameters = (*RATE, *VOLTS)
-    equation = f"{_IN_FRONT}, {_OF_THE_RATE}"
+def _make_forms() -> None:
+    """Define every combination of drive and place but that of `Unknown` itself, as its forms."""
+    for drive, numbers, drive_form, what, driven in _DRIVES:
+        for place, scales, where, acts in _PLACES:
+            if (drive, place) == (Static, Behind):
+                continue
+            stated = {
+                "__module__": __name__,
+                "__doc__": f"{what} {where}.",
+                "form": f"{drive_form}, {place.__name__.lower()}",
+                "parameters": (*numbers, *scales),
+                "equation": f"{acts}, {driven}",
+            }
+            name = f"{drive.__name__}{place.__name__}"
+            made = new_class(name, (place, drive), {"of": Unknown}, partial(dict.update, **stated))
+            globals()[name] = dataclass(frozen=True)(made)  # as a module's own class, for pickle
 
 
-@dataclass(frozen=True)
-class RateBeside(Beside, OfTheRate, of=Unknown):
-    """What the rate of the command adds to the displacement."""
-
-    form = "of the rate, beside"
-    parameters = (*RATE, *VOLTS)
-    equation = f"{_PARALLEL}, {_OF_THE_RATE}"
-
-
-@dataclass(frozen=True)
-class StaticIn(In, Static, of=Unknown):
-    """Weights of the plays along a curve of the command."""
-
-    form = "static, in"
-    parameters = (*CURVE, *VOLTS)
-    equation = f"{_WITHIN}, {_CURVED}"
-
-
-@dataclass(frozen=True)
-class StaticBefore(Before, Static, of=Unknown):
-    """A curve of the command before the hysteresis."""
-
-    form = "static, before"
-    parameters = (*CURVE, *VOLTS)
-    equation = f"{_IN_FRONT}, {_CURVED}"
-
-
-@dataclass(frozen=True)
-class StaticBeside(Beside, Static, of=Unknown):
-    """A curve of the command that is added to the displacement."""
-
-    form = "static, beside"
-    parameters = (*CURVE, *VOLTS)
-    equation = f"{_PARALLEL}, {_CURVED}"
-
-
-@dataclass(frozen=True)
-class MemoryBehind(Behind, WithMemory, of=Unknown):
-    """A leaky memory of the displacement, of its size and of its speed, behind the hysteresis."""
-
-    form = "with memory, behind"
-    parameters = (*LAG, *MICROMETRES)
-    equation = f"{_BEHIND}, {_LAGS}"
-
-
-@dataclass(frozen=True)
-class MemoryIn(In, WithMemory, of=Unknown):
-    """Weights of the plays that follow a leaky memory of the command, of its size and its speed."""
-
-    form = "with memory, in"
-    parameters = (*LAG, *VOLTS)
-    equation = f"{_WITHIN}, {_LAGS}"
-
-
-@dataclass(frozen=True)
-class MemoryBefore(Before, WithMemory, of=Unknown):
-    """A leaky memory of the command, of its size and of its speed, before the hysteresis."""
-
-    form = "with memory, before"
-    parameters = (*LAG, *VOLTS)
-    equation = f"{_IN_FRONT}, {_LAGS}"
-
-
-@dataclass(frozen=True)
-class MemoryBeside(Beside, WithMemory, of=Unknown):
-    """A leaky memory of the command that is added to the displacement."""
-
-    form = "with memory, beside"
-    parameters = (*LAG, *VOLTS)
-    equation = f"{_PARALLEL}, {_LAGS}"
-
-
-@dataclass(frozen=True)
-class MemoriesBehind(Behind, WithTwoMemories, of=Unknown):
-    """Two leaky memories behind the hysteresis."""
-
-    form = "with two memories, behind"
-    parameters = (*TWO_LAGS, *MICROMETRES)
-    equation = f"{_BEHIND}, {_LAGS_TWICE}"
-
-
-@dataclass(frozen=True)
-class MemoriesIn(In, WithTwoMemories, of=Unknown):
-    """Weights of the plays that follow two leaky memories."""
-
-    form = "with two memories, in"
-    parameters = (*TWO_LAGS, *VOLTS)
-    equation = f"{_WITHIN}, {_LAGS_TWICE}"
-
-
-@dataclass(frozen=True)
-class MemoriesBefore(Before, WithTwoMemories, of=Unknown):
-    """Two leaky memories before the hysteresis."""
-
-    form = "with two memories, before"
-    parameters = (*TWO_LAGS, *VOLTS)
-    equation = f"{_IN_FRONT}, {_LAGS_TWICE}"
-
-
-@dataclass(frozen=True)
-class MemoriesBeside(Beside, WithTwoMemories, of=Unknown):
-    """Two leaky memories of the command that are added to the displacement."""
-
-    form = "with two memories, beside"
-    parameters = (*TWO_LAGS, *VOLTS)
-    equation = f"{_PARALLEL}, {_LAGS_TWICE}"
+_make_forms()

@@ -10,6 +10,7 @@ import pytest
 
 from rdpi_gym.plant.cores.bouc_wen import AsymmetricBoucWen, BoucWen
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 from tests.plant.cores.integration import corners, integrated, run, sampled
 
 CASES = [
@@ -26,8 +27,8 @@ def core_of(limit: float, sigma: float, exponent: float, skew: float = 0.0) -> B
     return AsymmetricBoucWen(0.3, 1.0, limit, sigma, exponent, None, skew)
 
 
-@pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("longest_V", [50.0, 0.13])
+@over("case", CASES)
+@over("longest_V", [50.0, 0.13])
 def test_it_equals_an_independent_integration(case, longest_V: float) -> None:
     limit, sigma, n, skew = case
     total = limit**-n
@@ -43,7 +44,7 @@ def test_it_equals_an_independent_integration(case, longest_V: float) -> None:
     np.testing.assert_allclose(run(core_of(*case), u)[turns], y, atol=1e-7 * np.ptp(y))
 
 
-@pytest.mark.parametrize("case", CASES)
+@over("case", CASES)
 def test_a_way_may_be_cut_into_samples_as_one_likes(case) -> None:
     coarse, turns = sampled(corners(), 50.0)
     fine, at = sampled(corners(), 0.01)
@@ -128,7 +129,7 @@ def test_the_asymmetric_form_saturates_at_unlike_heights_and_is_nested() -> None
     assert run(skewed, np.array([-500.0]))[0] == pytest.approx(-3.0 * 0.7 ** (1 / 1.6))
 
 
-@pytest.mark.parametrize("d", [-10.0, 10.0])
+@over("d", [-10.0, 10.0])
 def test_a_fit_stays_where_the_displacement_rises_with_the_command(d: float) -> None:
     core = AsymmetricBoucWen(1.0, 0.1, 2.0, 0.6, 1.5, None, 0.2).with_gains([1.0, d])
     core = core.with_shape({"sigma": 3.0, "skew": -0.9, "limit_V": 0.5, "exponent": 1.2})
@@ -138,8 +139,8 @@ def test_a_fit_stays_where_the_displacement_rises_with_the_command(d: float) -> 
     assert core.with_gains([0.0, 0.0]).a0 > 0.0
 
 
-@pytest.mark.parametrize(
-    ("wrong", "match"),
+@over(
+    "wrong, match",
     [
         ({"k": -1.0}, "k is -1.0; give a finite gain that is not negative"),
         ({"k": float("inf")}, "k is inf; give a finite gain that is not negative"),

@@ -10,11 +10,12 @@ import pytest
 from rdpi_gym.plant.cores.bouc_wen import BoucWen
 from rdpi_gym.plant.cores.dahl import Dahl
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 from tests.plant.cores.integration import corners, integrated, run, sampled
 
 
-@pytest.mark.parametrize("limit", [0.7, 5.0, 60.0])
-@pytest.mark.parametrize("exponent", [0.5, 0.9, 1.0, 1.0 + 1e-9, 1.3, 2.0, 4.0])
+@over("limit", [0.7, 5.0, 60.0])
+@over("exponent", [0.5, 0.9, 1.0, 1.0 + 1e-9, 1.3, 2.0, 4.0])
 def test_it_equals_an_independent_integration(limit: float, exponent: float) -> None:
     def slope(z: float, sign: float) -> float:
         return max(1.0 - sign * z / limit, 0.0) ** exponent
@@ -81,8 +82,8 @@ def test_friction_takes_energy_in_every_steady_loop() -> None:
         assert np.trapezoid(z[last], path[last]) > 1.0
 
 
-@pytest.mark.parametrize(
-    ("wrong", "match"),
+@over(
+    "wrong, match",
     [
         ({"s": 0.0}, "s is 0.0; give a stiffness above 0"),
         ({"s": -2.0}, "s is -2.0; give a finite gain that is not negative"),

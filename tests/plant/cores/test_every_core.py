@@ -15,17 +15,14 @@ from rdpi_gym.plant.effects.base import forms_of
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 TS_S = 1e-3
 SCALE = DataScale(
     centre_V=0.0, span_V=30.0, stroke_um=20.0, fastest_V_s=400.0, shortest_s=TS_S, longest_s=4.0
 )
-STARTS = [
-    pytest.param(start, id=f"{name}-{k}")
-    for name, kind in CORES.items()
-    for k, start in enumerate(kind.starts(SCALE))
-]
-every_core = pytest.mark.parametrize("core", STARTS)
+STARTS = [start for kind in CORES.values() for start in kind.starts(SCALE)]
+every_core = over("core", STARTS)
 
 
 def walk(samples: int = 3000) -> Array:
@@ -160,7 +157,7 @@ def test_numbers_of_its_shape_are_fields_and_stay_within_their_bounds(core: Core
             replace(core, **{parameter.name: float("nan")})  # type: ignore[type-var]
 
 
-@pytest.mark.parametrize("name", CORES)
+@over("name", CORES)
 def test_it_says_what_people_look_for(name: str) -> None:
     kind = CORES[name]
     for text in (kind.title, kind.equation, kind.source, kind.signature, kind.experiment):

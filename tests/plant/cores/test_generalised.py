@@ -17,6 +17,7 @@ from rdpi_gym.plant.cores.generalised import GeneralisedPI
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 WIRE = GeneralisedPI(  # its envelopes with their thresholds do not cross, so that its loop closes
     weights=(0.3, 0.8, 0.5, 0.2),
@@ -124,7 +125,7 @@ def test_without_bend_it_is_the_paper_s_model() -> None:
     np.testing.assert_allclose(run(straight, u), Plant(model, 1e-3).simulate(u), atol=1e-13)
 
 
-@pytest.mark.parametrize("bend", [0.0, 1e-300, 1e-9, 0.3, 7.0, 1e3])
+@over("bend", [0.0, 1e-300, 1e-9, 0.3, 7.0, 1e3])
 def test_an_envelope_is_tanh_to_the_last_digits(bend: float) -> None:
     core = replace(WIRE, rising_per_V=bend, rising_centre_V=-1.5)
     u = np.linspace(-40.0, 40.0, 4001)
@@ -220,7 +221,7 @@ def fitted(start: GeneralisedPI, span: float, u: Array, y: Array) -> tuple[float
     return float(result.cost), core.with_gains(nnls(responses, y)[0])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@over("seed", range(3))
 def test_a_fit_from_its_starts_finds_a_plant_of_its_own(seed: int) -> None:
     """One whose rising branch is the later one, as a loop has it."""
     rng, span = np.random.default_rng(seed), 30.0
@@ -248,8 +249,8 @@ def test_a_fit_from_its_starts_finds_a_plant_of_its_own(seed: int) -> None:
     np.testing.assert_allclose(core.weights, true.weights, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
+@over(
+    "changed, message",
     [
         ({"weights": (0.0, 1.0)}, r"a_0 is 0.0; the model needs a finite a_0 above 0"),
         ({"weights": ()}, r"a_0 is missing"),

@@ -16,6 +16,7 @@ from rdpi_gym.plant.cores.stop import Stop
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 DAMPER = PinchedStop(weights=(4.0, 1.0, 0.0, 0.5, 3.0), threshold_V=5.0, slope=-0.02)
 
@@ -74,7 +75,7 @@ def test_sections_of_one_stiffness_are_one_section() -> None:
     )
 
 
-@pytest.mark.parametrize("start", PinchedStop.starts(DataScale(0.0, 20.0, 8.0, 100.0, 1e-3, 4.0)))
+@over("start", PinchedStop.starts(DataScale(0.0, 20.0, 8.0, 100.0, 1e-3, 4.0)))
 def test_a_fit_finds_a_plant_of_its_own(start: PinchedStop) -> None:
     u = path(20.0 * np.array([0, 1, -0.8, 0.6, -0.5, 0.3, -0.1, 0.02, 0.2, -1, 1]), 60)
     weights = (3.0, 2.0, 1.0, 0.3, 0.0, 0.0, 0.1, 0.4, 0.9, 1.5, 2.0, 2.5)
@@ -126,8 +127,8 @@ def test_a_friction_damper_is_explained_where_plain_stops_are_not() -> None:
     assert max(pinched) < 5.0 < min(plain)
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
+@over(
+    "changed, message",
     [
         ({"weights": (1.0, -0.1)}, r"weight a_2 is -0.1; weights are finite and not negative"),
         ({"weights": ()}, r"weights is empty"),

@@ -17,6 +17,7 @@ from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.cores.preisach import Preisach, check_grid, triangle_roughness
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 TS_S = 1e-3
 
@@ -67,9 +68,9 @@ def reversal_curves(core: Preisach, samples: int = 200) -> Array:
 COMMANDS = arrays(np.float64, 60, elements=st.floats(-14.0, 14.0, width=32))
 
 
-@pytest.mark.parametrize("share", [1.0, 0.3])
-@pytest.mark.parametrize("count", [2, 3, 9, 20])
-@pytest.mark.parametrize("low", [-10.0, 0.0, -3.0])
+@over("share", [1.0, 0.3])
+@over("count", [2, 3, 9, 20])
+@over("low", [-10.0, 0.0, -3.0])
 def test_it_is_the_sum_of_its_relays(count, share, low):
     core = uneven(count, low=low, share=share)
     rng = np.random.default_rng(count)
@@ -158,7 +159,7 @@ def dense(u: Array, cells: int = 500) -> Array:
     return np.array(y)
 
 
-@pytest.mark.parametrize("share", [1.0, 0.4])
+@over("share", [1.0, 0.4])
 def test_it_tends_to_the_classical_model_as_ramps_and_cells_shrink(share):
     u = turning(0.0, 6.0, -3.0, 9.0, -8.5, 2.0, -2.0, 7.0, -9.7, 9.7, 1.0, samples=60)
     truth = dense(u)
@@ -272,7 +273,7 @@ WRONG = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("change", "message"), WRONG)
+@over("change, message", WRONG)
 def test_bad_numbers_are_one_clear_line(change, message):
     with pytest.raises(InputError, match=message) as error:
         Preisach(**{**GOOD, **change})

@@ -15,6 +15,7 @@ from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.plant.cores.stop import Stop
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 FRICTION = Stop(weights=(2.0, 0.7, 0.3), thresholds_V=(0.5, 2.0, 6.0), slope=-0.05)
 
@@ -80,7 +81,7 @@ def test_masing_a_branch_after_a_turn_is_the_virgin_curve_twice_as_large(
     assert y[0] - y[1] == pytest.approx(2.0 * run(FRICTION, np.array([0.5 * fall]))[0], abs=1e-10)
 
 
-@pytest.mark.parametrize("peak", [1.0, 4.0, 15.0])
+@over("peak", [1.0, 4.0, 15.0])
 def test_a_cycle_loses_four_w_r_times_the_travel_past_the_threshold(peak: float) -> None:
     u = path(np.array([0.0, peak, -peak, peak]), 60_001)
     y = run(FRICTION, u)
@@ -115,8 +116,8 @@ def test_gains_that_leave_no_stiffness_at_a_turn_are_moved_until_there_is_one() 
     assert FRICTION.with_gains([0.4, 0.0, 0.0, 0.0]).gains[0] == 0.4
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
+@over(
+    "changed, message",
     [
         ({"weights": (1.0, -0.1)}, r"weight a_2 is -0.1; weights are finite and not negative"),
         ({"weights": (1.0, float("inf"))}, r"weight a_2 is inf"),

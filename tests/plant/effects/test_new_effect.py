@@ -41,7 +41,7 @@ class Bend(Effect):
     order = 5
     parameters = (Parameter("share", "1", 0.0, 0.5, (0.05, 0.2), "share at 10 µm", 0.0),)
     equation = "y = y_m (1 + s (y_m / 10 µm)²)"
-    source = "A test."
+    source = "A lever that turns by an angle."
     signature = "Third harmonics that grow with the stroke."
     experiment = "Sines of two amplitudes."
     mistaken_for = ()
@@ -77,7 +77,7 @@ class BendInverse(Inverse):
     "rdpi_gym/virtual_lab/independent/lever.py": '''"""A lever, independently of the plant's stages."""
 from rdpi_gym.virtual_lab.independent.twin import Twin
 
-TWINS = (Twin("bend", 16, 25, lambda grid, share: lambda x: x * (1.0 + share * (x / 10.0) ** 2)),)
+TWINS = (Twin("bend", 16, 15, lambda grid, share: lambda x: x * (1.0 + share * (x / 10.0) ** 2)),)
 ''',
 }
 
