@@ -12,7 +12,6 @@ from rdpi_gym.plant import (
     PAPER_III_B,
     PAPER_IV_B,
     PLANTS,
-    RDPI,
     Converter,
     Plant,
     PlantModel,
@@ -47,27 +46,6 @@ def test_every_named_plant_survives_its_file(name, tmp_path):
 def test_static_forms_have_no_rate():
     assert named_plant("P5-static").hysteresis.delta2_s == 0
     assert math.isinf(named_plant("P10-static").hysteresis.zero_rad_s)
-
-
-@over(
-    "arguments, says",
-    [
-        (((0.0, 1.0), (1.0,), 0.0), "a_0 is 0.0"),
-        (((-1.0, 1.0), (1.0,), 0.0), "a_0 is -1.0"),
-        (((), (), 0.0), "a_0 is missing"),
-        (((1.0, -0.1), (1.0,), 0.0), "a_1 is -0.1"),
-        (((1.0, math.nan), (1.0,), 0.0), "a_1 is nan"),
-        (((1.0, 1.0, 1.0), (2.0, 1.0), 0.0), "r_2 is 1.0 V after 2.0 V"),
-        (((1.0, 1.0), (0.0,), 0.0), "r_1 is 0.0 V"),
-        (((1.0, 1.0), (1.0, 2.0), 0.0), "2 thresholds for 1 play weights"),
-        (((1.0, 1.0), (1.0,), -1e-4), "delta2_s is -0.0001"),
-        (((1.0, 1.0), (1.0,), 0.0, 0.0), "rate_bandwidth_hz is 0.0"),
-    ],
-)
-def test_parameters_that_no_plant_has_are_refused(arguments, says):
-    with pytest.raises(InputError, match=ONE_LINE) as refusal:
-        RDPI(*arguments)
-    assert says in str(refusal.value)
 
 
 @over("ts", [0.0, -1e-4, math.nan, math.inf])
