@@ -44,7 +44,7 @@ Method = Literal["trf", "SLSQP"]
 
 @dataclass(frozen=True)
 class Yardstick:
-    """What the yardstick found.
+    """Result of the yardstick.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def single_threaded() -> Iterator[ProcessPoolExecutor]:
 
 
 def summary(recovered: pd.DataFrame, covered: pd.DataFrame, timed: pd.DataFrame) -> pd.DataFrame:
-    """What is wanted of identification beside what the tables say."""
+    """Goals of identification beside the values reached."""
     rows: list[dict[str, Any]] = []
 
     def add(figure: str, wanted: str, measured: float, met: bool) -> None:

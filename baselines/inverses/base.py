@@ -18,7 +18,7 @@ from rdpi_gym.support.members import Members, classes_of
 
 @dataclass(frozen=True)
 class Setting:
-    """What an inverse may know beside its effect.
+    """Plant and sampling time that an inverse may use beside its effect.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ class UnknownInverse(Inverse):
         return x
 
     def _slope(self, step: Array, answer: Array) -> Array | float:
-        """Slope of the block between two guesses, where a sample's answer hangs on it alone."""
+        """Slope of the block between two guesses, for a block without memory."""
         if not self._by_secants:
             return 1.0
         slope = np.divide(answer, step, out=np.ones_like(step), where=step != 0.0)

@@ -287,7 +287,7 @@ def _parted(
 
 
 def _changes_front(base: Variant[Any], variant: Variant[Any]) -> bool:
-    """Whether a variant is another one up to the plays."""
+    """Whether a variant differs in front of the plays or in the core."""
     if variant.hysteresis is not base.hysteresis and variant.hysteresis != base.hysteresis:
         return True
     pairs = zip(base.effects, variant.effects, strict=True)

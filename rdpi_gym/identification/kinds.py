@@ -91,7 +91,7 @@ def judged_way(fit: JointFit, held_out: Sequence[Record]) -> Way:
 
 @dataclass(frozen=True)
 class Told:
-    """What a comparison of kinds tells.
+    """Comparison of kinds by their held-out errors.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from rdpi_gym.support.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class RecordResidual:
-    """What a model leaves of a record, with one offset free.
+    """Residual of a model on a record, with one free offset.
 
     Parameters
     ----------

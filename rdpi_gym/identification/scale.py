@@ -59,7 +59,7 @@ def _fastest_V_s(records: Sequence[Record]) -> float:
 
 
 class Bounds(NamedTuple):
-    """What the search may reach.
+    """Bounds of the search.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ _ALIKE = 1.5
 
 @dataclass(frozen=True)
 class RateSpread:
-    """How much the rates of a data set differ.
+    """Spread of the rates of a data set.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ class RateSpread:
 
     @property
     def alike(self) -> bool:
-        """Whether larger thresholds, or a delay, would do what δ2 does."""
+        """Whether larger thresholds or a delay are indistinguishable from δ2."""
         return min(self.rate_factor, self.pace_factor) < _ALIKE
 
 

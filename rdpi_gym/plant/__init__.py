@@ -1,4 +1,4 @@
-"""What voltage does to displacement: play operators, the RDPI model, the plant as a chain."""
+"""Models of the displacement over the voltage: play operators, the RDPI model, the plant as a chain."""
 
 from rdpi_gym.plant.cores.base import CORES, Core, check_ts, empty_state, pack
 from rdpi_gym.plant.cores.families import settled_memory

@@ -325,7 +325,7 @@ def _build(kind: type, body: Any, source: str) -> Any:
 
 
 def core_to_dict(core: Core) -> dict[str, Any]:
-    """Return a core as it stands in the JSON of a plant: named, unless it is the RDPI model."""
+    """Return a core as the JSON of a plant holds it: named, unless it is the RDPI model."""
     document = dataclasses.asdict(cast(Any, core))
     return document if core.name == RDPI.name else {"core": core.name, **document}
 

@@ -82,7 +82,7 @@ class Stage:
 
     @property
     def state(self) -> Array:
-        """What the stage remembers, a view of float64[S, B]."""
+        """Memory of the stage, a view of float64[S, B]."""
         return self._state
 
     def start(self, clock_s: float) -> None:

@@ -256,7 +256,7 @@ def hide_one(names: Sequence[str], truth: Truth, rng: np.random.Generator) -> Tr
 
 
 class View:
-    """What the experiments on a plant show of effects.
+    """Visibility of effects in the experiments on a plant.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ class View:
         self._simulated: dict[tuple[Effect, ...], list[Array]] = {}
 
     def shows(self, effects: Sequence[Effect]) -> bool:
-        """Whether each of the effects is seen by one who knows the others."""
+        """Whether each effect is visible when the others are known."""
         return all(self._shows(e, [o for o in effects if o is not e]) for e in effects)
 
     def _shows(self, effect: Effect, others: Sequence[Effect]) -> bool:

@@ -229,7 +229,7 @@ class Core(ABC):
 
     @property
     def rate_gain_um_s_V(self) -> float:
-        """What a rate (V/s) of the command adds to the displacement (µm), over it, while it slides.
+        """Displacement (µm) that a rate of the command adds while the core slides, per V/s.
 
         Negative where the displacement lags the more, the faster it goes; zero unless stated.
         """

@@ -260,7 +260,7 @@ class GeneralisedPI(ThresholdCore):
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """None: a negative weight would turn part of the loop round."""
+        """No gain: a negative weight would turn part of the loop round."""
         return (False,) * len(self.weights)
 
     def with_gains(self, gains: Sequence[float]) -> GeneralisedPI:
@@ -276,7 +276,7 @@ class GeneralisedPI(ThresholdCore):
         return _envelope(u, *rising), self.falling_gain * _envelope(u, *falling)
 
     def _bends(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """What :func:`_bent` reads of the rising and of the falling envelope."""
+        """Parameters of :func:`_bent` for the rising and the falling envelope."""
         rising = _bend(self.rising_per_V, self.rising_centre_V)
         return rising, _bend(self.falling_per_V, self.falling_centre_V)
 

@@ -166,7 +166,7 @@ class LuGre(InnerVariable):
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """None: friction takes energy."""
+        """No gain: friction takes energy."""
         return False, False, False
 
     def with_gains(self, gains: Sequence[float]) -> Self:

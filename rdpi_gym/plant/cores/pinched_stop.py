@@ -145,7 +145,7 @@ class PinchedStop(Core):
 
     @property
     def forces_um(self) -> Array:
-        """What the spring adds (µm) at :attr:`deflections_V`; zero at none."""
+        """Displacement (µm) added by the spring at :attr:`deflections_V`; zero at no deflection."""
         knots = self.deflections_V
         forces = np.concatenate([[0.0], np.cumsum(np.array(self.weights) * np.diff(knots))])
         return np.asarray(forces - float(np.interp(0.0, knots, forces)))

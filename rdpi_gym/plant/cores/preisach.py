@@ -344,7 +344,7 @@ class Preisach(Core):
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """None: a relay of negative weight would turn part of the loop round."""
+        """No gain: a relay of negative weight would turn part of the loop round."""
         return (False,) * (1 + len(self.weights_um))
 
     def with_gains(self, gains: Sequence[float]) -> Preisach:

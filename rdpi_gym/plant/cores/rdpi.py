@@ -182,7 +182,7 @@ class RDPI(ThresholdCore):
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """None: a negative weight would turn part of the loop round."""
+        """No gain: a negative weight would turn part of the loop round."""
         return (False,) * len(self.weights)
 
     def with_gains(self, gains: Sequence[float]) -> RDPI:

@@ -1,4 +1,4 @@
-"""What an effect declares, and the stage that a plant's chain runs for it."""
+"""Interface of an effect: declarations, parameters and compiled kernel."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Picture:
-    """How an effect is shown best.
+    """The picture of an effect: parameters of a visible size and two halves.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ class Effect(ABC):
 
     @classmethod
     def fits_in(cls, core: type[Core]) -> bool:
-        """Whether it has a meaning in a plant with a core of this kind.
+        """Whether the effect is defined for a core of this kind.
 
         What acts on the rate of the thresholds, or runs their plays again, needs the RDPI model's.
 
@@ -349,7 +349,7 @@ class Effect(ABC):
         return None
 
     def is_idle(self, scale: DataScale) -> bool:
-        """Whether it does not do what its name says on data of this size; False by default.
+        """Whether the effect is without consequence on data of this size; False by default.
 
         Parameters
         ----------
@@ -430,12 +430,12 @@ class Stateless(Effect):
     """Effect without a state of its own."""
 
     def state_rows(self, ts_s: float) -> int:
-        """None."""
+        """No row."""
         return 0
 
 
 class Clocked(Effect):
-    """Effect that goes by the time since the experiment began, and by default remembers no more."""
+    """Effect of the time since the experiment began; its only state by default is the clock."""
 
     clocked = True
 

@@ -1,4 +1,4 @@
-"""Congruency violation: plays whose gain depends on where the loop stands."""
+"""Congruency violation: plays whose gain depends on the bias of the loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Creep: a displacement that goes on for as long again as it has taken so far."""
+"""Creep: displacement that grows by a constant amount per decade of time after a step."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class Saturation(Stateless):
     block = staticmethod(saturation_block)
 
     def is_idle(self, scale: DataScale) -> bool:
-        """Whether no command comes near a rail: what bends there is something else."""
+        """Whether no command comes near a rail."""
         return self.limit_V - abs(self.centre_V - scale.centre_V) > FAR * scale.span_V
 
     @classmethod

@@ -23,7 +23,7 @@ _APART = 5.0  # ratio of the time constants of two memories that a fit begins wi
 
 
 def is_even(parameter: str) -> bool:
-    """Whether a weight is of an even term, whatever number it bears."""
+    """Whether a weight belongs to an even term."""
     return parameter.rstrip("_0123456789") in ("absolute", "even", "speed", "cross")
 
 
@@ -76,7 +76,7 @@ class AtOnce(Block):
     """Without a memory."""
 
     def memories(self) -> list[tuple[float, Terms]]:
-        """None, and one drive."""
+        """No memory, one drive."""
         return [(0.0, self.values)]
 
 
@@ -95,7 +95,7 @@ class Static(AtOnce):
 
 @dataclass(frozen=True)
 class OfTheRate(AtOnce):
-    """What the rate does at once."""
+    """Terms of the rate, without memory."""
 
     speed: float = 0.02
     drag: float = 0.02

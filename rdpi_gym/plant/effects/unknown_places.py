@@ -120,7 +120,7 @@ MICROMETRES = (
 
 
 class Block(Effect):
-    """What every form of the block shares.
+    """Base class of all forms of the block.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ class OfTheCommand(Block):
 
     @classmethod
     def scales(cls, scale: DataScale) -> dict[str, float]:
-        """Of the command."""
+        """Scales of the command."""
         return {
             "centre_V": scale.centre_V,
             "span_V": scale.span_V,
@@ -250,7 +250,7 @@ class Behind(Block):
 
     @classmethod
     def scales(cls, scale: DataScale) -> dict[str, float]:
-        """Of the displacement."""
+        """Scales of the displacement."""
         gain = scale.stroke_um / max(scale.span_V, 1e-300)
         return {
             "centre_V": scale.centre_V,

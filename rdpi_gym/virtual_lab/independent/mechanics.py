@@ -118,7 +118,7 @@ class Viscoelasticity:
 
 
 class _Clocked:
-    """Something that knows the time of its samples: `start_s` and the grid's step (s)."""
+    """Mechanism with a clock: `start_s` and the grid's step (s)."""
 
     def __init__(self, start_s: float, step_s: float) -> None:
         self._start, self._step, self._count = start_s, step_s, 0
@@ -178,7 +178,7 @@ class Line:
         self._past: Array | None = None
 
     def __call__(self, x: Array) -> Array:
-        """What leaves the line; between two points of the grid it is linear."""
+        """Output of the line; between two points of the grid it is linear."""
         kept = math.ceil(self._samples) + 1
         if self._past is None:
             self._past = np.full(kept, x[0])

@@ -55,7 +55,7 @@ class Twin:
 
 @dataclass(frozen=True)
 class MaterialTwin:
-    """An effect that lies in the ceramic itself.
+    """An effect inside the ceramic.
 
     Parameters
     ----------
