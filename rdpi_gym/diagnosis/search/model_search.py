@@ -8,28 +8,30 @@ from dataclasses import replace
 from typing import Any
 
 from rdpi_gym.diagnosis.portrait.drawing import draw
-from rdpi_gym.diagnosis.portrait.learning import learn_forms
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
+from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
 from rdpi_gym.diagnosis.results import Candidate
-from rdpi_gym.diagnosis.search.base_models import on_comb
-from rdpi_gym.diagnosis.search.bench import State, setting_of
 from rdpi_gym.diagnosis.search.candidates import assess, refit
+from rdpi_gym.diagnosis.search.core_choice import on_comb
 from rdpi_gym.diagnosis.search.forms import better_forms, in_best_form, simplified
-from rdpi_gym.diagnosis.search.law import in_few_numbers
-from rdpi_gym.diagnosis.search.openings import leaving_out, misleading, missed, unknown_past
+from rdpi_gym.diagnosis.search.plants import in_few_numbers
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
+    LEAST_STABLE,
     SETTLED_GAIN,
+    in_blocks,
     not_missed,
     of_effect,
     own_bounds,
     rank,
+    stability,
 )
+from rdpi_gym.diagnosis.search.record_starts import leaving_out, misleading, missed, unknown_past
+from rdpi_gym.diagnosis.search.refitting import State, setting_of
 from rdpi_gym.diagnosis.search.rounds import Rounds, of_class
 from rdpi_gym.diagnosis.search.separability import typical_effects
-from rdpi_gym.diagnosis.search.stability import LEAST_STABLE, in_blocks, stability
 from rdpi_gym.identification.joint import NO_FIT
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects.base import Effect, forms_of, in_chain_order
@@ -163,13 +165,13 @@ class Pruning(Rounds):
         return state, settled
 
 
-# Mean square without an effect over that with it from which on the error hangs on it.
-_HANGS = 1.7
+# Ratio of the mean squares without and with an effect from which on it is essential.
+_ESSENTIAL_RATIO = 1.7
 # Rivals of an effect in each split of the records.
 _SPLIT_RIVALS = 2
 
 
-class Laboratory(Pruning):
+class ModelSearch(Pruning):
     """One data set, from its beginning to its end.
 
     Arguments are those of :func:`rdpi_gym.diagnosis.search.discover.diagnose`.
@@ -200,7 +202,7 @@ class Laboratory(Pruning):
     def less_sure(self, state: State, added: Sequence[Candidate]) -> tuple[State, tuple[str, ...]]:
         """Take out what contributes nothing, and what splits of the records do not choose again.
 
-        Of the latter, what the error hangs on stays.
+        Effects whose removal raises the mean square more than 1.7-fold are kept.
         """
         removed: list[str] = []
         least = LEAST_GAIN * self.noise_um**2
@@ -211,8 +213,10 @@ class Laboratory(Pruning):
             without = self.without(state, [step.effect])
             loss = without.outcome.mean_square - state.outcome.mean_square
             unstable = step.confidence < LEAST_STABLE
-            hangs = without.outcome.mean_square > _HANGS * state.outcome.mean_square
-            if loss < least or (unstable and not hangs):
+            is_essential = (
+                without.outcome.mean_square > _ESSENTIAL_RATIO * state.outcome.mean_square
+            )
+            if loss < least or (unstable and not is_essential):
                 state, removed = without, [*removed, step.effect]
         return state, tuple(removed)
 
@@ -221,7 +225,7 @@ class Laboratory(Pruning):
     ) -> tuple[State, tuple[str, ...], tuple[str, ...]]:
         """Take out what is less probable than not, with all that is indistinguishable from it.
 
-        What the error hangs on stays, as little as its name may be believed. Returns the model, what
+        Effects whose removal raises the mean square more than 1.7-fold are kept. Returns the model, what
         went, and what it would have taken away, in sentences.
         """
         kept, removed, notes = list(added), list[str](), list[str]()
@@ -233,7 +237,7 @@ class Laboratory(Pruning):
             if chances[least] >= LEAST_PROBABLE:
                 break
             name, without = kept[least].effect, self.without(state, [kept[least].effect])
-            if without.outcome.mean_square > _HANGS * state.outcome.mean_square:
+            if without.outcome.mean_square > _ESSENTIAL_RATIO * state.outcome.mean_square:
                 needed.add(name)
                 continue
             with_um, without_um = (s.outcome.errors.validation_rmse_um for s in (state, without))

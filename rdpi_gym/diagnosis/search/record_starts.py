@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.hygiene.finding import BoolArray, Finding, joined_records
 from rdpi_gym.diagnosis.notices import Code, Notice
+from rdpi_gym.diagnosis.preprocessing.finding import BoolArray, Finding, joined_records
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, refit
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.measurement import MIN_SAMPLES, Record

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from rdpi_gym.diagnosis.features.half_cycles import half_cycles, vary
+from rdpi_gym.diagnosis.features.cycles import half_cycles, vary
 from rdpi_gym.diagnosis.features.noise import repeat_noise
 from rdpi_gym.diagnosis.features.rests import find_rests
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.identification.plausibility import LITTLE, linear_share
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant import RDPI
 
 FEW_SAMPLES = 500
 """Fewer samples to fit than this, and small effects are lost in the freedom of the fit."""
@@ -60,3 +65,44 @@ def _of_commands(records: list[Record]) -> list[Notice]:
     if all(repeat_noise(r) is None for r in records):
         found.append(Notice(Code.NO_REPETITION))
     return found
+
+
+TURNED = "the {output} falls where the {input} rises: its sign was turned, the model describes -y"
+
+
+def falls(records: Sequence[Record]) -> bool:
+    """Whether the displacement falls where the voltage rises."""
+    moments = [
+        np.mean((r.u_V - r.u_V.mean()) * (r.y_um - np.median(r.y_um)) * r.error_mask)
+        for r in records
+    ]
+    return bool(np.sum(moments) < 0)
+
+
+def turned(dataset: Dataset) -> Dataset:
+    """Return the data set with the sign of every displacement turned."""
+    records = tuple(replace(r, y_um=-r.y_um) for r in dataset.records)
+    return replace(dataset, records=records)
+
+
+def unrelated(train: Sequence[Record]) -> str | None:
+    """Say that the displacement hardly follows the voltage, or None."""
+    follows = linear_share(train)
+    if follows >= LITTLE:
+        return None
+    return (
+        f"The {{output}} hardly follows the {{input}} ({100 * max(follows, 0.0):.1f} % of its "
+        "power): check the columns and the sensor."
+    )
+
+
+def one_size(records: Sequence[Record]) -> bool:
+    """Whether loops of one size are all that records hold: they do not tell weights apart."""
+    cycles = [half_cycles(r.u_V, r.ts_s) for r in records]
+    sizes = np.concatenate([c.amplitude_V[c.whole] for c in cycles])
+    return bool(sizes.size) and not vary(sizes)
+
+
+def comb(records: Sequence[Record]) -> RDPI:
+    """Return the RDPI model on the fine fixed comb of a search, to be fitted: convex in its weights."""
+    return RDPI.comb(data_scale(records))

@@ -1,4 +1,4 @@
-"""Stretches in which a channel stands still although the other one moves."""
+"""Samples that are no measurement: outliers, dropouts, frozen and clipped stretches."""
 
 from __future__ import annotations
 
@@ -7,13 +7,153 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.diagnosis.features.noise import rough_part
-from rdpi_gym.diagnosis.hygiene.finding import BoolArray, gain, runs, smallest_step, widened
+from rdpi_gym.diagnosis.preprocessing.finding import (
+    BoolArray,
+    bridged,
+    gain,
+    runs,
+    smallest_step,
+    widened,
+)
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
 
+FAR = 6.5
+"""Times the local noise: so far a sample lies from all that its neighbours say."""
+_STEPS = 3.0  # smallest steps of the recorder
+_LEAST = 1e-4  # of the swing, where there is no noise
+_BLOCK = 64
+_WIDTHS = (1, 2)  # samples
+_ROUNDS = 3
+_END = 0.5  # of what stands out at an end, where one side alone says so
+_MOST = 0.1  # of a record: more is no outlier
+_BEFORE, _AFTER = 20, 2  # samples around a corner of the command
+_AROUND, _CALM = 6, 0.8  # samples to either side; of the excursion, how much they may range
+_GAUSSIAN = 0.6744897501960817 * np.sqrt(20.0)
+
+
+def spikes(record: Record) -> tuple[BoolArray, float]:
+    """Find single samples, or pairs, that stand out from those before and after.
+
+    A sample counts where it lies on the same side of the way from its three neighbours before it
+    to its three after it, and of the slopes of both, by more than the local noise explains. A step
+    and a corner agree with one side's slope, and a round crest lies above the way and below the
+    slopes; what the command's own corners can excite is left alone, and so is ringing.
+    """
+    y = record.y_um
+    found = np.zeros(y.size, dtype=np.bool_)
+    if y.size < _BLOCK:
+        return found, 0.0
+    swing = float(np.ptp(record.u_V))
+    excited = _excited(record.u_V, float(np.ptp(y)) / swing if swing > 0.0 else 0.0)
+    low, high = np.quantile(y, (0.01, 0.99))
+    least = max(_STEPS * smallest_step(y), _LEAST * float(high - low))
+    farthest, clean = 0.0, y
+    for _ in range(_ROUNDS):
+        noise = _local_noise(clean)
+        limit = np.maximum(np.maximum(FAR * noise, least), excited)
+        new = np.zeros_like(found)
+        for width in _WIDTHS:
+            out = _outstanding(clean, width)
+            at = np.flatnonzero(out > limit[: out.size])
+            if at.size:
+                farthest = max(farthest, float(np.max(out[at] / np.maximum(noise[at], least / 3))))
+            for shift in range(width):
+                new[at + shift] = True
+        if not (new & ~found).any():
+            break
+        found |= new
+        clean = bridged(y, found)
+    found &= _alone(y, found)
+    if not found.any() or found.mean() > _MOST:
+        return np.zeros_like(found), 0.0
+    return found, farthest
+
+
+def _alone(y: Array, found: BoolArray) -> BoolArray:
+    """Whether what lies around each of them is calm: a burst of ringing is no outlier."""
+    at = np.flatnonzero(found)
+    alone = np.zeros_like(found)
+    x = np.arange(-_AROUND, _AROUND + 1)
+    near = np.clip(at[:, None] + x, 0, y.size - 1)
+    weight = (~found[near]).astype(np.float64)
+    values = y[near] - np.median(y[near], axis=1, keepdims=True)
+    powers = np.stack([(x / _AROUND) ** n for n in range(3)], axis=1)
+    gram = np.einsum("kj,ja,jb->kab", weight, powers, powers) + 1e-9 * np.eye(3)
+    right = np.einsum("kj,ja,kj->ka", weight, powers, values)
+    course = np.linalg.solve(gram, right[..., None])[..., 0] @ powers.T
+    apart = values - course
+    around = np.where(weight > 0.0, apart, 0.0)
+    alone[at] = np.abs(apart[:, _AROUND]) > np.ptp(around, axis=1) / _CALM
+    return alone
+
+
+def _outstanding(y: Array, width: int) -> Array:
+    """How far the group of samples that begins at each one stands out; 0 where it does not."""
+    size = y.size - width - 5
+    before = [y[2 - j : 2 - j + size] for j in range(3)]  # nearest first
+    after = [y[3 + width + j : 3 + width + j + size] for j in range(3)]
+    levels = [np.median(np.stack(side), axis=0) for side in (before, after)]
+    # both levels are carried along the way from the one to the other
+    tilt = (levels[1] - levels[0]) / (width + 3)
+    apart = []
+    for i in range(width):
+        here = y[3 + i : 3 + i + size]
+        apart += [here - (levels[0] + (i + 2) * tilt)]
+        for side, distance in ((before, i + 2), (after, width - i + 1)):
+            slope = 0.5 * (side[0] - side[2])
+            apart += [here - (sum(side) / 3.0 + distance * slope)]
+    stacked = np.stack(apart)
+    found = np.zeros(y.size)
+    found[3 : 3 + size] = np.maximum(np.maximum(stacked.min(axis=0), (-stacked).min(axis=0)), 0.0)
+    if width == 1:
+        for x, ends in ((y[:6], found[:3]), (y[::-1][:6], found[::-1][:3])):
+            ends[:] = [_END * _at_end(x, k) for k in range(3)]
+    return found
+
+
+def _at_end(x: Array, k: int) -> float:
+    """How far a sample at an end, k from it, stands out from the level and slope of those inside."""
+    inside = x[k + 1 : k + 4]
+    level = float(np.median(inside))
+    line = float(inside.mean()) + (inside[0] - inside[2])
+    above, below = min(x[k] - level, x[k] - line), min(level - x[k], line - x[k])
+    return max(float(above), float(below), 0.0)
+
+
+def _local_noise(y: Array) -> Array:
+    """Roughness of the block that holds each sample, or of its neighbour where that is larger."""
+    third = np.abs(np.diff(y, 3))
+    blocks = max(third.size // _BLOCK, 1)
+    size = third.size // blocks
+    levels = np.median(third[: blocks * size].reshape(blocks, size), axis=1) / _GAUSSIAN
+    padded = np.pad(levels, 1, mode="edge")
+    wide = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+    of_sample = np.minimum(np.arange(y.size) // size, blocks - 1)
+    # a stretch that stands still tells nothing of the noise
+    return np.asarray(np.maximum(wide[of_sample], 0.5 * float(np.median(levels))))
+
+
+def _excited(u: Array, gain_um_V: float) -> Array:
+    """What a corner or a jump of the command may make of the response (µm)."""
+    bends = np.abs(np.diff(u, 2, prepend=u[:1], append=u[-1:]))
+    usual = 6.0 * float(np.median(bends))
+    bends = np.maximum(bends - usual, 0.0)
+    largest = bends.copy()
+    span = 1
+    # the largest of the samples before, by doubling
+    while span < _BEFORE:
+        step = min(span, _BEFORE - span)
+        largest[step:] = np.maximum(largest[step:], largest[:-step])
+        span += step
+    for shift in range(1, _AFTER + 1):
+        largest[:-shift] = np.maximum(largest[:-shift], bends[shift:])
+    return np.asarray(gain_um_V * largest)
+
+
 MARGIN = 3
 """Samples left out on either side of a stretch without a signal: filters smear its edges."""
-_FEWEST = 5
+_FEWEST_EQUAL = 5
 _LONGER = 4.0  # times a usual run of equal values
 _COARSE = 0.01  # of the samples: so many repeat where the recorder's step is larger than the noise
 _RESOLVED = 0.25  # of a step: noise that moves a reading
@@ -30,10 +170,10 @@ def silent(record: Record, known: BoolArray) -> tuple[BoolArray, BoolArray]:
     dropout, frozen = np.zeros(y.size, dtype=np.bool_), np.zeros(y.size, dtype=np.bool_)
     equal = np.diff(y) == 0.0
     stands = [(first, last + 1) for first, last in runs(equal)]
-    long = [(a, b) for a, b in stands if b - a >= _FEWEST]
+    long = [(a, b) for a, b in stands if b - a >= _FEWEST_EQUAL]
     if not long:
         return dropout, frozen
-    short = sum(b - a - 1 for a, b in stands if b - a < _FEWEST)
+    short = sum(b - a - 1 for a, b in stands if b - a < _FEWEST_EQUAL)
     inside = sum(b - a for a, b in long)
     coarse = short > _COARSE * max(y.size - inside, 1)
     # runs of all lengths, single samples too: what is usual of this recorder
@@ -46,7 +186,7 @@ def silent(record: Record, known: BoolArray) -> tuple[BoolArray, BoolArray]:
     slope = abs(gain(u, y))
     moves_u, moves_y = np.abs(np.diff(u)), np.abs(np.diff(y))
     for first, last in long:
-        if known[first:last].any() or last - first < max(_FEWEST, _LONGER * usual):
+        if known[first:last].any() or last - first < max(_FEWEST_EQUAL, _LONGER * usual):
             continue
         entry = _jump(moves_y, moves_u, first - 1, step, noise, slope)
         leave = _jump(moves_y, moves_u, last - 1, step, noise, slope)
@@ -85,7 +225,7 @@ def output_rails(records: Sequence[Record], bad: Sequence[BoolArray]) -> list[Ra
     extremes: list[Rails] = []
     for record, lost in zip(records, bad, strict=True):
         y = record.y_um[~lost]
-        ends = {True: float(y.max()), False: float(y.min())} if y.size >= _FEWEST else {}
+        ends = {True: float(y.max()), False: float(y.min())} if y.size >= _FEWEST_EQUAL else {}
         extremes.append(ends)
         own.append({up: end for up, end in ends.items() if _is_rail(record, lost, end, up)})
     known = {(up, end) for rails in own for up, end in rails.items()}
@@ -96,7 +236,7 @@ def _is_rail(record: Record, lost: BoolArray, extreme: float, upper: bool) -> bo
     y, u = record.y_um, record.u_V
     swing_u, swing_y = float(np.ptp(u)), float(np.ptp(y[~lost]))
     at = (np.abs(y - extreme) <= _SAME * swing_y) & ~lost
-    stands = [(a, b) for a, b in runs(at) if b - a >= _FEWEST]
+    stands = [(a, b) for a, b in runs(at) if b - a >= _FEWEST_EQUAL]
     if not stands:
         return False
     step = smallest_step(y[~lost])
@@ -146,7 +286,7 @@ def clipped_command(record: Record, bad: BoolArray) -> BoolArray:
         for first, last in runs(at):
             size = last - first
             edge = max(size // 6, 2)
-            if size < 3 * _FEWEST or first < edge or last + edge > u.size:
+            if size < 3 * _FEWEST_EQUAL or first < edge or last + edge > u.size:
                 continue
             if bad[first - edge : last + edge].any():
                 continue

@@ -1,10 +1,4 @@
-"""Commands below the first threshold: every play sticks, so what is not proportional is no play.
-
-There RDPI of any rate law is y = a_0 u. With G(s) / G(0) = 1 + g1 s + g2 s² + ... the lag is -g1, and
-κ = g1² - 2 g2 tells its kind: 0 for a delay, below 0 for first-order lags, above 0 for a resonance,
-because ln|G| = κ ω² / 2 to first order. It is the series of 1 / G that is fitted: it ends after
-the first term for a first-order lag and after the second for a resonance.
-"""
+"""Half-wave symmetry of steady periods: plays are odd, so what is even is asymmetry."""
 
 from __future__ import annotations
 
@@ -14,9 +8,75 @@ from dataclasses import dataclass
 import numpy as np
 
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
-from rdpi_gym.diagnosis.features.periods import Complexes, Periods, harmonics, orders_off_mains
+from rdpi_gym.diagnosis.features.cycles import Complexes, Periods, harmonics, orders_off_mains
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import digits, pm
+
+ASYMMETRY = "asymmetry"
+EVEN_PERCENT = 0.15
+"""Even part over the rest (rms): a quadratic distortion of 1 % of the stroke leaves 0.5 %."""
+_LARGE = 0.5  # of the largest swing: records that count
+_MOST_ORDERS = 400
+_SLOW_SINE = (
+    "Take five periods or more of a slow sine or triangle about the middle of the range, at full "
+    "and at half amplitude."
+)
+
+
+def half_wave(stretches: Sequence[Periods]) -> Check:
+    """Even harmonics of the displacement under commands that have none.
+
+    A play operator is odd and congruent: a command whose second half period is the negative of
+    its first gives a displacement of the same symmetry, whatever thresholds and weights are.
+    """
+    found = []
+    for periods in stretches:
+        share = _even_share(periods, periods.record.u_V)
+        if share is not None and share[0] + share[1] < EVEN_PERCENT:
+            even = _even_share(periods, periods.record.y_um)
+            if even is not None:
+                swing = float(np.ptp(periods.record.u_V[periods.part]))
+                found.append((swing, *even, periods))
+    if not found:
+        return cannot_tell(
+            ASYMMETRY,
+            "No record holds three steady periods of a half-wave symmetric command, so even "
+            "harmonics of the {output} cannot be laid to the actuator.",
+            _SLOW_SINE,
+        )
+    widest = max(swing for swing, *_ in found)
+    large = [entry for entry in found if entry[0] > _LARGE * widest]
+    # a record whose second harmonic is free of the mains goes before one where it is not
+    _, value, error, periods = max(large, key=lambda e: (_second_is_clear(e[3]), e[0], -e[2]))
+    zone = zone_of(value, error, EVEN_PERCENT)
+    facts = (
+        f"Under the half-wave symmetric command of {periods.record.name} the {{output}} has even "
+        f"harmonics of {digits(value)} % of the odd ones (rms)"
+    )
+    if zone == "yes":
+        text = f"{facts}: play operators leave none, so the actuator is not symmetric."
+    elif zone == "no":
+        text = f"{facts}: no asymmetry."
+    else:
+        text = f"{facts}, not safely more than its noise."
+    step = "" if zone != "cannot tell" else _SLOW_SINE
+    return Check(ASYMMETRY, value, EVEN_PERCENT, "%", zone, text, step, ("asymmetry",))
+
+
+def _second_is_clear(periods: Periods) -> bool:
+    return orders_off_mains(periods, np.array([2])).size > 0
+
+
+def _even_share(periods: Periods, x: Array) -> tuple[float, float] | None:
+    """Even over odd harmonics (%) and its error; None without steady motion."""
+    found = harmonics(periods, x)
+    last = min(found.mean.size - 1, _MOST_ORDERS)
+    odd, _ = found.rms(np.arange(1, last + 1, 2))
+    orders = np.arange(2, last + 1, 2)
+    clear = orders_off_mains(periods, orders)
+    even, error = found.rms(clear if clear.size and clear[0] == 2 else orders)
+    return (100.0 * even / odd, 100.0 * error / odd) if odd > 0.0 else None
+
 
 PHASE_RAD = 0.06
 """A lag counts from this phase at the highest frequency on (rad)."""

@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.diagnosis.features.half_cycles import half_cycles
-from rdpi_gym.diagnosis.features.memory import memory_features
+from rdpi_gym.diagnosis.features.cycles import half_cycles
 from rdpi_gym.diagnosis.features.noise import flattened
 from rdpi_gym.diagnosis.features.recurrence import Recurrence, Trace, recurrence, unrepeated_um2
 from rdpi_gym.diagnosis.results import Left
-from rdpi_gym.diagnosis.search.learner import HeldOut, Part, learn_across
+from rdpi_gym.diagnosis.search.learner import HeldOut, Part, learn_across, memory_features
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.measurement.quantities import in_output
