@@ -141,8 +141,9 @@ class ObservationLayout:
                 raise InputError(f"{name} is {shown(value)}; give a finite value above 0")
         for name in ("centre_um", "scale_um", "action_scale_V"):
             object.__setattr__(self, name, float(getattr(self, name)))
-        fields = tuple(self.fields) if isinstance(self.fields, list | tuple) else ()
-        if not set(FIRST_RELEASE) <= set(fields) <= set(NAMES) or len(set(fields)) < len(fields):
+        given = self.fields if isinstance(self.fields, list | tuple) else ()
+        fields = tuple(name for name in given if isinstance(name, str))
+        if not set(FIRST_RELEASE) <= set(fields) <= set(NAMES) or len(set(fields)) < len(given):
             raise InputError(
                 f"fields is {shown(self.fields)}; give names among {', '.join(NAMES)}, each once, "
                 f"{', '.join(FIRST_RELEASE)} among them"
@@ -190,10 +191,20 @@ class ObservationLayout:
         """Column of each field's value of sample k."""
         return [self.columns[name].start for name in self.fields]
 
+    def columns_of(self, other: ObservationLayout) -> list[int]:
+        """Columns of this layout that show what another with no longer preview shows, in its order."""
+        columns: list[int] = []
+        for name, own in other.columns.items():
+            if name not in self.columns:
+                raise InputError(f"this layout shows {', '.join(self.fields)} and no {name}")
+            begin = self.columns[name].start
+            columns += range(begin, begin + own.stop - own.start)
+        return columns
+
     @property
     def size(self) -> int:
         """Length of the observation."""
-        return self.columns[self.fields[-1]].stop
+        return int(self.columns[self.fields[-1]].stop)
 
     @property
     def entries(self) -> list[str]:
