@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.foreign_effects.physics import (
+from benchmarks.effect_discovery.physics import (
     charged_softly,
     gap,
     limited_rate,
     linear,
 )
-from benchmarks.foreign_effects.plants import Foreign, fastest_rate_V_s
-from benchmarks.foreign_effects.protocols import Taken
+from benchmarks.effect_discovery.plants import Foreign, fastest_rate_V_s
+from benchmarks.effect_discovery.protocols import Taken
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.foreign_effects.drives import Drive, between, held
-from benchmarks.foreign_effects.forms import (
+from benchmarks.effect_discovery.forms import (
     CORE,
     TIMED,
     At,
@@ -18,13 +17,13 @@ from benchmarks.foreign_effects.forms import (
     wider_V,
     without,
 )
-from benchmarks.foreign_effects.physics import (
+from benchmarks.effect_discovery.physics import (
     integrated,
     plays_by_substeps,
     plays_by_turning_points,
 )
-from benchmarks.foreign_effects.plants import Foreign, decaying_history
-from benchmarks.foreign_effects.protocols import Taken
+from benchmarks.effect_discovery.plants import Foreign, decaying_history
+from benchmarks.effect_discovery.protocols import Drive, Taken, between, held
 from rdpi_gym.support.arrays import Array
 
 PAUSE_S = 2.0

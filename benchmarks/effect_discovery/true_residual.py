@@ -1,15 +1,14 @@
-"""What a final model truly leaves, and whether what is said of it is true."""
+"""Residual of a final model against the displacement that no sensor has read."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from benchmarks.foreign_effects.degradations import Sampled
-from benchmarks.foreign_effects.forms import TIMED
+from benchmarks.effect_discovery.degradations import Sampled
+from benchmarks.effect_discovery.forms import TIMED
 from rdpi_gym.diagnosis.results import SearchResult, View
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
@@ -17,20 +16,11 @@ from rdpi_gym.measurement.record import BoolArray
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 
-MARGIN = 0.1
-"""By which the true share may lie outside of the interval."""
-EXPLAINED = 1.3
-"""Noise floors of clean error that an explained record may have left."""
-_NOTHING = 0.5  # noise floors: of less no share is asked
-_SAMPLED = 0.5  # noise floors that lie between the samples: from here on sampling matters
-_OF_TRUTH = 2.0  # largest ratio of a numerical floor that is believed
-_FEW_SAMPLES = 4.0  # of the shortest time of what is hidden: with fewer, sampling matters
 _GAIN = "gain_drift"
 _MOST_MOVED = 4  # samples
-_TIMES = ("time_constant_s", "delay_s")
 
 
-def what_is_left(
+def true_residual(
     discovery: SearchResult, records: Sequence[Sampled], hidden: Collection[str] = ()
 ) -> dict[str, float | None]:
     """Compare a final model with the displacement that no sensor has read, on validation records."""
@@ -67,7 +57,7 @@ def _clock(view: View, s: Sampled) -> Array:
 
 
 def _moved_samples(view: View, s: Sampled, clock: Array) -> float:
-    """By how many samples y was moved ahead where the records were looked through, u left alone."""
+    """Return by how many samples preprocessing moved y ahead, u left alone."""
     counted = view.counted > 0.5
     given = np.interp(view.t_s, clock, s.record.y_um)
     if not counted.any() or np.allclose(view.y_um[counted], given[counted]):
@@ -107,59 +97,3 @@ def _square(error: Array, counted: BoolArray) -> float:
     """Sum of squares about the mean, over the samples that count."""
     e = error[counted]
     return float(np.sum((e - e.mean()) ** 2))
-
-
-def judge_sentences(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Judge what a result says of what is left."""
-    truth, true_left = row["truth"], row["true_left"]
-    noise = truth["noise_um"]
-    # what is stated counts as far as the truth itself moves with what lies between the samples
-    floor = min(row.get("numerical_floor_um") or 0.0, _OF_TRUTH * truth["sampling_um"])
-    clean = math.nan if true_left["clean_um"] is None else true_left["clean_um"]
-    part = math.nan if true_left["by_input_um"] is None else true_left["by_input_um"]
-    share = _share(clean, part, floor) if clean > math.hypot(_NOTHING * noise, floor) else None
-    left = row.get("left") or {}
-    share_true = hidden_true = explained_true = sampling_true = None
-    if share is not None and left.get("low") is not None and left.get("high") is not None:
-        share_true = bool(left["low"] - MARGIN <= share <= left["high"] + MARGIN)
-    if share is not None and left.get("hidden_um") is not None:
-        most = (1.0 + MARGIN) * math.hypot(left["hidden_um"], floor, _NOTHING * noise)
-        hidden_true = bool(part <= most)
-    if row["verdict"] in ("explained", "no missing effect") and not math.isnan(clean):
-        explained_true = bool(clean <= EXPLAINED * math.hypot(noise, floor))
-    if row.get("sampling"):
-        sampling_true = sampling_matters(truth)
-    said = [x for x in (share_true, hidden_true, explained_true, sampling_true) if x is not None]
-    return {
-        "clean_ratio": clean / noise,
-        "true_share": share,
-        "share_true": share_true,
-        "hidden_true": hidden_true,
-        "explained_true": explained_true,
-        "sampling_true": sampling_true,
-        "all_true": all(said),
-    }
-
-
-def _share(clean_um: float, by_input_um: float, floor_um: float) -> float:
-    beyond = max(by_input_um**2 - floor_um**2, 0.0)
-    return min(beyond / max(clean_um**2 - floor_um**2, 1e-300), 1.0)
-
-
-def sampling_matters(truth: Mapping[str, Any]) -> bool:
-    """Whether faster sampling would show more.
-
-    Either the motion between the samples moves the displacement at them by half a noise floor, or
-    something that is hidden has a time of fewer than four samples, or a mode above a fifteenth of
-    the rate.
-    """
-    if truth["sampling_um"] > _SAMPLED * truth["noise_um"]:
-        return True
-    slowest = min(truth["rates_hz"])
-    for effect in truth["hidden"]:
-        times = [effect[key] for key in _TIMES if key in effect and effect["effect"] not in TIMED]
-        if any(time * slowest < _FEW_SAMPLES for time in times):
-            return True
-        if effect.get("f0_hz", 0.0) > slowest / 15.0:
-            return True
-    return False

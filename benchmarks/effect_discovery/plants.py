@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.foreign_effects.protocols import Taken
+from benchmarks.effect_discovery.protocols import Taken
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
 

@@ -1,4 +1,4 @@
-"""One case of the study, from its plant to its row."""
+"""The row of a case, from its plant to what was found."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from benchmarks.hidden_effects.cases import Case, prepare
+from benchmarks.effect_discovery.cases import Case, Source
 from rdpi_gym.diagnosis.results import Candidate, SearchResult
 from rdpi_gym.measurement import Dataset
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files, used_files
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.draws import MaskedError
@@ -24,24 +25,27 @@ _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis", "vir
 
 
 @cache
-def study_fingerprint(study: str = "hidden_effects") -> str:
-    """Return a hash of the code that a row of a study depends on, its text for readers left out."""
-    own = used_files([f"benchmarks.{study}.case_row"], Path(__file__).parents[1])
+def study_fingerprint(module: str = "independent") -> str:
+    """Return a hash of the code that the rows of a source depend on, its text for readers left out."""
+    own = used_files(
+        [f"benchmarks.effect_discovery.{name}" for name in ("row", module)],
+        Path(__file__).parents[1],
+    )
     return fingerprint(code_parts([*room_files(*_ROOMS), *own]))
 
 
 def discover_engine(dataset: Dataset, seed: int) -> SearchResult:
-    """Look for what is hidden as ``rdpi discover`` does, in this process."""
+    """Look for hidden effects as ``rdpi discover`` does, in this process."""
     from rdpi_gym.diagnosis.search.discover import discover
 
     return discover(dataset, jobs=1, seed=seed)
 
 
-def run_case(case: Case, engine: Engine = discover_engine) -> Row:
+def run_case(case: Case, source: Source, engine: Engine = discover_engine) -> Row:
     """Simulate one case, diagnose it, and return its row.
 
-    A case that cannot be simulated (``masked``) or on which the engine fails (``failed``) is a row
-    too.
+    A case that cannot be seen (``masked``), or on which reading or the engine fails (``failed``),
+    is a row too.
     """
     row: Row = {
         "key": case.key,
@@ -49,20 +53,23 @@ def run_case(case: Case, engine: Engine = discover_engine) -> Row:
         "subject": list(case.subject),
         "number": case.number,
         "seed": case.seed,
-        "variant": case.variant,
-        "code": study_fingerprint(),
+        **({"variant": case.variant} if case.variant else {}),
+        "code": study_fingerprint(source.module),
     }
     try:
-        dataset, truth = prepare(case)
+        prepared = source.prepare(case)
     except MaskedError as error:
         return row | {"status": "masked", "error": str(error)}
-    row |= {"truth": truth, "noise_um": truth["noise_um"]}
-    began = time.perf_counter()
+    except InputError as error:  # a file that a user would have, and that is refused
+        return row | {"status": "failed", "error": f"{type(error).__name__}: {error}"}
+    row |= {"truth": prepared.truth, "noise_um": prepared.truth["noise_um"]}
+    began = time.process_time()
     try:
-        discovery = engine(dataset, case.seed)
+        discovery = engine(prepared.dataset, case.seed)
     except Exception as error:  # one failure must not end a night of work, and it counts
         return row | {"status": "failed", "error": f"{type(error).__name__}: {error}"}
-    return row | {"status": "done", "seconds": time.perf_counter() - began} | found(discovery)
+    row |= {"status": "done", "seconds": time.process_time() - began}
+    return row | found(discovery) | source.further(discovery, prepared, case)
 
 
 def found(discovery: SearchResult) -> dict[str, Any]:

@@ -1,18 +1,20 @@
-"""What the study asks: how many plants, what is hidden in each, and the records that are made."""
+"""Foreign truth: plants, effects and protocols in other forms than the package's own."""
 
 from __future__ import annotations
 
 import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.foreign_effects.chain import Bench, close_loop
-from benchmarks.foreign_effects.degradations import (
+from benchmarks.effect_discovery.bench import Bench, close_loop
+from benchmarks.effect_discovery.cases import Case, Prepared, Source
+from benchmarks.effect_discovery.degradations import (
     CLOCKS,
     EXCUSED,
     KINDS,
@@ -20,7 +22,7 @@ from benchmarks.foreign_effects.degradations import (
     degrade,
     through_files,
 )
-from benchmarks.foreign_effects.forms import (
+from benchmarks.effect_discovery.forms import (
     EFFECTS,
     Form,
     Mechanism,
@@ -30,10 +32,12 @@ from benchmarks.foreign_effects.forms import (
     mechanism,
     scale_of,
 )
-from benchmarks.foreign_effects.physics import duhem, stuck_and_slipped
-from benchmarks.foreign_effects.plants import draw_plant, noise_of
-from benchmarks.foreign_effects.protocols import PROTOCOLS, take
-from benchmarks.hidden_effects.outside import BoucWen
+from benchmarks.effect_discovery.outsiders import BoucWen
+from benchmarks.effect_discovery.physics import duhem, stuck_and_slipped
+from benchmarks.effect_discovery.plants import draw_plant, noise_of
+from benchmarks.effect_discovery.protocols import PROTOCOLS, take
+from benchmarks.effect_discovery.true_residual import true_residual
+from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
@@ -237,75 +241,27 @@ _ONE_BY_LAW = {("backlash", "compliant gap"): "initial_memory"}
 _STREAM = zlib.crc32(b"foreign effects")
 
 
-@dataclass(frozen=True)
-class Case:
-    """One data set to diagnose.
-
-    Parameters
-    ----------
-    study
-        One of :data:`NUMBERS`.
-    subject
-        What is in it: effects, one of :data:`~benchmarks.foreign_effects.cases.OUTSIDE`, or nothing.
-    number
-        Of the plant, within the study.
-    seed
-        Of the study: 0 to tune on, another to report.
-    """
-
-    study: str
-    subject: tuple[str, ...]
-    number: int
-    seed: int = 0
-
-    @property
-    def key(self) -> str:
-        """What names the case in a store."""
-        return f"{self.study}/{'+'.join(self.subject) or 'nothing'}/{self.number}/seed {self.seed}"
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """A case with its records.
-
-    Parameters
-    ----------
-    case
-        The case.
-    dataset
-        What the laboratory gets.
-    truth
-        What is true of it, as JSON.
-    records
-        Its records as simulated, with what is true at every sample.
-    """
-
-    case: Case
-    dataset: Dataset
-    truth: dict[str, Any]
-    records: tuple[Sampled, ...]
-
-
 def make_cases(
-    studies: Sequence[str], per_study: int | None = None, seed: int = 0
-) -> list[Case]:  # fmt: skip
+    studies: Sequence[str],
+    plants: int | None = None,
+    seed: int = 0,
+    effects: Sequence[str] = EFFECTS,
+) -> list[Case]:
     """List the cases of studies; subjects take turns, so that any beginning is a fair sample."""
     cases = []
     for study in studies:
-        if study not in NUMBERS:
-            raise InputError(f"no study is named {study!r}; give {', '.join(NUMBERS)}")
-        subjects = _subjects(study)
-        for number in range(NUMBERS[study] if per_study is None else per_study):
+        subjects = _subjects(study, effects)
+        for number in range(NUMBERS[study] if plants is None else plants):
             cases.append(Case(study, subjects[number % len(subjects)], number, seed))
     return cases
 
 
-def _subjects(study: str) -> list[tuple[str, ...]]:
+def _subjects(study: str, effects: Sequence[str]) -> list[tuple[str, ...]]:
     """Subjects in an order that is mixed, and the same for every seed."""
     sizes = {"single": 1, "double": 2, "triple": 3, "none": 0}
     if study == "outside":
         return [(name,) for name in OUTSIDE]
-    every = list(combinations(EFFECTS, sizes[study]))
+    every = list(combinations(effects, sizes[study]))
     order = np.random.default_rng(_STREAM).permutation(len(every))
     return [every[k] for k in order]
 
@@ -383,7 +339,7 @@ def _drawn(case: Case, rng: np.random.Generator) -> Prepared:
     }
     if degraded in CLOCKS:
         dataset = through_files(degraded, dataset, rng)
-    return Prepared(case, dataset, truth, tuple(records))
+    return Prepared(dataset, truth, tuple(records))
 
 
 def _with_laws(found: dict[str, list[str]], bench: Bench) -> dict[str, list[str]]:
@@ -401,3 +357,22 @@ def _check_visible(bench: Bench, clean: Sequence[Array], by_input: Sequence[Arra
     differences = list(clean) if same else [a - b for a, b in zip(clean, by_input, strict=True)]
     if remaining_um(bench, blank_records(bench), differences) < VISIBLE * bench.plant.noise_um:
         raise MaskedError("the base model takes it up")
+
+
+def further_fields(discovery: SearchResult, prepared: Prepared, case: Case) -> dict[str, Any]:
+    """Return what a result says about the residual, sampling and the data, and the true residual."""
+    document = discovery.to_dict()
+    names = ("left", "findings", "sampling", "undecided")
+    fields = {name: document[name] for name in names if name in document}
+    forms = {step["effect"]: step["form"] for step in document.get("steps", []) if step.get("form")}
+    return fields | {
+        "numerical_floor_um": discovery.numerical_floor_um,
+        "forms": forms,
+        "true_left": true_residual(discovery, prepared.records, case.subject),
+    }
+
+
+FOREIGN = Source(
+    "foreign", "foreign_effects", Path("studies/results/foreign"), NUMBERS, EFFECTS, make_cases,
+    prepare, further_fields,
+)  # fmt: skip
