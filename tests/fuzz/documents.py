@@ -657,7 +657,7 @@ def _arrays(value: Any) -> Iterator[Any]:
 
 
 def _read_student(folder: Path) -> Any:
-    from baselines.learned.found import find_learned
+    from baselines.learned.controller import find_learned
 
     return find_learned(str(folder))
 

@@ -363,8 +363,7 @@ def policy_files() -> tuple[dict[str, Any], bytes]:
     """Make a policy: what describes it, and its weights."""
     import torch
 
-    from baselines.learned.network import Network
-    from baselines.learned.policy import Policy
+    from baselines.learned.policy import Network, Policy
     from rdpi_gym.envs import ObservationLayout
 
     torch.set_num_threads(1)
