@@ -8,7 +8,7 @@ import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from rdpi_gym.diagnosis.comparison.distortion import PARTS
+from rdpi_gym.diagnosis.comparison.spectrum import PARTS
 from rdpi_gym.report.style import MUTED, PALETTE, RESIDUAL, figure_text, styled
 
 _PART_NAMES = {
