@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,18 +84,12 @@ def description(policy: Policy) -> dict[str, Any]:
     commands are scaled as ``layout`` says.
     """
     layout = policy.layout
-    ahead = [f"reference(k+{i})" for i in range(1, layout.preview + 1)]
-    past = [
-        f"{name}(k-{i})"
-        for i in range(1, policy.history + 1)
-        for name in ("reference", "measured", "command")
-    ]
     return {
         "format": "rdpi-policy-onnx",
         "version": 1,
-        "layout": asdict(layout),
+        "layout": layout.to_dict(),
         "history": policy.history,
-        "observation": ["reference(k)", *ahead, "measured(k)", "command(k)", *past],
+        "observation": policy.scaling.history.entries,
         "baseline": policy.baseline,
     }
 
