@@ -32,7 +32,7 @@ from rdpi_gym.measurement.record import Record
 from rdpi_gym.measurement.stacked import stacked_tags
 from rdpi_gym.plant import P5, P10, PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.plant.named import PLANTS
+from rdpi_gym.plant.model import PLANTS
 from rdpi_gym.signals import SIGNALS, Measured, Signal, make_signal, signal_from_dict
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import parse_json, read_json, read_utf8
