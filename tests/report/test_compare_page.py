@@ -6,13 +6,13 @@ from html import escape
 
 import numpy as np
 import pytest
+from rdpi_gym.report.comparison.figures import error_by_frequency, record_errors, residual_plane
+from rdpi_gym.report.trace_figures import largest_error, loops, time_traces
 
 from rdpi_gym.diagnosis import compare
 from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import P5, Plant, named_plant
-from rdpi_gym.report.comparison.figures import error_by_frequency, record_errors, residual_plane
-from rdpi_gym.report.comparison.page import MOST_RECORDS, write_compare_page
-from rdpi_gym.report.trace_figures import largest_error, loops, time_traces
+from rdpi_gym.report.comparison_page import MOST_RECORDS, write_compare_page
 
 
 def sine(name="sine", frequency_hz=5.0, periods=6.0, per_period=200, **keywords):

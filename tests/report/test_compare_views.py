@@ -4,17 +4,17 @@ from html import escape
 
 import numpy as np
 import pytest
-
-from rdpi_gym.diagnosis import compare
-from rdpi_gym.measurement import Dataset, Quantities, Record
-from rdpi_gym.plant import P5, Plant, named_plant
-from rdpi_gym.report.comparison.page import write_compare_page
 from rdpi_gym.report.comparison.views import (
     distortion_parts,
     error_over_clock,
     error_since_rest,
     error_spectrum,
 )
+
+from rdpi_gym.diagnosis import compare
+from rdpi_gym.measurement import Dataset, Quantities, Record
+from rdpi_gym.plant import P5, Plant, named_plant
+from rdpi_gym.report.comparison_page import write_compare_page
 
 TS = 1e-3
 

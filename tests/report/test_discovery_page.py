@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import plotly.graph_objects as go
 import pytest
+from rdpi_gym.report.discovery import candidates, view_figures
+from rdpi_gym.report.discovery import figures as discovery_figures
 
 from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
 from rdpi_gym.diagnosis.hygiene import Finding
@@ -18,10 +20,8 @@ from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import P5
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
-from rdpi_gym.report.discovery import candidates, view_figures
-from rdpi_gym.report.discovery import figures as discovery_figures
-from rdpi_gym.report.discovery.page import MOST_VIEWS, view_sections, write_discovery_page
-from rdpi_gym.report.discovery.sentences import lines, staircase
+from rdpi_gym.report.discovery_page import MOST_VIEWS, view_sections, write_discovery_page
+from rdpi_gym.report.discovery_text import lines, staircase
 
 
 def page_of(result, tmp_path):
