@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.foreign_effects.drives import smooth
-from benchmarks.foreign_effects.forms import (
+from benchmarks.effect_discovery.forms import (
     CORE,
     FORMS,
     At,
@@ -32,6 +31,7 @@ from benchmarks.foreign_effects.forms import (
     UnfitError,
     mechanism,
 )
+from benchmarks.effect_discovery.protocols import smooth
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role

@@ -44,6 +44,7 @@ SECOND_TIER = (
     "firmware/writing/test_fmu.py",
     "firmware/writing/test_package.py",
     "plant/effects/test_new_effect.py",
+    "test_contributing.py",  # a copy of the checkout
     "test_wheel.py",
 )
 """Files and folders of the second tier, relative to the tests."""

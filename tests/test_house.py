@@ -21,7 +21,7 @@ def test_no_files_stand_in_a_circle():
 
 
 @pytest.mark.parametrize("package", ["rdpi_gym", "baselines", "benchmarks"])
-def test_what_is_installed_knows_nothing_of_studies_or_tests(package):
+def test_installed_packages_import_no_studies_and_no_tests(package):
     for module, path in modules().items():
         if module.split(".")[0] == package:
             text = path.read_text(encoding="utf-8")

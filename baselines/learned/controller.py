@@ -59,8 +59,8 @@ class LearnedController(Baseline):
         policy.check_runs(layout)
         self._scaling = policy.scaling
         self._history = self._scaling.history
-        self._rows = 3 * policy.history
-        self._columns = [*range(own.preview + 1), layout.preview + 1, layout.preview + 2]
+        self._rows = len(own.fields) * policy.history
+        self._columns = layout.columns_of(own)
         span_V = layout.command_range_V[1] - layout.command_range_V[0]
         own_span_V = own.command_range_V[1] - own.command_range_V[0]
         self._scale_V = own.action_scale_V * span_V / own_span_V

@@ -71,7 +71,7 @@ class Guarded(Baseline):
         self.monitor = RingingMonitor(BAND_HZ, self.layout.scale_um, ts)
         self._forgets = 1.0 - math.exp(-ts / LIMIT_S)
         self._slide = min(ts / BLEND_S, 1.0)
-        self._measured = self.layout.preview + 1
+        self._measured = self.layout.columns["measured"].start
         self.watch = Watch(self.layout)
         most = [(seen or {}).get(name, math.inf) for name in WATCHED]
         self._furthest = FURTHER * np.array(most)[:, None]

@@ -6,7 +6,6 @@ import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -65,18 +64,12 @@ def description(policy: Policy) -> dict[str, Any]:
     commands are scaled as ``layout`` says.
     """
     layout = policy.layout
-    ahead = [f"reference(k+{i})" for i in range(1, layout.preview + 1)]
-    past = [
-        f"{name}(k-{i})"
-        for i in range(1, policy.history + 1)
-        for name in ("reference", "measured", "command")
-    ]
     return {
         "format": FORMAT,
         "version": VERSION,
-        "layout": asdict(layout),
+        "layout": layout.to_dict(),
         "history": policy.history,
-        "observation": ["reference(k)", *ahead, "measured(k)", "command(k)", *past],
+        "observation": policy.scaling.history.entries,
         "baseline": policy.baseline,
     }
 

@@ -111,7 +111,7 @@ class Policy(Trained):
         document = {
             "format": FORMAT,
             "version": VERSION,
-            "layout": asdict(self.layout),
+            "layout": self.layout.to_dict(),
             "history": self.history,
             "scaling": {"frequency_hz": self.frequency_hz, "error": self.error},
             "network": asdict(self.network),
@@ -160,18 +160,15 @@ def _described(document: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in whole.items():
         if type(value) is not int or not 0 <= value <= _LONGEST:
             raise InputError(f"{key} is {quoted(value)}; give a whole number up to {_LONGEST}")
-    if set(layout) != {*_LAYOUT_NUMBERS, "preview", "command_range_V", "action"}:
+    if set(layout) - {"fields"} != {*_LAYOUT_NUMBERS, "preview", "command_range_V", "action"}:
         raise InputError(f"the layout has the keys {some(layout)}; it is of another release")
     if not (isinstance(training, Mapping) and low < high):
         raise InputError("training is no mapping, or command_range_V is not lowest and highest")
     if document["baseline"] is not None:
         known_controller(document["baseline"])
     return {
-        "layout": ObservationLayout(
-            preview=whole["preview"],
-            command_range_V=(low, high),
-            action=layout["action"],
-            **numbers,
+        "layout": ObservationLayout.from_dict(
+            {**layout, **numbers, "command_range_V": (low, high)}
         ),
         "history": whole["history"],
         "frequency_hz": _number(scaling["frequency_hz"]),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.hidden_effects.case_row import study_fingerprint
+from benchmarks.effect_discovery.row import study_fingerprint
 from benchmarks.payoff.plants import NOISE_UM, HiddenPlant
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.identification import fit

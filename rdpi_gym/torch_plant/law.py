@@ -44,10 +44,9 @@ def observed(
     layout: ObservationLayout, shown: Tensor, measured_um: Tensor, command_V: Tensor
 ) -> Tensor:
     """Observations, ``float32[D, B]``: side by side as devices write them."""
-    low, high = layout.command_range_V
-    measured = (measured_um - layout.centre_um) / layout.scale_um
-    command = 2.0 * (command_V - low) / (high - low) - 1.0
-    return torch.cat([shown, *(row.to(torch.float32)[None] for row in (measured, command))])
+    ends_um = (shown[i].to(ROW) * layout.scale_um + layout.centre_um for i in (-1, 0))
+    blocks = layout.encode(shown, ends_um, measured_um, command_V)
+    return torch.cat([block.to(torch.float32) for block in blocks])
 
 
 def rewarded(

@@ -9,16 +9,16 @@ from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.diagnosis.search.candidates import Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.diagnosis.search.numerics import numerical_floor
-from rdpi_gym.diagnosis.search.openings import (
+from rdpi_gym.diagnosis.search.ranking import LEAST_STABLE, splits, stability
+from rdpi_gym.diagnosis.search.record_starts import (
     leaving_out,
     misleading,
     missed,
     unknown_past,
 )
-from rdpi_gym.diagnosis.search.scale import comb
-from rdpi_gym.diagnosis.search.stability import LEAST_STABLE, splits, stability
+from rdpi_gym.diagnosis.search.verdict import numerical_floor
 from rdpi_gym.diagnosis.search.vetoes import MOST_UNSEEN, SEEN_BY, capped, hear
+from rdpi_gym.diagnosis.suitability import comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks

@@ -10,7 +10,7 @@ from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.candidates import Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.record_clocks import record_clocks
-from rdpi_gym.diagnosis.search.scale import comb
+from rdpi_gym.diagnosis.suitability import comb
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE

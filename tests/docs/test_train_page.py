@@ -10,7 +10,7 @@ import pytest
 import typer
 
 from baselines.learned.options import PLANTS, REFERENCES, TrainingOptions
-from benchmarks.hidden_effects.__main__ import options
+from benchmarks.effect_discovery.__main__ import options
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ
 from rdpi_gym.cli import app
 from rdpi_gym.cli import main as rdpi

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.hidden_effects.outside import OUTSIDERS, BoucWen, Force, Preisach, draw_outsider
-from benchmarks.hidden_effects.plants import NOISE_UM, random_plant
-from benchmarks.hidden_effects.transform import VARIANTS, transform
+from benchmarks.effect_discovery.independent import NOISE_UM, VARIANTS, random_plant, transform
+from benchmarks.effect_discovery.outsiders import OUTSIDERS, BoucWen, Force, Preisach, draw_outsider
 from rdpi_gym.plant import P5, P10, Converter, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError

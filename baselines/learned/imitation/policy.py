@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +101,7 @@ class StudentPolicy(Trained):
             "format": FORMAT,
             "version": VERSION,
             "corrects": self.baseline,
-            "layout": asdict(self.layout),
+            "layout": self.layout.to_dict(),
             "effects": list(self.effects),
             "loop": dict(self.loop),
             "feedforward": dict(self.feedforward),
@@ -130,7 +130,9 @@ class StudentPolicy(Trained):
                 raise InputError(f"weighted is {quoted(weighted)}; this release reads {WEIGHTED}")
             return cls(
                 Student(_arrays(folder / WEIGHTS, document["weights_sha256"]), WEIGHTED),
-                ObservationLayout(command_range_V=(float(low), float(high)), **layout),
+                ObservationLayout.from_dict(
+                    {**layout, "command_range_V": (float(low), float(high))}
+                ),
                 tuple(map(str, document["effects"])),
                 checked_settings(AdaptiveDualLoop.name, AdaptiveDualLoop.knobs, document["loop"]),
                 checked_settings(

@@ -104,12 +104,12 @@ class TaughtAdaptive(CorrectedAdaptive):
         """Return u(k+1) (V), ``(B,)``; see :class:`baselines.linear_feedback.CorrectedInverse`."""
         inside = state[: self._inside]
         measured = self.layout.measured_um(observation)
-        ahead = self.layout.reference_um(observation[:, : PREVIEW + 1])
+        ahead = self.layout.reference_um(observation, slice(PREVIEW + 1))
         own = self.wanted_um(observation, measured, ahead[:, 0], inside)
         theta = self.fit.theta(self.rows.of(inside, "fit"))
         phi, z = self.compared(inside)
         left = z - lane_products(theta, phi)
-        window = self.layout.reference_um(observation[:, : self.layout.preview + 1])
+        window = self.layout.reference_um(observation)
         smooth, *derivatives = product(SPLINE, window[:, self.window].T)
         seen, error = self._seen(ahead, smooth, own, left, inside), ahead[:, 0] - measured
         added = self.student.answer_um(seen, error, state[self._inside :])

@@ -17,10 +17,11 @@ from rdpi_gym.identification.held_out import beats
 from rdpi_gym.identification.joint import NO_FIT
 from rdpi_gym.identification.kind_rules import judged_way, told_apart
 from rdpi_gym.identification.kinds import beside
+from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.measurement import Record
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects import Effect
-from rdpi_gym.plant.effects.base import in_chain_order
+from rdpi_gym.plant.effects.base import Effect, in_chain_order
 from rdpi_gym.support.progress import Progress
 
 AUTO = "auto"
@@ -132,3 +133,21 @@ def _experiment(kind: type[Core], alike: Iterable[type[Core]]) -> Notice | None:
     most = max(ways, key=lambda way: len(ways[way]))
     code, told = (most, ways[most]) if ways[most] else (Code.NESTED, others)
     return Notice(code, (kind.name, *(other.name for other in told)))
+
+
+def begun(setting: Setting, kind: type[Core], effects: Sequence[Effect] = ()) -> Core:
+    """Return the core of a kind that a search begins with, to be refitted.
+
+    A kind of one start is convex in its weights: it begins on its comb. Any other begins where a
+    first fit ends, or every refit of the search would have to try all of its starts.
+    """
+    if len(kind.starts(setting.scale)) == 1:
+        return kind.comb(setting.scale)
+    found = first_fit(setting.train, kind, effects, setting.scale, setting.smoothness)
+    assert found is not None
+    return found.variant.hysteresis
+
+
+def on_comb(core: Core, records: Sequence[Record]) -> Core:
+    """Return a core on the whole comb of its kind again, with weights where it has them."""
+    return core.on(type(core).comb(data_scale(records)))
