@@ -14,16 +14,12 @@ from rdpi_gym.diagnosis.comparison.traces import Trace
 from rdpi_gym.diagnosis.results import SearchResult, View
 from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant.effects import CATALOGUE, Effect
-from rdpi_gym.report.discovery import figures as discovery_figures
-from rdpi_gym.report.discovery import view_figures
-from rdpi_gym.report.discovery.candidates import candidate_sections, parameter_sections
-from rdpi_gym.report.discovery.sentences import (
-    lines,
-    staircase,
-)
+from rdpi_gym.report import discovery_charts as charts
+from rdpi_gym.report.discovery_candidates import candidate_sections, parameter_sections
+from rdpi_gym.report.discovery_text import lines, staircase
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.report.thin import DISPLAY_SAMPLES
-from rdpi_gym.report.trace_figures import peak_um, rms_um, worst_first
+from rdpi_gym.report.traces import peak_um, rms_um, worst_first
 from rdpi_gym.support.words import closed, joined
 
 MOST_VIEWS = 24
@@ -57,7 +53,7 @@ def view_sections(result: SearchResult) -> list[Section]:
     residuals = {}
     for name, view in names.items():
         traces = {label: view_trace(view, label) for label in view.models_um}
-        residuals[name] = view_figures.residuals(
+        residuals[name] = charts.residuals(
             {label: residual_profiles(trace) for label, trace in traces.items()},
             floor,
             next(iter(traces.values())).ts_s,
@@ -68,14 +64,14 @@ def view_sections(result: SearchResult) -> list[Section]:
             f"{pair}. Below stands the error of each, measured minus model, with the noise floor as a "
             "band: the error of the last model should stay within about three times the band and show "
             f"no pattern. Click on the legend to show other models.{chosen}",
-            {n: view_figures.over_time(v, floor, samples) for n, v in names.items()},
+            {n: charts.view_over_time(v, floor, samples) for n, v in names.items()},
         ),
         Section(
             f"Where the model “{labels[0]}” was farthest off",
             "The half-cycle of its largest error, with the one before and the one after. What the "
             "added effects change is seen best here.",
             {
-                n: view_figures.largest_error(v, floor, samples // 2)
+                n: charts.view_largest_error(v, floor, samples // 2)
                 for n, v in worst_first(names, lambda view: peak_um(_first_trace(view))).items()
             },
         ),
@@ -83,7 +79,7 @@ def view_sections(result: SearchResult) -> list[Section]:
             "Loops",
             "On the left {output} over command, on the right measured minus model along the same "
             "loops. A shape that repeats there is physics that the model lacks.",
-            {n: view_figures.loops(v, floor, samples) for n, v in names.items()},
+            {n: charts.view_loops(v, floor, samples) for n, v in names.items()},
         ),
         Section(
             "Where the remaining error is",
@@ -177,13 +173,13 @@ def _steps(result: SearchResult) -> Section:
     )
     shown = [view.name for view in result.views]
     roles = {view.name: view.role for view in result.views if shown.count(view.name) == 1}
-    figures = [discovery_figures.staircase(stairs, floor)]
+    figures = [charts.staircase_figure(stairs, floor)]
     if any(errors.by_record_um for _, errors in stairs):
         text += (
             " The first figure shows the error of each model, the second the error of the first and "
             "of the last model on each record. An effect that is really there makes no record worse."
         )
-        figures.append(discovery_figures.records(stairs, roles, floor))
+        figures.append(charts.record_errors(stairs, roles, floor))
     return Section("The error, step by step", text, figures, table)
 
 

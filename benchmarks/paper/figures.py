@@ -12,22 +12,63 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rdpi_gym.report.paper.canvas import (
-    BLUE,
-    GREEN,
-    ORANGE,
-    RED,
-    STYLES,
-    legend_below,
-    sheet,
-    title_panel,
-    write_seconds,
-)
-from rdpi_gym.report.paper.results import LastPeriod, PaperResults, Run
-from rdpi_gym.report.style import INK, MUTED, REFERENCE, matplotlib_style
+from benchmarks.paper.run import PaperResults
+from benchmarks.paper.tracking import Trace, Tracking
+from rdpi_gym.report.style import INK, MUTED, PALETTE, REFERENCE, matplotlib_style
 from rdpi_gym.report.thin import thin_index
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.files import write_atomic
+
+_WIDTH_IN = 9.0
+BLUE, RED, GREEN, PINK, ORANGE, SKY, GREY = PALETTE
+STYLES: dict[str, dict[str, Any]] = {
+    "none": {"color": REFERENCE, "ls": "-"},
+    "literal": {"color": RED, "ls": "-"},
+    "given": {"color": BLUE, "ls": "-"},
+    "low-passed in both": {"color": SKY, "ls": (0, (5, 3))},
+    "low-passed": {"color": GREEN, "ls": "-"},
+    "reference-rate/A": {"color": PINK, "ls": "-"},
+    "closed-form reference-rate/A": {"color": ORANGE, "ls": (0, (4, 1.5))},
+    "closed-form reference-rate": {"color": GREY, "ls": (0, (4, 1.5))},
+    "closed-form own-rate": {"color": INK, "ls": (0, (1, 1.2))},
+}
+"""Colour and line of each reading, the same in every figure."""
+
+
+def _sheet(
+    rows: int, columns: int, height_in: float, width_in: float = _WIDTH_IN, **options: Any
+) -> tuple[Figure, Any]:
+    """Return a figure and its axes, always as an array of `rows` by `columns`."""
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def _title_panel(axes: Axes, letter: str, title: str) -> None:
+    """Title a panel at its left, with its letter if it has one."""
+    axes.set_title(f"({letter})  {title}" if letter else title, loc="left")
+
+
+def _legend_below(figure: Figure, columns: int) -> None:
+    """Put one legend of everything labelled in the figure under its axes."""
+    found: dict[str, Any] = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    figure.legend(
+        list(found.values()),
+        list(found),
+        loc="outside lower center",
+        ncols=columns,
+        handlelength=2.6,
+    )
+
+
+def _write_seconds(ts_s: float) -> str:
+    """Write a sampling time for a figure: as a power of ten where it is one, else in µs."""
+    exponent = np.log10(ts_s)
+    if abs(exponent - round(exponent)) < 1e-6:
+        return f"$T_s = 10^{{{round(exponent)}}}$ s"
+    return f"$T_s$ = {1e6 * ts_s:g} µs"
 
 
 def error_against_ts(results: PaperResults) -> Figure:
@@ -36,7 +77,7 @@ def error_against_ts(results: PaperResults) -> Figure:
     Lines are medians of the realisations, shades their whole range. The reading whose error is
     rounding is left out.
     """
-    figure, grid = sheet(1, 2, 5.2, sharex=True, sharey=True)
+    figure, grid = _sheet(1, 2, 5.2, sharex=True, sharey=True)
     limit_s = results.limit("P5", "literal").found_s
     for axes, field, title in zip(
         grid[0], ("max_error_um", "rms_error_um"), ("largest error", "RMS error"), strict=True
@@ -54,9 +95,9 @@ def error_against_ts(results: PaperResults) -> Figure:
         _slope_guide(axes, 1.0, 4e-4, "slope 1")
         _slope_guide(axes, 0.5, 2.2e-3, "slope ½")
         axes.set(xlabel="sampling time $T_s$ (s)", ylim=(3e-4, 5.5))
-        title_panel(axes, "", f"{title}, 50 Hz, amplitude 10")
+        _title_panel(axes, "", f"{title}, 50 Hz, amplitude 10")
     grid[0, 0].set_ylabel("error over the last period")
-    legend_below(figure, 3)
+    _legend_below(figure, 3)
     return figure
 
 
@@ -75,7 +116,7 @@ def _slope_guide(axes: Axes, order: float, start: float, text: str) -> None:
 
 def growth_against_ts(results: PaperResults) -> Figure:
     """Draw the growth of a small disturbance in a sample, simulated and predicted."""
-    figure, grid = sheet(1, 2, 4.2, sharex=True, sharey=True)
+    figure, grid = _sheet(1, 2, 4.2, sharex=True, sharey=True)
     readings = {
         "literal": "Eq. 6 as printed",
         "closed-form own-rate": "classical inverse on its own rate",
@@ -109,15 +150,15 @@ def growth_against_ts(results: PaperResults) -> Figure:
         axes.minorticks_off()
         axes.text(1.3, 1.04, "grows", ha="right", va="bottom", fontsize=8.5, color=MUTED)
         axes.text(1.3, 0.96, "decays", ha="right", va="top", fontsize=8.5, color=MUTED)
-        title_panel(axes, "", title)
+        _title_panel(axes, "", title)
     grid[0, 0].set_ylabel("growth of a disturbance\nin a sample, all plays sliding")
-    legend_below(figure, 4)
+    _legend_below(figure, 4)
     return figure
 
 
 def irreproducible(results: PaperResults) -> Figure:
     """Draw the difference of two commands whose references differ by a relative 1e-15."""
-    figure, grid = sheet(1, 1, 3.6)
+    figure, grid = _sheet(1, 1, 3.6)
     axes = grid[0, 0]
     for x in results.divergences:
         # differences of zero have no place on a logarithmic axis
@@ -125,8 +166,8 @@ def irreproducible(results: PaperResults) -> Figure:
         style = STYLES[x.reading.name] | {"lw": 1.1}
         axes.semilogy(1e3 * x.t_s, parted, label=x.reading.name, **style)
     axes.set(xlabel="time (ms)", ylabel="difference of the commands (V)", ylim=(1e-17, 30.0))
-    title_panel(axes, "", "A reference changed by a relative $10^{-15}$: 50 Hz, $T_s = 10^{-4}$ s")
-    legend_below(figure, 4)
+    _title_panel(axes, "", "A reference changed by a relative $10^{-15}$: 50 Hz, $T_s = 10^{-4}$ s")
+    _legend_below(figure, 4)
     return figure
 
 
@@ -158,7 +199,7 @@ def write_paper_figures(folder: Path, results: PaperResults) -> list[Path]:
     return written
 
 
-def _trace(run: Run) -> LastPeriod:
+def _trace(run: Tracking) -> Trace:
     assert run.trace is not None, "the figures are given runs with their traces"
     return run.trace
 
@@ -168,7 +209,7 @@ def _closed(values: Array) -> Array:
     return np.append(values, values[0])
 
 
-def _runs(results: PaperResults, label: str, reading: str) -> list[Run]:
+def _runs(results: PaperResults, label: str, reading: str) -> list[Tracking]:
     return [
         run
         for case, run in zip(results.cases, results.runs, strict=True)
@@ -178,14 +219,14 @@ def _runs(results: PaperResults, label: str, reading: str) -> list[Run]:
 
 def figure_3(results: PaperResults) -> Figure:
     """Draw loops without compensation and the error at three sampling times, for two readings."""
-    figure, grid = sheet(3, 3, 7.4)
+    figure, grid = _sheet(3, 3, 7.4)
     for column, (loop, panel) in enumerate(zip("abc", "def", strict=True)):
         (bare,) = _runs(results, f"Fig. 3{loop}", "none")
         axes = grid[0, column]
         axes.plot(_TICKS, _TICKS, color=REFERENCE, lw=0.8, ls=":")
         axes.plot(_closed(_trace(bare).u), _closed(_trace(bare).y), color=INK)
         axes.set(xlabel="command $u = y_r$", xticks=_TICKS)
-        title_panel(axes, loop, f"{bare.sine.frequency_hz:g} Hz, no compensation")
+        _title_panel(axes, loop, f"{bare.sine.frequency_hz:g} Hz, no compensation")
         grid[2, column].sharey(grid[1, column])
         grid[1, column].sharex(grid[2, column])
         grid[1, column].tick_params(labelbottom=False)
@@ -196,19 +237,19 @@ def figure_3(results: PaperResults) -> Figure:
             ):
                 trace = _trace(run)
                 k = thin_index(trace.error)
-                label = write_seconds(run.sine.ts_s)
+                label = _write_seconds(run.sine.ts_s)
                 axes.plot(1e3 * trace.t[k], trace.error[k], color=colour, lw=0.9, label=label)
-            title_panel(axes, f"{panel}{mark}", f"{bare.sine.frequency_hz:g} Hz, {reading}")
+            _title_panel(axes, f"{panel}{mark}", f"{bare.sine.frequency_hz:g} Hz, {reading}")
     grid[0, 0].set_ylabel("output $y$")
     for axes in grid[1:, 0]:
         axes.set_ylabel("error $e = y_r - y$")
-    legend_below(figure, 3)
+    _legend_below(figure, 3)
     return figure
 
 
 def _maps(results: PaperResults, labels: tuple[str, ...], height_in: float) -> Figure:
     """Draw output (above) and error (below) against the reference, one panel a column."""
-    figure, grid = sheet(2, len(labels), height_in, sharex=True)
+    figure, grid = _sheet(2, len(labels), height_in, sharex=True)
     for column, label in enumerate(labels):
         above, below = grid[:, column]
         above.plot(_TICKS, _TICKS, color=REFERENCE, lw=0.8, ls=":", label="$y = y_r$")
@@ -219,13 +260,13 @@ def _maps(results: PaperResults, labels: tuple[str, ...], height_in: float) -> F
             style = STYLES[name] | {"lw": 1.0, "label": name}
             above.plot(_closed(trace.y_r[k]), _closed(trace.y[k]), **style)
             below.plot(_closed(trace.y_r[k]), _closed(trace.error[k]), **style)
-        title = f"{run.sine.frequency_hz:g} Hz, {write_seconds(run.sine.ts_s)}"
-        title_panel(above, label[-1], title)
+        title = f"{run.sine.frequency_hz:g} Hz, {_write_seconds(run.sine.ts_s)}"
+        _title_panel(above, label[-1], title)
         above.set_yticks(_TICKS)
         below.set(xlabel="reference $y_r$", xticks=_TICKS)
     grid[0, 0].set_ylabel("output $y$")
     grid[1, 0].set_ylabel("error $e = y_r - y$")
-    legend_below(figure, 3)
+    _legend_below(figure, 3)
     return figure
 
 
@@ -241,7 +282,7 @@ def figure_5(results: PaperResults) -> Figure:
 
 def figure_7(results: PaperResults) -> Figure:
     """Draw the loops of the identified model at two frequencies."""
-    figure, grid = sheet(1, 1, 4.6, width_in=6.0)
+    figure, grid = _sheet(1, 1, 4.6, width_in=6.0)
     axes = grid[0, 0]
     for run, colour in zip(_runs(results, "Fig. 7", "none"), (BLUE, RED), strict=True):
         trace = _trace(run)
@@ -249,13 +290,13 @@ def figure_7(results: PaperResults) -> Figure:
         axes.plot(_closed(trace.u), _closed(trace.y), color=colour, label=label)
     axes.set(xlabel="command $u$ (V)", ylabel="displacement $y$ (µm)")
     axes.legend(loc="upper left")
-    title_panel(axes, "", "Loops of the model of Section IV-B")
+    _title_panel(axes, "", "Loops of the model of Section IV-B")
     return figure
 
 
 def figure_8(results: PaperResults) -> Figure:
     """Draw 80 Hz: output of both methods, errors beside the paper's bound, commands."""
-    figure, grid = sheet(2, 2, 6.6, sharex=True)
+    figure, grid = _sheet(2, 2, 6.6, sharex=True)
     proposed = {name: _runs(results, "Fig. 8a", name)[0] for name in _READINGS}
     inverse = "closed-form reference-rate/A"
     classical = {inverse: _runs(results, "Fig. 8b", inverse)[0]}
@@ -268,7 +309,7 @@ def figure_8(results: PaperResults) -> Figure:
         axes.plot(1e3 * trace.t, trace.y_r, **wide)
         for reading, run in runs.items():
             _over_time(axes, reading, run, _trace(run).y)
-        title_panel(axes, letter, title)
+        _title_panel(axes, letter, title)
     bound = next(case.paper_value for case in results.cases if case.label == "Fig. 8a")
     if bound is not None:
         shade = {"color": MUTED, "alpha": 0.15, "lw": 0, "label": f"paper: ±{bound:g} µm"}
@@ -284,11 +325,11 @@ def figure_8(results: PaperResults) -> Figure:
         axes.set_ylabel(label)
     for axes, letter, title in zip(grid[1], "cd", ("errors", "commands"), strict=True):
         axes.set_xlabel("time in the last period (ms)")
-        title_panel(axes, letter, title)
-    legend_below(figure, 5)
+        _title_panel(axes, letter, title)
+    _legend_below(figure, 5)
     return figure
 
 
-def _over_time(axes: Axes, reading: str, run: Run, values: Array) -> None:
+def _over_time(axes: Axes, reading: str, run: Tracking, values: Array) -> None:
     style: dict[str, Any] = STYLES[reading] | {"lw": 1.1, "label": reading}
     axes.plot(1e3 * _trace(run).t, values, **style)

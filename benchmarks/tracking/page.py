@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rdpi_gym.report.benchmark import figures
-from rdpi_gym.report.benchmark.results import BenchmarkResults
+from benchmarks.tracking import charts
+from benchmarks.tracking.evaluation import Evaluation
 from rdpi_gym.report.page import Section, write_page
 
 _LOOK = (
@@ -29,7 +29,7 @@ _WIDTHS = ("_low", "_high", "_half_width")
 
 def write_benchmark_page(
     path: Path,
-    results: BenchmarkResults,
+    results: Evaluation,
     answer: str,
     method: str,
     measured: str,
@@ -42,7 +42,7 @@ def write_benchmark_page(
             "Ranking",
             "Geometric mean of the RMSE over the cases, with its confidence interval over the drawn "
             "truths. The upright bar marks the error where the plant equals the controller's belief.",
-            figures.ranking_figure(results.ranking) if _finished(results) else None,
+            charts.ranking_chart(results.ranking) if _finished(results) else None,
             table_view(results.ranking),
         ),
         *_where_trained(results, where_trained),
@@ -80,23 +80,23 @@ def table_view(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(view)
 
 
-def _where_trained(results: BenchmarkResults, text: str) -> list[Section]:
+def _where_trained(results: Evaluation, text: str) -> list[Section]:
     return [
         Section(
             f"Ranking at Ts = {ts:g} s",
             text,
-            figures.ranking_figure(ranked) if ranked["rmse_percent"].notna().any() else None,
+            charts.ranking_chart(ranked) if ranked["rmse_percent"].notna().any() else None,
             table_view(ranked),
         )
         for ts, ranked in results.where_trained.items()
     ]
 
 
-def _finished(results: BenchmarkResults) -> bool:
+def _finished(results: Evaluation) -> bool:
     return bool(results.ranking["rmse_percent"].notna().any())
 
 
-def _summary(results: BenchmarkResults, answer: str) -> str:
+def _summary(results: Evaluation, answer: str) -> str:
     scope = (
         f"{len(results.order)} controllers were scored in {len(results.rows)} rows; the ranking is by "
         "the geometric mean of the RMSE over all cases and drawn truths."
@@ -105,10 +105,10 @@ def _summary(results: BenchmarkResults, answer: str) -> str:
     return f"{answer}\n\n{scope}\n\n{notes}"
 
 
-def _curves(results: BenchmarkResults) -> list[Section]:
+def _curves(results: Evaluation) -> list[Section]:
     cases, settings = results.by_case, results.by_sampling_time
-    frequency = figures.frequency_figures(cases.dropna(subset="rmse_percent"), results.order)
-    effort = figures.effort_figures(settings.dropna(subset="rmse_percent"), results.order)
+    frequency = charts.frequency_charts(cases.dropna(subset="rmse_percent"), results.order)
+    effort = charts.effort_charts(settings.dropna(subset="rmse_percent"), results.order)
     sections = []
     if frequency:
         sections.append(
@@ -131,7 +131,7 @@ def _curves(results: BenchmarkResults) -> list[Section]:
     return sections
 
 
-def _pairs(results: BenchmarkResults) -> list[Section]:
+def _pairs(results: Evaluation) -> list[Section]:
     by_case: dict[str, dict[str, Mapping[str, Any]]] = {}
     for row in results.rows:
         if "trace" in row and row["seed"] == results.first_seed:
@@ -149,7 +149,7 @@ def _pairs(results: BenchmarkResults) -> list[Section]:
         }
         first = next(iter(ordered))
         second = "none" if "none" in ordered else list(ordered)[-1]
-        drawn[name] = figures.pair_figure(ordered, first, second)
+        drawn[name] = charts.pair_figure(ordered, first, second)
     return [
         Section(
             "Traces of any pair",
@@ -160,8 +160,8 @@ def _pairs(results: BenchmarkResults) -> list[Section]:
     ]
 
 
-def _measured(results: BenchmarkResults, text: str) -> Section:
+def _measured(results: Evaluation, text: str) -> Section:
     measured = results.measured
     if measured.table.empty:
         return Section("On real input", text)
-    return Section("On real input", text, figures.measured_figures(measured.traces), measured.table)
+    return Section("On real input", text, charts.measured_charts(measured.traces), measured.table)

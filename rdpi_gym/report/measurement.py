@@ -1,20 +1,41 @@
-"""The page of measured records, before any model."""
+"""Measured records before any model: their chart and their page."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from plotly.subplots import make_subplots
 
 from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.report.chart import Axis, Chart, Panel, Series, side_by_side
 from rdpi_gym.report.page import Section, write_page
-from rdpi_gym.report.style import MEASURED, MUTED, styled
+from rdpi_gym.report.style import MEASURED, MUTED, PALETTE
 from rdpi_gym.report.thin import thin_index
+from rdpi_gym.report.traces import DISPLACEMENT_UM, TIME
+from rdpi_gym.support.arrays import Array
 
 _MOST_SAMPLES = 60_000
+_INPUT = Axis("{Input} ({input_unit})")
+_OUTPUT = Axis(DISPLACEMENT_UM)
+_NAMED = 8
+"""Most records that the legend names."""
+
+
+def records_chart(records: Sequence[Record]) -> Chart:
+    """Draw displacement over time and over voltage, all records in the same panels."""
+    moving = [record for record in records if not record.is_quiet]
+    several = len(moving) > 1
+    over_time, loops = [], []
+    for i, record in enumerate(moving):
+        k = thin_index(record.u_V, record.y_um)
+        colour = PALETTE[i % len(PALETTE)] if several else MEASURED
+        name = record.name if several and len(moving) <= _NAMED else ""
+        y = record.y_um[k]
+        over_time.append(Series(record.t_s[k], y, name, colour, width=1.1))
+        loops.append(Series(record.u_V[k], y, colour=colour, width=1.1))
+    return side_by_side([Panel(over_time, TIME, _OUTPUT), Panel(loops, _INPUT)])
 
 
 def write_data_page(path: Path | str, dataset: Dataset) -> Path:
@@ -45,7 +66,7 @@ def write_data_page(path: Path | str, dataset: Dataset) -> Path:
             "Each record",
             "{Input} and {output} over time, and the loops that they make. "
             "Drag over a stretch to enlarge it, double-click to return.",
-            {record.name: _traces(record, samples) for record in dataset.records},
+            {record.name: _record_chart(record, samples) for record in dataset.records},
             table,
         ),
         Section(
@@ -61,24 +82,16 @@ def write_data_page(path: Path | str, dataset: Dataset) -> Path:
     return write_page(path, dataset.title, summary, sections, dataset.quantities)
 
 
-def _traces(record: Record, samples: int) -> Any:
-    figure = make_subplots(
-        rows=2,
-        cols=2,
-        specs=[[{}, {"rowspan": 2}], [{}, None]],
-        column_widths=[0.58, 0.42],
-        horizontal_spacing=0.11,
-        vertical_spacing=0.08,
-    )
+def _record_chart(record: Record, samples: int) -> Chart:
     k = thin_index(record.u_V, record.y_um, samples=samples)
     t, u, y = record.t_s[k], record.u_V[k], record.y_um[k]
-    lines = ((t, y, MEASURED, 1, 1), (t, u, MUTED, 2, 1), (u, y, MEASURED, 1, 2))
-    for x, values, colour, row, col in lines:
-        figure.add_scatter(
-            x=x, y=values, line={"color": colour, "width": 1}, showlegend=False, row=row, col=col
-        )
-    figure.update_xaxes(title_text="Time (s)", row=2, col=1)
-    figure.update_xaxes(title_text="{Input} ({input_unit})", row=1, col=2)
-    figure.update_yaxes(title_text="{Output} ({output_unit})", row=1)
-    figure.update_yaxes(title_text="{Input} ({input_unit})", row=2, col=1)
-    return styled(figure, 460)
+
+    def line(x: Array, values: Array, colour: str) -> list[Series]:
+        return [Series(x, values, colour=colour, width=1.0)]
+
+    panels = [
+        Panel(line(t, y, MEASURED), y=_OUTPUT),
+        Panel(line(u, y, MEASURED), _INPUT, _OUTPUT, column=2, rows=2),
+        Panel(line(t, u, MUTED), TIME, _INPUT, row=2),
+    ]
+    return Chart(panels, 460, widths=(0.58, 0.42), row_gap=0.08)

@@ -1,10 +1,9 @@
-"""What all results share: printing, a notebook's cell, axes, files."""
+"""Display of results: printing, a notebook's cell, axes, files."""
 
 from __future__ import annotations
 
 import base64
-import io
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -14,14 +13,15 @@ from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+    from rdpi_gym.report.chart import Chart
 
 _ROWS = 40
 """Rows of a table that a notebook's cell shows."""
 
 
-class Shown:
-    """A result that shows itself; a subclass says in which words, and what it draws.
+class DisplayMixin:
+    """Display of a result: a subclass states its lines, its table and its chart.
 
     A subclass is a frozen dataclass of one of the rooms below, this class before it among its bases.
     """
@@ -31,30 +31,26 @@ class Shown:
     figure_inches: ClassVar[tuple[float, float]] = (9.0, 3.6)
 
     def _lines(self) -> Sequence[str]:
-        """Say the result in lines, the answer first."""
+        """Return the result in lines, the answer first."""
         raise NotImplementedError
 
     def overview(self) -> pd.DataFrame:
         """Return the table that a notebook and the terminal show: units in headings or cells."""
         raise NotImplementedError
 
-    def _draw(self, figure: Figure) -> Any:
-        """Draw into an empty figure and return its axes."""
+    def _chart(self) -> Chart:
+        """Return the chart that a notebook's cell and :meth:`plot` show."""
         raise NotImplementedError
-
-    def _said(self) -> Callable[[str], str]:
-        """Return what fills the fields of a text with the quantities of the result."""
-        return self._quantities().fill
 
     def _quantities(self) -> Quantities:
         found = getattr(self, "quantities", None)
         return found if isinstance(found, Quantities) else Quantities()
 
     def __repr__(self) -> str:
-        return "\n".join(map(self._said(), self._lines()))
+        return "\n".join(map(self._quantities().fill, self._lines()))
 
     def _repr_html_(self) -> str:
-        first, *rest = map(self._said(), self._lines())
+        first, *rest = map(self._quantities().fill, self._lines())
         parts = [f"<p><strong>{escape(first)}</strong></p>"]
         if rest:
             parts.append(f"<pre>{escape(chr(10).join(rest))}</pre>")
@@ -64,18 +60,9 @@ class Shown:
         return f"<div>{''.join(parts)}</div>"
 
     def _png(self) -> bytes:
-        from matplotlib import rc_context
-        from matplotlib.figure import Figure
+        from rdpi_gym.report.chart_matplotlib import chart_png
 
-        from rdpi_gym.report.style import matplotlib_style
-
-        style: Any = matplotlib_style()
-        with rc_context(style):
-            figure = Figure(figsize=self.figure_inches, layout="constrained")
-            self._draw_told(figure)
-            stream = io.BytesIO()
-            figure.savefig(stream, format="png", dpi=100)
-        return stream.getvalue()
+        return chart_png(self._chart(), self.figure_inches, 100, self._quantities().fill)
 
     def plot(self) -> Any:
         """Draw the result.
@@ -88,30 +75,20 @@ class Shown:
         """
         import matplotlib.pyplot as plt
 
+        from rdpi_gym.report.chart_matplotlib import draw_chart
         from rdpi_gym.report.style import matplotlib_style
 
         style: Any = matplotlib_style()
         with plt.rc_context(style):
-            return self._draw_told(plt.figure(figsize=self.figure_inches, layout="constrained"))
+            figure = plt.figure(figsize=self.figure_inches, layout="constrained")
+            return draw_chart(figure, self._chart(), self._quantities().fill)
 
-    def _draw_told(self, figure: Figure) -> Any:
-        """Draw, and fill what stands on the axes with the quantities of the result."""
-        axes = self._draw(figure)
-        say = self._said()
-        for each in figure.axes:
-            for axis in (each.xaxis, each.yaxis):
-                axis.set_label_text(say(axis.get_label_text()))
-            legend = each.get_legend()
-            for text in [*each.texts, *(legend.get_texts() if legend else ())]:
-                text.set_text(say(text.get_text()))
-        return axes
-
-    def _told_table(self, frame: pd.DataFrame, *columns: str) -> pd.DataFrame:
+    def _table_in_units(self, frame: pd.DataFrame, *columns: str) -> pd.DataFrame:
         """Fill the headings of a table, and the cells of columns, with the quantities of the result."""
-        say = self._said()
+        fill = self._quantities().fill
         for name in columns:
-            frame[name] = [say(cell) for cell in frame[name]]
-        return frame.rename(columns={name: say(str(name)) for name in frame.columns})
+            frame[name] = [fill(cell) for cell in frame[name]]
+        return frame.rename(columns={name: fill(str(name)) for name in frame.columns})
 
     def save(self, path: Path | str) -> Path:
         """Write the result to one file: arrays, and JSON for everything else.

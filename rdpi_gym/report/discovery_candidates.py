@@ -11,7 +11,7 @@ from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, SearchResult, Step
 from rdpi_gym.measurement.quantities import in_output, template_of, unit_template
 from rdpi_gym.plant.effects import Effect, Parameter, forms_of
-from rdpi_gym.report.discovery import figures as discovery_figures
+from rdpi_gym.report.discovery_charts import ranking
 from rdpi_gym.report.page import Section
 from rdpi_gym.support.words import closed, joined
 
@@ -26,7 +26,7 @@ def candidate_sections(result: SearchResult) -> list[Section]:
     for number, candidates in enumerate(rounds, start=1):
         taken = _taken(result, candidates, present)
         name = f"Round {number}: added to {joined(present)}" if present else "Round 1"
-        figures[name] = discovery_figures.ranking(candidates, result.noise_floor_um, without, taken)
+        figures[name] = ranking(candidates, result.noise_floor_um, without, taken)
         tables.append(_candidate_table(candidates, number, result.probabilities))
         present += taken
         reached = [*result.steps, *(Step((c,)) for c in candidates)]
