@@ -6,6 +6,7 @@ from typing import get_args
 
 import numpy as np
 
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.vector.effects import EffectStages
 from rdpi_gym.envs.vector.lanes import WORK, make_lanes
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
@@ -52,7 +53,7 @@ def test_the_vector_environment_runs_what_the_plant_does(compiled):
     stages = EffectStages(plant, TS_S, 0.0)
     p = pack([plant.hysteresis], TS_S, [0.0])
     rows = (len(p), len(empty_state(plant.hysteresis.n, 1)), *stages.rows)
-    lanes = make_lanes((1, 32), rows, preview=1)
+    lanes = make_lanes((1, 32), rows, ObservationLayout.for_plant(plant, ts_s=TS_S, preview=1))
     lanes.p[0], lanes.stage_p[0] = p, stages.column(plant)[:, None]
     lanes.state[:, 0], lanes.stage_state[:] = np.nan, np.nan
     work, y = np.zeros((WORK, 32)), np.empty_like(U)
