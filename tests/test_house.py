@@ -13,7 +13,6 @@ def test_strings_that_name_modules_are_imports():
     assert "baselines" in imports()["rdpi_gym"]  # provide("rdpi_gym.controllers", "baselines:...")
     assert "rdpi_gym.envs.tasks" in imports()["rdpi_gym"]  # f"rdpi_gym.envs.tasks.{...}"
     assert "rdpi_gym.laboratory.opening" in imports()["rdpi_gym"]  # of the stub
-    assert "baselines.learned" in imports()["rdpi_gym.face.training"]
 
 
 def test_no_files_stand_in_a_circle():

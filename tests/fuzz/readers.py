@@ -32,7 +32,7 @@ from rdpi_gym.measurement.record import Record
 from rdpi_gym.measurement.stacked import stacked_tags
 from rdpi_gym.plant import P5, P10, PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.plant.named import PLANTS
+from rdpi_gym.plant.model import PLANTS
 from rdpi_gym.signals import SIGNALS, Measured, Signal, make_signal, signal_from_dict
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import parse_json, read_json, read_utf8
@@ -795,8 +795,7 @@ def policy_files() -> tuple[dict[str, Any], bytes]:
     """Make a policy: its description, and its weights."""
     import torch
 
-    from baselines.learned.network import Network
-    from baselines.learned.policy import Policy
+    from baselines.learned.policy import Network, Policy
     from rdpi_gym.envs import ObservationLayout
 
     torch.set_num_threads(1)
@@ -872,7 +871,7 @@ def _with_arrays(
 @reader("learned", "student", structured=150)
 def student(stack: ExitStack) -> Reader:
     """A shipped student: description and arrays."""
-    from baselines.learned.found import find_learned
+    from baselines.learned.controller import find_learned
     from baselines.learned.policy import policy_folder
 
     folder = policy_folder("imitation-creep")

@@ -13,6 +13,7 @@ from rdpi_gym.plant import P5, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, SLOTS, Effect, catalogue, load_effect
 from rdpi_gym.plant.effects.description import describe, page, pages
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 OWN = '''"""Sag: the frame gives way under the actuator's force."""
 from dataclasses import dataclass
@@ -83,15 +84,11 @@ def test_the_catalogue_stands_in_the_order_of_the_chain():
 
 
 def test_a_file_of_the_room_holds_the_effect_that_it_is_named_after():
-    files = {path.stem for path in Path(room.__file__).parent.glob("*.py")}
-    helpers = {"__init__", "base", "catalogue", "description", "knots", "linear"}
-    unknown = {"unknown", "unknown_drives", "unknown_kernel", "unknown_places"}  # no list has it
-    assert files - set(CATALOGUE) == helpers | unknown
     for name in {*CATALOGUE, "unknown"}:
         assert CATALOGUE[name].__module__ == f"{room.__name__}.{name}"
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+@over("name", CATALOGUE)
 def test_what_an_effect_says_of_itself_is_whole(name):
     kind = CATALOGUE[name]
     assert catalogue.check_effect(kind, name) is kind
@@ -124,8 +121,8 @@ def test_a_users_own_effect_takes_under_forty_lines_and_runs_in_a_plant(own_file
     np.testing.assert_allclose(Plant(own, 1e-3).simulate(u), expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
+@over(
+    "change, words",
     [
         (("name = ", "nam = "), "does not state name"),
         (('"output"', '"behind"'), "has slot 'behind'; slots are input, rate, memory"),
@@ -146,8 +143,8 @@ def test_an_incomplete_effect_is_refused_in_one_line(own_file, change, words):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
+@over(
+    "name, words",
     [
         ("crep", "no effect is named 'crep'; known are saturation"),
         ("no_such_module_here:Sag", "cannot be imported"),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 NAMES = tuple(CATALOGUE)
 TS = 1e-4
@@ -49,7 +50,7 @@ def signals(
     return np.ascontiguousarray(x), u
 
 
-@pytest.mark.parametrize("name", NAMES)
+@over("name", NAMES)
 @settings(max_examples=25, deadline=None)
 @given(
     cuts=st.lists(st.integers(1, 119), max_size=5),
@@ -70,8 +71,8 @@ def test_splitting_a_block_of_a_stage_changes_nothing(name, cuts, lanes, seed):
     assert np.isfinite(expected).all()
 
 
-@pytest.mark.parametrize("lanes", [2, 17, 40])
-@pytest.mark.parametrize("name", NAMES)
+@over("lanes", [2, 17, 40])
+@over("name", NAMES)
 def test_lanes_of_a_stage_equal_single_runs(name, lanes):
     rng = np.random.default_rng(lanes)
     x, u = signals(name, lanes)
@@ -83,7 +84,7 @@ def test_lanes_of_a_stage_equal_single_runs(name, lanes):
         np.testing.assert_allclose(together[:, b], alone[:, 0], rtol=0, atol=1e-12 * scale)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@over("name", NAMES)
 def test_a_stage_changes_neither_input_nor_command(name):
     x, u = signals(name, 4)
     before = x.copy(), u.copy()
@@ -92,10 +93,9 @@ def test_a_stage_changes_neither_input_nor_command(name):
     np.testing.assert_array_equal(u, before[1])
 
 
-@pytest.mark.parametrize(
-    ("name", "parameter"),
+@over(
+    "name, parameter",
     [(n, p) for n in NAMES for p in CATALOGUE[n].parameters if p.neutral is not None],
-    ids=lambda v: v if isinstance(v, str) else v.name,
 )
 def test_the_neutral_value_changes_nothing(name, parameter):
     effect = typical(name, np.random.default_rng(1)).with_values(
@@ -105,9 +105,7 @@ def test_the_neutral_value_changes_nothing(name, parameter):
     np.testing.assert_array_equal(Stage([effect]).run(x, u), x)
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in NAMES if all(p.neutral is None for p in CATALOGUE[n].parameters)]
-)
+@over("name", [n for n in NAMES if all(p.neutral is None for p in CATALOGUE[n].parameters)])
 def test_an_effect_without_such_a_value_comes_close_to_it_at_its_bounds(name):
     kind, t = CATALOGUE[name], np.arange(2000) * 1e-5
     x = 30 * np.sin(2 * np.pi * 50 * t)
@@ -115,13 +113,13 @@ def test_an_effect_without_such_a_value_comes_close_to_it_at_its_bounds(name):
     assert min(np.abs(kind(*values).run(x, 1e-5) - x).max() for values in ends) < 1e-3 * 30
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if n not in STATELESS and n not in CLOCKED])
+@over("name", [n for n in NAMES if n not in STATELESS and n not in CLOCKED])
 def test_a_stage_begins_at_rest_at_its_first_sample(name):
     y = CATALOGUE[name]().run(np.full(50, 7.5), TS)
     np.testing.assert_allclose(y, y[0], rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", CLOCKED)
+@over("name", CLOCKED)
 def test_a_clock_may_begin_later(name):
     x = np.linspace(1.0, 2.0, 200)[:, None]
     effect = CATALOGUE[name]()
@@ -130,7 +128,7 @@ def test_a_clock_may_begin_later(name):
     np.testing.assert_allclose(late.run(x[80:].copy(), x[80:]), whole.run(x, x)[80:], rtol=1e-13)
 
 
-@pytest.mark.parametrize("name", STATELESS)
+@over("name", STATELESS)
 def test_a_stage_without_memory_forgets(name):
     x, u = signals(name, 1)
     stage = Stage([CATALOGUE[name]()])
@@ -138,11 +136,7 @@ def test_a_stage_without_memory_forgets(name):
     np.testing.assert_array_equal(stage.run(x, u), once)
 
 
-@pytest.mark.parametrize(
-    ("name", "parameter"),
-    [(n, p) for n in NAMES for p in CATALOGUE[n].parameters],
-    ids=lambda v: v if isinstance(v, str) else v.name,
-)
+@over("name, parameter", [(n, p) for n in NAMES for p in CATALOGUE[n].parameters])
 def test_values_outside_the_bounds_are_refused_in_one_line(name, parameter):
     kind, wide = CATALOGUE[name], parameter.high - parameter.low
     for bad in (parameter.low - wide, parameter.high + wide, np.nan, np.inf):
@@ -154,7 +148,7 @@ def test_values_outside_the_bounds_are_refused_in_one_line(name, parameter):
             assert word in message
 
 
-@pytest.mark.parametrize("name", NAMES)
+@over("name", NAMES)
 def test_defaults_are_typical_and_typical_values_are_physical(name):
     effect = CATALOGUE[name]()
     for p in effect.parameters:
@@ -162,7 +156,7 @@ def test_defaults_are_typical_and_typical_values_are_physical(name):
         assert p.typical[0] == p.typical[1] or not p.fixed
 
 
-@pytest.mark.parametrize("name", NAMES)
+@over("name", NAMES)
 def test_an_effect_survives_its_json_form(name):
     from rdpi_gym.plant.effects import effect_from_dict
 
@@ -170,8 +164,8 @@ def test_an_effect_survives_its_json_form(name):
     assert effect_from_dict(CATALOGUE, effect.to_dict(), "test") == effect
 
 
-@pytest.mark.parametrize(
-    ("document", "words"),
+@over(
+    "document, words",
     [
         ({"effect": "crep"}, "no effect is named 'crep'; known are saturation"),
         ({"effect": ["creep"]}, "no effect is named ['creep']"),
@@ -199,7 +193,7 @@ def test_unknown_values_are_refused():
         CATALOGUE["creep"]().with_values({"gain": 1.0})
 
 
-@pytest.mark.parametrize("name", NAMES)
+@over("name", NAMES)
 def test_parameters_are_the_fields(name):
     kind = CATALOGUE[name]
     assert [f.name for f in dataclasses.fields(kind)] == [p.name for p in kind.parameters]

@@ -18,6 +18,7 @@ from rdpi_gym.plant.effects import (
     load_effect,
 )
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 FORMS = [form for kind in CATALOGUE.values() for form in forms_of(kind)[1:]]
 SCALES = {
@@ -108,7 +109,7 @@ def test_the_catalogue_holds_the_simplest_form_of_each():
         assert counts == sorted(counts)
 
 
-@pytest.mark.parametrize("kind", FORMS, ids=full_name)
+@over("kind", FORMS)
 def test_what_a_form_says_of_itself_is_whole(kind):
     assert kind.form == kind.form.strip().lower()
     assert kind.equation not in {form.equation for form in forms_of(kind) if form is not kind}
@@ -116,7 +117,7 @@ def test_what_a_form_says_of_itself_is_whole(kind):
         assert p.low <= p.typical[0] <= kind().values[p.name] <= p.typical[1] <= p.high
 
 
-@pytest.mark.parametrize("kind", FORMS, ids=full_name)
+@over("kind", FORMS)
 def test_a_plant_with_a_form_survives_its_file(kind, tmp_path):
     plant = replace(P10, effects=(kind(),))
     again = PlantModel.load(plant.save(tmp_path / "plant.json"))
@@ -133,8 +134,8 @@ def test_an_effect_without_further_forms_says_so():
         effect_from_dict(CATALOGUE, {"effect": "backlash", "form": 7}, "plant.json")
 
 
-@pytest.mark.parametrize("scale", SCALES.values(), ids=SCALES)
-@pytest.mark.parametrize("kind", FORMS, ids=full_name)
+@over("scale", SCALES.values())
+@over("kind", FORMS)
 def test_a_form_can_be_started_at_any_size_of_data_with_or_without_a_simpler_one(kind, scale):
     simpler = forms_of(kind)[forms_of(kind).index(kind) - 1]
     starts = kind.starts(scale)
@@ -144,7 +145,7 @@ def test_a_form_can_be_started_at_any_size_of_data_with_or_without_a_simpler_one
         assert np.all(np.isfinite(start.coefficients(scale.shortest_s, P10.hysteresis)))
 
 
-@pytest.mark.parametrize("kind", FORMS, ids=full_name)
+@over("kind", FORMS)
 def test_a_plant_with_a_form_stays_at_rest_and_runs_alike_in_pieces_and_lanes(kind):
     plant = replace(P10, effects=(kind(),))
     u = 40.0 * np.sin(np.arange(400) / 20.0) + np.random.default_rng(3).normal(0, 3, 400)
@@ -161,6 +162,6 @@ def test_lanes_with_two_forms_of_an_effect_are_refused():
         Plant(plants, 1e-4)
 
 
-@pytest.mark.parametrize("kind", FORMS, ids=full_name)
+@over("kind", FORMS)
 def test_a_cusp_is_along_a_parameter_that_the_form_has(kind):
     assert kind.kinked is None or kind.kinked in kind().values

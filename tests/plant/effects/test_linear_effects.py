@@ -3,7 +3,6 @@
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.signal import lsim
@@ -12,6 +11,7 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.creep import TIME_CONSTANTS_S
 from rdpi_gym.plant.effects.linear import linear_block, pack_modes
 from rdpi_gym.plant.parameters import DataScale
+from tests.looping import over
 
 W0, ZETA = 2 * np.pi * 700.0, 0.03
 SYSTEMS = {
@@ -26,8 +26,8 @@ def rough(length: int, seed: int = 3) -> np.ndarray:
     return x - x[0]
 
 
-@pytest.mark.parametrize("ts", [1e-5, 1e-4, 1e-3, 1e-2])
-@pytest.mark.parametrize("name", SYSTEMS)
+@over("ts", [1e-5, 1e-4, 1e-3, 1e-2])
+@over("name", SYSTEMS)
 def test_stage_equals_lsim_with_a_first_order_hold(name, ts):
     values, system = SYSTEMS[name]
     x = rough(300)
@@ -36,7 +36,7 @@ def test_stage_equals_lsim_with_a_first_order_hold(name, ts):
     np.testing.assert_allclose(y, expected, atol=1e-7 * np.abs(x).max())
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@over("name", SYSTEMS)
 def test_stage_equals_the_differential_equation_between_corners(name):
     values, (_, denominator) = SYSTEMS[name]
     ts, x = 2e-4, rough(40)
@@ -60,7 +60,7 @@ def test_stage_equals_the_differential_equation_between_corners(name):
 LINEAR = {**{k: v[0] for k, v in SYSTEMS.items()}, "delay": {"delay_s": 3.3e-4}, "creep": {}}
 
 
-@pytest.mark.parametrize("name", LINEAR)
+@over("name", LINEAR)
 def test_input_linear_between_samples_gives_the_same_at_an_eighth_of_ts(name):
     effect = CATALOGUE[name](**LINEAR[name])
     x, ts = rough(200), 1e-3
@@ -70,7 +70,7 @@ def test_input_linear_between_samples_gives_the_same_at_an_eighth_of_ts(name):
     )
 
 
-@pytest.mark.parametrize("name", [*LINEAR, "slew_limit"])
+@over("name", [*LINEAR, "slew_limit"])
 def test_a_parameter_means_the_same_at_every_sampling_time(name):
     """A smooth input at Ts and Ts/8: they differ by less than 2 (ω Ts)² of the amplitude."""
     effect = CATALOGUE[name](**LINEAR.get(name, {"rate_V_s": 2000.0}))
@@ -90,8 +90,8 @@ def van_loan(a, b, ts):
     return step[:m, :m], step[:m, m] - step[:m, m + 1], step[:m, m + 1]
 
 
-@pytest.mark.parametrize("ts", [1e-7, 1e-5, 1e-3, 3e-2])
-@pytest.mark.parametrize("damping", [1e-4, 0.03, 0.7])
+@over("ts", [1e-7, 1e-5, 1e-3, 3e-2])
+@over("damping", [1e-4, 0.03, 0.7])
 def test_modes_in_closed_form_are_the_block_exponential(ts, damping):
     w = 2 * np.pi * 90.0
     a, b = np.array([[0.0, w], [-w, -2 * damping * w]]), np.array([0.0, w])
@@ -114,7 +114,7 @@ def test_linear_block_takes_any_order_and_a_feedthrough():
     np.testing.assert_allclose(y[:, 0], expected, atol=1e-10 * np.abs(x).max())
 
 
-@pytest.mark.parametrize("samples", [0.0, 0.25, 1.0, 1.5, 7.0, 7.75, 60.5])
+@over("samples", [0.0, 0.25, 1.0, 1.5, 7.0, 7.75, 60.5])
 def test_delay_shifts_a_polyline_exactly(samples):
     x, index = rough(200), np.arange(200.0)
     expected = np.interp(index - samples, index, x)

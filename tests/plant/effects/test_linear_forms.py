@@ -10,6 +10,7 @@ from scipy.signal import lsim
 
 from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
 from rdpi_gym.plant.effects.linear import pack_two_lags
+from tests.looping import over
 
 SCALE = DataScale(0.0, 40.0, 40.0, 3e3, 1e-4, 10.0, end_s=90.0)
 
@@ -70,8 +71,8 @@ LINEAR = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("ts", [1e-5, 1e-4, 1e-3, 1e-2])
-@pytest.mark.parametrize("case", LINEAR, ids=str)
+@over("ts", [1e-5, 1e-4, 1e-3, 1e-2])
+@over("case", LINEAR)
 def test_a_linear_form_equals_lsim_with_a_first_order_hold(case, ts):
     values, system = LINEAR[case]
     x = rough(300)
@@ -80,7 +81,7 @@ def test_a_linear_form_equals_lsim_with_a_first_order_hold(case, ts):
     np.testing.assert_allclose(y, expected, atol=1e-7 * np.abs(x).max())
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0])
+@over("ratio", [0.0, 0.3, 1.0])
 def test_two_lags_equal_their_differential_equations_between_corners(ratio):
     tau, ts, x = 3e-4, 2e-4, rough(40)
     times, z, expected = np.arange(40) * ts, np.zeros(2), [0.0]
@@ -96,7 +97,7 @@ def test_two_lags_equal_their_differential_equations_between_corners(ratio):
     np.testing.assert_allclose(y, expected, atol=1e-7 * np.abs(x).max())
 
 
-@pytest.mark.parametrize("case", LINEAR, ids=str)
+@over("case", LINEAR)
 def test_input_linear_between_samples_gives_the_same_at_an_eighth_of_ts(case):
     effect = form(*case[:2])(**LINEAR[case][0])
     x, ts = rough(200), 1e-3
@@ -106,15 +107,15 @@ def test_input_linear_between_samples_gives_the_same_at_an_eighth_of_ts(case):
     )
 
 
-@pytest.mark.parametrize("case", LINEAR, ids=str)
+@over("case", LINEAR)
 def test_a_linear_form_has_a_static_gain_of_one(case):
     effect = form(*case[:2])(**LINEAR[case][0])
     assert effect.run(np.r_[0.0, np.full(20000, 7.0)], 1e-4)[-1] == pytest.approx(7.0, rel=1e-9)
     np.testing.assert_allclose(effect.run(np.full(50, 7.0), 1e-4), 7.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize("ts", [1e-7, 1e-4, 1.0])
-@pytest.mark.parametrize("ratio", [0.0, 1e-9, 1e-4, 0.5, 1.0 - 1e-12, 1.0])
+@over("ts", [1e-7, 1e-4, 1.0])
+@over("ratio", [0.0, 1e-9, 1e-4, 0.5, 1.0 - 1e-12, 1.0])
 def test_two_lags_stay_lags_at_any_ratio_of_their_times(ratio, ts):
     """The numbers of two lags in a row lie between 0 and 1 and what comes in adds up to 1."""
     p = np.array(pack_two_lags(1e-3, ratio * 1e-3, ts))
@@ -147,7 +148,7 @@ NESTED = {
 }
 
 
-@pytest.mark.parametrize("case", NESTED, ids=str)
+@over("case", NESTED)
 def test_the_simpler_form_is_one_of_the_richer(case):
     own, neutral = NESTED[case]
     x = rough(1500)
@@ -158,8 +159,8 @@ def test_the_simpler_form_is_one_of_the_richer(case):
     np.testing.assert_allclose(rich, simple, atol=1e-12 * np.abs(x).max())
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.02, 0.5, 1.0])
-@pytest.mark.parametrize("ts", [1e-6, 1e-4, 1e-2])
+@over("ratio", [0.0, 0.02, 0.5, 1.0])
+@over("ts", [1e-6, 1e-4, 1e-2])
 def test_two_lags_are_a_filter_without_its_third_order(ratio, ts):
     x = rough(500)
     two = form("actuator_lag", "second order")(4e-4, ratio)
@@ -168,8 +169,8 @@ def test_two_lags_are_a_filter_without_its_third_order(ratio, ts):
     np.testing.assert_allclose(one.run(x, ts), two.run(x, ts), atol=1e-10 * np.abs(x).max())
 
 
-@pytest.mark.parametrize("ts", [1e-4, 3e-3])
-@pytest.mark.parametrize("samples", [0.0, 0.4, 1.0, 9.6])
+@over("ts", [1e-4, 3e-3])
+@over("samples", [0.0, 0.4, 1.0, 9.6])
 def test_a_delay_in_samples_is_that_delay_at_every_sampling_time(samples, ts):
     x = rough(200)
     plain = CATALOGUE["delay"](delay_s=samples * ts) if samples * ts <= 0.02 else None
@@ -221,7 +222,7 @@ def test_a_smooth_curve_is_the_natural_spline_through_its_knots_and_stays_where_
     np.testing.assert_allclose(gain.run(np.full(700, 5.0), 0.37), 5.0 * (1 + expected), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["thermal_drift", "gain_drift"])
+@over("name", ["thermal_drift", "gain_drift"])
 def test_a_smooth_curve_passes_its_knots_without_a_kink(name):
     knots, fine = np.random.default_rng(6).normal(0.0, 0.3, COUNT), 1000
     x = np.full(COUNT * fine + 1, 1.0)
@@ -235,7 +236,7 @@ def test_a_smooth_curve_passes_its_knots_without_a_kink(name):
     assert np.abs(np.diff(polyline, 2)).max() / step > 100.0 * bend * step
 
 
-@pytest.mark.parametrize("periods", [1, 2, 3])
+@over("periods", [1, 2, 3])
 def test_a_wander_of_some_periods_is_followed_to_the_bound_of_cubic_splines(periods):
     """5 / 384 h⁴ max |z⁗|, for what bends at neither end (Hall and Meyer 1976)."""
     angle = 2.0 * np.pi * periods
@@ -279,7 +280,7 @@ STARTED = {
 }
 
 
-@pytest.mark.parametrize("case", STARTED, ids=str)
+@over("case", STARTED)
 def test_a_form_starts_close_to_the_simpler_one_that_was_fitted(case):
     """One start at least changes a fraction of what the simpler form explains already."""
     simpler = CATALOGUE[case[0]](**STARTED[case])

@@ -1,4 +1,4 @@
-"""How far the loops of a training went, and whether a loop goes further: the distribution, watched."""
+"""Envelope of a training: the largest averaged errors and steps of its loops, and their monitor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A belief's linear effects undone over a whole record at once, as iterative inversion needs it."""
+"""Inverse of a delay, and of all linear effects over a whole record at once."""
 
 from __future__ import annotations
 
