@@ -30,7 +30,7 @@ from rdpi_gym.firmware.translation.kernels import Functions
 from rdpi_gym.firmware.writing.package import Package
 from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.plant import Plant, PlantModel
-from rdpi_gym.plant.packing import check_ts
+from rdpi_gym.plant.cores.base import check_ts
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import quoted, some

@@ -35,13 +35,14 @@ from rdpi_gym.envs.vector.random import (
 )
 from rdpi_gym.envs.vector.sines import sample_references
 from rdpi_gym.envs.vector.waves import Drawn, begin_waves
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.support.arrays import Array
 
 
 class Column(NamedTuple):
     """A plant as the lanes hold it."""
 
-    p: Array  # float64[P]: as rdpi_gym.plant.packing packs it
+    p: Array  # float64[P]: as rdpi_gym.plant.cores.base packs it
     stage_p: Array  # float64[P']
     turns_V: Array  # float64[K]: commands at which it turned before the episode, in order
     offset_um: float  # behind its effects
@@ -121,8 +122,8 @@ def settle_plays(rest_V: float, turns_V: Array, fresh: Lanes) -> None:
             r, x = p[n + 1 + i, b], 0.0
             if b < turns_V.shape[1]:
                 for turn in turns_V[:, b]:
-                    x = max(turn - r, min(turn + r, x))
-            state[2 + i, b] = max(rest_V - r, min(rest_V + r, x))
+                    x = play(x, turn - r, turn + r)
+            state[2 + i, b] = play(x, rest_V - r, rest_V + r)
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""One step of many lanes: command, plant, reference, sensor, observation, reward.
+"""One step of many lanes: command, plant, reference, sensor reading, observation, reward.
 
 Loops are short and over few rows each, so that they compile to vector instructions. They index
 arrays of all blocks rather than take views of rows, and pass arrays rather than named tuples: numba
