@@ -9,8 +9,13 @@ from functools import partial
 from pathlib import Path
 
 import benchmarks.payoff
-from benchmarks.payoff.beliefs import FOLDER, make_beliefs, stored_beliefs
-from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
+from benchmarks.payoff.beliefs import (
+    FOLDER,
+    HIDDEN_PLANTS,
+    HiddenPlant,
+    make_beliefs,
+    stored_beliefs,
+)
 from benchmarks.payoff.scores import ROWS_FILE, payoff_table
 from benchmarks.payoff.tables import payoff_summary, payoff_text
 from rdpi_gym.plant import PlantModel
@@ -59,7 +64,6 @@ def _compute(
             seed,
             jobs,
             show,
-            note=lambda sentence: print(sentence, file=sys.stderr),
         )
     write_atomic(
         out / "payoff.csv", table.to_csv(index=False, float_format="%.6g", lineterminator="\n")

@@ -12,7 +12,7 @@ import torch
 
 from baselines.learned.network import Network
 from baselines.learned.policy import SHIPPED, Policy
-from benchmarks.tracking import learned
+from benchmarks.tracking import controllers as learned
 from benchmarks.tracking.evaluation import evaluate
 from benchmarks.tracking.fingerprint import task_fingerprint
 from benchmarks.tracking.run import benchmark

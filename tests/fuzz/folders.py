@@ -254,7 +254,7 @@ def _runs() -> Iterator[dict[str, Target]]:
             shutil.copytree(which, folder, dirs_exist_ok=True)
 
         def bench(folder: Path) -> Any:
-            with patch("benchmarks.tracking.run.run_cases", lambda *_: [rows]):
+            with patch("benchmarks.sweep.run_cases", lambda *_: [rows]):
                 return benchmark(chosen, folder, jobs=1)
 
         yield {
