@@ -44,7 +44,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
-from rdpi_gym.virtual_lab.core_deformation import CoreDeformation
+from rdpi_gym.virtual_lab.dataset import CoreDeformation
 from studies.kind_choice import draw_core
 from studies.rows import study_rows
 

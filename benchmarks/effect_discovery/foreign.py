@@ -44,8 +44,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError
-from rdpi_gym.virtual_lab.visibility import left_over
+from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, left_over
 
 _ATTEMPTS = 14
 _WANTED = (3.5, 40.0)  # noise floors, of which one is drawn for each effect

@@ -18,13 +18,14 @@ from benchmarks.effect_discovery.physics import (
 )
 from benchmarks.effect_discovery.plants import Foreign, fastest_rate_V_s
 from benchmarks.effect_discovery.protocols import Taken
+from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
 Numbers = Mapping[str, Any]
 CORE = 40
 """Place of the hysteresis in the chain."""
-TIMED = ("gain_drift", "thermal_drift", "mains_hum")
+TIMED = tuple(name for name, kind in CATALOGUE.items() if kind.clocked)
 """Effects that go by the clock and not by the command."""
 _SHORTEST_CREEP_S = 0.02  # the catalogue's shortest time constant is 0.01 s
 # What amplifiers, sensors and rooms do at most, whatever the records would show.

@@ -16,10 +16,10 @@ from benchmarks.payoff.beliefs import (
     make_beliefs,
     stored_beliefs,
 )
+from benchmarks.payoff.charts import payoff_picture
 from benchmarks.payoff.scores import ROWS_FILE, payoff_table
 from benchmarks.payoff.tables import payoff_summary, payoff_text
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.report.payoff.picture import payoff_picture
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.parallel import run_cases
@@ -58,13 +58,7 @@ def _compute(
             found[hidden] = own
             show("discovering", len(found), len(HIDDEN_PLANTS))
         beliefs = {hidden: found[hidden] for hidden in HIDDEN_PLANTS}
-        table = payoff_table(
-            beliefs,
-            out,
-            seed,
-            jobs,
-            show,
-        )
+        table = payoff_table(beliefs, out, seed, jobs, show)
     write_atomic(
         out / "payoff.csv", table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     )

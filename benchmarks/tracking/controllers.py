@@ -42,7 +42,7 @@ def shipped_policies() -> tuple[list[str], tuple[str, ...]]:
 def read_policy(controller: str) -> Policy | StudentPolicy:
     """Read the policy of a learned controller."""
     try:
-        from baselines.learned.found import find_learned  # torch, only where needed
+        from baselines.learned.controller import find_learned  # torch, only where needed
     except ImportError as error:
         raise InputError(f"{controller!r} needs torch ({error}); install rdpi-gym[rl]") from error
     return find_learned(policy_of(controller) or "")

@@ -67,7 +67,7 @@ def _modules(controller: str, kinds: list[Any]) -> list[str] | None:
     """Modules in which a controller is defined; None where its name does not say."""
     own = [kind.__module__ for kind in kinds]
     if is_learned(controller):  # a monitor hands over to whatever its own file says
-        return [*own, "baselines.learned.found"] if controller.startswith(LEARNED) else None
+        return [*own, "baselines.learned.controller"] if controller.startswith(LEARNED) else None
     return own or None
 
 

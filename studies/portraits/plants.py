@@ -13,8 +13,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
 from rdpi_gym.signals.experiments import PAUSE_S, standard_protocol
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.virtual_lab.draws import MaskedError
-from rdpi_gym.virtual_lab.visibility import left_over
+from rdpi_gym.virtual_lab.draws import MaskedError, left_over
 from studies.portraits.sorts import SORTS, Sort, World, drawn_numbers
 
 PROTOCOLS = ("standard", "bursts")

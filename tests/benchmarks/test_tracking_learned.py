@@ -10,8 +10,7 @@ pytest.importorskip("torch")
 
 import torch
 
-from baselines.learned.network import Network
-from baselines.learned.policy import SHIPPED, Policy
+from baselines.learned.policy import SHIPPED, Network, Policy
 from benchmarks.tracking import controllers as learned
 from benchmarks.tracking.evaluation import evaluate
 from benchmarks.tracking.fingerprint import task_fingerprint
