@@ -10,11 +10,11 @@ from pathlib import Path
 
 import benchmarks.payoff
 from benchmarks.payoff.beliefs import FOLDER, make_beliefs, stored_beliefs
+from benchmarks.payoff.charts import payoff_picture
 from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
 from benchmarks.payoff.scores import ROWS_FILE, payoff_table
 from benchmarks.payoff.tables import payoff_summary, payoff_text
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.report.payoff.picture import payoff_picture
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.parallel import run_cases

@@ -72,13 +72,13 @@ class Training:
 
     def picture(self) -> bytes:
         """Return error, cost, command variation and time over the steps as a PNG file."""
-        from rdpi_gym.report.training_curve import training_picture
+        from rdpi_gym.report.training import training_picture
 
         return training_picture(self.to_dataframe(), self.compensator, self.kept_at)
 
     def page(self, path: PathLike[str] | str) -> Path:
         """Write the same as a self-contained page, with every evaluation."""
-        from rdpi_gym.report.training_curve import write_training_page
+        from rdpi_gym.report.training import write_training_page
 
         said = repr(self).replace(" um", " µm")
         return write_training_page(
@@ -95,20 +95,14 @@ class Training:
         """
         import matplotlib.pyplot as plt
 
-        from rdpi_gym.report.style import INK, matplotlib_style
+        from rdpi_gym.report.chart_matplotlib import draw_chart
+        from rdpi_gym.report.style import matplotlib_style
+        from rdpi_gym.report.training import training_chart
 
         style: Any = matplotlib_style()
-        curve = self.to_dataframe()
+        chart = training_chart(self.to_dataframe(), self.compensator)
         with plt.rc_context(style):
-            axes = plt.figure(figsize=(6.0, 3.6), layout="constrained").subplots()
-            axes.plot(curve["timesteps"], curve["rmse_um"], "o-", label="policy")
-            level = float(curve["compensator_rmse_um"].iloc[-1])
-            axes.axhline(level, color=INK, linestyle="--", label=self.compensator)
-            axes.set_yscale("log")
-            axes.set_xlabel("Environment steps")
-            axes.set_ylabel("RMSE on held-out plants (µm)")
-            axes.legend()
-        return axes
+            return draw_chart(plt.figure(figsize=(6.0, 3.6), layout="constrained"), chart)
 
 
 @checked

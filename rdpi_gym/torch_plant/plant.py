@@ -10,7 +10,8 @@ import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from rdpi_gym.plant import Plant, PlantModel, pack
+from rdpi_gym.plant import Plant, PlantModel
+from rdpi_gym.plant.cores.base import pack
 from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.plant.effects.base import Slot
 from rdpi_gym.support.arrays import Array

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.report.effect_figure import LEFT, WITH, WITHOUT, Line, Panel
 from rdpi_gym.signals import Constant
 from rdpi_gym.signals.experiments import Experiment, polyline
 from rdpi_gym.support.arrays import Array
+from studies.effect_pages.picture import LEFT, WITH, WITHOUT, Line, Panel
 from studies.effect_pages.study import Study
 
 Complex = NDArray[np.complex128]

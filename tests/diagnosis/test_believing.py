@@ -24,7 +24,7 @@ from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
-from rdpi_gym.report.discovery.sentences import lines
+from rdpi_gym.report.discovery_text import lines
 from rdpi_gym.virtual_lab import Truth, simulate_dataset
 
 NOISE_UM = 0.012

@@ -14,10 +14,10 @@ from baselines.learned import policy as policies
 from baselines.learned.policy import Network, Policy, find_policy
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
-from rdpi_gym.report.learning_picture import learning_picture
 from rdpi_gym.support.errors import InputError
 from studies.agents import curves, shipping
 from studies.agents.__main__ import OUT, POLICIES, main
+from studies.agents.learning_picture import learning_picture
 from studies.agents.study import QUICK, Agent
 from studies.agents.training import Training, all_trainings
 
