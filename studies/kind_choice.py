@@ -1,4 +1,4 @@
-"""Whether the kind of hysteresis is chosen rightly: `python -m studies.kind_choice --seed 1`.
+"""Share of right choices of the kind of hysteresis: `python -m studies.kind_choice --seed 1`.
 
 Plants of every kind, with gains and shapes drawn at random, bare or with one effect, go through the
 standard protocol or through two records of another one (loops within loops, a chirp). Noise is a
@@ -72,7 +72,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What names the case in a store."""
+        """Key of the case in a store."""
         return f"{self.kind}/{self.effect or 'bare'}/{self.protocol}/{self.number}/seed {self.seed}"
 
 

@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.foreign_effects.__main__ import OUT as FOREIGN
-from benchmarks.foreign_effects.__main__ import part_of
-from benchmarks.foreign_effects.cases import NUMBERS, Case, make_cases, prepare
-from benchmarks.foreign_effects.scoring import judge
-from benchmarks.hidden_effects.run import ROWS_FILE
+from benchmarks.effect_discovery.__main__ import part_of
+from benchmarks.effect_discovery.cases import Case
+from benchmarks.effect_discovery.foreign import FOREIGN, NUMBERS, make_cases, prepare
+from benchmarks.effect_discovery.scoring import judge
+from benchmarks.sweep import ROWS_FILE
 from rdpi_gym.diagnosis.search.model_search import ModelSearch
 from rdpi_gym.diagnosis.search.ranking import in_blocks
 from rdpi_gym.diagnosis.search.refitting import State
@@ -158,7 +158,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = Options("sindy_rival", __doc__, out=RESULTS, seed=2027, jobs=2)
     options.add_argument("--part", default="1/8", help="part of the second study's cases")
     options.add_argument(
-        "--ours", type=Path, default=FOREIGN, metavar="DIR", help="rows of the search, to compare"
+        "--ours",
+        type=Path,
+        default=FOREIGN.out,
+        metavar="DIR",
+        help="rows of the search, to compare",
     )
     return options.run(arguments, _study)
 

@@ -11,8 +11,8 @@ from rdpi_gym.firmware.translation.kernels import Functions
 from rdpi_gym.firmware.values import Block, Known
 from rdpi_gym.plant import Plant, PlantModel, pack
 from rdpi_gym.plant.chain import ACTS_ON, CHAIN, COMMAND, DISPLACEMENT, RATE
+from rdpi_gym.plant.cores.base import check_ts
 from rdpi_gym.plant.cores.play import rate_block
-from rdpi_gym.plant.packing import check_ts
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 

@@ -7,10 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.report.effect_figure import LEFT, WITH, WITHOUT, Line, Panel
+from rdpi_gym.plant.effects import Picture
 from rdpi_gym.signals import Constant
 from rdpi_gym.signals.experiments import Experiment, polyline
 from rdpi_gym.support.arrays import Array
+from studies.effect_pages.picture import LEFT, WITH, WITHOUT, Line, Panel
 from studies.effect_pages.study import Study
 
 Complex = NDArray[np.complex128]
@@ -72,7 +73,7 @@ def small_loop(study: Study, title: str, name: str, start_s: float) -> Panel:
 def left_over_time(
     study: Study, title: str, name: str, start_s: float = 0.0, stop_s: float = np.inf
 ) -> Panel:
-    """What a refit leaves over the time of one record."""
+    """Residual of a refit over the time of one record."""
     record = study.having[name]
     t = record.t_s - record.t_s[0]
     k = (t >= start_s) & (t <= stop_s)
@@ -80,7 +81,7 @@ def left_over_time(
 
 
 def left_over_command(study: Study, title: str, *names: str) -> Panel:
-    """What a refit leaves over the command: of one record by direction, of several by record."""
+    """Residual of a refit over the command: of one record by direction, of several by record."""
     lines = []
     for name in names:
         u, left = study.having[name].u_V, study.left_um[name]
@@ -140,7 +141,7 @@ def spectrum(study: Study, title: str, name: str, highest_hz: float) -> Panel:
 
 
 def repeats(study: Study, title: str, first: str, again: str) -> Panel:
-    """How much more the same command moves the plant when it is repeated, over displacement."""
+    """Change of the displacement when the same command is repeated, over displacement."""
     lines = []
     for label, records in ((WITHOUT, study.without), (WITH, study.having)):
         before, after = records[first].y_um, records[again].y_um
@@ -156,3 +157,10 @@ PANELS: dict[str, Callable[..., Panel]] = {
     )
 }
 """By the name that an effect's picture gives."""
+
+
+def panels_of(picture: Picture, study: Study) -> tuple[Panel, Panel]:
+    """Return the left and the right half of an effect's picture, of a study of the effect."""
+    looks = picture.left, picture.right
+    left, right = (PANELS[look.kind](study, look.title, *look.arguments) for look in looks)
+    return left, right

@@ -1,4 +1,4 @@
-"""What an effect does to tracking: the error of an inverse that does not know it, and of one that does."""
+"""Tracking with an effect: the error of an inverse without knowledge of it, and with it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.markdown import table
-from studies.effect_pages.shown import SHOWN
+from studies.effect_pages.study import PICTURES
 
 CONTROLLER = "extended-inverse"
 TABLE = Path(__file__).parents[1] / "results" / "effect_tracking.csv"
@@ -30,7 +30,7 @@ _HOLD_S, _RISE_S = 10.0, 0.1
 
 @dataclass(frozen=True)
 class Reference:
-    """What is followed.
+    """A reference to follow.
 
     Parameters
     ----------
@@ -126,8 +126,8 @@ def tracking_table() -> pd.DataFrame:
     """Return a row for each effect and reference, columns as :class:`Tracked`."""
     rows = [
         astuple(row)
-        for name, shown in SHOWN.items()
-        for row in tracked(CATALOGUE[name]().with_values(shown.values))
+        for name, picture in PICTURES.items()
+        for row in tracked(CATALOGUE[name]().with_values(picture.values))
     ]
     return pd.DataFrame(rows, columns=list(Tracked.__dataclass_fields__))
 

@@ -15,7 +15,7 @@ import pandas as pd
 
 import studies.portraits
 from baselines.extended import ExtendedInverse
-from benchmarks.foreign_effects.drives import Drive, between
+from benchmarks.effect_discovery.protocols import Drive, between
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.trials import learn_forms

@@ -30,7 +30,7 @@ from rdpi_gym.laboratory import buying
 from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import CORES, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.report.discovery.sentences import candidate_sentence
+from rdpi_gym.report.discovery_text import candidate_sentence
 
 FILE = Path(__file__).with_name("golden_texts.json")
 STANDARD = Quantities()

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.foreign_effects.drives import Drive
-from benchmarks.foreign_effects.plants import Foreign
+from benchmarks.effect_discovery.plants import Foreign
+from benchmarks.effect_discovery.protocols import Drive
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.portrait import Portrait, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import learn_forms

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from benchmarks.hidden_effects.outside import BoucWen, Force, Preisach
+from benchmarks.effect_discovery.outsiders import BoucWen, Force, Preisach
 from rdpi_gym.diagnosis.search.learner import FAMILIES, memory_features
 from rdpi_gym.diagnosis.search.residual_share import FOLLOWS, remainder
 from rdpi_gym.diagnosis.suitability import comb

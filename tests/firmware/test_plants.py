@@ -9,7 +9,7 @@ import pytest
 from rdpi_gym.firmware.plants import plant_program
 from rdpi_gym.plant import CORES, P10, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.plant.instruments import Converter
+from rdpi_gym.plant.model import Converter
 from rdpi_gym.plant.parameters import DataScale
 from tests.firmware.compiling import head, library, needs_gcc
 

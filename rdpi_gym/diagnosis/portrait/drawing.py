@@ -18,8 +18,7 @@ from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, Parameter
-from rdpi_gym.plant.effects.unknown import Unknown
-from rdpi_gym.plant.effects.unknown_drives import weight
+from rdpi_gym.plant.effects.unknown import Unknown, weight
 from rdpi_gym.plant.effects.unknown_places import (
     MICROMETRES,
     VOLTS,

@@ -13,8 +13,7 @@ import numpy as np
 from rdpi_gym.diagnosis.results import Errors
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
 from rdpi_gym.diagnosis.words import template
-from rdpi_gym.identification.first_fits import FIRST_SAMPLES
-from rdpi_gym.identification.held_out import PIECES, left_by, pieces_of
+from rdpi_gym.identification.cores import FIRST_SAMPLES
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import (
     NO_FIT,
@@ -24,6 +23,7 @@ from rdpi_gym.identification.joint import (
     fit_joint,
     kept_samples,
 )
+from rdpi_gym.identification.residuals import PIECES, left_by, pieces_of
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE

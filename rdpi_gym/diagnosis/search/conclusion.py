@@ -82,7 +82,7 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
     history = _on_all_samples(search, history)
     end, checks = history.end, search.checks
     # last of all: no cap decides what is added
-    added = [capped(candidate, checks) for candidate in history.added]
+    added = [capped(candidate, checks, search.catalogue) for candidate in history.added]
     search.final_noise(end)
     numerical = search.numerical(end)
     judgement = judge(

@@ -11,8 +11,8 @@ import numpy as np
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import AS_IT_IS, Outcome, Setting, assess, attempt
 from rdpi_gym.diagnosis.words import template
-from rdpi_gym.identification.held_out import beats
 from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.identification.residuals import beats
 from rdpi_gym.measurement import Record, hold_out_blocks
 from rdpi_gym.measurement.quantities import template_of
 from rdpi_gym.plant.cores.base import Core

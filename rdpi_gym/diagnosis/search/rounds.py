@@ -37,7 +37,7 @@ from rdpi_gym.diagnosis.search.record_starts import missed
 from rdpi_gym.diagnosis.search.refitting import Refitting, State
 from rdpi_gym.diagnosis.search.vetoes import hear
 from rdpi_gym.diagnosis.words import template
-from rdpi_gym.identification.first_fits import FIRST_SAMPLES
+from rdpi_gym.identification.cores import FIRST_SAMPLES
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import NO_FIT, FirstSteps, JointFit
 from rdpi_gym.plant.effects.base import Effect, forms_of

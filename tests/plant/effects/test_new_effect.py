@@ -1,85 +1,11 @@
-"""A new effect is its own file, an inverse and an independent twin; no other file is touched.
-
-A copy of the package gets three files, and a process of its own asks every room for the effect.
-"""
+"""A new effect is its own file, an inverse and an independent twin; every room then has it."""
 
 import json
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
-
-FILES = {
-    "rdpi_gym/plant/effects/bend.py": '''"""Bend: a lever whose ratio changes with its angle."""
-from dataclasses import dataclass
-
-from numba import njit
-
-from rdpi_gym.plant.effects.base import Effect, Parameter
-
-
-@njit
-def bend_block(x, u, p, state, ts, y):
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            y[t, b] = x[t, b] + p[0, b] * x[t, b] ** 3
-
-
-@dataclass(frozen=True)
-class Bend(Effect):
-    """Cubic distortion of the displacement."""
-
-    share: float = 0.1
-
-    name = "bend"
-    slot = "output"
-    order = 5
-    parameters = (Parameter("share", "1", 0.0, 0.5, (0.05, 0.2), "share at 10 µm", 0.0),)
-    equation = "y = y_m (1 + s (y_m / 10 µm)²)"
-    source = "A test."
-    signature = "Third harmonics that grow with the stroke."
-    experiment = "Sines of two amplitudes."
-    mistaken_for = ()
-    block = staticmethod(bend_block)
-
-    def coefficients(self, ts_s, hysteresis):
-        return [self.share / 100.0]
-
-    def state_rows(self, ts_s):
-        return 0
-''',
-    "baselines/inverses/bend.py": '''"""Bend undone by Newton's method."""
-import numpy as np
-
-from baselines.inverses.base import Inverse
-
-
-class BendInverse(Inverse):
-    """The root of x + c x³ = y."""
-
-    effect = "bend"
-
-    def __init__(self, effect, setting, ahead=0):
-        super().__init__(effect, setting, ahead)
-        self._cube = effect.coefficients(setting.ts_s, setting.hysteresis)[0]
-
-    def run(self, y, state):
-        x = y.copy()
-        for _ in range(30):
-            x -= (x + self._cube * x**3 - y) / (1.0 + 3.0 * self._cube * x**2)
-        return np.ascontiguousarray(x)
-''',
-    "rdpi_gym/virtual_lab/independent/lever.py": '''"""A lever, independently of the plant's stages."""
-from rdpi_gym.virtual_lab.independent.twin import Twin
-
-TWINS = (Twin("bend", 16, 25, lambda grid, share: lambda x: x * (1.0 + share * (x / 10.0) ** 2)),)
-''',
-}
+from tests.copied import add, copied, python
+from tests.plant.additions import EFFECT
 
 SCRIPT = '''"""Ask every room for the new effect, and print what it said as JSON."""
 import contextlib
@@ -168,20 +94,12 @@ print(json.dumps(said))
 
 @pytest.fixture(scope="module")
 def said(tmp_path_factory):
-    home = tmp_path_factory.mktemp("copy")
-    for package in ("rdpi_gym", "baselines"):
-        shutil.copytree(ROOT / package, home / package)
-    for name, text in FILES.items():
-        assert not (home / name).exists()
-        (home / name).write_text(text, encoding="utf-8")
-    (home / "ask.py").write_text(SCRIPT, encoding="utf-8")
-    result = subprocess.run(
-        [sys.executable, "ask.py"], cwd=home, capture_output=True, text=True, encoding="utf-8",
-        env={**os.environ, "PYTHONPATH": str(home), "PYTHONIOENCODING": "utf-8"},
-    )  # fmt: skip
+    copy = copied(tmp_path_factory.mktemp("effect") / "copy")
+    add(copy, EFFECT | {"ask.py": SCRIPT})
+    result = python(copy, "ask.py")
     assert result.returncode == 0, result.stderr[-3000:]
     answer = json.loads(result.stdout.splitlines()[-1])
-    assert answer["package"] == str(home / "rdpi_gym")
+    assert answer["package"] == str(copy / "rdpi_gym")
     return answer
 
 
