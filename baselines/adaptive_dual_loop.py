@@ -31,7 +31,7 @@ class CorrectedAdaptive(AdaptiveFeedforward):
     ) -> Array:
         """Return u(k+1) (V), ``(B,)``; see :class:`baselines.linear_feedback.CorrectedInverse`."""
         measured = self.layout.measured_um(observation)
-        now = self.layout.reference_um(observation[:, :1])[:, 0]
+        now = self.layout.reference_um(observation, slice(1))[:, 0]
         wanted = self.wanted_um(observation, measured, now, state)
         return self.driven(observation, wanted + correction_um, state)
 

@@ -214,7 +214,7 @@ class AdaptiveFeedforward(Tunable):
         trust, ringing = self.monitor.watch(
             of(state, "monitor"), reference_um - measured_um, reference_um
         )
-        window = self.layout.reference_um(observation[:, : self.layout.preview + 1])
+        window = self.layout.reference_um(observation)
         smooth, *derivatives = product(SPLINE, window[:, self.window].T)
         static = self._static(smooth, state)
         shift_in(of(state, "measured"), measured_um)

@@ -146,7 +146,7 @@ class AdaptiveInverse(Tunable):
         applied = self.layout.command_V(observation)
         answered = of(state, "answered")
         asked = of(state, "asked")
-        shown = self.layout.reference_um(observation[:, : self.layout.preview + 1])
+        shown = self.layout.reference_um(observation)
         shift_in(asked, shown[:, min(1 + self._later, self.layout.preview)])
         wanted = product(self._weights, asked)
         rate = np.abs((wanted - answered[0]) / (ts * self.model.A))

@@ -160,7 +160,7 @@ class Baseline(ABC):
                 f"an observation of shape {shown.shape}; this layout shows {self.layout.size} numbers, with preview {self.layout.preview}"
             )
         # Only r(k) and r(k+1) are decoded: a long preview costs nothing.
-        reference = np.ascontiguousarray(self.layout.reference_um(batch[:, :2]).T)
+        reference = np.ascontiguousarray(self.layout.reference_um(batch, slice(2)).T)
         moved = self._resumed(reference[0], state, episode_start)
         command = self.next_command(batch, reference, moved)
         action = self.layout.action_for(command, batch)

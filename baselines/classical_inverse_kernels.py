@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from baselines.limits import limited
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.support.arrays import Array
 
@@ -62,7 +63,7 @@ def classical_own_rate(
             command = p[0, b] * y_r[t, b]
             for i in range(n):
                 s = p[n + 1 + i, b] + shift
-                eta = max(y_r[t, b] - s, min(y_r[t, b] + s, state[2 + i, b]))
+                eta = play(state[2 + i, b], y_r[t, b] - s, y_r[t, b] + s)
                 state[2 + i, b] = eta
                 command += p[1 + i, b] * eta
             command = limited(command, state[0, b], low, high, step)

@@ -110,7 +110,7 @@ class ExtendedInverse(ClassicalReferenceRate):
         """Answer r(k+1) and what follows; see :meth:`baselines.base.Baseline.next_command`."""
         if self.inverses.changes_nothing:
             return super().next_command(observation, reference_um, state)
-        shown = self.layout.reference_um(observation[:, 1 : 2 + self.inverses.ahead])
+        shown = self.layout.reference_um(observation, slice(1, 2 + self.inverses.ahead))
         command: Array = self._answer(np.ascontiguousarray(shown.T), state)[0]
         return command
 
@@ -129,7 +129,7 @@ class ExtendedInverse(ClassicalReferenceRate):
         state
             Memory, ``float64[S, B]``, changed in place.
         """
-        shown = self.layout.reference_um(observation[:, 1 : 2 + self.inverses.ahead])
+        shown = self.layout.reference_um(observation, slice(1, 2 + self.inverses.ahead))
         block = np.ascontiguousarray(shown.T)
         if self.inverses.changes_nothing:
             command: Array = self._through(block, state, False, correction_um)[0]

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from baselines.limits import limited
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.support.arrays import Array
 
 
@@ -27,7 +28,7 @@ def _slide(u: float, v: float, b: int, p: Array, state: Array) -> None:
     n = (p.shape[0] - 4) // 2
     for i in range(n):
         r = p[n + 1 + i, b] + p[2 * n + 1, b] * abs(v)
-        state[2 + i, b] = max(u - r, min(u + r, state[2 + i, b]))
+        state[2 + i, b] = play(state[2 + i, b], u - r, u + r)
 
 
 @njit(cache=True)

@@ -118,7 +118,10 @@ def policy_of(name: str) -> str | None:
 
 def _learned(name: str, belief: PlantModel, layout: ObservationLayout) -> Controller:
     try:
-        from baselines.learned.found import controller_of, find_learned  # torch, only where needed
+        from baselines.learned.controller import (  # torch, only where needed
+            controller_of,
+            find_learned,
+        )
         from baselines.learned.guard import guarded
     except ImportError as error:
         raise InputError(

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
-from baselines.inverses.whole_record import LinearUndo
+from baselines.inverses.delay import LinearUndo
 from baselines.limits import Limits, limit_block
 from baselines.stability import nyquist_gain
 from rdpi_gym.plant import Plant, PlantModel

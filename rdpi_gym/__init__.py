@@ -25,6 +25,9 @@ from gymnasium.envs.registration import register
 
 from rdpi_gym.support.lazy import attach
 from rdpi_gym.support.plugins import provide
+from rdpi_gym.support.renamed import accept_former_names
+
+accept_former_names()
 
 _NAMES, _load = attach(__name__, Path(__file__).with_suffix(".pyi"))
 __all__ = sorted(["__version__", *_NAMES])

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.hidden_effects import cases as study
+from benchmarks.effect_discovery import cases as study
+from benchmarks.effect_discovery.independent import PLAIN, prepare
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import Dataset
@@ -54,7 +55,10 @@ def make(plants: int, seed: int) -> list[Case]:
     """Return the cases: effects and records in turn."""
     names = sorted(HIDEABLE)
     return [
-        Case(study.Case("single", (names[k % len(names)],), 1000 + k, seed), GIVEN[k % len(GIVEN)])
+        Case(
+            study.Case("single", (names[k % len(names)],), 1000 + k, seed, PLAIN),
+            GIVEN[k % len(GIVEN)],
+        )
         for k in range(plants)
     ]
 
@@ -63,7 +67,7 @@ def run_case(case: Case, code: str) -> Row:
     """Search, make the experiment that is advised, search again; return the row."""
     row: Row = {"key": case.key, "code": code, "hidden": case.plant.subject[0]}
     try:
-        whole, _ = study.prepare(case.plant)
+        whole = prepare(case.plant).dataset
     except MaskedError as error:
         return row | {"status": "masked", "error": str(error)}
     began = time.process_time()

@@ -22,9 +22,9 @@ import pandas as pd
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from benchmarks.foreign_effects.__main__ import OUT as FOREIGN
-from benchmarks.hidden_effects.__main__ import OUT as HIDDEN
-from benchmarks.hidden_effects.run import ROWS_FILE
+from benchmarks.effect_discovery.foreign import FOREIGN
+from benchmarks.effect_discovery.independent import INDEPENDENT
+from benchmarks.sweep import ROWS_FILE
 from rdpi_gym.diagnosis import probability
 from rdpi_gym.diagnosis.probability import (
     COVERED,
@@ -204,7 +204,10 @@ def calibration_error(chances: Array, true: Array) -> float:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Fit the probabilities, write them to the package, print and write what the check says."""
     options = Options("calibration", __doc__, out=RESULTS)
-    for option, folder, which in (("--foreign", FOREIGN, "second"), ("--hidden", HIDDEN, "first")):
+    for option, folder, which in (
+        ("--foreign", FOREIGN.out, "second"),
+        ("--hidden", INDEPENDENT.out, "first"),
+    ):
         options.add_argument(
             option, type=Path, default=folder, metavar="DIR", help=f"rows of the {which} study"
         )

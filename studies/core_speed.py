@@ -24,8 +24,7 @@ import numpy as np
 import pandas as pd
 
 from rdpi_gym.plant import CORES, P10, pack
-from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.packing import empty_state
+from rdpi_gym.plant.cores.base import Core, empty_state
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options

@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.foreign_effects.drives import smooth
-from benchmarks.foreign_effects.forms import (
+from benchmarks.effect_discovery.forms import (
     CORE,
     FORMS,
     At,
@@ -32,6 +31,7 @@ from benchmarks.foreign_effects.forms import (
     UnfitError,
     mechanism,
 )
+from benchmarks.effect_discovery.protocols import smooth
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
@@ -44,7 +44,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
-from rdpi_gym.virtual_lab.core_deformation import CoreDeformation
+from rdpi_gym.virtual_lab.dataset import CoreDeformation
 from studies.kind_choice import draw_core
 from studies.rows import study_rows
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import pandas as pd
 
-from baselines.inverses.catalogue import INVERSES
+from baselines.inverses.base import INVERSES
 from baselines.registry import CONTROLLERS
 from rdpi_gym.envs.tasks.whole_stage import STAGE
 from rdpi_gym.firmware.making import package_of

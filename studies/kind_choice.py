@@ -1,4 +1,4 @@
-"""Whether the kind of hysteresis is chosen rightly: `python -m studies.kind_choice --seed 1`.
+"""Share of right choices of the kind of hysteresis: `python -m studies.kind_choice --seed 1`.
 
 Plants of every kind, with gains and shapes drawn at random, bare or with one effect, go through the
 standard protocol or through two records of another one (loops within loops, a chirp). Noise is a
@@ -26,7 +26,7 @@ import pandas as pd
 
 from rdpi_gym.diagnosis.search.core_choice import choose, fit_kinds, turning
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.diagnosis.search.laboratory import Laboratory
+from rdpi_gym.diagnosis.search.model_search import ModelSearch
 from rdpi_gym.identification.kinds import choose_kind
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
@@ -72,7 +72,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What names the case in a store."""
+        """Key of the case in a store."""
         return f"{self.kind}/{self.effect or 'bare'}/{self.protocol}/{self.number}/seed {self.seed}"
 
 
@@ -177,13 +177,13 @@ def run_quiet(case: Case, code: str) -> Row:
     began = time.process_time()
     try:
         _, data = drawn(case)
-        laboratory = Laboratory(data, CATALOGUE, 1, case.seed, None, None)
-        base = laboratory.base(None)
-        kind = laboratory.core.kind
-        whole = kind != RDPI.name or laboratory.other_core(base) is not None
+        search = ModelSearch(data, CATALOGUE, 1, case.seed, None, None)
+        base = search.base(None)
+        kind = search.core.kind
+        whole = kind != RDPI.name or search.other_core(base) is not None
         if whole:
             kind = discover(data, seed=case.seed).core.kind
-        setting, clockwise = laboratory.setting, laboratory.core.clockwise
+        setting, clockwise = search.setting, search.core.clockwise
         ways = fit_kinds(setting, [RDPI, *turning(clockwise)], silent)
         told = choose(setting, ways, clockwise, case.seed)
     except InputError as error:

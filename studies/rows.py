@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from benchmarks.hidden_effects.run import Keyed, run_rows
+from benchmarks.sweep import Keyed, run_rows
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row

@@ -22,14 +22,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.foreign_effects.__main__ import OUT as FOREIGN
-from benchmarks.foreign_effects.__main__ import part_of
-from benchmarks.foreign_effects.cases import NUMBERS, Case, make_cases, prepare
-from benchmarks.foreign_effects.scoring import judge
-from benchmarks.hidden_effects.run import ROWS_FILE
-from rdpi_gym.diagnosis.search.bench import State
-from rdpi_gym.diagnosis.search.laboratory import Laboratory
-from rdpi_gym.diagnosis.search.stability import in_blocks
+from benchmarks.effect_discovery.__main__ import part_of
+from benchmarks.effect_discovery.cases import Case
+from benchmarks.effect_discovery.foreign import FOREIGN, NUMBERS, make_cases, prepare
+from benchmarks.effect_discovery.scoring import judge
+from benchmarks.sweep import ROWS_FILE
+from rdpi_gym.diagnosis.search.model_search import ModelSearch
+from rdpi_gym.diagnosis.search.ranking import in_blocks
+from rdpi_gym.diagnosis.search.refitting import State
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import first_steps, kept_samples
 from rdpi_gym.measurement import Record
@@ -69,8 +69,8 @@ def run_case(case: Case, code: str) -> Row:
     row |= {"truth": prepared.truth, "noise_um": prepared.truth["noise_um"]}
     began = time.process_time()
     try:
-        bench = Laboratory(prepared.dataset, CATALOGUE, 1, case.seed, None, None)
-        chances, sizes = included(bench, bench.base(None), case.number)
+        search = ModelSearch(prepared.dataset, CATALOGUE, 1, case.seed, None, None)
+        chances, sizes = included(search, search.base(None), case.number)
     except InputError as error:
         return row | {"status": "failed", "error": str(error)}
     names = sorted(chances, key=lambda name: (-chances[name], -sizes[name]))
@@ -85,25 +85,25 @@ def run_case(case: Case, code: str) -> Row:
 
 
 def included(
-    bench: Laboratory, base: State, seed: int
+    search: ModelSearch, base: State, seed: int
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return by effect the share of resampled regressions that have it, and its size there (µm rms)."""
-    scale, variant = bench.setting.scale, base.fit.variant
+    scale, variant = search.setting.scale, base.fit.variant
     library = [(name, effect) for name in CATALOGUE for effect in _places(name, scale)]
-    blocks = bench.setting if bench.dataset.holds_out_quarters else in_blocks(bench.setting)
+    blocks = search.setting if search.dataset.holds_out_quarters else in_blocks(search.setting)
     fitted, asked = (_rows(variant, library, part) for part in (blocks.train, blocks.validation))
     size = np.sqrt(np.mean(fitted[0] ** 2, axis=0))
-    likeness = np.abs(fitted[1] @ fitted[0]) / np.maximum(size, 1e-3 * bench.noise_um)
+    likeness = np.abs(fitted[1] @ fitted[0]) / np.maximum(size, 1e-3 * search.noise_um)
     names = np.array([name for name, _ in library])
     # the place of each effect that is most like what is left
     nearest = [
         max(np.flatnonzero(names == name), key=lambda k: float(likeness[k])) for name in CATALOGUE
     ]
-    moving = [k for k in nearest if size[k] > 1e-3 * bench.noise_um]
+    moving = [k for k in nearest if size[k] > 1e-3 * search.noise_um]
     x, held = (part[0][:, moving] / size[moving] for part in (fitted, asked))
     best: tuple[float, Array] = (float(np.mean(asked[1] ** 2)), np.zeros((1, x.shape[1])))
     for least in _LEAST:
-        models = _ensemble(x, fitted[1], least * bench.noise_um, seed)
+        models = _ensemble(x, fitted[1], least * search.noise_um, seed)
         left = float(np.mean((asked[1] - held @ np.median(models, axis=0)) ** 2))
         if left < best[0]:
             best = (left, models)
@@ -158,7 +158,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = Options("sindy_rival", __doc__, out=RESULTS, seed=2027, jobs=2)
     options.add_argument("--part", default="1/8", help="part of the second study's cases")
     options.add_argument(
-        "--ours", type=Path, default=FOREIGN, metavar="DIR", help="rows of the search, to compare"
+        "--ours",
+        type=Path,
+        default=FOREIGN.out,
+        metavar="DIR",
+        help="rows of the search, to compare",
     )
     return options.run(arguments, _study)
 

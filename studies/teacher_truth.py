@@ -19,12 +19,11 @@ import numpy as np
 import pandas as pd
 import torch
 
-from baselines.learned.found import find_learned
-from baselines.learned.imitation.loop import Loop
+from baselines.learned.controller import find_learned
+from baselines.learned.imitation.fitting import Loop
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.imitation.student import UNIT_UM, Float32
-from baselines.learned.imitation.surroundings import Surroundings, Systems
-from baselines.learned.imitation.teacher import Visited, taught_lanes, visit
+from baselines.learned.imitation.teacher import Surroundings, Systems, Visited, taught_lanes, visit
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options

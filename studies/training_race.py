@@ -54,7 +54,9 @@ _FORMAT, _VERSION = "training-race", 1
 
 def native_ppo(timesteps: int, out: Path, seed: int) -> Path:
     """Train the native PPO on the plants and references of the task; return its policy."""
-    from baselines.learned.train_native_ppo import Options, train
+    from baselines.learned.training import trainer
+
+    Options, train = trainer("native-ppo")
 
     task = named_task(TASK)
     return train(
@@ -97,7 +99,7 @@ def native_ppo_first(timesteps: int, out: Path, seed: int) -> Path:
 
 def imitation(rounds: int, out: Path, seed: int) -> Path:
     """Teach a student for some rounds of eight plants; return its policy."""
-    from baselines.learned.train_imitation import Options, train
+    from baselines.learned.imitation.rounds import Options, train
 
     task = named_task(TASK)
     lanes = 8 * len(task.references)

@@ -63,12 +63,12 @@ def measure(case: str, lanes: int, updates: int, seed: int = 0) -> dict[str, Any
     """Train for some updates after a first one, which compiles."""
     from stable_baselines3 import PPO
 
-    from baselines.learned.run import Run
+    from baselines.learned.folder import Run
     from baselines.learned.stable_baselines import StableBaselinesLearner
-    from baselines.learned.train_ppo import Options, actor
+    from baselines.learned.training import Options
 
     run = Run.open(Options(lanes=lanes, seed=seed, **CASES[case]), "ppo", PPO)
-    learner = StableBaselinesLearner(run, PPO, actor)
+    learner = StableBaselinesLearner(run)
     model, env = learner.model, learner.env
     model.learn(lanes * model.n_steps)  # one update: kernels are loaded
     watch = Stopwatch(env)

@@ -71,18 +71,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(chosen: Namespace) -> None:
-    from baselines.learned.train_native_ppo import Options as Training
-    from baselines.learned.train_native_ppo import train
+    from baselines.learned import training
+
+    native_ppo = training.trainer("native-ppo")
 
     rows, curves = [], []
     with progress_bar() as show:
         for seed in range(chosen.seeds):
             folder = chosen.runs / f"seed-{seed}"
-            asked = Training(
+            asked = native_ppo.Options(
                 out=folder, seed=seed, timesteps=chosen.timesteps, threads=chosen.threads,
                 action="increment", baseline=BASELINE,
             )  # fmt: skip
-            train(asked, show)
+            native_ppo.train(asked, show)
             curve = pd.read_csv(folder / "training.csv")
             rows.append(row_of(seed, curve))
             curves.append(

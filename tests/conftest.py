@@ -15,8 +15,7 @@ from hypothesis import settings
 TESTS = Path(__file__).parent
 
 SECOND_TIER = (
-    "baselines/test_device_ppo.py",  # training
-    "baselines/test_imitation.py",
+    "baselines/test_imitation.py",  # training
     "baselines/test_learned_training.py",
     "baselines/test_ppo_from_scratch.py",
     "baselines/test_recurrent_ppo_example.py",
@@ -44,6 +43,7 @@ SECOND_TIER = (
     "firmware/writing/test_fmu.py",
     "firmware/writing/test_package.py",
     "plant/effects/test_new_effect.py",
+    "test_contributing.py",  # a copy of the checkout
     "test_wheel.py",
 )
 """Files and folders of the second tier, relative to the tests."""
@@ -51,8 +51,6 @@ SECOND_TIER = (
 MAY_SKIP = (
     "h-infinity",  # slycot, of the extra robust alone
     "test_linear_loops",
-    "test_device_ppo",  # CUDA
-    "test_torch_device",
     "test_dlpack",  # jax
     "test_a_folder_that_may_not_be_read_is_not_said_to_be_missing",  # root may read any folder
 )

@@ -34,7 +34,7 @@ def wheel(tmp_path_factory):
     return folder / built.stdout.splitlines()[-1]
 
 
-def test_it_holds_code_beliefs_policies_and_a_page_and_each_within_its_limit(wheel):
+def test_a_wheel_holds_code_beliefs_policies_and_the_page_within_limits(wheel):
     files = [f for f in zipfile.ZipFile(wheel).infolist() if ".dist-info/" not in f.filename]
     names = [file.filename for file in files]
     assert {name.split("/")[0] for name in names} == {"rdpi_gym", "baselines", "benchmarks"}
@@ -55,7 +55,7 @@ def test_it_holds_code_beliefs_policies_and_a_page_and_each_within_its_limit(whe
     assert pages == {"page"}
 
 
-def test_the_command_runs_from_the_wheel_alone(wheel, tmp_path):
+def test_the_command_runs_from_a_wheel_alone(wheel, tmp_path):
     zipfile.ZipFile(wheel).extractall(tmp_path / "installed")
     bench = [
         "bench", "--controllers", "classical-static", "--plants", "P5", "--references", "steps",

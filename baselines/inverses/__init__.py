@@ -4,8 +4,7 @@ Effects in slot ``rate`` are not inverted but followed, ``congruency`` is invert
 plays (:mod:`baselines.inverses.congruency`), and ``initial_memory`` is set at the start.
 """
 
-from baselines.inverses.base import Inverse, Setting
-from baselines.inverses.catalogue import INVERSES, inverse_of
+from baselines.inverses.base import INVERSES, Inverse, Setting, inverse_of
 from baselines.inverses.chain import Inverses, inverses_of
 
 __all__ = ["INVERSES", "Inverse", "Inverses", "Setting", "inverse_of", "inverses_of"]

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baselines.inverses.base import Inverse, Setting
-from baselines.inverses.catalogue import inverse_of, without_inverse
+from baselines.inverses.base import Inverse, Setting, inverse_of, without_inverse
 from baselines.inverses.congruency import UNDONE
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import Effect
@@ -17,7 +16,7 @@ from rdpi_gym.support.arrays import Array
 
 @dataclass(frozen=True)
 class Inverses:
-    """What can be undone of a belief's effects, in the order in which it is undone.
+    """Invertible effects of a belief, in the order of inversion.
 
     Parameters
     ----------
@@ -52,7 +51,7 @@ class Inverses:
 
     @property
     def changes_nothing(self) -> bool:
-        """Whether only the bare classical inverse is left."""
+        """Whether only the classical inverse remains."""
         return not (self.output or self.command or self.congruency or self.rate)
 
 
@@ -125,7 +124,7 @@ def _share(wanted: dict[str, int], available: int) -> dict[str, int]:
 
 
 def _rest_before(belief: PlantModel, effect: Effect, ts_s: float, rest_V: float) -> float:
-    """What enters an effect while the plant rests at a command (V)."""
+    """Input of an effect while the plant rests at a command (V)."""
     before = belief.effects[: belief.effects.index(effect)]
     if effect.slot == "input":
         return _rest_input(before, ts_s, rest_V)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from baselines.inverses.turns import turns
+from baselines.inverses.asymmetry import turns
 from rdpi_gym.plant import RDPI
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.congruency import (
     congruency_block,
@@ -55,7 +56,7 @@ def _excess(
     plays = 0.0
     for i in range(n):
         r = p[n + 1 + i, b] + shift
-        plays += p[1 + i, b] * max(u - r, min(u + r, state[2 + i, b]))
+        plays += p[1 + i, b] * play(state[2 + i, b], u - r, u + r)
     weight = 0.0
     for k in range(len(powers) - 1, -1, -1):
         weight = weight * u + powers[k]
@@ -87,5 +88,5 @@ def congruent_inverse_block(
             command = 0.5 * (below + above)
             for i in range(n):
                 r = p[n + 1 + i, b] + shift
-                state[2 + i, b] = max(command - r, min(command + r, state[2 + i, b]))
+                state[2 + i, b] = play(state[2 + i, b], command - r, command + r)
             u[t, b] = command

@@ -1,7 +1,8 @@
-"""Linear effects undone by derivatives of the reference over a window around each sample."""
+"""Inverses of lags and resonance: derivatives of the reference over a window around each sample."""
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 
 import numpy as np
@@ -40,3 +41,59 @@ class LinearInverse(PreviewFilter):
     @abstractmethod
     def half_window_s(cls, effect: Effect) -> float:
         """Return the time (s) over which the reference is smooth where the effect matters."""
+
+
+class SensorLagInverse(LinearInverse):
+    """The lag behind the mechanics, by a derivative over a tenth of its time constant either way.
+
+    Examples
+    --------
+    >>> from baselines.inverses.base import Setting
+    >>> from rdpi_gym.plant import PAPER_IV_B
+    >>> from rdpi_gym.plant.effects import load_effect
+    >>> lag, setting = load_effect("sensor_lag")(2e-4), Setting(1e-4, PAPER_IV_B, 40.0, 0.0)
+    >>> SensorLagInverse(lag, setting, ahead=1).weights.round(3).tolist()
+    [-1.083, 1.166, 0.917]
+    """
+
+    effect = "sensor_lag"
+    forms = ("", "second order", "third order")
+    urgency = 2
+
+    @classmethod
+    def half_window_s(cls, effect: Effect) -> float:
+        """Return a tenth of the time constant (s), or of the sum of both."""
+        values = effect.values
+        return 0.1 * values["time_constant_s"] * (1.0 + values.get("second_ratio", 0.0))
+
+
+class ActuatorLagInverse(SensorLagInverse):
+    """The lag in front of the hysteresis."""
+
+    effect = "actuator_lag"
+    urgency = 1
+
+
+class ResonanceInverse(LinearInverse):
+    """One mode or two, by derivatives over a tenth of its period either way.
+
+    Examples
+    --------
+    >>> from baselines.inverses.base import Setting
+    >>> from rdpi_gym.plant import PAPER_IV_B
+    >>> from rdpi_gym.plant.effects import load_effect
+    >>> mode = load_effect("resonance")(f0_hz=1000.0, damping=0.02)
+    >>> inverse = ResonanceInverse(mode, Setting(5e-5, PAPER_IV_B, 40.0, 0.0), ahead=2)
+    >>> inverse.ahead, inverse.rows, float(inverse.weights.sum().round(12))
+    (2, 4, 1.0)
+    """
+
+    effect = "resonance"
+    forms = ("", "with a zero", "two modes")
+    urgency = 3
+
+    @classmethod
+    def half_window_s(cls, effect: Effect) -> float:
+        """Return a tenth of the period (s), of two modes that of the slower one."""
+        values = effect.values
+        return 0.1 / min(values["f0_hz"], values.get("second_hz", math.inf))

@@ -9,8 +9,7 @@ from baselines.inverses.base import Inverse, Setting
 from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import forms_of
-from rdpi_gym.plant.effects.unknown import Unknown
-from rdpi_gym.plant.effects.unknown_drives import OfTheRate, Static
+from rdpi_gym.plant.effects.unknown import OfTheRate, Static, Unknown
 from rdpi_gym.plant.effects.unknown_places import Block
 from rdpi_gym.support.arrays import Array
 
@@ -83,7 +82,7 @@ class UnknownInverse(Inverse):
         return x
 
     def _slope(self, step: Array, answer: Array) -> Array | float:
-        """Slope of the block between two guesses, where a sample's answer hangs on it alone."""
+        """Slope of the block between two guesses, for a block without memory."""
         if not self._by_secants:
             return 1.0
         slope = np.divide(answer, step, out=np.ones_like(step), where=step != 0.0)

@@ -1,4 +1,4 @@
-"""What an interrupted training goes on from: networks, optimisers, replay buffer; no code in it."""
+"""Learners as a training runs them, and their checkpoints: tensors and arrays, no code."""
 
 from __future__ import annotations
 
@@ -8,21 +8,101 @@ import json
 import os
 import re
 import shutil
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
+from torch import nn
 
-from baselines.learned.learner import Keepable, Kept
-from baselines.learned.weights import read_tensors
+from baselines.learned.policy import read_tensors
+from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import open_regular, read_json, write_atomic, write_json
 from rdpi_gym.support.folders import replaced_folder
 from rdpi_gym.support.npz import open_npz
 from rdpi_gym.support.temporaries import clear_abandoned
 from rdpi_gym.support.words import quoted
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What a checkpoint holds of a learner.
+
+    Parameters
+    ----------
+    timesteps, updates
+        Steps of all lanes together, and updates, that had been made.
+    tensors
+        As :meth:`Keepable.tensors` gave them.
+    read
+        Returns one of :meth:`Keepable.arrays` by its name; None: they were left out.
+    """
+
+    timesteps: int
+    updates: int
+    tensors: Mapping[str, Any]
+    read: Callable[[str], NDArray[np.generic]] | None
+
+
+class Between(Protocol):
+    """What stands between two stretches of a training: it evaluates and keeps a checkpoint."""
+
+    def before_rollout(self) -> Mapping[str, float]:
+        """Be called before the environment is run on; return an evaluation, if one was made."""
+
+    def rewarded(self, reward: float) -> None:
+        """Be told the mean reward of a step of all lanes."""
+
+    def end(self) -> Mapping[str, float]:
+        """Be called when all steps are done; return the last evaluation."""
+
+
+class Keepable(Protocol):
+    """What a checkpoint can be made of, and brought back to."""
+
+    @property
+    def kind(self) -> str:
+        """Name of the algorithm in a checkpoint."""
+
+    @property
+    def timesteps(self) -> int:
+        """Steps of all lanes together so far."""
+
+    @property
+    def updates(self) -> int:
+        """Updates made so far."""
+
+    def tensors(self) -> Mapping[str, Any]:
+        """Return tensors, and mappings of these, from which it goes on."""
+
+    def arrays(self) -> Mapping[str, Any]:
+        """Return what is large and not needed once a training is finished: a replay buffer."""
+
+    def restore(self, kept: Kept) -> None:
+        """Go on from what a checkpoint holds."""
+
+
+class Learner(Keepable, Protocol):
+    """Networks that learn in an environment of their own."""
+
+    @property
+    def layout(self) -> ObservationLayout:
+        """What the environment shows."""
+
+    def actor(self) -> list[nn.Module]:
+        """Return the deterministic actor: linear layers, activations, and what keeps actions within [-1, 1]."""
+
+    def begin(self, seed: int) -> None:
+        """Seed every generator, and begin an episode in all lanes."""
+
+    def learn(self, timesteps: int, between: Between) -> None:
+        """Take so many steps more."""
+
 
 FORMAT, VERSION = "rdpi-checkpoint", 1
 _DESCRIPTION, _MODEL, _REPLAY = "checkpoint.json", "model.pt", "replay.npz"

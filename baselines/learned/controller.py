@@ -1,4 +1,4 @@
-"""A trained policy as a controller, scored by the same code as every compensator."""
+"""Trained policies as controllers, by name."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ import torch
 from numpy.typing import NDArray
 
 from baselines.base import Baseline
-from baselines.learned.kept import check_preview
-from baselines.learned.policy import Policy
+from baselines.learned import policy as networks
+from baselines.learned.imitation import policy as students
+from baselines.learned.imitation.policy import StudentController, StudentPolicy
+from baselines.learned.policy import DESCRIPTION, Policy, check_preview, policy_folder
 from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_json
+from rdpi_gym.support.folders import settled_folder
 
 
 class LearnedController(Baseline):
@@ -41,7 +45,7 @@ class LearnedController(Baseline):
 
     Examples
     --------
-    >>> from baselines.learned.network import Network
+    >>> from baselines.learned.policy import Network
     >>> from rdpi_gym.plant import named_plant
     >>> plant = named_plant("P10")
     >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-4)
@@ -59,8 +63,8 @@ class LearnedController(Baseline):
         policy.check_runs(layout)
         self._scaling = policy.scaling
         self._history = self._scaling.history
-        self._rows = 3 * policy.history
-        self._columns = [*range(own.preview + 1), layout.preview + 1, layout.preview + 2]
+        self._rows = len(own.fields) * policy.history
+        self._columns = layout.columns_of(own)
         span_V = layout.command_range_V[1] - layout.command_range_V[0]
         own_span_V = own.command_range_V[1] - own.command_range_V[0]
         self._scale_V = own.action_scale_V * span_V / own_span_V
@@ -123,3 +127,22 @@ def _baseline(name: str, belief: PlantModel, layout: ObservationLayout) -> Basel
             f"the policy corrects {name!r}, which plans over the whole reference; a policy corrects a controller that runs on observations alone"
         )
     return made
+
+
+def find_learned(name: str) -> Policy | StudentPolicy:
+    """Return the policy in a folder, or a shipped one by its name: a network, or a student."""
+    folder = policy_folder(name)
+    formats = (networks.FORMAT, students.FORMAT)
+    newest = max(networks.VERSION, students.VERSION)
+    document = read_json(settled_folder(folder) / DESCRIPTION, formats, newest)
+    kind = StudentPolicy if document["format"] == students.FORMAT else Policy
+    return kind.load(folder)
+
+
+def controller_of(
+    policy: Policy | StudentPolicy, belief: PlantModel, layout: ObservationLayout
+) -> Baseline:
+    """Make the controller of a policy."""
+    if isinstance(policy, StudentPolicy):
+        return StudentController(policy, belief, layout)
+    return LearnedController(policy, belief, layout)

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.base import Baseline
-from baselines.learned.found import controller_of
+from baselines.learned.controller import controller_of
+from baselines.learned.envelope import FURTHER, WATCHED, Watch
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.policy import Policy
-from baselines.learned.seen import FURTHER, WATCHED, Watch
 from baselines.memory import Rows
 from baselines.registry import known_controller
 from baselines.ringing import BAND_HZ, RingingMonitor
@@ -37,7 +37,7 @@ class Guarded(Baseline):
     It is taken off where the error rings (:class:`baselines.ringing.RingingMonitor`), where half of
     its commands of the last 5 ms lie at the end of their range or change by the most that one sample
     allows, where the loop goes further than those of its training did
-    (:class:`baselines.learned.seen.Watch`), or where its answer is no finite number. Until then the fallback runs along, shown the
+    (:class:`baselines.learned.envelope.Watch`), or where its answer is no finite number. Until then the fallback runs along, shown the
     reference in place of the measurement, so that nothing winds up in it; it takes over within a
     millisecond.
 
@@ -71,7 +71,7 @@ class Guarded(Baseline):
         self.monitor = RingingMonitor(BAND_HZ, self.layout.scale_um, ts)
         self._forgets = 1.0 - math.exp(-ts / LIMIT_S)
         self._slide = min(ts / BLEND_S, 1.0)
-        self._measured = self.layout.preview + 1
+        self._measured = self.layout.columns["measured"].start
         self.watch = Watch(self.layout)
         most = [(seen or {}).get(name, math.inf) for name in WATCHED]
         self._furthest = FURTHER * np.array(most)[:, None]

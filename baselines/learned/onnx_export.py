@@ -1,61 +1,80 @@
-"""A trained policy as an ONNX file: it runs where neither torch nor this package is."""
+"""Trained policies as ONNX files, which run without torch and without this package."""
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import torch
-from torch import Tensor, nn
+import numpy as np
+from torch import nn
 
-from baselines.learned.onnx_file import check_file, content
+from baselines.adaptive_feedforward import (
+    HALF,
+    MOST,
+    POWERS,
+    PRODUCTS,
+    ROUNDING,
+    SPLINE,
+    AdaptiveFeedforward,
+)
+from baselines.classical import ClassicalReferenceRate
+from baselines.classical_inverse_kernels import pack_inverse
+from baselines.learned.imitation.policy import StudentController, StudentPolicy
+from baselines.learned.imitation.student import (
+    CORRECTIONS,
+    COURSE,
+    ERRORS,
+    MOST_UM,
+    PREVIEW,
+    UNIT_UM,
+    Student,
+    TaughtAdaptive,
+)
+from baselines.learned.onnx_graph import Graph, Signal, check_file, content
 from baselines.learned.policy import Policy
+from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
+from baselines.ringing import GROWTH, RingingMonitor
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.tasks import named_task
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 
-FORMAT, VERSION = "rdpi-policy-onnx", 1
 INPUT, OUTPUT = "observation", "action"
 
 
-class StackedActor(nn.Module):
-    """Scaling and actor in one: what an environment's stacked observation makes the policy do.
+def network_model(policy: Policy) -> Any:
+    """Return scaling and actor as an ONNX model, for any number of lanes.
 
-    Differences of nearly equal numbers are taken in double precision, so that runtimes that add
-    in another order agree.
-
-    Parameters
-    ----------
-    policy
-        What was trained.
+    Differences of nearly equal numbers are taken in double precision, so that runtimes that add in
+    another order agree; the network itself runs in single precision.
 
     Examples
     --------
-    >>> from baselines.learned.network import Network
-    >>> from rdpi_gym.envs.layout import ObservationLayout
+    >>> from baselines.learned.policy import Network
     >>> from rdpi_gym.plant import named_plant
     >>> layout = ObservationLayout.for_plant(named_plant("P10"), ts_s=1e-4)
-    >>> actor = Network((layout.size + 6, 8, 1), "Tanh", "Hardtanh").build()
-    >>> policy = Policy(layout, history=2, frequency_hz=100.0, error=0.02, actor=actor)
-    >>> StackedActor(policy)(torch.zeros(5, 13)).shape
-    torch.Size([5, 1])
+    >>> actor = Network((layout.size, 8, 1), "Tanh", "Hardtanh").build()
+    >>> policy = Policy(layout, history=0, frequency_hz=100.0, error=0.02, actor=actor)
+    >>> [node.op_type for node in network_model(policy).graph.node][:3]
+    ['Cast', 'MatMul', 'Cast']
     """
-
-    matrix: Tensor
-
-    def __init__(self, policy: Policy) -> None:
-        super().__init__()
-        self.register_buffer("matrix", torch.from_numpy(policy.scaling.matrix).double())
-        self.actor = policy.actor
-
-    def forward(self, observation: Tensor) -> Tensor:
-        """Return actions ``(B, 1)`` in [-1, 1] of stacked observations ``(B, size)``."""
-        scaled = observation.double() @ self.matrix
-        action: Tensor = self.actor(scaled.float())
-        return action
+    graph = Graph(np.float32)
+    shown = graph.given(INPUT, policy.scaling.history.size)
+    x = (shown.cast(np.float64) @ policy.scaling.matrix.astype(np.float64)).cast(np.float32)
+    for module in policy.actor:
+        if isinstance(module, nn.Linear):
+            x = x @ module.weight.detach().numpy().T + module.bias.detach().numpy()
+        elif isinstance(module, nn.Hardtanh):
+            x = x.clipped(np.float32(-1.0), np.float32(1.0))
+        elif isinstance(module, nn.SiLU):
+            x = x * x.sigmoid()
+        else:
+            x = graph.call(
+                {"ReLU": "Relu", "ELU": "Elu"}.get(kind := type(module).__name__, kind), x
+            )
+    return graph.model({OUTPUT: x})
 
 
 def description(policy: Policy) -> dict[str, Any]:
@@ -65,18 +84,12 @@ def description(policy: Policy) -> dict[str, Any]:
     commands are scaled as ``layout`` says.
     """
     layout = policy.layout
-    ahead = [f"reference(k+{i})" for i in range(1, layout.preview + 1)]
-    past = [
-        f"{name}(k-{i})"
-        for i in range(1, policy.history + 1)
-        for name in ("reference", "measured", "command")
-    ]
     return {
-        "format": FORMAT,
-        "version": VERSION,
-        "layout": asdict(layout),
+        "format": "rdpi-policy-onnx",
+        "version": 1,
+        "layout": layout.to_dict(),
         "history": policy.history,
-        "observation": ["reference(k)", *ahead, "measured(k)", "command(k)", *past],
+        "observation": policy.scaling.history.entries,
         "baseline": policy.baseline,
     }
 
@@ -88,37 +101,348 @@ def export_onnx(policy: Policy, out: Path) -> Path:
     behind, as :class:`rdpi_gym.envs.wrappers.history.History` stacks it, not scaled. Output ``action``,
     float32 ``(batch, 1)`` in [-1, 1]. The metadata holds :func:`description`.
     """
-    check_file(out, ["onnx", "onnxscript"])
-    return write_atomic(out, _model(policy))
+    check_file(out)
+    return write_atomic(out, content(network_model(policy), description(policy)))
 
 
-def _model(policy: Policy) -> bytes:
-    """Return the file's content."""
-    module = StackedActor(policy).eval()
-    shown = torch.zeros(2, policy.scaling.history.size)
-    with _quiet():
-        program = torch.onnx.export(
-            module,
-            (shown,),
-            input_names=[INPUT],
-            output_names=[OUTPUT],
-            dynamic_shapes=({0: torch.export.Dim("batch")},),
-            dynamo=True,
-            verbose=False,
-        )
-    assert program is not None
-    return content(program.model_proto, description(policy))
+def watched(
+    monitor: RingingMonitor, memory: Signal, error: Signal, asked: Signal
+) -> tuple[Signal, Signal]:
+    """Return the memory and whether it rings: :meth:`~baselines.ringing.RingingMonitor.watch`."""
+    passes, fast, slow, withdraw, returns, small, large = monitor.numbers
+    before = [memory[:, i : i + 1] for i in range(monitor.rows)]
+
+    def moved(row: int, share: float, towards: Signal | float) -> Signal:
+        return before[row] + share * (towards - before[row])
+
+    errors, references = [], []
+    for stage in range(2):
+        errors.append(moved(stage, passes, error))
+        references.append(moved(2 + stage, passes, asked))
+        error, asked = error - errors[-1], asked - references[-1]
+    squared = error * error
+    quick, lasting = moved(4, fast, squared), moved(5, slow, squared)
+    usual = moved(6, fast, asked * asked)
+    grows = (quick > GROWTH * lasting) | (quick > large)
+    ringing = (quick > small) & (quick > usual) & grows
+    trust = memory.graph.where(ringing, withdraw * before[7], moved(7, returns, 1.0))
+    return memory.graph.joined(*errors, *references, quick, lasting, usual, trust), ringing
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Hold back what the exporter says of itself: none of it is about the policy."""
-    logger = logging.getLogger("torch.onnx")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # of its own calls
-            yield
-    finally:
-        logger.setLevel(level)
+def features(
+    made: AdaptiveFeedforward, smooth: Signal, plays: Signal, slow: Signal
+) -> tuple[Signal, Signal, Signal]:
+    """Return what of φ has no derivatives, the plays and the low-passes: ``_features``."""
+    layout = made.layout
+    place = (smooth - layout.centre_um) / layout.scale_um
+    plays = plays.clipped(smooth - made.thresholds_um, smooth + made.thresholds_um)
+    slow = slow + (1.0 - made.slow) * (smooth - slow)
+    products = place * (plays.picked(PRODUCTS) - layout.centre_um)
+    powers = [layout.scale_um * place**power for power in POWERS]
+    found = smooth.graph.joined(smooth, smooth.filled(1.0), plays, products, *powers, slow)
+    return found, plays, slow
+
+
+def learned(
+    fit: ForgettingLeastSquares, memory: Signal, phi: Signal, z: Signal, counts: Signal
+) -> Signal:
+    """Return the memory: :meth:`~baselines.least_squares.ForgettingLeastSquares.learn`.
+
+    The equations are solved at every sample: that costs less than a graph that branches.
+    """
+    where, joined = memory.graph.where, memory.graph.joined
+    rows, columns = np.tril_indices(fit.size)
+    forget, used = where(counts, fit.kept, 1.0), counts.cast(np.float64)
+    new = joined(used * phi.picked(rows) * phi.picked(columns), used * phi * z)
+    sums = forget * memory[:, 1 : -fit.size] + new
+    count = memory[:, :1] + used
+    due = counts & (count.remainder(SOLVE_EVERY) <= 0.0)
+    theta = where(due, _solved(fit, sums), memory[:, -fit.size :])
+    return joined(count, sums, theta)
+
+
+def _solved(fit: ForgettingLeastSquares, sums: Signal) -> Signal:
+    """``_solve`` of the least squares; the right side is eliminated as one more column."""
+    joined, size = sums.graph.joined, fit.size
+    place = np.zeros((size, size), dtype=np.int64)
+    place[np.tril_indices(size)] = np.arange(size * (size + 1) // 2)
+    left = sums.picked(np.maximum(place, place.T)) + np.diag(fit.precision)
+    rest = joined(left, (sums[:, -size:] + fit.pull).raised(2))
+    rows: list[Signal] = []
+    for least in fit.precision:
+        row = rest[:, :1, 1:]
+        rows.append(row / rest[:, :1, :1].at_least(least))
+        rest = rest[:, 1:, 1:] - rows[-1][:, :, :-1].turned() * row
+    theta = rows.pop()
+    for row in reversed(rows):
+        theta = joined(row[:, :, -1:] - (row[:, :, :-1] * theta).total(), theta)
+    return theta.lowered(1)
+
+
+def unlearned(fit: ForgettingLeastSquares, memory: Signal, share: Signal) -> Signal:
+    """Return the memory: :meth:`~baselines.least_squares.ForgettingLeastSquares.unlearn`."""
+    theta = share * memory[:, -fit.size :] + (1.0 - share) * fit.prior
+    return memory.graph.joined(memory[:, :1], share * memory[:, 1 : -fit.size], theta)
+
+
+def driven(
+    inverse: ClassicalReferenceRate, wanted: Signal, memory: Signal
+) -> tuple[Signal, Signal]:
+    """Return the command (V) and the memory: :meth:`~baselines.feedforward.Feedforward.next_command`."""
+    model, ts_s = inverse.model, inverse.layout.ts_s
+    gain, *numbers, shift, _, offset = pack_inverse([model], ts_s)[:, 0].tolist()
+    weights, thresholds = np.array(numbers[: model.n]), np.array(numbers[model.n :])
+    rate = (wanted - memory[:, -1:]) / (ts_s * model.A)
+    x, reach = wanted - inverse.belief.offset_um, thresholds + shift * abs(rate)
+    plays = memory[:, 2:-1].clipped(x - reach, x + reach)
+    low, high, _ = inverse.limits
+    command = (gain * x + offset + (weights * plays).total()).clipped(low, high)
+    return command, wanted.graph.joined(command, memory[:, 1:2], plays, wanted)
+
+
+def answered(
+    student: Student, seen: Signal, error: Signal, memory: Signal
+) -> tuple[Signal, Signal]:
+    """Return the correction (µm) and the memory: :meth:`~baselines.learned.imitation.student.Student.answer_um`.
+
+    Python rounds to single precision within; here nothing is.
+    """
+    joined, width = seen.graph.joined, student.width
+    p = {name: array.astype(np.float64) for name, array in student.arrays.items()}
+    scaled = (seen - p["middle"]) / p["spread"]
+    before, errors, corrections = (
+        memory[:, first : first + count]
+        for first, count in ((0, width), (width, ERRORS - 1), (width + ERRORS, CORRECTIONS))
+    )
+    errors = joined(error / UNIT_UM, errors)
+    past = joined(errors, corrections)
+    given = scaled.asinh() @ p["into"].T + p["bias"] + past.asinh() @ p["past"].T
+    back = before @ p["hidden"].T + p["hidden_bias"]
+    gates = (given[:, : 2 * width] + back[:, : 2 * width]).sigmoid()
+    reset, keep = gates[:, :width], gates[:, width:]
+    fresh = (given[:, 2 * width :] + reset * back[:, 2 * width :]).tanh()
+    after = fresh + keep * (before - fresh)
+    weights = after @ p["head"].T + p["head_bias"]
+    phi = joined(scaled[:, : student.weighted], error.filled(1.0), errors)
+    most = MOST_UM / UNIT_UM
+    correction = most * ((weights * phi).total() / most).tanh()
+    return UNIT_UM * correction, joined(after, errors, correction, corrections[:, :-1])
+
+
+FARTHEST = 1000.0
+"""How far inputs may be away (scales, ranges of the command; all in sum) and still be believed."""
+
+
+def step_model(made: StudentController) -> Any:
+    """Return the controller's ``next_command`` as an ONNX model, for any number of lanes.
+
+    Inputs, float64: ``reference_um`` ``(batch, preview + 1)``, r(k) and what follows; ``measured_um``
+    and ``applied_V`` ``(batch,)``, measured and commanded at k; ``state`` ``(batch, S)``, zeros where
+    an episode begins. Outputs: ``command_V`` ``(batch,)``, u(k+1), and ``next_state``. Where an input is
+    not finite or absurdly large, command and state stay as they are.
+    """
+    graph, layout, limits = Graph(), made.layout, made.limits
+    reference = graph.given("reference_um", layout.preview + 1)
+    measured, applied = (graph.given(name).raised(1) for name in ("measured_um", "applied_V"))
+    started = made.start(np.array([0.0, 1.0])).T
+    state = graph.given("state", started.shape[1])
+    # at rest the memory is affine in the first reference
+    rest = started[:1] + (started[1:] - started[:1]) * reference[:, :1]
+    step = _Step(made, reference, measured, applied)
+    command, after = step.taken(state, rest)
+    far = (abs(graph.joined(reference, measured) - layout.centre_um) / layout.scale_um).total()
+    far = far + abs(applied - limits.rest_V) / (limits.high_V - limits.low_V)
+    usable = far <= FARTHEST
+    return graph.model(
+        {
+            "command_V": graph.where(usable, command, applied).lowered(1),
+            "next_state": graph.where(usable, after, state),
+        }
+    )
+
+
+class _Step:
+    """The methods of the controller, each with what it changes of the memory.
+
+    Parameters
+    ----------
+    made
+        The controller.
+    reference, measured, applied
+        What is known: ``(batch, preview + 1)``, and ``(batch, 1)``.
+    """
+
+    def __init__(
+        self, made: StudentController, reference: Signal, measured: Signal, applied: Signal
+    ) -> None:
+        taught = made.inverse
+        assert isinstance(taught, TaughtAdaptive)
+        inverse = taught.inverse
+        if not isinstance(inverse, ClassicalReferenceRate):
+            raise InputError(
+                f"belief {made.belief.name} has the core {made.belief.hysteresis.name}, whose inverse is "
+                "a search: ONNX takes the core rdpi, rdpi export c takes any"
+            )
+        self.made, self.taught, self.inverse = made, taught, inverse
+        self.reference, self.measured, self.applied = reference, measured, applied
+        self.of: dict[str, Signal] = {}
+
+    def taken(self, state: Signal, rest: Signal) -> tuple[Signal, Signal]:
+        """Return the command (V) and the memory: ``next_command`` of the linear feedback."""
+        made, where = self.made, state.graph.where
+        places = self._places()
+        state = where(state[:, places[".count"]] > 0.0, state, rest)
+        of = self.of = {name: state[:, place] for name, place in places.items()}
+        asked = self.reference[:, :1]
+        error = asked - self.measured
+        of["monitor"], ringing = watched(made.monitor, of["monitor"], error, asked)
+        # the feedforward's monitor watches the same
+        of[".monitor"] = of["monitor"]
+        allowed = of["allowed"]
+        risen = allowed + made.returns * (1.0 - allowed)
+        of["allowed"] = where(ringing, made.falls * allowed, risen)
+        system, own, given = made.feedback, of["feedback"], error * of["allowed"]
+        correction = own @ system.c[:, None] + system.d * given
+        command = self._corrected(ringing, error, correction)
+        low, high, _ = made.limits
+        stands = ((command >= high) & (given > 0.0)) | ((command <= low) & (given < 0.0))
+        of["feedback"] = where(stands, own, own @ system.a.T + given * system.b)
+        return command, state.graph.joined(*of.values())
+
+    def _places(self) -> dict[str, slice]:
+        """Where the parts of the memory lie, in their order; a stop before those of the feedforward."""
+        rows = np.arange(self.made.rows.total, dtype=np.float64)
+        within = self.made.rows.of(rows, "inverse")
+        own, student = np.split(within, [self.taught.rows.total])
+        parts = {name: self.made.rows.of(rows, name) for name in ("feedback", "monitor", "allowed")}
+        parts |= {f".{name}": self.taught.rows.of(own, name) for name in self.taught.rows.names}
+        ends = np.cumsum([len(part) for part in (*parts.values(), student)]).tolist()
+        starts = [0, *ends]
+        return {
+            name: slice(first, last)
+            for name, first, last in zip((*parts, "student"), starts, ends, strict=False)
+        }
+
+    def _corrected(self, ringing: Signal, error: Signal, correction: Signal) -> Signal:
+        """``corrected_command`` of the adaptive feedforward with a student."""
+        of, joined = self.of, error.graph.joined
+        smooth, wanted = self._wanted(ringing)
+        seen = self._seen(smooth, wanted)
+        added, of["student"] = answered(self.taught.student, seen, error, of["student"])
+        total = wanted + correction + added
+        of[".wanted"] = joined(of[".wanted"][:, 1:], total)
+        command, of[".inverse"] = driven(self.inverse, total, of[".inverse"])
+        return command
+
+    def _wanted(self, ringing: Signal) -> tuple[Signal, Signal]:
+        """Return what the window of the reference is without its noise, and ``wanted_um``."""
+        of, taught, graph = self.of, self.taught, ringing.graph
+        spline = self.reference.picked(taught.window) @ SPLINE.T
+        smooth, derivatives = spline[:, :1], spline[:, 1:]
+        static, of[".plays"], of[".slow"] = features(taught, smooth, of[".plays"], of[".slow"])
+        size = taught.fit.size - (len(SPLINE) - 1)
+        of[".seen"] = graph.joined(of[".seen"][:, size:], static)
+        of[".measured"] = graph.joined(of[".measured"][:, 1:], self.measured)
+        of[".count"] = of[".count"] + 1.0
+        low, high, _ = taught.limits
+        room = ROUNDING * (high - low)
+        free = (self.applied > low + room) & (self.applied < high - room)
+        of[".last_V"] = self.applied
+        counts = ~ringing & free & (of[".count"] > taught.lead + 2 * HALF + 2)
+        fit = learned(taught.fit, of[".fit"], *self._compared(), counts)
+        trust = of[".monitor"][:, -1:]
+        of[".fit"] = unlearned(taught.fit, fit, graph.where(ringing, trust, 1.0))
+        phi = graph.joined(derivatives, static)
+        believed = (taught.fit.prior * phi).total()
+        correction = believed + trust * ((self._theta * phi).total() - believed)
+        most = MOST * taught.layout.scale_um
+        return smooth, smooth + correction.clipped(-most, most)
+
+    @property
+    def _theta(self) -> Signal:
+        return self.of[".fit"][:, -self.taught.fit.size :]
+
+    def _compared(self) -> tuple[Signal, Signal]:
+        """``compared`` of the adaptive feedforward."""
+        of, size = self.of, self.taught.fit.size - (len(SPLINE) - 1)
+        spline = of[".measured"] @ SPLINE.T
+        entered = of[".wanted"][:, : 2 * HALF + 1] @ SPLINE[:1].T
+        return spline.graph.joined(spline[:, 1:], of[".seen"][:, :size]), entered - spline[:, :1]
+
+    def _seen(self, smooth: Signal, wanted: Signal) -> Signal:
+        """What the student sees."""
+        of, taught, layout = self.of, self.taught, self.taught.layout
+        course = (self.reference[:, : PREVIEW + 1] - layout.centre_um) / layout.scale_um @ COURSE.T
+        plays = (of[".plays"] - smooth) / taught.thresholds_um
+        slow = (of[".slow"] - smooth) / layout.scale_um
+        theta = self._theta
+        phi, z = self._compared()
+        left = (z - (theta * phi).total()) / UNIT_UM
+        known = (theta - taught.fit.prior) / taught.fit.spread
+        own = (wanted - smooth) / layout.scale_um
+        since = taught.fades[:, 0] ** of[".count"]
+        return smooth.graph.joined(course, plays, slow, known, left, own, since)
+
+
+def controller_on(policy: StudentPolicy, belief: PlantModel | None) -> StudentController:
+    """Return a student's controller with as much preview as it makes use of."""
+    if belief is None:
+        task = policy.training.get("task")
+        if not isinstance(task, str):
+            raise InputError(
+                "belief is needed: the student does not say on what task it was taught"
+            )
+        belief, layout = named_task(task).belief(), policy.layout
+    else:
+        layout = ObservationLayout.for_plant(belief, policy.layout.ts_s, policy.layout.preview)
+    layout = replace(layout, action="command")
+    needed = StudentController(policy, belief, layout).needed_preview
+    return StudentController(policy, belief, replace(layout, preview=needed))
+
+
+def step_description(made: StudentController) -> dict[str, Any]:
+    """Return what a caller needs to know of a step, as JSON holds it."""
+    layout, limits, policy = made.layout, made.limits, made.policy
+    numbers = made.rows.total
+    return {
+        "format": "rdpi-student-onnx",
+        "version": 1,
+        "holds": (
+            f"{policy.baseline} with its student, the whole controller on belief {made.belief.name}: "
+            f"a step every {layout.ts_s:g} s, {numbers} numbers of state"
+        ),
+        "inputs": {
+            "reference_um": f"r(k) ... r(k+{layout.preview}) (µm)",
+            "measured_um": "measured at k (µm)",
+            "applied_V": f"command that holds at k (V); {limits.rest_V:g} where an episode begins",
+            "state": f"next_state of the step before; {numbers} zeros where an episode begins",
+        },
+        "outputs": {
+            "command_V": "u(k+1) (V), within the range",
+            "next_state": "state of the next step",
+        },
+        "ts_s": layout.ts_s,
+        "preview": layout.preview,
+        "state": numbers,
+        "command_range_V": [limits.low_V, limits.high_V],
+        "rest_V": limits.rest_V,
+        "centre_um": layout.centre_um,
+        "scale_um": layout.scale_um,
+        "corrects": policy.baseline,
+        "loop": dict(policy.loop),
+        "feedforward": dict(policy.feedforward),
+        "belief": made.belief.to_dict(),
+        "certificate": made.certificate(),
+        "warning": made.warning(),
+    }
+
+
+def export_student(policy: StudentPolicy, out: Path, belief: PlantModel | None = None) -> Path:
+    """Write a student with the controller that it corrects as one ONNX file.
+
+    A step is :func:`step_model`; the metadata holds
+    :func:`step_description`.
+    """
+    check_file(out)
+    made = controller_on(policy, belief)
+    return write_atomic(out, content(step_model(made), step_description(made)))

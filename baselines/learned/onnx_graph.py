@@ -1,18 +1,24 @@
-"""Arithmetic that is written down as an ONNX graph, all of it in double precision."""
+"""Arithmetic as an ONNX graph in double precision, and its file with metadata."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.onnx_metadata import METADATA
 
 OPSET, IR_VERSION = 17, 8
 """Versions that runtimes of 2022 read."""
+_CAST: Mapping[type[np.floating[Any]], int] = {np.float32: 1, np.float64: 11}
+"""Types as ONNX counts them."""
 _END = 2**63 - 1
 """Where a slice ends that runs to the end."""
 
@@ -28,6 +34,11 @@ class _Node:
 class Graph:
     """Inputs, constants and nodes, in the order in which they were written.
 
+    Parameters
+    ----------
+    dtype
+        Type of inputs and outputs; numbers and arrays of other types become double constants.
+
     Examples
     --------
     >>> graph = Graph()
@@ -37,7 +48,8 @@ class Graph:
     ['Slice', 'Mul', 'Add', 'Identity']
     """
 
-    def __init__(self) -> None:
+    def __init__(self, dtype: type[np.floating[Any]] = np.float64) -> None:
+        self._type = dtype
         self._inputs: dict[str, tuple[int, ...]] = {}
         self._constants: dict[tuple[str, tuple[int, ...], bytes], str] = {}
         self._nodes: list[_Node] = []
@@ -55,9 +67,7 @@ class Graph:
     def call(self, kind: str, *operands: Operand, **attributes: Any) -> Signal:
         """Return what an operator of ONNX makes of operands; numbers become constants."""
         names = tuple(
-            each.name
-            if isinstance(each, Signal)
-            else self.constant(np.asarray(each, dtype=np.float64)).name
+            each.name if isinstance(each, Signal) else self.constant(_constant(each)).name
             for each in operands
         )
         self._nodes.append(_Node(kind, names, f"s{len(self._nodes)}", attributes))
@@ -74,7 +84,9 @@ class Graph:
     def model(self, outputs: Mapping[str, Signal]) -> Any:
         """Return the model, checked."""
         import onnx
-        from onnx import TensorProto, helper, numpy_helper
+        from onnx import helper, numpy_helper
+
+        kind_of = helper.np_dtype_to_tensor_dtype(np.dtype(self._type))
 
         nodes = [
             helper.make_node(n.kind, n.operands, [n.name], **n.attributes) for n in self._nodes
@@ -87,12 +99,10 @@ class Graph:
             for (kind, shape, content), name in self._constants.items()
         ]
         inputs = [
-            helper.make_tensor_value_info(name, TensorProto.DOUBLE, ["batch", *sizes])
+            helper.make_tensor_value_info(name, kind_of, ["batch", *sizes])
             for name, sizes in self._inputs.items()
         ]
-        answers = [
-            helper.make_tensor_value_info(name, TensorProto.DOUBLE, None) for name in outputs
-        ]
+        answers = [helper.make_tensor_value_info(name, kind_of, None) for name in outputs]
         graph = helper.make_graph(nodes, "step", inputs, answers, initializer=constants)
         made = helper.make_model(
             graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION
@@ -218,9 +228,9 @@ class Signal:
         """Return what is left of a division, with the sign of what was divided."""
         return self.graph.call("Mod", self, divisor, fmod=1)
 
-    def numbered(self) -> Signal:
-        """Return 1 and 0 for what holds and what does not."""
-        return self.graph.call("Cast", self, to=11)  # onnx.TensorProto.DOUBLE
+    def cast(self, dtype: type[np.floating[Any]]) -> Signal:
+        """Return it in another type; 1 and 0 for what holds and what does not."""
+        return self.graph.call("Cast", self, to=_CAST[dtype])
 
     def tanh(self) -> Signal:
         """Return its hyperbolic tangent."""
@@ -240,4 +250,34 @@ class Signal:
         return self.graph.constant(np.asarray(values, dtype=np.int64))
 
 
-Operand: TypeAlias = Signal | Array | float
+Operand: TypeAlias = Signal | NDArray[np.floating[Any]] | np.floating[Any] | float
+
+
+def _constant(value: Any) -> NDArray[np.floating[Any]]:
+    """Return a constant: single precision where it is given in it, else double."""
+    array = np.asarray(value)
+    return array if array.dtype == np.float32 else array.astype(np.float64)
+
+
+def check_file(out: Path) -> None:
+    """Refuse a path that is no ONNX file's, and an installation without the package."""
+    if out.suffix != ".onnx" or out.is_dir():
+        raise InputError(f"{out} is no file to export to; give one that ends in .onnx")
+    try:
+        import_module("onnx")
+    except ImportError as error:
+        raise InputError(
+            "an export needs onnx, which cannot be imported; run pip install rdpi-gym[onnx]"
+        ) from error
+
+
+def content(model: Any, description: Mapping[str, Any]) -> bytes:
+    """Return what a file holds: a model with its description, and nothing of how it was made."""
+    import onnx
+
+    for part in (model.graph, *model.graph.node, *model.graph.value_info):
+        del part.metadata_props[:]
+    onnx.helper.set_model_props(model, {METADATA: json.dumps(description, allow_nan=False)})
+    onnx.checker.check_model(model)
+    found: bytes = model.SerializeToString()
+    return found

@@ -1,4 +1,4 @@
-"""What is asked of a training: the options that every algorithm shares."""
+"""Options that the trainings of all algorithms share."""
 
 from __future__ import annotations
 
@@ -40,6 +40,10 @@ REFERENCES: tuple[ReferenceChoice, ...] = (
     "triangle",
     {"signal": "multisine", "frequency_hz": 20.0, "lines": 5},
 )
+
+
+class DivergedError(InputError):
+    """A training whose weights have become useless; another learning rate may do."""
 
 
 @dataclass(frozen=True)

@@ -1,29 +1,224 @@
-"""A trained policy as it is kept: a readable description, and weights that execute no code."""
+"""Trained networks as policies: description, weights and folder; no code in the files is executed."""
 
 from __future__ import annotations
 
+import hashlib
 import io
-from collections.abc import Mapping
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
-from baselines.learned.kept import DESCRIPTION, Trained, read_as, write_policy
-from baselines.learned.network import Network
-from baselines.learned.seen import checked_seen
-from baselines.learned.weights import read_weights
+from baselines.learned.envelope import checked_seen
 from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.envs.wrappers.scaling import Scaling
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json
-from rdpi_gym.support.folders import settled_folder
+from rdpi_gym.support.files import read_bytes, read_json, write_atomic, write_json
+from rdpi_gym.support.folders import replaced_folder, settled_folder
 from rdpi_gym.support.words import quoted, some
+
+DESCRIPTION = "policy.json"
+"""Name of the file that says what a policy is."""
+
+
+class Trained:
+    """What was trained in a loop of one layout.
+
+    Attributes
+    ----------
+    layout : ObservationLayout
+        What the observations of its training showed.
+    seen : Mapping
+        How far the loops of its training went.
+    """
+
+    layout: ObservationLayout
+    seen: Mapping[str, float]
+
+    def runs_at(self, ts_s: float) -> bool:
+        """Whether a sampling time (s) is that of its training: it means nothing at another."""
+        return abs(ts_s - self.layout.ts_s) <= 1e-9 * self.layout.ts_s
+
+    def check_runs(self, layout: ObservationLayout) -> None:
+        """Refuse a loop of another sampling time."""
+        if not self.runs_at(layout.ts_s):
+            raise InputError(
+                f"a policy trained at Ts = {self.layout.ts_s:g} s belongs to another observation layout than "
+                f"one of Ts = {layout.ts_s:g} s; run it at its own"
+            )
+
+
+def check_preview(layout: ObservationLayout, needed: int) -> None:
+    """Refuse observations that show less of the reference ahead than a policy was shown."""
+    if layout.preview < needed:
+        raise InputError(
+            f"the policy was shown {needed} samples of the reference ahead and belongs "
+            f"to another observation layout than one of preview {layout.preview}"
+        )
+
+
+def write_policy(folder: Path, file: str, weights: bytes, document: Mapping[str, Any]) -> Path:
+    """Write a policy's weights and description; what was in the folder is replaced as a whole."""
+    if folder.exists() and not (folder / DESCRIPTION).is_file():
+        raise InputError(f"{folder} exists and holds no policy; give another folder")
+    with replaced_folder(folder) as fresh:
+        write_atomic(fresh / file, weights)
+        digest = hashlib.sha256(weights).hexdigest()
+        write_json(fresh / DESCRIPTION, {**document, "weights_sha256": digest})
+    return folder
+
+
+@contextmanager
+def read_as(what: str, source: Path) -> Iterator[None]:
+    """Say of whatever a description trips over where it stands, and that it describes no such thing."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{source} does not describe a {what} ({quoted(error)})") from error
+
+
+def check_whole(content: bytes, sha256: str, name: str) -> None:
+    """Refuse the content of a file that was not written with its description."""
+    if hashlib.sha256(content).hexdigest() != sha256:
+        raise InputError(
+            f"{name} is not the file that was saved with it; perhaps one of them was cut off"
+        )
+
+
+_WIDEST, _DEEPEST = 16_384, 64
+
+ACTIVATIONS: Mapping[str, type[nn.Module]] = {
+    each.__name__: each for each in (nn.Tanh, nn.ReLU, nn.ELU, nn.SiLU, nn.Hardtanh)
+}
+"""What may stand between and behind the linear layers of a network."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """The deterministic actor: linear layers with one activation between them and one behind.
+
+    Parameters
+    ----------
+    widths
+        Inputs, hidden units, outputs.
+    activation, output
+        Names in :data:`ACTIVATIONS`; behind the last layer, what keeps actions within [-1, 1].
+
+    Raises
+    ------
+    InputError
+        Fewer than 2 widths or more than 64, one that is no whole number of 1 to 16,384, or an unknown
+        activation.
+
+    Examples
+    --------
+    >>> [type(module).__name__ for module in Network((9, 64, 1), "ReLU", "Tanh").build()]
+    ['Linear', 'ReLU', 'Linear', 'Tanh']
+    """
+
+    widths: tuple[int, ...]
+    activation: str
+    output: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "widths", tuple(self.widths))
+        if not 2 <= len(self.widths) <= _DEEPEST or any(
+            type(w) is not int or not 1 <= w <= _WIDEST for w in self.widths
+        ):
+            raise InputError(
+                f"network widths are {quoted(list(self.widths))}; give inputs, hidden units and outputs, "
+                f"each 1 to {_WIDEST}, {_DEEPEST} at most"
+            )
+        for name in (self.activation, self.output):
+            if not isinstance(name, str) or name not in ACTIVATIONS:
+                raise InputError(
+                    f"activation {quoted(name)} is unknown; known: {', '.join(ACTIVATIONS)}"
+                )
+
+    def build(self) -> nn.Sequential:
+        """Return the network, weights not yet trained."""
+        modules: list[nn.Module] = []
+        for inputs, outputs in zip(self.widths[:-1], self.widths[1:], strict=True):
+            modules += [nn.Linear(inputs, outputs), ACTIVATIONS[self.activation]()]
+        return nn.Sequential(*modules[:-1], ACTIVATIONS[self.output]())
+
+    @classmethod
+    def of(cls, modules: Sequence[nn.Module]) -> Network:
+        """Describe linear layers with activations between and behind them."""
+        linear = [module for module in modules[::2] if isinstance(module, nn.Linear)]
+        between = {type(module).__name__ for module in modules[1:-1:2]}
+        if len(linear) * 2 != len(modules) or len(between) > 1:
+            shown = ", ".join(type(module).__name__ for module in modules)
+            raise InputError(
+                f"an actor of {shown} cannot be kept; train one of linear layers with one activation"
+            )
+        widths = (linear[0].in_features, *(layer.out_features for layer in linear))
+        last = type(modules[-1]).__name__
+        return cls(widths, next(iter(between), last), last)
+
+
+_LARGEST = 2**28  # bytes
+_LARGEST_INDEX = 2**20  # of what says which bytes are which tensor
+
+
+def read_tensors(path: Path, sha256: str | None = None) -> Mapping[str, Any]:
+    """Read what `torch.save` wrote of a mapping of tensors, and of mappings of these."""
+    content = read_bytes(path, _LARGEST)
+    if sha256 is not None:
+        check_whole(content, sha256, path.name)
+    try:
+        _check_archive(content)
+        found = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    except Exception as error:  # a file of something else raises whatever its reader trips over
+        raise InputError(f"{path.name} holds no weights alone ({type(error).__name__})") from error
+    if not isinstance(found, Mapping):
+        raise InputError(f"{path.name} holds a {type(found).__name__} and no weights")
+    return found
+
+
+def read_weights(path: Path, sha256: str, expected: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Read the weights of a network."""
+    found = read_tensors(path, sha256)
+    if list(found) != list(expected):
+        raise InputError(
+            f"{path.name} does not fit the network: it holds weights of other layers "
+            f"({quoted(list(found))})"
+        )
+    for name, wanted in expected.items():
+        tensor = found[name]
+        is_plain = type(tensor) is Tensor and tensor.layout == torch.strided
+        if not is_plain or tensor.dtype != wanted.dtype or tensor.shape != wanted.shape:
+            shape = "x".join(map(str, wanted.shape))
+            raise InputError(
+                f"{path.name} does not fit the network: {name!r} is not {shape} numbers"
+            )
+        if not torch.isfinite(tensor).all():
+            raise InputError(f"{path.name} holds a weight in {name!r} that is not finite")
+    return dict(found)
+
+
+def _check_archive(content: bytes) -> None:
+    """Refuse archives that expand, or whose index alone is large."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        members = archive.infolist()
+    indices = [member.file_size for member in members if member.filename.endswith(".pkl")]
+    if (
+        any(member.compress_type != zipfile.ZIP_STORED for member in members)
+        or sum(member.file_size for member in members) > len(content)
+        or max(indices, default=0) > _LARGEST_INDEX
+    ):
+        raise ValueError("it is larger inside than outside")
+
 
 FORMAT, VERSION = "rdpi-policy", 1
 WEIGHTS = "weights.pt"
@@ -52,7 +247,7 @@ class Policy(Trained):
     training
         How it came about, for a reader.
     seen
-        How far the loops of its training went, see :mod:`baselines.learned.seen`; empty: not known.
+        How far the loops of its training went, see :mod:`baselines.learned.envelope`; empty: not known.
 
     Raises
     ------
@@ -111,7 +306,7 @@ class Policy(Trained):
         document = {
             "format": FORMAT,
             "version": VERSION,
-            "layout": asdict(self.layout),
+            "layout": self.layout.to_dict(),
             "history": self.history,
             "scaling": {"frequency_hz": self.frequency_hz, "error": self.error},
             "network": asdict(self.network),
@@ -160,18 +355,15 @@ def _described(document: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in whole.items():
         if type(value) is not int or not 0 <= value <= _LONGEST:
             raise InputError(f"{key} is {quoted(value)}; give a whole number up to {_LONGEST}")
-    if set(layout) != {*_LAYOUT_NUMBERS, "preview", "command_range_V", "action"}:
+    if set(layout) - {"fields"} != {*_LAYOUT_NUMBERS, "preview", "command_range_V", "action"}:
         raise InputError(f"the layout has the keys {some(layout)}; it is of another release")
     if not (isinstance(training, Mapping) and low < high):
         raise InputError("training is no mapping, or command_range_V is not lowest and highest")
     if document["baseline"] is not None:
         known_controller(document["baseline"])
     return {
-        "layout": ObservationLayout(
-            preview=whole["preview"],
-            command_range_V=(low, high),
-            action=layout["action"],
-            **numbers,
+        "layout": ObservationLayout.from_dict(
+            {**layout, **numbers, "command_range_V": (low, high)}
         ),
         "history": whole["history"],
         "frequency_hz": _number(scaling["frequency_hz"]),

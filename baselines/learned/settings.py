@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_utf8
@@ -103,6 +101,8 @@ def read_values(path: Path) -> dict[str, Any]:
 
 def read_yaml(path: Path) -> Any:
     """Read YAML of plain values, a few hundred of them at most: an alias can stand for millions."""
+    import yaml
+
     text = read_utf8(path, _LARGEST)
     try:
         document = yaml.safe_load(text)

@@ -1,4 +1,4 @@
-"""Stable-Baselines3's algorithms as learners: made, run, kept and gone on from."""
+"""Algorithms of Stable-Baselines3 as learners."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 import torch
+from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from torch import nn
 
+from baselines.learned.checkpoint import Between, Kept
 from baselines.learned.environments import make_lanes
-from baselines.learned.learner import Between, DivergedError, Kept
-from baselines.learned.run import Run
+from baselines.learned.folder import Run
+from baselines.learned.options import DivergedError
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation, layout_of
 from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
@@ -24,6 +26,16 @@ from rdpi_gym.support.errors import InputError
 _REPLAYED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 _DIVERGED = 1e6
 
+ALGORITHMS: Mapping[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
+_ACTORS: Mapping[str, Callable[[Any], list[nn.Module]]] = {
+    "ppo": lambda model: [
+        *model.policy.mlp_extractor.policy_net, model.policy.action_net, nn.Hardtanh(),
+    ],
+    "sac": lambda model: [*model.actor.latent_pi, model.actor.mu, nn.Tanh()],
+    "td3": lambda model: list(model.actor.mu),
+}  # fmt: skip
+"""Deterministic actors: the mean of PPO's Gaussian, clipped as actions are; that of SAC's, squashed."""
+
 
 class StableBaselinesLearner:
     """An algorithm of Stable-Baselines3 in lanes of plants: observations with history, scaled.
@@ -31,12 +43,7 @@ class StableBaselinesLearner:
     Parameters
     ----------
     run
-        The training.
-    algorithm
-        Class of the algorithm.
-    actor_of
-        Takes the deterministic actor out of a model: linear layers, activations, and what keeps
-        actions within [-1, 1].
+        The training, of one of :data:`ALGORITHMS`.
 
     Attributes
     ----------
@@ -51,12 +58,9 @@ class StableBaselinesLearner:
         The algorithm refuses the hyper-parameters.
     """
 
-    def __init__(
-        self, run: Run, algorithm: type[BaseAlgorithm], actor_of: Callable[[Any], list[nn.Module]]
-    ) -> None:
+    def __init__(self, run: Run) -> None:
         options, settings = run.options, run.settings
-        self._actor_of, self._logged_each = actor_of, 1 if run.algorithm == "ppo" else 100
-        self._log_name = run.algorithm
+        self._name, self._logged_each = run.algorithm, 1 if run.algorithm == "ppo" else 100
         lanes = make_lanes(
             options.models, options.lanes or settings.lanes, options.episode,
             **options.environment(),
@@ -68,13 +72,13 @@ class StableBaselinesLearner:
         logs = str(options.out / "tensorboard") if options.tensorboard else None
         arguments = {"policy": "MlpPolicy", **settings.arguments()}
         try:
-            self.model: Any = algorithm(
+            self.model: Any = ALGORITHMS[run.algorithm](
                 env=self.env, seed=options.seed, device="cpu", tensorboard_log=logs, **arguments
             )
         except (AssertionError, TypeError, ValueError, MemoryError, RuntimeError) as error:
             reason = " ".join(str(error).split())[:200]
             raise InputError(
-                f"{algorithm.__name__} refuses its hyper-parameters: {reason}"
+                f"{ALGORITHMS[run.algorithm].__name__} refuses its hyper-parameters: {reason}"
             ) from error
 
     @property
@@ -99,7 +103,7 @@ class StableBaselinesLearner:
 
     def actor(self) -> list[nn.Module]:
         """Return the deterministic actor."""
-        return self._actor_of(self.model)
+        return _ACTORS[self._name](self.model)
 
     def begin(self, seed: int) -> None:
         """Seed every generator, and begin an episode in all lanes."""
@@ -117,7 +121,7 @@ class StableBaselinesLearner:
                 timesteps,
                 callback=_Callback(between),
                 reset_num_timesteps=False,
-                tb_log_name=self._log_name,
+                tb_log_name=self._name,
                 log_interval=self._logged_each,
             )
         except ValueError as error:

@@ -1,28 +1,25 @@
-"""`rdpi train --sweep`: hyper-parameters found by trainings that Optuna chooses.
+"""Hyper-parameter sweep with Optuna, ``rdpi train --sweep``.
 
-The journal holds finished trials alone. What the next one tries follows from them and from the seed, so
-a sweep that was interrupted asks for the same again, finds the training in its folder, and goes on.
+The journal holds finished trials alone. The next trial follows from them and from the seed, so an
+interrupted sweep draws the same trial again, finds its training in its folder, and continues.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import json
 import shutil
 import zlib
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
 from baselines.learned.folder import CONFIG, check_same, read_curve
-from baselines.learned.learner import DivergedError
-from baselines.learned.options import TrainingOptions
+from baselines.learned.options import DivergedError, TrainingOptions
 from baselines.learned.search_space import SPACES, SearchSpace, read_space
 from baselines.learned.settings import read_values
-from baselines.learned.swept import BEST, Sweep, Trial, text_of
 from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_atomic, write_json
@@ -31,6 +28,80 @@ from rdpi_gym.support.study import open_study
 
 if TYPE_CHECKING:
     from optuna import Study
+
+
+BEST = "best.yml"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A training of a sweep, done.
+
+    Parameters
+    ----------
+    number
+        From 0; its folder is ``trials/NUMBER``.
+    tried
+        Hyper-parameters that were chosen.
+    reward, rmse_um, compensator_rmse_um
+        Of the policy that was kept, on held-out plants; None: the training diverged.
+    seconds
+        It took.
+    """
+
+    number: int
+    tried: dict[str, Any]
+    reward: float | None
+    rmse_um: float | None
+    compensator_rmse_um: float | None
+    seconds: float | None
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A search of hyper-parameters, as far as it was asked for.
+
+    Parameters
+    ----------
+    folder
+        Holds ``best.yml``, ``trials.csv``, ``trials/NUMBER`` and the journal.
+    trials
+        All of them.
+    """
+
+    folder: Path
+    trials: tuple[Trial, ...]
+
+    @property
+    def best(self) -> Trial:
+        """The one with the highest reward."""
+        return max((t for t in self.trials if t.reward is not None), key=lambda t: t.reward or 0.0)
+
+    @property
+    def hyperparameters(self) -> Path:
+        """Its hyper-parameters, a file for ``rdpi train --hyperparameters``."""
+        return self.folder / BEST
+
+    def __str__(self) -> str:
+        best, first = self.best, self.trials[0]
+        diverged = sum(trial.reward is None for trial in self.trials)
+        begun = "diverged" if first.rmse_um is None else f"{first.rmse_um:.3g} um"
+        tried = ", ".join(f"{name} {text_of(value)}" for name, value in best.tried.items())
+        return "\n".join(
+            [
+                f"RMSE {best.rmse_um:.3g} um on held-out plants: trial {best.number} of "
+                f"{len(self.trials)}, {diverged} of which diverged; the first, with the file's values, "
+                f"{begun}; the compensator {best.compensator_rmse_um:.3g} um",
+                f"tried: {tried}",
+                f"written: {self.hyperparameters}",
+            ]
+        )
+
+
+def text_of(value: Any) -> str:
+    """Return a hyper-parameter as tables have it."""
+    return value if isinstance(value, str) else json.dumps(value)
+
 
 FORMAT, VERSION = "rdpi-sweep", 1
 DESCRIPTION, JOURNAL, TABLE = "sweep.json", "sweep.journal", "trials.csv"
@@ -167,5 +238,7 @@ def _within(show: Progress, stage: str) -> Progress:
 
 
 def _yaml(values: dict[str, Any]) -> str:
+    import yaml
+
     text: str = yaml.safe_dump({"default": values}, sort_keys=False)
     return text

@@ -1,24 +1,25 @@
-"""Training, from the newest checkpoint on."""
+"""Trainings by the name of their algorithm, each continued from its newest checkpoint."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, replace
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from torch import nn
 
 from baselines import make_controller
-from baselines.learned.checkpoint import load_checkpoint, save_checkpoint
+from baselines.learned.checkpoint import Learner, load_checkpoint, save_checkpoint
 from baselines.learned.controller import LearnedController
-from baselines.learned.evaluation import Evaluation, HeldOut
-from baselines.learned.folder import CHECKPOINT, CURVE, POLICY, Row, begin_folder, curve_text
-from baselines.learned.learner import Learner
+from baselines.learned.environments import Evaluation, HeldOut
+from baselines.learned.folder import CHECKPOINT, CURVE, POLICY, Row, Run, begin_folder, curve_text
+from baselines.learned.options import TrainingOptions
 from baselines.learned.policy import Policy
-from baselines.learned.run import Run
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
 
@@ -149,3 +150,61 @@ def learn(run: Run, learner: Learner, progress: Progress | None = None) -> Path:
     if left > 0:
         learner.learn(left, course)
     return run.options.out / POLICY
+
+
+class Trainer(NamedTuple):
+    """Options of an algorithm, and the function that trains with them."""
+
+    Options: type[Any]
+    train: Callable[..., Path]
+
+
+@dataclass(frozen=True)
+class Options(TrainingOptions):
+    """Options of a training; its hyper-parameters are in ``hyperparameters/ALGORITHM.yml``."""
+
+    out: Path = Path("results/train")
+
+
+@dataclass(frozen=True)
+class NativeOptions(Options):
+    """Options of a training with the native PPO.
+
+    Without `every` a stretch has a twentieth of all steps, and two episodes of every lane at least.
+    """
+
+    device: str | None = None
+    # "cpu", which is the default: plants and networks run on a CPU.
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.device not in (None, "cpu"):
+            raise InputError(
+                f"native-ppo has no device {self.device!r}; leave --device out: it runs on a CPU, "
+                "and --threads takes one for each core"
+            )
+        object.__setattr__(self, "device", None)
+
+
+def trainer(algorithm: str) -> Trainer:
+    """Return how an algorithm trains; only what it needs is imported."""
+    if algorithm == "imitation":
+        from baselines.learned.imitation import rounds
+
+        return Trainer(rounds.Options, rounds.train)
+    if algorithm == "native-ppo":
+        from baselines.learned.native.learner import NativeLearner
+        from baselines.learned.native.update import NativePPO
+
+        def train_native(options: NativeOptions, progress: Progress | None = None) -> Path:
+            run = Run.open(options, algorithm, NativePPO, samples=2 * options.episode)
+            return learn(run, NativeLearner(run), progress)
+
+        return Trainer(NativeOptions, train_native)
+    from baselines.learned.stable_baselines import ALGORITHMS, StableBaselinesLearner
+
+    def train(options: Options, progress: Progress | None = None) -> Path:
+        run = Run.open(options, algorithm, ALGORITHMS[algorithm])
+        return learn(run, StableBaselinesLearner(run), progress)
+
+    return Trainer(Options, train)

@@ -81,7 +81,7 @@ def measure_loop(
     displacement = np.empty(len(reference))
     displacement[0], state, starts = task.displacement_um[0], None, np.ones(1, dtype=bool)
     for k in range(1, len(reference)):
-        observation[:, -2] -= shown[k - 1]
+        observation[:, layout.columns["measured"].start] -= shown[k - 1]
         action, state = controller.predict(observation, state, starts, deterministic=True)
         command = action[:, 0].astype(np.float64)
         if layout.action == "command":

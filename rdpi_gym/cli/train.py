@@ -85,9 +85,7 @@ def train(
     ] = None,
     device: Annotated[
         str | None,
-        typer.Option(
-            "--device", metavar="cuda|cpu", help="Of native-ppo: all of it in torch there."
-        ),
+        typer.Option("--device", metavar="cpu", help="Of native-ppo: it runs on a CPU."),
     ] = None,
     tensorboard: Annotated[
         bool, typer.Option("--tensorboard", help="Write TensorBoard's logs too.")

@@ -1,11 +1,16 @@
 """Where a model fails: its error taken apart by what the command was doing."""
 
 from rdpi_gym.diagnosis.comparison.breakdown import Plane
-from rdpi_gym.diagnosis.comparison.compare import Comparison, compare
+from rdpi_gym.diagnosis.comparison.compare import (
+    MOST_MODELS,
+    Comparison,
+    ModelComparison,
+    compare,
+    compare_several,
+)
 from rdpi_gym.diagnosis.comparison.findings import FEW_HALF_CYCLES
-from rdpi_gym.diagnosis.comparison.several import MOST_MODELS, ModelComparison, compare_several
 from rdpi_gym.diagnosis.comparison.traces import Trace
-from rdpi_gym.diagnosis.features.half_cycles import HalfCycles, half_cycles
+from rdpi_gym.diagnosis.features.cycles import HalfCycles, half_cycles
 
 __all__ = [
     "FEW_HALF_CYCLES",

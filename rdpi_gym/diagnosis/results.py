@@ -9,9 +9,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
-from rdpi_gym.diagnosis.hygiene.finding import Finding
 from rdpi_gym.diagnosis.notices import Notice
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
+from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.words import headline, request_of, sized
 from rdpi_gym.measurement import Quantities

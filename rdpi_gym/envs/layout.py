@@ -1,11 +1,15 @@
-"""What an environment shows: where in the observation each quantity stands, and in what unit."""
+"""The observation of an environment: its named fields, their places, units and encodings."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal, get_args
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from rdpi_gym.plant import PlantModel, check_ts
@@ -18,9 +22,58 @@ _FARTHEST = 100_000  # samples ahead
 ActionMode = Literal["command", "increment", "correction"]
 
 
+class Field(NamedTuple):
+    """One quantity of the observation.
+
+    Parameters
+    ----------
+    name
+        Under it the field is found, in every layout that shows it.
+    unit
+        ``um``: encoded as ``(x - centre_um) / scale_um``; ``V``: as its place in the command range.
+    ahead
+        Whether it stands for each sample from k to k + preview; otherwise for k alone.
+    limited
+        Whether it ends where the sensor's range does.
+    scaling
+        Its form behind :class:`~rdpi_gym.envs.wrappers.scaling.Scaling`: the value and its
+        increments, the difference of the reference from it, or the value alone.
+    """
+
+    name: str
+    unit: Literal["um", "V"]
+    ahead: bool = False
+    limited: bool = False
+    scaling: Literal["increments", "error", "value"] = "value"
+
+
+FIELDS = (
+    Field("reference", "um", ahead=True, scaling="increments"),
+    Field("measured", "um", limited=True, scaling="error"),
+    Field("command", "V", scaling="increments"),
+)
+"""The observation, in its order, the reference first. A field more is an entry here and a value in :func:`field_values`."""
+
+NAMES = tuple(field.name for field in FIELDS)
+# Columns of the table for kernels, see `ObservationLayout.encoder`.
+COLUMN, GAIN, ZERO, SPAN, SHIFT, LIMIT = range(6)
+FIRST_RELEASE = ("reference", "measured", "command")
+"""Fields of layouts that were saved without their names."""
+
+
+@njit(cache=True)
+def field_values(ahead_um: Any, now_um: Any, measured_um: Any, command_V: Any) -> tuple[Any, ...]:
+    """Values of :data:`FIELDS` (µm, V) from r(k + preview), r(k), the reading and u(k), in their order.
+
+    Every environment, on every device, takes them from here; kernels that call it are compiled anew
+    where ``__pycache__`` is deleted.
+    """
+    return ahead_um, measured_um, command_V
+
+
 @dataclass(frozen=True)
 class ObservationLayout:
-    """What an observation shows, and how an action is read.
+    """Fields of an observation with their scales, and the meaning of an action.
 
     The observation is ``[r(k), r(k+1) ... r(k+preview), measured(k), command(k)]``. Displacements stand as ``(x - centre_um) / scale_um``, the command as its place in
     `command_range_V`, -1 to 1. The action at step k sets the command u(k+1): its place in the range
@@ -41,18 +94,20 @@ class ObservationLayout:
         How actions are read.
     action_scale_V
         Command change (V) of an action of 1, for ``increment`` and ``correction``.
+    fields
+        Names among :data:`FIELDS`, in the order of the observation; by default all.
 
     Raises
     ------
     InputError
-        A value out of range or an unknown action mode.
+        A value out of range, an unknown action mode or field.
 
     Examples
     --------
     >>> from rdpi_gym.plant import named_plant
     >>> layout = ObservationLayout.for_plant(named_plant("P5"), ts_s=1e-4, preview=2)
-    >>> layout.size
-    5
+    >>> layout.size, layout.entries[-3:], layout.columns["reference"]
+    (5, ['reference(k+2)', 'measured(k)', 'command(k)'], slice(0, 3, None))
     """
 
     preview: int
@@ -62,6 +117,7 @@ class ObservationLayout:
     ts_s: float
     action: ActionMode = "command"
     action_scale_V: float = 1.0
+    fields: tuple[str, ...] = NAMES
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ts_s", check_ts(self.ts_s))
@@ -85,6 +141,14 @@ class ObservationLayout:
                 raise InputError(f"{name} is {shown(value)}; give a finite value above 0")
         for name in ("centre_um", "scale_um", "action_scale_V"):
             object.__setattr__(self, name, float(getattr(self, name)))
+        given = self.fields if isinstance(self.fields, list | tuple) else ()
+        fields = tuple(name for name in given if isinstance(name, str))
+        if not set(FIRST_RELEASE) <= set(fields) <= set(NAMES) or len(set(fields)) < len(given):
+            raise InputError(
+                f"fields is {shown(self.fields)}; give names among {', '.join(NAMES)}, each once, "
+                f"{', '.join(FIRST_RELEASE)} among them"
+            )
+        object.__setattr__(self, "fields", fields)
 
     @classmethod
     def for_plant(
@@ -94,24 +158,146 @@ class ObservationLayout:
         centre, amplitude = plant.reference_um
         return cls(preview, centre, amplitude, plant.command_range_V, ts_s, **options)
 
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> ObservationLayout:
+        """Layout from the dictionary of :meth:`to_dict`."""
+        return cls(**{"fields": FIRST_RELEASE, **document})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Every parameter as JSON holds it, `fields` only where they are not the first release's."""
+        document = asdict(self)
+        if self.fields == FIRST_RELEASE:
+            del document["fields"]
+        return document
+
+    @property
+    def shown(self) -> list[Field]:
+        """The fields, in the order of the observation."""
+        known = dict(zip(NAMES, FIELDS, strict=True))
+        return [known[name] for name in self.fields]
+
+    @cached_property
+    def columns(self) -> Mapping[str, slice]:
+        """Columns of each field by its name."""
+        found, begin = {}, 0
+        for field in self.shown:
+            end = begin + (self.preview + 1 if field.ahead else 1)
+            found[field.name] = slice(begin, end)
+            begin = end
+        return found
+
+    @cached_property
+    def now(self) -> list[int]:
+        """Column of each field's value of sample k."""
+        return [self.columns[name].start for name in self.fields]
+
+    def columns_of(self, other: ObservationLayout) -> list[int]:
+        """Columns of this layout that show what another with no longer preview shows, in its order."""
+        columns: list[int] = []
+        for name, own in other.columns.items():
+            if name not in self.columns:
+                raise InputError(f"this layout shows {', '.join(self.fields)} and no {name}")
+            begin = self.columns[name].start
+            columns += range(begin, begin + own.stop - own.start)
+        return columns
+
     @property
     def size(self) -> int:
         """Length of the observation."""
-        return self.preview + 3
+        return int(self.columns[self.fields[-1]].stop)
 
-    def reference_um(self, observation: NDArray[np.floating]) -> Array:
-        """Reference now and ahead (µm), ``(..., preview + 1)``, of observations ``(..., size)``."""
-        shown = np.asarray(observation, dtype=np.float64)[..., : self.preview + 1]
-        return shown * self.scale_um + self.centre_um
+    @property
+    def entries(self) -> list[str]:
+        """Name of every number of the observation."""
+        return [
+            f"{name}(k+{i})" if i else f"{name}(k)"
+            for name, columns in self.columns.items()
+            for i in range(columns.stop - columns.start)
+        ]
+
+    def bounds(self, range_um: float) -> NDArray[np.float32]:
+        """Largest magnitudes of an observation whose displacements are within `range_um` of the centre."""
+        bound = np.ones(self.size, dtype=np.float32)
+        for field in self.shown:
+            if field.unit == "um":
+                bound[self.columns[field.name]] = range_um / self.scale_um
+        return bound
+
+    def encoder(self, range_um: float, *, reciprocal: bool = False) -> Array:
+        """Table for kernels, float64[len(FIELDS), 6]: the column of each field's newest value, and its law.
+
+        The law is ``gain (x - zero) / span - shift``, within ±`limit`; with `reciprocal` it is
+        ``(x - zero) span``, which is faster and rounds otherwise. The column is -1 where the field is
+        not shown.
+        """
+        low, high = self.command_range_V
+        # In float32, as it is shown: the end of the range is inside it.
+        limit = float(np.float32(range_um / self.scale_um))
+        laws = {
+            "um": (1.0, self.centre_um, self.scale_um, 0.0),
+            "V": (2.0, low, high - low, 1.0),
+        }
+        if reciprocal:
+            laws = {
+                "um": (1.0, self.centre_um, 1.0 / self.scale_um, 0.0),
+                "V": (1.0, 0.5 * (low + high), 2.0 / (high - low), 0.0),
+            }
+        table = np.empty((len(FIELDS), 6))
+        for row, field in zip(table, FIELDS, strict=True):
+            row[COLUMN] = self.columns[field.name].stop - 1 if field.name in self.fields else -1
+            row[GAIN : SHIFT + 1] = laws[field.unit]
+            row[LIMIT] = limit if field.limited else math.inf
+        return table
+
+    def encode(self, shown: Any, ends_um: Any, measured_um: Any, command_V: Any) -> list[Any]:
+        """Blocks of the observation, one a field, in any library's arrays.
+
+        Parameters
+        ----------
+        shown
+            Encoded reference, ``(preview + 1, B)``.
+        ends_um
+            r(k + preview) and r(k) (µm), each ``(B,)``.
+        measured_um, command_V
+            Reading (µm) and command (V), ``(B,)``.
+
+        Returns
+        -------
+        list of ``(width, B)``, in the order of `fields`
+        """
+        low, high = self.command_range_V
+        values = field_values.py_func(*ends_um, measured_um, command_V)
+        known = dict(zip(NAMES, values, strict=True))
+        blocks = []
+        for field in self.shown:
+            value = known[field.name]
+            if field.ahead:
+                blocks.append(shown)
+            elif field.unit == "um":
+                blocks.append(((value - self.centre_um) / self.scale_um)[None])
+            else:
+                blocks.append((2.0 * (value - low) / (high - low) - 1.0)[None])
+        return blocks
+
+    def reference_um(
+        self, observation: NDArray[np.floating], samples: slice = slice(None)
+    ) -> Array:
+        """Reference now and ahead (µm), ``(..., preview + 1)``, of observations ``(..., size)``.
+
+        `samples` are some of k ... k + preview: ``slice(2)`` gives r(k) and r(k+1) alone.
+        """
+        window = np.asarray(observation)[..., self.columns["reference"]][..., samples]
+        return window.astype(np.float64) * self.scale_um + self.centre_um
 
     def measured_um(self, observation: NDArray[np.floating]) -> Array:
         """Measured displacement (µm), ``(...)``."""
-        shown = np.asarray(observation, dtype=np.float64)[..., self.preview + 1]
-        return np.asarray(shown * self.scale_um + self.centre_um)
+        shown = np.asarray(observation)[..., self.columns["measured"].start]
+        return np.asarray(shown.astype(np.float64) * self.scale_um + self.centre_um)
 
     def command_V(self, observation: NDArray[np.floating]) -> Array:
         """Command that holds now (V), ``(...)``."""
-        return self.place_to_V(np.asarray(observation, dtype=np.float64)[..., self.preview + 2])
+        shown = np.asarray(observation)[..., self.columns["command"].start]
+        return self.place_to_V(shown.astype(np.float64))
 
     def place_to_V(self, place: Array) -> Array:
         """Command (V) at a place of -1 to 1 in the range."""

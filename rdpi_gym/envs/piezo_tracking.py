@@ -236,8 +236,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         self.baseline = baseline
         self._correction = self._make_correction(baseline)
         self.bound_um = self.truths.bound_um(self.layout)
-        bound = np.full(self.layout.size, self.bound_um / self.layout.scale_um, dtype=np.float32)
-        bound[-1] = 1.0
+        bound = self.layout.bounds(self.bound_um)
         self.observation_space = Box(-bound, bound, dtype=np.float32)
         self.action_space = UnitBox()
         if render_mode is not None and not (

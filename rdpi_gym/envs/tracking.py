@@ -10,7 +10,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.layout import (
+    COLUMN,
+    GAIN,
+    LIMIT,
+    SHIFT,
+    SPAN,
+    ZERO,
+    ObservationLayout,
+    field_values,
+)
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
@@ -29,29 +38,35 @@ def _show(
     reference: Array,
     noise: Array,
     resolution: Array,
-    scales: Array,
+    window: int,
+    encoder: Array,
     quantities: Array,
     observation: NDArray[np.float32],
 ) -> None:
-    centre, scale, low, span, limit = scales
+    """Fill quantities and observations; `window` and `encoder` are of an ObservationLayout."""
     last = reference.shape[0] - 1
-    ahead = observation.shape[1] - 2
     for b in range(y.shape[1]):
         measured = y[0, b] + noise[noise_row, b]
         if resolution[b] > 0.0:
             measured = np.rint(measured / resolution[b]) * resolution[b]
-        now = reference[min(k, last), b]
+        now, ahead = reference[min(k, last), b], reference[min(k + window, last), b]
         quantities[0, b] = y[0, b]
         quantities[1, b] = measured
         quantities[2, b] = now
         quantities[3, b] = u[0, b]
         quantities[4, b] = now - y[0, b]
-        for j in range(ahead):
-            observation[b, j] = (reference[min(k + j, last), b] - centre) / scale
-        shown = (measured - centre) / scale
-        shown = shown if shown < limit else limit
-        observation[b, ahead] = shown if shown > -limit else -limit
-        observation[b, ahead + 1] = 2.0 * (u[0, b] - low) / span - 1.0
+        values = field_values(ahead, now, measured, u[0, b])
+        for i in range(len(values)):
+            column, limit = int(encoder[i, COLUMN]), encoder[i, LIMIT]
+            if column >= 0:
+                place = encoder[i, GAIN] * (values[i] - encoder[i, ZERO]) / encoder[i, SPAN]
+                place -= encoder[i, SHIFT]
+                place = place if place < limit else limit
+                observation[b, column] = place if place > -limit else -limit
+        begin = int(encoder[0, COLUMN]) - window
+        for j in range(window):
+            r = reference[min(k + j, last), b]
+            observation[b, begin + j] = (r - encoder[0, ZERO]) / encoder[0, SPAN]
 
 
 class NoiseSource(Protocol):
@@ -116,11 +131,7 @@ class TrackingTask:
         self._deviation = np.array([sensor.noise_um for sensor in sensors], dtype=np.float64)
         low, high = layout.command_range_V
         self._rest_V = min(max(0.0, low), high)
-        # In float32, as it is shown: what is at the end of the range is inside it.
-        limit = float(np.float32(range_um / layout.scale_um))
-        self._scales = np.array(
-            [layout.centre_um, layout.scale_um, low, high - low, limit], dtype=np.float64
-        )
+        self._encoder = layout.encoder(range_um)
         lanes = self.plant.lanes
         self.quantities: Array = np.zeros((5, lanes))
         self._u = np.zeros((1, lanes))
@@ -233,7 +244,8 @@ class TrackingTask:
             self._reference,
             self._noise,
             self._resolution,
-            self._scales,
+            self.layout.preview,
+            self._encoder,
             self.quantities,
             observation,
         )

@@ -14,19 +14,19 @@ import pandas as pd
 from baselines import Controller
 from baselines import make_controller as make_by_name
 from benchmarks.tracking import evaluation
+from benchmarks.tracking.controllers import named
 from benchmarks.tracking.markdown import (
     METHOD,
     WHERE_TRAINED,
     measured_text,
     ranking_view,
 )
-from benchmarks.tracking.own import named
 from benchmarks.tracking.run import benchmark as run_benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.face.catalogues import HasPlant, as_plant
+from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.face.environments import layout as usual_layout
-from rdpi_gym.face.shown import Shown
 from rdpi_gym.plant import PLANTS, PlantModel
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.errors import InputError
@@ -35,8 +35,7 @@ from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import number
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+    from rdpi_gym.report.chart import Chart
     from rdpi_gym.report.page import Section
 
 SEEDS = 5
@@ -88,7 +87,7 @@ def make_controller(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Evaluation(Shown, evaluation.Evaluation):
+class Evaluation(DisplayMixin, evaluation.Evaluation):
     """Scores of controllers, as :func:`rdpi_gym.benchmark` returns them.
 
     Everything that :class:`benchmarks.tracking.evaluation.Evaluation` is, and it shows itself.
@@ -151,10 +150,10 @@ class Evaluation(Shown, evaluation.Evaluation):
         """Return the ranking, best first."""
         return ranking_view(self.ranking)
 
-    def _draw(self, figure: Figure) -> Any:
-        from rdpi_gym.report.benchmark.picture import draw_leaderboard
+    def _chart(self) -> Chart:
+        from benchmarks.tracking.charts import leaderboard_chart
 
-        return draw_leaderboard(figure, self)
+        return leaderboard_chart(self)
 
     def page(self, path: Path | str) -> Path:
         """Write the page of ``rdpi bench``.
@@ -164,7 +163,7 @@ class Evaluation(Shown, evaluation.Evaluation):
         InputError
             The file cannot be written.
         """
-        from rdpi_gym.report.benchmark.page import write_benchmark_page
+        from benchmarks.tracking.page import write_benchmark_page
 
         return write_benchmark_page(
             Path(path),
@@ -189,11 +188,11 @@ class Evaluation(Shown, evaluation.Evaluation):
         InputError
             The folder cannot be written.
         """
-        from benchmarks.tracking.results import write_tables
-        from rdpi_gym.report.benchmark.picture import leaderboard_picture
+        from benchmarks.tracking.charts import leaderboard_png
+        from benchmarks.tracking.markdown import write_tables
         from rdpi_gym.support.files import write_atomic
 
-        write_atomic(Path(folder) / "leaderboard.png", leaderboard_picture(self))
+        write_atomic(Path(folder) / "leaderboard.png", leaderboard_png(self))
         return write_tables(Path(folder), self, self.payoff)
 
 
@@ -323,8 +322,7 @@ def _payoff(
     notes: list[str],
 ) -> pd.DataFrame:
     """Score the plants with hidden effects, with the beliefs of this release."""
-    from benchmarks.payoff.beliefs import stored_beliefs
-    from benchmarks.payoff.plants import HIDDEN_PLANTS
+    from benchmarks.payoff.beliefs import HIDDEN_PLANTS, stored_beliefs
     from benchmarks.payoff.scores import payoff_table
 
     beliefs = {hidden: stored_beliefs(hidden) for hidden in HIDDEN_PLANTS}
@@ -340,9 +338,9 @@ def _payoff(
 
 
 def _payoff_section(payoff: pd.DataFrame) -> Section:
+    from benchmarks.payoff.charts import payoff_section
     from benchmarks.payoff.tables import METHOD as PAYOFF_METHOD
     from benchmarks.payoff.tables import payoff_summary, summary_view
-    from rdpi_gym.report.payoff.figures import payoff_section
 
     summary = payoff_summary(payoff)
     return payoff_section(summary, summary_view(summary), plain(PAYOFF_METHOD))

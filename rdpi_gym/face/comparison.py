@@ -6,20 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, overload
+from typing import TYPE_CHECKING, ClassVar, Self, TypeAlias, overload
 
 import numpy as np
 
 from rdpi_gym import diagnosis, measurement
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import as_dataset, in_words_of
-from rdpi_gym.face.shown import Shown
+from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.plant import PLANTS, PlantModel
 from rdpi_gym.support.checked import checked
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+    from rdpi_gym.report.chart import Chart
 
 _COLUMNS = {
     "name": "record",
@@ -32,7 +33,7 @@ _COLUMNS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Shown, diagnosis.Comparison):
+class Comparison(DisplayMixin, diagnosis.Comparison):
     """A model's error on a data set, as :func:`rdpi_gym.compare` returns it.
 
     Everything that :class:`rdpi_gym.diagnosis.Comparison` is, and it shows itself.
@@ -64,12 +65,12 @@ class Comparison(Shown, diagnosis.Comparison):
 
     def overview(self) -> pd.DataFrame:
         """Return the errors record by record, with the columns that matter most."""
-        return self._told_table(self.records[list(_COLUMNS)].rename(columns=_COLUMNS))
+        return self._table_in_units(self.records[list(_COLUMNS)].rename(columns=_COLUMNS))
 
-    def _draw(self, figure: Figure) -> Any:
-        from rdpi_gym.report.comparison.picture import draw_comparison
+    def _chart(self) -> Chart:
+        from rdpi_gym.report.comparison import comparison_chart
 
-        return draw_comparison(figure, self)
+        return comparison_chart(self)
 
     def page(self, path: Path | str) -> Path:
         """Write the page of ``rdpi compare``: every table with its figure.
@@ -79,13 +80,13 @@ class Comparison(Shown, diagnosis.Comparison):
         InputError
             The file cannot be written.
         """
-        from rdpi_gym.report.comparison.page import write_compare_page
+        from rdpi_gym.report.comparison_page import write_compare_page
 
         return write_compare_page(path, self)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModelComparison(Shown, diagnosis.ModelComparison):
+class ModelComparison(DisplayMixin, diagnosis.ModelComparison):
     """Errors of several models on one data set, as :func:`rdpi_gym.compare` returns them.
 
     Everything that :class:`rdpi_gym.diagnosis.ModelComparison` is, and it shows itself.
@@ -125,14 +126,14 @@ class ModelComparison(Shown, diagnosis.ModelComparison):
             "",
             *[f"{self.noise_floor_um:.3g}"] * len(self.names),
         ]
-        return self._told_table(
+        return self._table_in_units(
             frame.rename(columns={"record": "RMS error ({output_unit}), * nearest"})
         )
 
-    def _draw(self, figure: Figure) -> Any:
-        from rdpi_gym.report.comparison.picture import draw_models
+    def _chart(self) -> Chart:
+        from rdpi_gym.report.comparison import models_chart
 
-        return draw_models(figure, self)
+        return models_chart(self)
 
     def page(self, path: Path | str) -> Path:
         """Write the page of ``rdpi compare`` with several models.
@@ -142,7 +143,7 @@ class ModelComparison(Shown, diagnosis.ModelComparison):
         InputError
             The file cannot be written.
         """
-        from rdpi_gym.report.comparison.models_page import write_models_page
+        from rdpi_gym.report.comparison_page import write_models_page
 
         return write_models_page(path, self)
 

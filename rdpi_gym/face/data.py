@@ -8,12 +8,12 @@ from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
 from rdpi_gym import measurement
-from rdpi_gym.face.shown import Shown
+from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.measurement import DataOptions
 from rdpi_gym.support.checked import check_type
 from rdpi_gym.support.errors import InputError
@@ -22,13 +22,14 @@ from rdpi_gym.support.words import quoted, some
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+    from rdpi_gym.report.chart import Chart
 
 _NOTE = "    note: "  # what the experimenter wrote is long, and stands on the page
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Dataset(Shown, measurement.Dataset):
+class Dataset(DisplayMixin, measurement.Dataset):
     """Records of one stage, as :func:`rdpi_gym.load` reads them.
 
     Everything that :class:`rdpi_gym.measurement.Dataset` is, and it shows itself.
@@ -114,16 +115,16 @@ class Dataset(Shown, measurement.Dataset):
                 for r in self.records
             ]
         )
-        return self._told_table(table)
+        return self._table_in_units(table)
 
     def _names(self) -> Sequence[str]:
         notes = (record.note for record in self.records)
         return (self.title, self.quantities.words, *(r.name for r in self.records), *notes)
 
-    def _draw(self, figure: Figure) -> Any:
-        from rdpi_gym.report.measurement.picture import draw_records
+    def _chart(self) -> Chart:
+        from rdpi_gym.report.measurement import records_chart
 
-        return draw_records(figure, self.records)
+        return records_chart(self.records)
 
     def page(self, path: Path | str) -> Path:
         """Write a page with the records over time and as loops.
@@ -133,7 +134,7 @@ class Dataset(Shown, measurement.Dataset):
         InputError
             The file cannot be written.
         """
-        from rdpi_gym.report.measurement.page import write_data_page
+        from rdpi_gym.report.measurement import write_data_page
 
         return write_data_page(path, self)
 

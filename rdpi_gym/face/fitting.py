@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from rdpi_gym import identification, measurement
 from rdpi_gym.face.data import as_dataset, in_words_of
-from rdpi_gym.face.shown import Shown
+from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.identification import interval_95
 from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.checked import checked
@@ -20,13 +20,14 @@ from rdpi_gym.support.words import pm
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+    from rdpi_gym.report.chart import Chart
 
 _SYMBOLS = {"delta1_V": ("δ1", "{input_unit}"), "delta2_s": ("δ2", "s")}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FitResult(Shown, identification.FitResult):
+class FitResult(DisplayMixin, identification.FitResult):
     """An identified model, as :func:`rdpi_gym.fit` returns it; `plant` is ready to use.
 
     Everything that :class:`rdpi_gym.identification.FitResult` is, and it shows itself.
@@ -85,7 +86,7 @@ class FitResult(Shown, identification.FitResult):
                     "standard_error": self.standard_errors[name],
                     "low": intervals[name][0],
                     "high": intervals[name][1],
-                    "unit": self._said()(
+                    "unit": self._quantities().fill(
                         _SYMBOLS.get(name, ("", "{output_unit}/{input_divisor}"))[1]
                     ),
                 }
@@ -123,16 +124,16 @@ class FitResult(Shown, identification.FitResult):
                     "value": f"{value:.5g}",
                     "standard error": f"{error:.2g}" if math.isfinite(error) else "not determined",
                     "95 % interval": f"{low:.5g} to {high:.5g}" if math.isfinite(error) else "",
-                    "unit": self._said()(unit),
+                    "unit": self._quantities().fill(unit),
                 }
                 for name, unit, value, error, (low, high) in rows
             ]
         )
 
-    def _draw(self, figure: Figure) -> Any:
-        from rdpi_gym.report.fit.picture import draw_fit
+    def _chart(self) -> Chart:
+        from rdpi_gym.report.fit import fit_chart
 
-        return draw_fit(figure, self)
+        return fit_chart(self)
 
     def page(self, path: Path | str) -> Path:
         """Write a page: parameters with their intervals, error by record, warnings.
@@ -142,7 +143,7 @@ class FitResult(Shown, identification.FitResult):
         InputError
             The file cannot be written.
         """
-        from rdpi_gym.report.fit.page import write_fit_page
+        from rdpi_gym.report.fit import write_fit_page
 
         return write_fit_page(path, self, self._lines(), self.to_dataframe())
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from rdpi_gym import measurement
 from rdpi_gym.face.data import as_dataset, in_words_of
-from rdpi_gym.face.shown import Shown
+from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.identification import cores, interval_95, kinds
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.measurement.quantities import in_output
@@ -22,11 +22,12 @@ from rdpi_gym.support.words import joined
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+    from rdpi_gym.report.chart import Chart
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CoreFit(Shown, cores.CoreFit):
+class CoreFit(DisplayMixin, cores.CoreFit):
     """A kind of hysteresis fitted to records; `plant` is ready to use.
 
     Everything that ``rdpi_gym.identification.cores.CoreFit`` is, and it shows itself.
@@ -107,12 +108,11 @@ class CoreFit(Shown, cores.CoreFit):
         ]
         return pd.DataFrame(rows, columns=["what", "value", "standard error", "unit"])
 
-    def _draw(self, figure: Figure) -> Any:
-        axes = figure.subplots()
-        axes.barh(list(self.rmse_um), list(self.rmse_um.values()))
-        axes.invert_yaxis()
-        axes.set_xlabel("RMS error ({output_unit})")
-        return axes
+    def _chart(self) -> Chart:
+        from rdpi_gym.report.chart import Chart
+        from rdpi_gym.report.fit import errors_panel
+
+        return Chart([errors_panel(self.rmse_um)])
 
 
 def _valued(effect: Effect) -> str:
@@ -171,7 +171,7 @@ def fit_core(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class KindChoice(Shown, kinds.KindChoice):
+class KindChoice(DisplayMixin, kinds.KindChoice):
     """Kinds of hysteresis fitted to the same records; `plant` is that of the kind chosen.
 
     Everything that ``rdpi_gym.identification.kinds.KindChoice`` is, and it shows itself.
@@ -270,17 +270,17 @@ class KindChoice(Shown, kinds.KindChoice):
         }
         for name in ("held_out_um", "fitted_um"):
             frame[name] = [f"{value:.3g}" for value in frame[name]]
-        return self._told_table(frame.rename(columns=heads))
+        return self._table_in_units(frame.rename(columns=heads))
 
     def _names(self) -> Sequence[str]:
         return tuple(fit.plant.hysteresis.name for fit in self.fits)
 
-    def _draw(self, figure: Figure) -> Any:
-        axes = figure.subplots()
-        axes.barh(self._names(), [fit.validation_rmse_um or 0.0 for fit in self.fits])
-        axes.invert_yaxis()
-        axes.set_xlabel("RMS error, held out ({output_unit})")
-        return axes
+    def _chart(self) -> Chart:
+        from rdpi_gym.report.chart import Chart
+        from rdpi_gym.report.fit import errors_panel
+
+        errors_um = {fit.plant.hysteresis.name: fit.validation_rmse_um or 0.0 for fit in self.fits}
+        return Chart([errors_panel(errors_um, "RMS error, held out ({output_unit})")])
 
 
 @checked

@@ -6,7 +6,7 @@ from os import PathLike
 
 from rdpi_gym import measurement
 from rdpi_gym.diagnosis.search.inspection import Inspection, Response
-from rdpi_gym.diagnosis.search.refits import Refit
+from rdpi_gym.diagnosis.search.plants import Refit
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.plant import PlantModel

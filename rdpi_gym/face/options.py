@@ -14,7 +14,7 @@ from rdpi_gym.support.options import Option
 from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
-    from rdpi_gym.diagnosis.search.refits import OnCandidate
+    from rdpi_gym.diagnosis.search.plants import OnCandidate
     from rdpi_gym.face.catalogues import HasPlant
     from rdpi_gym.plant import PlantModel
     from rdpi_gym.plant.effects import Effect

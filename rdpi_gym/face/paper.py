@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import pandas as pd
 
 from benchmarks import paper
 from benchmarks.paper.cases import COMPENSATORS, SWEEP_LABEL, TABLE_TS_S
-from rdpi_gym.face.shown import Shown
+from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.support.checked import checked
 from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from rdpi_gym.report.chart import Chart
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PaperResults(Shown, paper.PaperResults):
+class PaperResults(DisplayMixin, paper.PaperResults):
     """The paper's figures and numbers, recomputed; as :func:`rdpi_gym.reproduce` returns them.
 
     Everything that :class:`benchmarks.paper.PaperResults` is, and it shows itself.
@@ -63,10 +63,10 @@ class PaperResults(Shown, paper.PaperResults):
         table = self.to_dataframe()
         return table[table["case"] == SWEEP_LABEL].dropna(axis="columns", how="all")
 
-    def _draw(self, figure: Figure) -> Any:
-        from rdpi_gym.report.paper.picture import draw_paper
+    def _chart(self) -> Chart:
+        from benchmarks.paper.page import sweep_chart
 
-        return draw_paper(figure, self)
+        return sweep_chart(self)
 
     def page(self, path: Path | str) -> Path:
         """Write a page: error against the sampling time, and every row beside the paper's number.
@@ -76,7 +76,7 @@ class PaperResults(Shown, paper.PaperResults):
         InputError
             The file cannot be written.
         """
-        from rdpi_gym.report.paper.page import write_paper_page
+        from benchmarks.paper.page import write_paper_page
 
         return write_paper_page(path, self, self._lines(), self.to_dataframe())
 
@@ -93,7 +93,7 @@ class PaperResults(Shown, paper.PaperResults):
         InputError
             The folder cannot be written.
         """
-        from rdpi_gym.report.paper.figures import write_paper_figures
+        from benchmarks.paper.figures import write_paper_figures
         from rdpi_gym.support.files import write_atomic
 
         out = Path(folder)

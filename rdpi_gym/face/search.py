@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import pandas as pd
 
@@ -18,14 +18,14 @@ from rdpi_gym.diagnosis.search import discover as searches
 from rdpi_gym.diagnosis.search.core_choice import AUTO
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import Dataset, as_dataset, in_words_of
+from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.face.experiment import PlannedExperiment, plan_experiment
 from rdpi_gym.face.options import CandidateOptions, SearchOptions
-from rdpi_gym.face.shown import Shown
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
-from rdpi_gym.report.discovery.sentences import lines, staircase
+from rdpi_gym.report.discovery_text import lines, staircase
 from rdpi_gym.support.checked import check_type, checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
@@ -33,14 +33,14 @@ from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import closed, joined
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from rdpi_gym.report.chart import Chart
 
 _HEADINGS = {"diagnosis": "What is missing", "discovery": "Missing effects"}
 Own = tuple[type[Effect], ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SearchResult(Shown, results.SearchResult):
+class SearchResult(DisplayMixin, results.SearchResult):
     """What a search for missing effects found, with its data: it goes on from here.
 
     Everything that :class:`rdpi_gym.diagnosis.results.SearchResult` is, and it shows itself.
@@ -192,7 +192,7 @@ class SearchResult(Shown, results.SearchResult):
     def overview_title(self) -> str:
         """What :meth:`overview` shows."""
         if self.kind == "diagnosis":
-            without = self._said()(in_output(self.base.validation_rmse_um))
+            without = self._quantities().fill(in_output(self.base.validation_rmse_um))
             return f"Candidates, refitted; without one {without}"
         return "Error, step by step"
 
@@ -210,7 +210,7 @@ class SearchResult(Shown, results.SearchResult):
                 }
                 for c in self.candidates
             ]
-            return self._told_table(pd.DataFrame(rows), "validation")
+            return self._table_in_units(pd.DataFrame(rows), "validation")
         floor = self.noise_floor_um
         table = pd.DataFrame(
             [
@@ -226,12 +226,12 @@ class SearchResult(Shown, results.SearchResult):
                 for name, errors in staircase(self)
             ]
         )
-        return self._told_table(table, "training", "validation")
+        return self._table_in_units(table, "training", "validation")
 
-    def _draw(self, figure: Figure) -> Any:
-        from rdpi_gym.report.discovery.picture import draw_search
+    def _chart(self) -> Chart:
+        from rdpi_gym.report.discovery_charts import search_chart
 
-        return draw_search(figure, self)
+        return search_chart(self)
 
     def page(self, path: Path | str) -> Path:
         """Write the page of ``rdpi diagnose``, ``rdpi add`` or ``rdpi discover``.
@@ -241,7 +241,7 @@ class SearchResult(Shown, results.SearchResult):
         InputError
             The file cannot be written.
         """
-        from rdpi_gym.report.discovery.page import write_discovery_page
+        from rdpi_gym.report.discovery_page import write_discovery_page
 
         names = joined([candidate.effect for candidate in self.added])
         headings = _HEADINGS | {"removal": f"{joined(self.removed)} removed"}

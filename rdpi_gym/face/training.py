@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from baselines.learned.swept import Sweep
+from baselines.learned.sweep import Sweep
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checked import checked
@@ -18,9 +17,9 @@ from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     import pandas as pd
+
+    from baselines.learned.training import Trainer
 
 _INSTALL = "install rdpi-gym[rl]"
 
@@ -73,13 +72,13 @@ class Training:
 
     def picture(self) -> bytes:
         """Return error, cost, command variation and time over the steps as a PNG file."""
-        from rdpi_gym.report.training_curve import training_picture
+        from rdpi_gym.report.training import training_picture
 
         return training_picture(self.to_dataframe(), self.compensator, self.kept_at)
 
     def page(self, path: PathLike[str] | str) -> Path:
         """Write the same as a self-contained page, with every evaluation."""
-        from rdpi_gym.report.training_curve import write_training_page
+        from rdpi_gym.report.training import write_training_page
 
         said = repr(self).replace(" um", " µm")
         return write_training_page(
@@ -96,20 +95,14 @@ class Training:
         """
         import matplotlib.pyplot as plt
 
-        from rdpi_gym.report.style import INK, matplotlib_style
+        from rdpi_gym.report.chart_matplotlib import draw_chart
+        from rdpi_gym.report.style import matplotlib_style
+        from rdpi_gym.report.training import training_chart
 
         style: Any = matplotlib_style()
-        curve = self.to_dataframe()
+        chart = training_chart(self.to_dataframe(), self.compensator)
         with plt.rc_context(style):
-            axes = plt.figure(figsize=(6.0, 3.6), layout="constrained").subplots()
-            axes.plot(curve["timesteps"], curve["rmse_um"], "o-", label="policy")
-            level = float(curve["compensator_rmse_um"].iloc[-1])
-            axes.axhline(level, color=INK, linestyle="--", label=self.compensator)
-            axes.set_yscale("log")
-            axes.set_xlabel("Environment steps")
-            axes.set_ylabel("RMSE on held-out plants (µm)")
-            axes.legend()
-        return axes
+            return draw_chart(plt.figure(figsize=(6.0, 3.6), layout="constrained"), chart)
 
 
 @checked
@@ -138,9 +131,8 @@ def train(
         Called as ``progress(stage, done, total)``.
     **options
         Those of :class:`baselines.learned.options.TrainingOptions`, such as ``timesteps``,
-        ``plants``, ``reference``, ``action``; of ``native-ppo`` also ``device``, ``"cuda"`` or
-        ``"cpu"``, on which all of it runs in torch; of ``imitation`` those of
-        :class:`baselines.learned.imitation.options.Options`, such as ``task``.
+        ``plants``, ``reference``, ``action``; of ``imitation`` those of
+        :class:`baselines.learned.imitation.rounds.Options`, such as ``task``.
 
     Returns
     -------
@@ -153,9 +145,9 @@ def train(
         The packages of ``rdpi-gym[rl]`` are missing, an option is unknown or out of range, or the
         folder holds something else.
     """
-    script = _script(algorithm)
-    asked = _options(script, "train", out=Path(out), seed=seed, **options)
-    training = Training(Path(out), script.train(asked, progress), asked.baseline)
+    trainer = _trainer(algorithm)
+    asked = _options(trainer, "train", out=Path(out), seed=seed, **options)
+    training = Training(Path(out), trainer.train(asked, progress), asked.baseline)
     _draw(training)
     return training
 
@@ -178,7 +170,7 @@ def training_options(algorithm: str) -> frozenset[str]:
     InputError
         The packages of ``rdpi-gym[rl]`` are missing.
     """
-    return frozenset(_script(algorithm).Options.__dataclass_fields__)
+    return frozenset(_trainer(algorithm).Options.__dataclass_fields__)
 
 
 @checked
@@ -221,12 +213,12 @@ def sweep(
     """
     if algorithm == "imitation":
         raise InputError("a sweep of imitation is not known; sweep ppo, sac, td3 or native-ppo")
-    script = _script(algorithm)
+    trainer = _trainer(algorithm)
     from baselines.learned import sweep as sweeps
 
-    asked = _options(script, "sweep", out=Path(out), seed=seed, **options)
+    asked = _options(trainer, "sweep", out=Path(out), seed=seed, **options)
     chosen = None if space is None else Path(space)
-    return sweeps.sweep(asked, algorithm, script.train, trials, chosen, progress)
+    return sweeps.sweep(asked, algorithm, trainer.train, trials, chosen, progress)
 
 
 @checked
@@ -263,9 +255,8 @@ def export(
         controller cannot be made on the belief.
     """
     try:
-        from baselines.learned.found import find_learned
-        from baselines.learned.imitation.onnx_export import export_student
-        from baselines.learned.onnx_export import export_onnx
+        from baselines.learned.controller import find_learned
+        from baselines.learned.onnx_export import export_onnx, export_student
         from baselines.learned.policy import Policy
     except ImportError as error:
         raise InputError(f"an export needs {error.name}; {_INSTALL}") from error
@@ -284,17 +275,19 @@ def _draw(training: Training) -> None:
     training.page(training.folder / "training.html")
 
 
-def _options(script: ModuleType, function: str, **given: Any) -> Any:
+def _options(trainer: Trainer, function: str, **given: Any) -> Any:
     """Return the options of a training, or refuse a keyword that it does not take."""
-    known = script.Options.__dataclass_fields__
+    known = trainer.Options.__dataclass_fields__
     for name in given:
         if name not in known:
             raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
-    return script.Options(**given)
+    return trainer.Options(**given)
 
 
-def _script(algorithm: str) -> ModuleType:
+def _trainer(algorithm: str) -> Trainer:
     try:
-        return import_module(f"baselines.learned.train_{algorithm.replace('-', '_')}")
+        from baselines.learned.training import trainer
+
+        return trainer(algorithm)
     except ImportError as error:
         raise InputError(f"training needs {error.name}; {_INSTALL}") from error

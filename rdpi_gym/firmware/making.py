@@ -28,7 +28,7 @@ from rdpi_gym.firmware.translation.kernels import Functions
 from rdpi_gym.firmware.writing.package import Package
 from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.plant import Plant, PlantModel
-from rdpi_gym.plant.packing import check_ts
+from rdpi_gym.plant.cores.base import check_ts
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import quoted, some
@@ -48,17 +48,19 @@ class PhysicalLayout(ObservationLayout):
     [3.0]
     """
 
-    def reference_um(self, observation: NDArray[np.floating]) -> Array:
+    def reference_um(
+        self, observation: NDArray[np.floating], samples: slice = slice(None)
+    ) -> Array:
         """See :meth:`ObservationLayout.reference_um`."""
-        return observation[..., : self.preview + 1]  # type: ignore[return-value]
+        return observation[..., self.columns["reference"]][..., samples]  # type: ignore[return-value]
 
     def measured_um(self, observation: NDArray[np.floating]) -> Array:
         """See :meth:`ObservationLayout.measured_um`."""
-        return observation[..., self.preview + 1]  # type: ignore[return-value]
+        return observation[..., self.columns["measured"].start]  # type: ignore[return-value]
 
     def command_V(self, observation: NDArray[np.floating]) -> Array:
         """See :meth:`ObservationLayout.command_V`."""
-        return observation[..., self.preview + 2]  # type: ignore[return-value]
+        return observation[..., self.columns["command"].start]  # type: ignore[return-value]
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from rdpi_gym.firmware.program import Block, Known, Memory, Program, Table
 from rdpi_gym.firmware.translation.kernels import Functions
 from rdpi_gym.plant import Plant, PlantModel, pack
 from rdpi_gym.plant.chain import ACTS_ON, CHAIN, COMMAND, DISPLACEMENT, RATE
+from rdpi_gym.plant.cores.base import check_ts
 from rdpi_gym.plant.cores.play import rate_block
-from rdpi_gym.plant.packing import check_ts
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 

@@ -1,13 +1,12 @@
 """Identification of RDPI plants from measured records (Eq. 9, 10)."""
 
-from rdpi_gym.identification.fitting import MIN_MOTION, fit
+from rdpi_gym.identification.fitting import MIN_MOTION, FitResult, fit, interval_95
 from rdpi_gym.identification.residuals import (
     RecordResidual,
     pooled_rmse,
     simulate_record,
     validation_rmse,
 )
-from rdpi_gym.identification.result import FitResult, interval_95
 
 __all__ = [
     "MIN_MOTION",

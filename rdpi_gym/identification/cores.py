@@ -1,4 +1,4 @@
-"""Any hysteresis core fitted to records: its gains by least squares, its shape around them."""
+"""Fit of any hysteresis core: gains by least squares, shape by a search around them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from rdpi_gym.identification.joint import NO_FIT, kept_samples
-from rdpi_gym.identification.nonnegative import signed_least_squares
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.joint import NO_FIT, JointFit, first_steps, fit_joint, kept_samples
+from rdpi_gym.identification.least_squares import signed_least_squares
 from rdpi_gym.identification.plausibility import check_motion
 from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
 from rdpi_gym.identification.scale import data_scale, plant_ranges
@@ -20,6 +21,7 @@ from rdpi_gym.identification.stack import command_rate
 from rdpi_gym.measurement import Dataset, Quantities, Record, hold_out_blocks
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.plant.parameters import Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -369,3 +371,87 @@ def is_at_bound(parameter: Parameter, value: float) -> bool:
     near = 1e-6 * max(abs(value), max(map(abs, parameter.typical)))
     low_counts = parameter.neutral != parameter.low
     return value >= parameter.high - near or (low_counts and value <= parameter.low + 1e-3 * near)
+
+
+FIRST_SAMPLES = 6_000
+"""Samples in the squares of first fits."""
+# Steps from each start of a core, starts that are followed further, passes from each of those, and passes of a
+# model that goes on with an effect more.
+_START_STEPS, _FOLLOWED, _PASSES, _PASSES_ON = 6, 2, 15, 6
+# Times a model's error, from which on an effect's start leads away from the records.
+_AWAY = 1.02
+
+
+def first_fit(
+    records: Sequence[Record],
+    kind: type[Core],
+    effects: Sequence[Effect],
+    scale: DataScale,
+    smoothness: float = 0.0,
+    least_um: float = math.inf,
+) -> JointFit | None:
+    """Refit a kind of hysteresis on few samples, from the starts of which a few steps leave least.
+
+    A kind of one start is convex in its weights: it begins on its comb.
+    """
+    starts = kind.starts(scale)
+    variants: list[Variant[Core]] = [Variant(kind.comb(scale), tuple(effects))]
+    if len(starts) > 1:
+        begun = [
+            first_steps(
+                records, start, effects, _START_STEPS, samples=FIRST_SAMPLES, smoothness=smoothness
+            )
+            for start in starts
+        ]
+        begun.sort(key=lambda each: each.train_rmse_um)
+        if begun[0].train_rmse_um > least_um:
+            return None
+        variants = [each.variant for each in begun[:_FOLLOWED]]
+    fits = [
+        fit_joint(
+            records, variant.hysteresis, variant.effects, _PASSES, samples=FIRST_SAMPLES,
+            smoothness=smoothness,
+        )
+        for variant in variants
+    ]  # fmt: skip
+    return min(fits, key=lambda fit: fit.train_rmse_um)
+
+
+def or_none(fit: Callable[[], JointFit | None]) -> JointFit | None:
+    """Return a fit, or None where it leaves the bounds of its numbers: one of several is dropped."""
+    try:
+        return fit()
+    except NO_FIT:
+        return None
+
+
+def with_one_more(
+    records: Sequence[Record], fit: JointFit, kind: type[Effect], scale: DataScale
+) -> JointFit | None:
+    """Refit a model with an effect more, on few samples, from the best of the effect's starts.
+
+    Where the core has several starts, the refit begins at each of them again: what it was without the
+    effect is another optimum. None where a few steps from every start of the effect lead away from the
+    records.
+    """
+    core, present = fit.variant.hysteresis, fit.variant.effects
+    begun = [
+        first_steps(
+            records, core, in_chain_order([*present, start]), _START_STEPS, samples=FIRST_SAMPLES
+        )
+        for start in kind.starts(scale)
+    ]
+    least = min(begun, key=lambda each: each.train_rmse_um)
+    if least.train_rmse_um > _AWAY * fit.train_rmse_um:
+        return None
+    best = least.variant
+    if core.loose or len(core.starts(scale)) == 1:
+        return fit_joint(
+            records,
+            core,
+            best.effects,
+            _PASSES_ON,
+            samples=FIRST_SAMPLES,
+            smoothness=fit.smoothness,
+        )
+    return first_fit(records, type(core), best.effects, scale, fit.smoothness)

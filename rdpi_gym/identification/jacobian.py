@@ -26,12 +26,12 @@ from rdpi_gym.plant.chain import (
     in_order,
     walk,
 )
-from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.base import Core, empty_state, pack
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.model import AnyCore
-from rdpi_gym.plant.packing import empty_state, pack
-from rdpi_gym.plant.stages import Stage, core_links
+from rdpi_gym.plant.plant import Stage, core_links
 from rdpi_gym.support.arrays import Array
 
 # Samples that run through the stages at a time: their lanes stay in the cache.
@@ -160,10 +160,7 @@ def _weight_lanes(
         total = weights[0] * u[t]
         for i in range(n):
             r = rest[i] + shift
-            low, high = u[t] - r, u[t] + r
-            z = xi[i]
-            z = z if z < high else high
-            z = z if z > low else low  # Eq. 4
+            z = play(xi[i], u[t] - r, u[t] + r)
             xi[i] = z
             total += weights[i + 1] * z
         x[t, 0] = total
@@ -290,7 +287,7 @@ def _parted(
 
 
 def _changes_front(base: Variant[Any], variant: Variant[Any]) -> bool:
-    """Whether a variant is another one up to the plays."""
+    """Whether a variant differs in front of the plays or in the core."""
     if variant.hysteresis is not base.hysteresis and variant.hysteresis != base.hysteresis:
         return True
     pairs = zip(base.effects, variant.effects, strict=True)

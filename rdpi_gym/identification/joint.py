@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rdpi_gym.identification.fitting import MIN_MOTION
 from rdpi_gym.identification.jacobian import Variant, centre, change_rows, jacobian_rows
-from rdpi_gym.identification.nonnegative import (
+from rdpi_gym.identification.least_squares import (
     BoolArray,
     bounded_least_squares,
     signed_least_squares,
@@ -105,7 +105,7 @@ class Free:
         return here < self.high, here > self.low
 
     def read(self, variant: Variant[Any]) -> float:
-        """Return where a variant stands."""
+        """Return the value of a variant, or its logarithm."""
         if self.effect is None:
             value = float(getattr(variant.hysteresis, self.parameter.name))
         else:
@@ -129,7 +129,7 @@ class Free:
 
 @dataclass(frozen=True)
 class JointFit:
-    """What a joint refit found.
+    """Result of a joint refit.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ class _Pass:
 
 @dataclass(frozen=True)
 class _Problem:
-    """What every pass over the records shares."""
+    """Free numbers, records and prices, common to all passes."""
 
     free: Sequence[Free]
     records: Sequence[Record]
@@ -462,7 +462,7 @@ dropped. InputError and LinAlgError are among them; any other error is a fault o
 
 @dataclass(frozen=True)
 class FirstSteps:
-    """Where a few steps of a refit lead.
+    """Result of a few steps of a refit.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether records look like a piezo stage at all, in sentences with what would explain it.
+"""Plausibility of records of a piezo stage, as warnings with a probable cause.
 
 A fit succeeds on anything that rises with the command. What is out of all proportion to known stages
 is said, with the mistakes that are made most often: columns swapped, units taken for others.

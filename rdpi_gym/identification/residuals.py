@@ -1,12 +1,14 @@
-"""A model against records: simulate, free one offset a record, and say what is left."""
+"""Residuals of a model on records, one free offset a record."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import Plant, PlantModel, settled_memory
 from rdpi_gym.support.arrays import Array
@@ -15,7 +17,7 @@ from rdpi_gym.support.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class RecordResidual:
-    """What a model leaves of a record, with one offset free.
+    """Residual of a model on a record, with one free offset.
 
     Parameters
     ----------
@@ -145,3 +147,32 @@ def validation_rmse(
     """
     extrema = extrema_V or {}
     return pooled_rmse([simulate_record(model, r, extrema.get(r.name)) for r in records])
+
+
+PIECES = 8
+"""Pieces that a record is cut into: what the spread of an improvement is judged by."""
+_DRAWS = 400
+
+
+def left_by(variant: Variant[Any], record: Record) -> Array:
+    """Return what a model leaves of the samples that count (µm), offset free."""
+    left = (record.y_um - simulate_effects([variant], record)[:, 0])[record.error_mask]
+    centred: Array = left - left.mean()
+    return centred
+
+
+def pieces_of(lefts: Sequence[Array]) -> Array:
+    """Return the mean squares (µm²) of the pieces of records, ``(R, PIECES)``."""
+    pieces = []
+    for left in lefts:
+        squares = left**2
+        parts = np.array_split(squares, PIECES)  # empty ones where there are few samples
+        pieces.append([(part if part.size else squares).mean() for part in parts])
+    return np.array(pieces)
+
+
+def beats(loser: Array, winner: Array, rng: np.random.Generator) -> float:
+    """Return the share of bootstrap draws of pieces in which the winner is better."""
+    difference = (loser - winner).ravel()
+    draws = rng.integers(0, difference.size, (_DRAWS, difference.size))
+    return float(np.mean(difference[draws].mean(axis=1) > 0.0))

@@ -1,4 +1,4 @@
-"""Records as the fitting kernels read them: one behind the other, rates beside the commands."""
+"""Records as the fitting kernels read them: concatenated, rates beside the commands."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from rdpi_gym.identification.refine import Point, normal_equations
+from rdpi_gym.identification.search import Point, normal_equations
 from rdpi_gym.support.arrays import Array
 
 # Normal quantile of a 95 % interval.

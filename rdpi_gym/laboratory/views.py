@@ -26,7 +26,6 @@ POINTS = 3000
 """Samples of a trace that the page is given, about."""
 _THUMBNAIL, _SKETCH = 80, 60
 _WINDOW = 10.0  # times and over a value: what a slider reaches
-_OVER_COMMAND = ("saturation", "asymmetry", "congruency", "backlash")
 _TITLES = {"unknown": "learned block"}
 _SYMBOLS = {"delta2_s": "δ2", "delta1_V": "δ1"}
 
@@ -314,9 +313,10 @@ def pictures() -> dict[str, dict[str, Any]]:
     without = Plant(bare, ts_s).simulate(u_V)
     found = {}
     for name, kind in face.effects.items():
-        effect = kind(**(kind.picture.values if kind.picture is not None else {}))
+        picture = kind.picture
+        effect = kind(**(picture.values if picture is not None else {}))
         gone = Plant(replace(bare, effects=(effect,)), ts_s).simulate(u_V) - without
-        over_command = name in _OVER_COMMAND
+        over_command = picture is not None and picture.right.kind == "left_over_command"
         at = np.arange(200, 401, 4) if over_command else thin_index(gone, samples=_SKETCH)
         x = u_V if over_command else t_s
         kept = {"x": numbers(x[at]), "y": numbers(gone[at])}

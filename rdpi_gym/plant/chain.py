@@ -1,7 +1,7 @@
 """The order of the chain from the command to the displacement: one list, and the walk along it.
 
-Plant, Jacobian and vector environment walk this list. The fused kernel of the vector environment
-and the plant in torch are twins of it, which tests hold against it.
+Plant, Jacobian and vector environment walk this list. The fused kernel of the vector environment is
+a twin of it, which tests hold against it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What every part of the chain says of its numbers, and how large the data are that they are fitted to."""
+"""Parameters of effects and cores, and the size of the data that they are fitted to."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class DataScale:
-    """How large and how fast measured records are: what a search starts from.
+    """Size and rate of measured records, from which a search starts.
 
     Parameters
     ----------
@@ -90,5 +90,5 @@ class DataScale:
 
     @property
     def lasts_s(self) -> float:
-        """What slow drifts go by (s): until the experiment's end, at least the longest record."""
+        """Time scale of slow drifts (s): until the experiment's end, at least the longest record."""
         return max(self.end_s, self.longest_s)

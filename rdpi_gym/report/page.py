@@ -14,6 +14,8 @@ import pandas as pd
 from plotly.offline import get_plotlyjs
 
 from rdpi_gym.measurement import Quantities, Quantity
+from rdpi_gym.report.chart import Chart
+from rdpi_gym.report.chart_plotly import plotly_figure
 from rdpi_gym.report.style import FONT, GRID, INK, MUTED, PALETTE, PAPER, figure_text
 from rdpi_gym.report.tables import table_html
 from rdpi_gym.support.files import write_atomic
@@ -192,9 +194,9 @@ class Section:
         Plain text, escaped. A blank line begins a paragraph; a paragraph whose lines all begin
         with ``- `` is a list.
     figure
-        A Plotly figure, several one below the other, or several by name, of which the reader
-        chooses one. Names that come from a user go through
-        :func:`rdpi_gym.report.style.figure_text` inside a figure; here they are escaped.
+        A chart or a Plotly figure, several one below the other, or several by name, of which the
+        reader chooses one. Names that come from a user go through
+        :func:`rdpi_gym.report.style.figure_text` inside a Plotly figure; elsewhere they are escaped.
     table
         Shown below the figure, sortable by every column.
 
@@ -296,6 +298,7 @@ def _choice_html(
 
 
 def _figure_html(name: str, figure: Any, drawn: Callable[[str], str], hidden: bool = False) -> str:
+    figure = plotly_figure(figure) if isinstance(figure, Chart) else figure
     # "<" cannot end the script element early when it is written as JSON's escape
     data = drawn(figure.to_json().replace("<", "\\u003c"))
     height = figure.layout.height or 420

@@ -36,12 +36,18 @@ def thin_index(*traces: Array, samples: int = DISPLAY_SAMPLES) -> NDArray[np.int
     return np.unique(np.concatenate(chosen))
 
 
-def around_largest_error(trace: Trace, samples: int = DISPLAY_SAMPLES) -> NDArray[np.intp]:
-    """Choose the samples of the half-cycle of the largest error, and of those beside it."""
+def around_largest_error(
+    trace: Trace, samples: int = DISPLAY_SAMPLES, *others: Array
+) -> NDArray[np.intp]:
+    """Choose the samples of the half-cycle of the largest error, and of those beside it.
+
+    Thinned so that no peak of the others is lost either.
+    """
     error = np.where(trace.counted, np.abs(trace.residual_um), -1.0)
     worst = int(np.argmax(error))
     edges = trace.cycles.edges
     at = int(np.searchsorted(edges, worst, side="right")) - 1
     around = np.arange(edges[max(0, at - 1)], edges[min(edges.size - 1, at + 2)])
-    thinned = thin_index(trace.measured_um[around], trace.residual_um[around], samples=samples)
+    kept = [values[around] for values in (trace.measured_um, trace.residual_um, *others)]
+    thinned = thin_index(*kept, samples=samples)
     return around[thinned]

@@ -1,97 +1,60 @@
-"""The chain of rdpi_gym.plant.Plant on tensors, its state resident on a device."""
+"""The chain of rdpi_gym.plant.Plant on tensors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from copy import copy
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
-from rdpi_gym.plant.cores.play import given_rate_block
-from rdpi_gym.plant.effects.base import Effect, Slot
+from rdpi_gym.plant import Plant, PlantModel
+from rdpi_gym.plant.cores.base import pack
+from rdpi_gym.plant.cores.play import rate_block
+from rdpi_gym.plant.effects.base import Slot
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.torch_plant.device import checked_device
-from rdpi_gym.torch_plant.hysteresis import RDPITensors, play_sum, rate
-from rdpi_gym.torch_plant.stages import TWINS, Twin, has_twin
-from rdpi_gym.torch_plant.state import ROW, State
-
-
-def check_core(model: PlantModel) -> None:
-    """Refuse a plant whose core runs on another kernel than that of the plays."""
-    if type(model.hysteresis).block is given_rate_block:
-        return
-    known = " or ".join(n for n, kind in CORES.items() if kind.block is given_rate_block)
-    raise InputError(
-        f"plant {model.name} has the core {model.hysteresis.name}, and in torch there are plays, the core "
-        f"{known}; run it by rdpi_gym.plant.Plant"
-    )
-
-
-def memory_rows(effects: Sequence[Effect], hysteresis: Sequence[RDPI], ts_s: float) -> int:
-    """Rows of the state of one effect, at its size in each lane."""
-    pairs = zip(effects, hysteresis, strict=True)
-    return max(effect.state_rows_with(ts_s, core) for effect, core in pairs)
-
-
-def stage_of(
-    effects: Sequence[Effect], hysteresis: Sequence[RDPI], ts_s: float
-) -> tuple[Slot, Twin, Array]:
-    """Slot, twin and parameters ``float64[P, B]`` of one effect, at its size in each lane."""
-    kind = type(effects[0])
-    if not has_twin(kind):
-        raise InputError(
-            f"effect {kind.full_name()} cannot be run in torch; run it with rdpi_gym.plant.Plant"
-        )
-    pairs = zip(effects, hysteresis, strict=True)
-    columns = np.array([effect.coefficients(ts_s, model) for effect, model in pairs])
-    return kind.slot, TWINS[kind.block], np.ascontiguousarray(columns.T)
+from rdpi_gym.torch_plant.translation import Lanes, UntranslatableError
 
 
 class TorchPlant:
-    """Plants that run side by side on a device, one a lane: the twin of `rdpi_gym.plant.Plant`.
+    """Plants that run side by side in torch, one a lane, by the kernels of `rdpi_gym.plant.Plant`.
 
-    A step neither waits for the device nor looks at a value: it can be compiled by
-    ``torch.compile`` and captured in a CUDA graph. Tensors of one number a lane are float64, so
-    `dtype` is the type of what costs memory: the plays.
+    Every core and effect runs whose kernel can be translated, one of your own too. All tensors are
+    float64: displacements are those of `Plant` to the last digits.
 
     Parameters
     ----------
     models
-        One model for all lanes, or one a lane (all with the same n). One model is kept once: a step
-        then moves about half as many bytes.
+        One model for all lanes, or one a lane.
     ts_s
         Sampling time (s).
     lanes
         Number of lanes B where one model is given.
     device
-        Where the plants live: ``"cpu"``, ``"cuda"``, ``"cuda:1"``.
-    dtype
-        ``torch.float32`` or ``torch.float64``.
+        Of the tensors, as torch names it.
 
     Raises
     ------
     InputError
-        As `Plant`; a device that is not there; another dtype; a hysteresis core that is no sum of
-        plays, or an effect without a form in torch.
+        As `Plant`; a device that is not there; a core or an effect whose kernel loops as often as the
+        numbers of a lane say, or calls what torch does not have.
 
     Attributes
     ----------
-    parameters : RDPITensors
-        May be replaced, by parameters for each lane or by ones that require gradients.
-    state : State
-        Changed in place by every step.
+    parameters : dict of str to Tensor
+        Rows of parameters ``float64[P, B]`` as the kernels read them: under ``"core"`` those of
+        :func:`rdpi_gym.plant.pack`, under the name of an effect its own. A tensor may be replaced by
+        one that requires gradients.
 
     Examples
     --------
     >>> from rdpi_gym.plant import named_plant
-    >>> plant = TorchPlant(named_plant("P5"), ts_s=1e-3, lanes=2)
-    >>> plant.step(torch.tensor([0.0, 1.0])).tolist()
-    [0.0, 0.729]
+    >>> plant = TorchPlant(named_plant("P5"), ts_s=1e-3)
+    >>> plant.simulate(torch.tensor([0.0, 1.0, 2.0])).round(decimals=3).tolist()
+    [0.0, 0.729, 1.458]
     """
 
     def __init__(
@@ -100,168 +63,81 @@ class TorchPlant:
         ts_s: float,
         lanes: int = 1,
         device: torch.device | str = "cpu",
-        dtype: torch.dtype = torch.float32,
     ) -> None:
-        shared = isinstance(models, PlantModel)
-        if shared and lanes < 1:
-            raise InputError(f"lanes is {lanes}; give a whole number of lanes of 1 or more")
-        if dtype not in (torch.float32, torch.float64):
-            raise InputError(f"dtype is {dtype}; give torch.float32 or torch.float64")
-        self.device, self.dtype = checked_device(device), dtype
-        on_cpu = Plant(models, ts_s)  # refuses what cannot run side by side
-        self.models, self.ts_s = on_cpu.models, on_cpu.ts_s
-        check_core(self.models[0])
-        self.lanes = lanes if shared else on_cpu.lanes
-        hysteresis = [model.hysteresis for model in self.models]
-        self.parameters = RDPITensors.of(
-            hysteresis, ts_s, [model.offset_um for model in self.models], self.device, dtype
-        )
-        fixed, moved = (
-            np.array([model.turns_from(first_V) for model in self.models]).T
-            for first_V in (0.0, 1.0)
-        )
-        self._turns_V, self._follow = self._rows(fixed), self._rows(np.rint(moved - fixed))
-        self._hold = self.models[0].converter.samples(self.ts_s)
-        effects = zip(*(model.effects for model in self.models), strict=True)
-        stages = [column for column in effects if column[0].slot != "memory"]
-        self._stages = [
-            (slot, twin, self._rows(p))
-            for slot, twin, p in (stage_of(column, hysteresis, self.ts_s) for column in stages)
+        self._plant = Plant(models, ts_s, lanes)  # refuses what cannot run side by side
+        self.models, self.ts_s, self.lanes = self._plant.models, ts_s, self._plant.lanes
+        try:
+            self.device = torch.zeros(1, device=device).device
+        except (RuntimeError, AssertionError) as error:
+            raise InputError(
+                f"device {device!r} is none that torch has here; give 'cpu'"
+            ) from error
+        self._lanes = Lanes(self.lanes, self.device)
+        cores = [model.hysteresis for model in self.models]
+        self._hold = self.models[0].converter.samples(ts_s)
+        offsets = [model.offset_um for model in self.models]
+        # As in `Plant`: behind the core an effect sees the displacement without its offset.
+        effects = [
+            column
+            for column in zip(*(model.effects for model in self.models), strict=True)
+            if column[0].slot != "memory"
         ]
-        self.state = State(
-            self._empty(),
-            self._empty(),
-            self._empty(),
-            torch.zeros(self.lanes, dtype=torch.int64, device=self.device),
-            torch.zeros(self.lanes, dtype=torch.bool, device=self.device),
-            tuple(self._empty().to(dtype) for _ in range(hysteresis[0].n)),
-            tuple(self._empty(memory_rows(column, hysteresis, self.ts_s)) for column in stages),
-        )
+        inside = [0.0] * len(offsets) if effects else offsets
+        self._offsets = self._tensor(np.array(offsets) - inside)
+        self.parameters = {"core": self._tensor(pack(cores, ts_s, inside))}
+        self._stages: list[tuple[Slot, str, Callable[..., Any]]] = []
+        for column in effects:
+            kind, name = type(column[0]), column[0].name
+            pairs = zip(column, cores, strict=True)
+            rows = np.array([effect.coefficients(ts_s, core) for effect, core in pairs])
+            self.parameters[name] = self._tensor(rows.T)
+            self._stages.append((kind.slot, name, self._lanes.translated(kind.block)))
+        self._rate = self._lanes.translated(rate_block)
+        self._core = self._lanes.translated(type(cores[0]).block)
+        self._state: list[Any] = []
+        self._awaits = np.zeros(self.lanes, dtype=bool)
         self.reset()
+        self._check()
 
     @property
     def memory(self) -> Tensor:
-        """Play states ξ_i (V) of every lane: a copy, ``float64[n, B]``."""
-        memory = self._empty(len(self.state.xi_V))
-        for row, xi in zip(memory, self.state.xi_V, strict=True):
-            row.copy_(xi)
-        return memory
-
-    def picked(self, columns: Tensor) -> TorchPlant:
-        """Return plants that are copies of these, what they remember included.
-
-        Parameters
-        ----------
-        columns
-            Lane of these that each lane of the result is a copy of, ``int64[B']``.
-
-        Examples
-        --------
-        >>> from rdpi_gym.plant import named_plant
-        >>> plant = TorchPlant(named_plant("P5"), ts_s=1e-3, lanes=2)
-        >>> plant.step(torch.tensor([0.0, 1.0])).tolist()
-        [0.0, 0.729]
-        >>> plant.picked(torch.tensor([1, 1, 0])).step(torch.ones(3)).tolist()
-        [0.729, 0.729, 0.729]
-        """
-        made = copy(self)
-        made.lanes = len(columns)
-
-        def pick(tensor: Tensor) -> Tensor:
-            wide = tensor.expand(*tensor.shape[:-1], self.lanes)
-            return wide.index_select(-1, columns)
-
-        made.parameters = RDPITensors(*map(pick, self.parameters))
-        made._turns_V, made._follow = pick(self._turns_V), pick(self._follow)
-        made._stages = [(slot, twin, pick(p)) for slot, twin, p in self._stages]
-        made.state = self.state.mapped(pick)
-        return made
-
-    def become(self, lanes: Tensor, source: TorchPlant, columns: Tensor) -> None:
-        """Make some lanes copies of other plants, what they remember included, in place.
-
-        Parameters
-        ----------
-        lanes
-            Which lanes, ``int64[m]``.
-        source
-            Plants of the same build, of which :meth:`picked` made these.
-        columns
-            Lane of `source` that each becomes a copy of, ``int64[m]``.
-        """
-        for kept, other in zip(self._columns(), source._columns(), strict=True):
-            wide = other.expand(*other.shape[:-1], source.lanes)
-            kept.index_copy_(-1, lanes, wide.index_select(-1, columns))
+        """Memory of the core of every lane, as `Plant.memory`: a copy, ``float64[n, B]``."""
+        rows = [self._lanes.tensor(row).expand(self.lanes) for row in self._state[0][2:, 0]]
+        return torch.stack(rows) if rows else torch.zeros(0, self.lanes, dtype=torch.float64)
 
     def reset(
         self,
-        u0_V: ArrayLike | Tensor | None = None,
-        memory: ArrayLike | Tensor | None = None,
-        lanes: ArrayLike | Tensor | None = None,
+        u0_V: ArrayLike | None = None,
+        memory: ArrayLike | None = None,
+        lanes: ArrayLike | None = None,
     ) -> None:
-        """Forget the past.
-
-        Parameters
-        ----------
-        u0_V
-            Command (V) at which the plant has been resting. None: the next sample begins a record,
-            v(0) = 0.
-        memory
-            Play states ξ_i (V), ``(n,)`` or ``(n, B)``; by default those of the models' initial
-            memory; where that hangs on the command at which a record begins, it is set as the first
-            sample comes. With `u0_V` they are moved to what a rest there allows.
-        lanes
-            Boolean mask ``(B,)`` of the lanes to reset; all by default.
-        """
-        state = self.state
-        u0 = self._rows(np.nan if u0_V is None else u0_V).expand(self.lanes)
-        if memory is None:
-            xi = self._settled(torch.zeros_like(u0) if u0_V is None else u0)
-        else:
-            xi = self._rows(memory)
-            xi = xi[:, None] if xi.ndim == 1 else xi
-        if u0_V is not None:
-            rest = self.parameters.thresholds_V.detach().to(ROW)
-            xi = torch.clamp(xi, u0 - rest, u0 + rest)
-        mask = torch.ones(self.lanes, dtype=torch.bool, device=self.device)
+        """Forget the past, as :meth:`rdpi_gym.plant.Plant.reset`."""
         if lanes is not None:
-            mask = torch.as_tensor(lanes, dtype=torch.bool, device=self.device)
-        if lanes is None or bool(mask.all()):
-            state.samples.zero_()
-        plays = xi.expand(len(state.xi_V), self.lanes)
-        awaits = torch.full_like(state.awaits, u0_V is None and memory is None)
-        fresh = [u0, torch.zeros_like(u0), awaits, *plays]
-        for kept, value in zip((*state[:2], state.awaits, *state.xi_V), fresh, strict=True):
-            kept.copy_(torch.where(mask, value.to(kept.dtype), kept))
-        for kept in state.effects:
-            kept.masked_fill_(mask, torch.nan)
+            self._plant.restore([self._array(part) for part in self._state])
+            kept = self._awaits & ~np.asarray(lanes, dtype=bool)
+        else:
+            kept = np.zeros(self.lanes, dtype=bool)
+            self._samples, self._held = 0, self._tensor(np.zeros(self.lanes))
+        self._plant.reset(u0_V, memory, lanes)
+        self._state = [self._column(part) for part in self._plant.snapshot()]
+        begins = np.ones(self.lanes, dtype=bool) if lanes is None else np.asarray(lanes, bool)
+        self._awaits = kept | (begins & (u0_V is None and memory is None))
 
     @torch.no_grad()
     def step(self, u_V: Tensor) -> Tensor:
-        """Advance one sample in place, without gradients; no check of the values.
+        """Advance one sample, without gradients.
 
         Parameters
         ----------
         u_V
-            Command (V), ``[B]`` of any floating type; float64 keeps the rate exact.
+            Command (V), ``[B]``.
 
         Returns
         -------
         float64[B]
             Displacement (µm) before the sensor.
-
-        Raises
-        ------
-        InputError
-            Another shape.
         """
-        if u_V.shape != (self.lanes,):
-            raise InputError(
-                f"a command of shape {tuple(u_V.shape)} for {self.lanes} lanes; give ({self.lanes},)"
-            )
-        y, state = self._advance(u_V, self.state)
-        self._keep(state)
-        return y
+        return self.simulate(u_V[None])[0]
 
     def simulate(self, u_V: Tensor) -> Tensor:
         """Run a block of commands and keep the memory for the next one.
@@ -294,65 +170,77 @@ class TorchPlant:
             raise InputError(
                 f"sample {sample} of lane {lane} is {float(u[sample, lane])}; commands are finite voltages"
             )
-        state = self.state.clone()  # what gradients need is not overwritten in the end
-        rows = []
-        for row in u:
-            y, state = self._advance(row, state)
-            rows.append(y)
-        with torch.no_grad():
-            self._keep(state)
-        return torch.stack(rows).reshape(u_V.shape)
+        parameters = {name: self._column(rows) for name, rows in self.parameters.items()}
+        displacement = torch.stack([self._advance(row, parameters) for row in u.to(torch.float64)])
+        for part in self._state:
+            for place, value in np.ndenumerate(part):
+                part[place] = self._lanes.tensor(value).detach()
+        return displacement.reshape(u_V.shape)
 
-    def _advance(self, u_V: Tensor, state: State) -> tuple[Tensor, State]:
-        u = u_V.to(ROW)
-        held, samples = state.held_V, state.samples
-        if self._hold > 1:
-            u = held = torch.where(samples % self._hold == 0, u, held)
-            samples = samples + 1
-        effects, memory, awaits = list(state.effects), state.xi_V, state.awaits
-        if len(self._turns_V):
-            past = self._settled(u)
-            memory = tuple(
-                torch.where(awaits, x.to(xi.dtype), xi) for x, xi in zip(past, memory, strict=True)
-            )
-            awaits = torch.zeros_like(awaits)
+    def _advance(self, u: Tensor, parameters: dict[str, Any]) -> Tensor:
+        if self._samples % self._hold == 0:
+            self._held = u
+        self._samples, u = self._samples + 1, self._held
+        if self._awaits.any():
+            self._begin(u.detach().cpu().numpy())
+        core, *states = self._state
 
-        def run(x: Tensor, *slots: Slot) -> Tensor:
-            for i, (slot, twin, p) in enumerate(self._stages):
+        def run(kernel: Callable[..., Any], *arguments: Any) -> Tensor:
+            y = np.full((1, 1), 0.0, dtype=object)
+            kernel(*arguments, y)
+            found: Tensor = self._lanes.tensor(y[0, 0])
+            return found
+
+        def stages(x: Tensor, *slots: Slot) -> Tensor:
+            for (slot, name, kernel), state in zip(self._stages, states, strict=True):
                 if slot in slots:
-                    x, effects[i] = twin(x, u, p, effects[i], self.ts_s)
+                    x = run(kernel, _cell(x), _cell(u), parameters[name], state, self.ts_s)
             return x
 
-        u = run(u, "input")
-        v = rate(u, state.u_V, state.rate_V_s, self.parameters, self.ts_s)
-        y, xi = play_sum(u, run(v, "rate"), self.parameters, memory)
-        y = run(y, "hysteresis", "output") + self.parameters.offset_um
-        return y, State(u, v, held, samples, awaits, xi, tuple(effects))
+        u = stages(u, "input")
+        v = stages(run(self._rate, _cell(u), parameters["core"], core, self.ts_s), "rate")
+        y = run(self._core, _cell(u), _cell(v), parameters["core"], core)
+        return stages(y, "hysteresis", "output") + self._offsets
 
-    def _columns(self) -> tuple[Tensor, ...]:
-        """All that a lane has one column of."""
-        stages = (p for _, _, p in self._stages)
-        return (
-            *self.parameters, self._turns_V, self._follow, *stages, *self.state.tensors(),
-        )  # fmt: skip
+    def _begin(self, first_V: Array) -> None:
+        """Set the memory of lanes whose record begins at commands (V), from the models' own past."""
+        for lane in np.flatnonzero(self._awaits):
+            model = self.models[lane]
+            turns = model.turns_from(float(first_V[lane]))
+            for i, value in enumerate(model.hysteresis.settled(turns) if turns else ()):
+                row = self._state[0][2 + i, 0].clone()
+                row[lane] = float(value)
+                self._state[0][2 + i, 0] = row
+        self._awaits[:] = False
 
-    def _settled(self, first_V: Tensor) -> Tensor:
-        """Memory (V) of the models' own past where lanes begin at commands (V), ``float64[n, B]``."""
-        rest = self.parameters.thresholds_V.detach().to(ROW)
-        xi = torch.zeros((len(rest), self.lanes), dtype=ROW, device=self.device)
-        for turn, follows in zip(self._turns_V, self._follow, strict=True):
-            u = turn + follows * first_V
-            xi = torch.clamp(xi, u - rest, u + rest)
-        return xi
+    def _check(self) -> None:
+        """Refuse a core or an effect that does not run in torch, by running each for a sample."""
+        try:
+            self.simulate(torch.zeros(1, self.lanes, dtype=torch.float64, device=self.device))
+        except UntranslatableError as error:
+            raise InputError(
+                f"plant {self.models[0].name} cannot be run in torch: {error}; run it by rdpi_gym.plant.Plant"
+            ) from error
+        self.reset()
 
-    def _keep(self, state: State) -> None:
-        for kept, value in zip(self.state.tensors(), state.tensors(), strict=True):
-            if kept is not value:  # a twin may need fewer rows than its kernel
-                target = kept[: len(value)] if kept.ndim == 2 else kept
-                target.copy_(value)
+    def _tensor(self, values: ArrayLike) -> Tensor:
+        return torch.tensor(np.asarray(values), dtype=torch.float64, device=self.device)
 
-    def _rows(self, values: ArrayLike | Tensor) -> Tensor:
-        return torch.as_tensor(values, dtype=ROW, device=self.device)
+    def _column(self, rows: Tensor | Array) -> Any:
+        """Return rows ``(n, B)`` as a kernel's array of one lane, whose elements are tensors ``(B,)``."""
+        tensor = rows if isinstance(rows, Tensor) else self._tensor(rows)
+        column = np.empty((len(tensor), 1), dtype=object)
+        for i, row in enumerate(tensor.unbind()):
+            column[i, 0] = row
+        return column
 
-    def _empty(self, *rows: int) -> Tensor:
-        return torch.zeros((*rows, self.lanes), dtype=ROW, device=self.device)
+    def _array(self, column: Any) -> Array:
+        """Return what :meth:`_column` was made of, as NumPy has it."""
+        rows = [self._lanes.tensor(each).expand(self.lanes).cpu().numpy() for each in column[:, 0]]
+        return np.array(rows).reshape(len(column), self.lanes)
+
+
+def _cell(value: Tensor) -> Any:
+    cell = np.empty((1, 1), dtype=object)
+    cell[0, 0] = value
+    return cell

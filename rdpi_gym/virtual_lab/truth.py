@@ -1,4 +1,4 @@
-"""What is true of a simulated data set, and what a searcher must not see."""
+"""The truth behind a simulated data set."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def _gap(study: Study, options: Namespace) -> None:
 
 
 def _curves(study: Study, options: Namespace) -> None:
-    from rdpi_gym.report.learning_picture import learning_picture  # matplotlib, only where needed
+    from studies.agents.learning_picture import learning_picture  # matplotlib, only where needed
 
     curves = learning_curves(_finished(study, options.runs))
     level = float(curves["compensator_rmse_um"].median())

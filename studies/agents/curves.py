@@ -17,7 +17,7 @@ COLUMNS = (
     "reward", "compensator_rmse_um", "compensator_rmse_percent", "compensator_command_variation_V_s",
 )  # fmt: skip
 """Of a table of curves: a row is one evaluation of a training, on the held-out plants of
-:mod:`baselines.learned.evaluation`, which are not those of the scores."""
+:mod:`baselines.learned.environments`, which are not those of the scores."""
 PICTURE = "learning-curves.png"
 
 METHOD = f"""\

@@ -9,14 +9,12 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from baselines.learned.controller import LearnedController
-from baselines.learned.evaluation import HeldOut
-from baselines.learned.found import find_learned
-from baselines.learned.imitation.options import Options
+from baselines.learned.controller import LearnedController, find_learned
+from baselines.learned.environments import HeldOut
 from baselines.learned.imitation.policy import StudentPolicy
-from baselines.learned.imitation.rounds import witnessed
-from baselines.learned.kept import DESCRIPTION
+from baselines.learned.imitation.rounds import Options, witnessed
 from baselines.learned.options import TrainingOptions
+from baselines.learned.policy import DESCRIPTION
 from rdpi_gym.support.files import parse_json, read_utf8, write_json
 from studies.agents.study import Study
 

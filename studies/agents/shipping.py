@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from baselines.learned.kept import DESCRIPTION
-from baselines.learned.policy import WEIGHTS, Policy
+from baselines.learned.policy import DESCRIPTION, WEIGHTS, Policy
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.folders import replaced_folder

@@ -5,8 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from baselines.learned.imitation.options import Options
-from baselines.learned.train_imitation import train
+from baselines.learned.imitation.rounds import Options, train
 from rdpi_gym.support.folders import replaced_folder
 from rdpi_gym.support.progress import Progress
 

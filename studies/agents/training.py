@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 
 from baselines.learned.options import TrainingOptions
+from baselines.learned.training import trainer
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json
 from rdpi_gym.support.parallel import run_cases
@@ -105,10 +105,6 @@ def train_all(
 
 def train_one(training: Training) -> Path:
     """Train one agent, or go on; the same call again does what is left, so it may be repeated."""
-    try:
-        script = import_module(f"baselines.learned.train_{training.agent.algorithm}")
-    except ImportError as error:
-        raise InputError(f"training needs {error.name}; install rdpi-gym[rl]") from error
+    chosen = trainer(training.agent.algorithm)
     options = training.study.options(training.agent, training.seed, training.folder)
-    policy: Path = script.train(script.Options(**options))
-    return policy
+    return chosen.train(chosen.Options(**options))

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import studies.effect_pages
-from rdpi_gym.report.effect_figure import effect_picture
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import progress_bar
+from studies.effect_pages.picture import effect_picture
 from studies.effect_pages.shown import SHOWN
 from studies.effect_pages.study import bare_records, study_effect
 from studies.effect_pages.text import page_texts

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.report.effect_figure import LEFT, WITH, WITHOUT, Line, Panel
 from rdpi_gym.signals import Constant
 from rdpi_gym.signals.experiments import Experiment, polyline
 from rdpi_gym.support.arrays import Array
+from studies.effect_pages.picture import LEFT, WITH, WITHOUT, Line, Panel
 from studies.effect_pages.study import Study
 
 Complex = NDArray[np.complex128]
@@ -72,7 +72,7 @@ def small_loop(study: Study, title: str, name: str, start_s: float) -> Panel:
 def left_over_time(
     study: Study, title: str, name: str, start_s: float = 0.0, stop_s: float = np.inf
 ) -> Panel:
-    """What a refit leaves over the time of one record."""
+    """Residual of a refit over the time of one record."""
     record = study.having[name]
     t = record.t_s - record.t_s[0]
     k = (t >= start_s) & (t <= stop_s)
@@ -80,7 +80,7 @@ def left_over_time(
 
 
 def left_over_command(study: Study, title: str, *names: str) -> Panel:
-    """What a refit leaves over the command: of one record by direction, of several by record."""
+    """Residual of a refit over the command: of one record by direction, of several by record."""
     lines = []
     for name in names:
         u, left = study.having[name].u_V, study.left_um[name]
@@ -140,7 +140,7 @@ def spectrum(study: Study, title: str, name: str, highest_hz: float) -> Panel:
 
 
 def repeats(study: Study, title: str, first: str, again: str) -> Panel:
-    """How much more the same command moves the plant when it is repeated, over displacement."""
+    """Change of the displacement when the same command is repeated, over displacement."""
     lines = []
     for label, records in ((WITHOUT, study.without), (WITH, study.having)):
         before, after = records[first].y_um, records[again].y_um

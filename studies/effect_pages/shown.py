@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rdpi_gym.plant.effects import CATALOGUE, Effect, Look, Picture
-from rdpi_gym.report.effect_figure import Panel
 from rdpi_gym.virtual_lab import HIDEABLE
 from studies.effect_pages.panels import PANELS
+from studies.effect_pages.picture import Panel
 from studies.effect_pages.study import Study
 
 ANY = Picture(

@@ -1,4 +1,4 @@
-"""What an effect does to tracking: the error of an inverse that does not know it, and of one that does."""
+"""Tracking with an effect: the error of an inverse without knowledge of it, and with it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _HOLD_S, _RISE_S = 10.0, 0.1
 
 @dataclass(frozen=True)
 class Reference:
-    """What is followed.
+    """A reference to follow.
 
     Parameters
     ----------

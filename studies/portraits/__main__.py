@@ -15,15 +15,15 @@ import pandas as pd
 
 import studies.portraits
 from baselines.extended import ExtendedInverse
-from benchmarks.foreign_effects.drives import Drive, between
+from benchmarks.effect_discovery.protocols import Drive, between
 from rdpi_gym.diagnosis.portrait.drawing import draw
-from rdpi_gym.diagnosis.portrait.learning import learn_forms
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
-from rdpi_gym.diagnosis.search.bench import State
+from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.search.forms import in_best_form
-from rdpi_gym.diagnosis.search.laboratory import Laboratory
-from rdpi_gym.diagnosis.search.law import plant_of
-from rdpi_gym.diagnosis.search.remainder import remainder
+from rdpi_gym.diagnosis.search.model_search import ModelSearch
+from rdpi_gym.diagnosis.search.plants import plant_of
+from rdpi_gym.diagnosis.search.refitting import State
+from rdpi_gym.diagnosis.search.residual_share import remainder
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
@@ -87,23 +87,23 @@ def run_case(case: Case, code: str) -> Row:
     began = time.process_time()
     try:
         found = measured(case.sort, case.protocol, case.seed, case.number)
-        laboratory = Laboratory(found.dataset, CATALOGUE, 1, 0, None, None)
-        base = laboratory.base(None)
+        search = ModelSearch(found.dataset, CATALOGUE, 1, 0, None, None)
+        base = search.base(None)
         plays = base.hysteresis.pruned()
-        forms = learn_forms(laboratory.setting, plays, (), Unknown, _silent)
-        added = State(in_best_form(forms, laboratory.noise_um)[0])  # as `rdpi add unknown` chooses
-        drawn = draw(laboratory.setting, plays, (), forms, {}, 0, _silent)
+        forms = learn_forms(search.setting, plays, (), Unknown, _silent)
+        added = State(in_best_form(forms, search.noise_um)[0])  # as `rdpi add unknown` chooses
+        drawn = draw(search.setting, plays, (), forms, {}, 0, _silent)
     except InputError as error:
         return row | {"status": "failed", "error": str(error)}
     noise_um = found.plant.noise_um
     before, after = (s.outcome.errors.validation_rmse_um for s in (base, added))
-    tracked = [_tracking_um(found, _plant(laboratory, s)) for s in (base, added)]
+    tracked = [_tracking_um(found, _plant(search, s)) for s in (base, added)]
     return (
         row
         | {
             "status": "done",
             "floors": found.floors,
-            "predictable": _predictable(laboratory, base),
+            "predictable": _predictable(search, base),
             "tau_s": found.numbers["tau_s"],
             "before": before / noise_um,
             "after": after / noise_um,
@@ -143,18 +143,18 @@ def _silent(task: str, done: int, total: int) -> None:
     """Report nothing: a case is one of many."""
 
 
-def _predictable(laboratory: Laboratory, base: State) -> float:
+def _predictable(search: ModelSearch, base: State) -> float:
     """Share of the squared error of a model, noise included, that a learner predicts on unseen data.
 
     A ridge regression on features of the command's past, or what recurs with it: nothing of the block.
     """
-    own = laboratory.setting
-    left = remainder(base.fit.variant, own.train, own.validation, own.scale, laboratory.noise_um)
+    own = search.setting
+    left = remainder(base.fit.variant, own.train, own.validation, own.scale, search.noise_um)
     return left.share * (left.left_um / base.outcome.errors.validation_rmse_um) ** 2
 
 
-def _plant(laboratory: Laboratory, state: State) -> PlantModel:
-    return plant_of(laboratory.setting, state.outcome, None)
+def _plant(search: ModelSearch, state: State) -> PlantModel:
+    return plant_of(search.setting, state.outcome, None)
 
 
 def _tracking_um(found: Measured, belief: PlantModel) -> float:

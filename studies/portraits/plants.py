@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.foreign_effects.drives import Drive
-from benchmarks.foreign_effects.plants import Foreign, draw_plant, noise_of
-from benchmarks.foreign_effects.protocols import Taken
+from benchmarks.effect_discovery.plants import Foreign, draw_plant, noise_of
+from benchmarks.effect_discovery.protocols import Drive, Taken
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
 from rdpi_gym.signals.experiments import PAUSE_S, standard_protocol
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.virtual_lab.draws import MaskedError
-from rdpi_gym.virtual_lab.visibility import left_over
+from rdpi_gym.virtual_lab.draws import MaskedError, left_over
 from studies.portraits.sorts import SORTS, Sort, World, drawn_numbers
 
 PROTOCOLS = ("standard", "bursts")

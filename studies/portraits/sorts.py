@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from benchmarks.foreign_effects.drives import Drive, between
-from benchmarks.foreign_effects.physics import (
+from benchmarks.effect_discovery.physics import (
     gap,
     linear,
     plays_by_substeps,
     plays_by_turning_points,
 )
-from benchmarks.foreign_effects.plants import Foreign
+from benchmarks.effect_discovery.plants import Foreign
+from benchmarks.effect_discovery.protocols import Drive, between
 from rdpi_gym.support.arrays import Array
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baselines import make_controller
-from baselines.inverses.whole_record import LinearUndo
+from baselines.inverses.delay import LinearUndo
 from baselines.pi import gains_within_margin, simc_gains
 from baselines.preview_inversion import SMOOTHING_HZ, learning_recursion
 from rdpi_gym.envs import ObservationLayout, TrackingTask

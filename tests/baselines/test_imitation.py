@@ -14,16 +14,13 @@ pytest.importorskip("torch")
 import torch
 
 from baselines import make_controller
-from baselines.learned.found import find_learned
+from baselines.learned.controller import find_learned
 from baselines.learned.imitation import fitting, rounds
-from baselines.learned.imitation.fitting import Learner
-from baselines.learned.imitation.loop import Loop
-from baselines.learned.imitation.options import Options
+from baselines.learned.imitation.fitting import Learner, Loop
 from baselines.learned.imitation.policy import StudentPolicy
-from baselines.learned.imitation.student import ERRORS, UNIT_UM, Student, fresh_arrays
-from baselines.learned.imitation.taught import WEIGHTED
+from baselines.learned.imitation.rounds import Options, train
+from baselines.learned.imitation.student import ERRORS, UNIT_UM, WEIGHTED, Student, fresh_arrays
 from baselines.learned.imitation.teacher import taught_lanes, visit
-from baselines.learned.train_imitation import train
 from benchmarks.stages.unit import Unit, run_unit
 from rdpi_gym.cli import main
 from rdpi_gym.envs.tasks import STAGE
@@ -152,8 +149,9 @@ def test_every_round_has_plants_of_its_own(tmp_path, monkeypatch):
         drawn.append((split, *numbers))
         return taught_lanes(task, split, numbers, seed)
 
+    asked = options(tmp_path / "run", timesteps=200)
     monkeypatch.setattr(rounds, "taught_lanes", noted)
-    train(options(tmp_path / "run", timesteps=200))
+    train(asked)
     assert drawn == [
         ("training", 0), ("validation", 0), ("validation", 0),
         ("training", 0), ("training", 1), ("validation", 0),

@@ -7,7 +7,7 @@ import pytest
 
 from baselines import make_controller
 from baselines.inverses import INVERSES, Setting, congruency, inverse_of, inverses_of
-from baselines.inverses.whole_record import LinearUndo
+from baselines.inverses.delay import LinearUndo
 from baselines.pi import gains_within_margin, simc_gains
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import P10, Plant

@@ -9,9 +9,9 @@ pytest.importorskip("torch")
 
 from baselines import make_controller
 from baselines.base import Baseline
-from baselines.learned.found import find_learned
+from baselines.learned.controller import find_learned
+from baselines.learned.envelope import WATCHED
 from baselines.learned.guard import FALLBACK, Guarded
-from baselines.learned.seen import WATCHED
 from baselines.registry import known_controller
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout, TrackingTask

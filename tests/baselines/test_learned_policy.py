@@ -16,9 +16,9 @@ pytest.importorskip("torch")
 import torch
 
 from baselines import make_controller
-from baselines.learned import kept as kept_module
+from baselines.learned import policy as policies
 from baselines.learned import policy as policy_module
-from baselines.learned.found import find_learned
+from baselines.learned.controller import find_learned
 from baselines.learned.policy import Network, Policy, find_policy
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
@@ -197,7 +197,7 @@ def test_weights_that_carry_code_are_refused_and_the_code_is_not_run(tmp_path, m
             archive.writestr(
                 name, pickle.dumps(Bomb(), protocol=2) if name.endswith(".pkl") else content
             )
-    monkeypatch.setattr(kept_module.hashlib, "sha256", lambda _: Same(folder))
+    monkeypatch.setattr(policies.hashlib, "sha256", lambda _: Same(folder))
     with pytest.raises(InputError, match=r"weights\.pt holds no weights alone"):
         Policy.load(folder)
 

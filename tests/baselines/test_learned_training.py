@@ -11,13 +11,14 @@ pytest.importorskip("stable_baselines3")
 
 import torch
 
-from baselines.learned import evaluation, train_ppo, train_sac, train_td3
+from baselines.learned import environments
 from baselines.learned.checkpoint import _checkpoints
 from baselines.learned.options import PLANTS
 from baselines.learned.policy import Policy
+from baselines.learned.training import trainer
 from rdpi_gym.support.errors import InputError
 
-SCRIPTS = {"ppo": train_ppo, "sac": train_sac, "td3": train_td3}
+TRAINERS = {name: trainer(name) for name in ("ppo", "sac", "td3")}
 WRAPPERS = """
   env_wrapper:
     - rdpi_gym.envs.wrappers.history.HistoryObservation: {history: 2}
@@ -35,14 +36,14 @@ COMMON = "  n_envs: 4\n  n_timesteps: 320\n  gamma: 0.9\n  policy_kwargs: {net_a
 @pytest.fixture(autouse=True)
 def _few_samples(monkeypatch):
     for name, value in {"LANES": 4, "SAMPLES": 30, "FIRST": 5}.items():
-        monkeypatch.setattr(evaluation, name, value)
+        monkeypatch.setattr(environments, name, value)
 
 
 def options(tmp_path, algorithm, folder="run", more="", **fields):
     path = tmp_path / f"{algorithm}.yml"
     path.write_text(f"default:\n{COMMON}{SMALL[algorithm]}{more}{WRAPPERS}")
     given = {"out": tmp_path / folder, "hyperparameters": path, "every": 128, "episode": 25}
-    return SCRIPTS[algorithm].Options(**(given | fields))
+    return TRAINERS[algorithm].Options(**(given | fields))
 
 
 def curve(folder):
@@ -81,7 +82,7 @@ def interrupted_at(steps):
     [("ppo", ""), ("ppo", "\n  use_sde: true\n  sde_sample_freq: 4"), ("sac", ""), ("td3", "")],
 )
 def test_an_interruption_changes_no_bit_of_the_result(tmp_path, algorithm, more):
-    train = SCRIPTS[algorithm].train
+    train = TRAINERS[algorithm].train
     whole = options(tmp_path, algorithm, "whole", more)
     train(whole)
     cut = options(tmp_path, algorithm, "cut", more)
@@ -102,9 +103,9 @@ def test_an_interruption_changes_no_bit_of_the_result(tmp_path, algorithm, more)
 
 def test_a_finished_training_is_not_trained_further(tmp_path):
     asked = options(tmp_path, "sac")
-    train_sac.train(asked)
+    TRAINERS["sac"].train(asked)
     before = curve(asked.out), weights(asked.out)
-    assert train_sac.train(asked) == asked.out / "policy"
+    assert TRAINERS["sac"].train(asked) == asked.out / "policy"
     assert curve(asked.out) == before[0]
     assert same(weights(asked.out), before[1])
     (newest,) = _checkpoints(asked.out / "checkpoint")
@@ -116,7 +117,7 @@ def test_a_seed_is_a_run(tmp_path):
         options(tmp_path, "ppo", name, seed=seed) for name, seed in (("a", 1), ("b", 1), ("c", 2))
     )
     for each in (first, again, other):
-        train_ppo.train(each)
+        TRAINERS["ppo"].train(each)
     assert curve(first.out) == curve(again.out)
     assert same(weights(first.out), weights(again.out))
     assert not same(weights(first.out), weights(other.out))
@@ -124,7 +125,7 @@ def test_a_seed_is_a_run(tmp_path):
 
 def test_the_policy_that_is_kept_is_the_best_on_the_held_out_plants(tmp_path):
     asked = options(tmp_path, "ppo", command_cost=5.0)
-    train_ppo.train(asked)
+    TRAINERS["ppo"].train(asked)
     rows = curve(asked.out)
     best = max(rows, key=lambda row: float(row["reward"]))
     policy = Policy.load(asked.out / "policy")
@@ -136,9 +137,9 @@ def test_the_policy_that_is_kept_is_the_best_on_the_held_out_plants(tmp_path):
 @pytest.mark.parametrize("action", ["command", "increment"])
 def test_an_agent_without_a_baseline_is_compared_with_it(tmp_path, action):
     asked = options(tmp_path, "ppo", action=action)
-    train_ppo.train(asked)
+    TRAINERS["ppo"].train(asked)
     correcting = options(tmp_path, "ppo", "other")
-    train_ppo.train(correcting)
+    TRAINERS["ppo"].train(correcting)
     assert Policy.load(asked.out / "policy").baseline is None
     name = "compensator_rmse_um"
     assert {row[name] for row in curve(asked.out)} == {row[name] for row in curve(correcting.out)}
@@ -160,12 +161,12 @@ def contents(folder):
 def test_other_options_in_the_same_folder_are_refused_and_nothing_is_overwritten(
     tmp_path, fields, message
 ):
-    train_ppo.train(options(tmp_path, "ppo"))
+    TRAINERS["ppo"].train(options(tmp_path, "ppo"))
     before = contents(tmp_path / "run")
     with pytest.raises(InputError, match=message):
-        train_ppo.train(options(tmp_path, "ppo", **fields))
+        TRAINERS["ppo"].train(options(tmp_path, "ppo", **fields))
     with pytest.raises(InputError, match="algorithm 'ppo', asked for is 'sac'"):
-        train_sac.train(options(tmp_path, "sac"))
+        TRAINERS["sac"].train(options(tmp_path, "sac"))
     assert contents(tmp_path / "run") == before
 
 
@@ -173,7 +174,7 @@ def test_results_without_a_configuration_are_not_overwritten(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "training.csv").write_text("mine")
     with pytest.raises(InputError, match=r"without config\.json"):
-        train_ppo.train(options(tmp_path, "ppo"))
+        TRAINERS["ppo"].train(options(tmp_path, "ppo"))
     assert (tmp_path / "run" / "training.csv").read_text() == "mine"
 
 
@@ -203,27 +204,27 @@ def as_version(number):
 def test_a_checkpoint_that_cannot_be_gone_on_from_is_one_line(tmp_path, name, change, message):
     asked = options(tmp_path, "sac")
     with pytest.raises(KeyboardInterrupt):
-        train_sac.train(asked, interrupted_at(200))
+        TRAINERS["sac"].train(asked, interrupted_at(200))
     (newest,) = _checkpoints(asked.out / "checkpoint")
     damage(newest / name, change)
     before = contents(asked.out)
     with pytest.raises(InputError, match=message) as caught:
-        train_sac.train(asked)
+        TRAINERS["sac"].train(asked)
     assert "\n" not in str(caught.value)
     assert contents(asked.out) == before
 
 
 def test_a_configuration_of_another_version_is_one_line(tmp_path):
     asked = options(tmp_path, "ppo")
-    train_ppo.train(asked)
+    TRAINERS["ppo"].train(asked)
     damage(asked.out / "config.json", as_version(7))
     before = contents(asked.out)
     with pytest.raises(InputError, match="version 7 of rdpi-training"):
-        train_ppo.train(asked)
+        TRAINERS["ppo"].train(asked)
     assert contents(asked.out) == before
 
 
-@pytest.mark.parametrize("algorithm", SCRIPTS)
+@pytest.mark.parametrize("algorithm", TRAINERS)
 def test_a_training_that_diverges_says_so(tmp_path, algorithm):
     asked = options(tmp_path, algorithm)
     text = asked.hyperparameters.read_text()
@@ -233,12 +234,12 @@ def test_a_training_that_diverges_says_so(tmp_path, algorithm):
         text = text.replace("gamma", "learning_rate: 1.0e+30\n  gamma")
     asked.hyperparameters.write_text(text)
     with pytest.raises(InputError, match=r"diverged .* lower learning_rate"):
-        SCRIPTS[algorithm].train(asked)
+        TRAINERS[algorithm].train(asked)
 
 
 def test_tensorboard_has_the_held_out_error(tmp_path):
     events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
-    train_ppo.train(options(tmp_path, "ppo", tensorboard=True))
+    TRAINERS["ppo"].train(options(tmp_path, "ppo", tensorboard=True))
     (folder,) = (tmp_path / "run" / "tensorboard").iterdir()
     log = events.EventAccumulator(str(folder))
     log.Reload()
@@ -249,10 +250,10 @@ def test_tensorboard_has_the_held_out_error(tmp_path):
 def test_within_seconds_ppo_halves_the_compensators_error_without_dither(tmp_path, monkeypatch):
     monkeypatch.undo()
     everything = PLANTS[:1]  # lag, creep and resonance, none of which the baseline believes in
-    asked = train_ppo.Options(
+    asked = TRAINERS["ppo"].Options(
         out=tmp_path / "run", plants=everything, timesteps=150_000, every=150_000
     )
-    policy = Policy.load(train_ppo.train(asked))
+    policy = Policy.load(TRAINERS["ppo"].train(asked))
     compensator = {k: float(v) for k, v in curve(asked.out)[0].items() if "compensator" in k}
     assert policy.training["rmse_um"] < 0.5 * compensator["compensator_rmse_um"]
     variation = compensator["compensator_command_variation_V_s"]

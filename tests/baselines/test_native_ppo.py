@@ -10,16 +10,16 @@ pytest.importorskip("torch")
 
 import torch
 
-from baselines.learned import evaluation, train_native_ppo
+from baselines.learned import environments
+from baselines.learned.folder import Run
 from baselines.learned.native.lanes import Lanes
 from baselines.learned.native.learner import NativeLearner
 from baselines.learned.native.networks import ActorCritic, Workspace
-from baselines.learned.native.ppo import NativePPO
-from baselines.learned.native.update import Batch, Law, Updater, estimate_advantages
+from baselines.learned.native.update import Batch, Law, NativePPO, Updater, estimate_advantages
 from baselines.learned.options import PLANTS, TrainingOptions
 from baselines.learned.policy import Policy
-from baselines.learned.run import Run
 from baselines.learned.settings import Settings
+from baselines.learned.training import trainer
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
 from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
@@ -43,14 +43,17 @@ default:
 @pytest.fixture(autouse=True)
 def _few_samples(monkeypatch):
     for name, value in {"LANES": 4, "SAMPLES": 30, "FIRST": 5}.items():
-        monkeypatch.setattr(evaluation, name, value)
+        monkeypatch.setattr(environments, name, value)
+
+
+NATIVE = trainer("native-ppo")
 
 
 def options(tmp_path, folder="run", more="", **fields):
     path = tmp_path / "native.yml"
     path.write_text(YAML + more)
     given = {"out": tmp_path / folder, "hyperparameters": path, "every": 160, "episode": 25}
-    return train_native_ppo.Options(**(given | {"action": "increment"} | fields))
+    return NATIVE.Options(**(given | {"action": "increment"} | fields))
 
 
 def learner(tmp_path, **fields):
@@ -251,11 +254,11 @@ def interrupted_at(steps):
 @pytest.mark.parametrize("threads", [1, 2])
 def test_an_interruption_changes_no_bit_of_the_result(tmp_path, threads):
     whole, cut = (options(tmp_path, name, threads=threads) for name in ("whole", "cut"))
-    train_native_ppo.train(whole)
+    NATIVE.train(whole)
     for steps in (80, 200, 390):  # before the first checkpoint, and between others
         with pytest.raises(KeyboardInterrupt):
-            train_native_ppo.train(cut, interrupted_at(steps))
-    train_native_ppo.train(cut)
+            NATIVE.train(cut, interrupted_at(steps))
+    NATIVE.train(cut)
     assert curve(cut.out) == curve(whole.out)
     assert [int(row["timesteps"]) for row in curve(cut.out)] == [0, 160, 320, 400]
     for name in ("policy/weights.pt", "checkpoint/000000000400/model.pt"):
@@ -277,11 +280,17 @@ def test_an_interruption_changes_no_bit_of_the_result(tmp_path, threads):
 )  # fmt: skip
 def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, more, fields, message):
     with pytest.raises(InputError, match=message) as caught:
-        train_native_ppo.train(options(tmp_path, more=more, **fields))
+        NATIVE.train(options(tmp_path, more=more, **fields))
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "run").exists()
 
 
 def test_a_training_that_diverges_says_so(tmp_path):
     with pytest.raises(InputError, match=r"diverged .* lower learning_rate"):
-        train_native_ppo.train(options(tmp_path, more="  learning_rate: 1.0e+38\n"))
+        NATIVE.train(options(tmp_path, more="  learning_rate: 1.0e+38\n"))
+
+
+def test_the_device_is_the_cpu_and_another_is_refused(tmp_path):
+    assert options(tmp_path, device="cpu").document() == options(tmp_path).document()
+    with pytest.raises(InputError, match="native-ppo has no device 'cuda'; leave --device out"):
+        options(tmp_path, device="cuda")

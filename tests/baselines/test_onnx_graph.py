@@ -41,7 +41,7 @@ def ran(make, x):
         (lambda x: x.at_least(0.1), lambda x: np.maximum(x, 0.1)),
         (lambda x: x.remainder(0.3), lambda x: np.fmod(x, 0.3)),
         (lambda x: x.filled(7.0), lambda x: np.full_like(x, 7.0)),
-        (lambda x: ((x > 0.0) & (x <= 1.0) | ~(x >= -1.0) | (x < -2.0)).numbered(),
+        (lambda x: ((x > 0.0) & (x <= 1.0) | ~(x >= -1.0) | (x < -2.0)).cast(np.float64),
          lambda x: ((x > 0.0) & (x <= 1.0) | (x < -1.0)).astype(float)),
         (lambda x: x.graph.where(x > 0.0, x, 5.0), lambda x: np.where(x > 0.0, x, 5.0)),
         (lambda x: x.graph.joined(x, x[:, :1]), lambda x: np.hstack([x, x[:, :1]])),

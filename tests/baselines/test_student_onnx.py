@@ -13,12 +13,11 @@ pytest.importorskip("onnxruntime")
 
 import onnxruntime
 
-from baselines.learned.found import find_learned
+from baselines.learned.controller import find_learned
 from baselines.learned.imitation import student
-from baselines.learned.imitation.controller import StudentController
-from baselines.learned.imitation.onnx_export import controller_on, export_student
-from baselines.learned.imitation.policy import StudentPolicy
+from baselines.learned.imitation.policy import StudentController, StudentPolicy
 from baselines.learned.imitation.teacher import taught_lanes
+from baselines.learned.onnx_export import controller_on, export_student
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.tasks import STAGE

@@ -10,9 +10,8 @@ pytest.importorskip("torch")
 
 import torch
 
-from baselines.learned.network import Network
-from baselines.learned.policy import SHIPPED, Policy
-from benchmarks.tracking import learned
+from baselines.learned.policy import SHIPPED, Network, Policy
+from benchmarks.tracking import controllers as learned
 from benchmarks.tracking.evaluation import evaluate
 from benchmarks.tracking.fingerprint import task_fingerprint
 from benchmarks.tracking.run import benchmark

@@ -8,14 +8,14 @@ import yaml
 pytest.importorskip("stable_baselines3")
 pytest.importorskip("optuna")
 
-from baselines.learned import evaluation
-from baselines.learned.learner import DivergedError
+from baselines.learned import environments
+from baselines.learned.native.update import NativePPO
+from baselines.learned.options import DivergedError
 from baselines.learned.search_space import SPACES, read_space
 from baselines.learned.settings import SHIPPED, read_settings, read_values
-from baselines.learned.stable_baselines import StableBaselinesLearner
+from baselines.learned.stable_baselines import ALGORITHMS, StableBaselinesLearner
 from baselines.learned.training import Course
 from rdpi_gym.cli import main
-from rdpi_gym.face.training import _script
 
 YAML = """
 default:
@@ -35,7 +35,7 @@ policy_kwargs.net_arch: [[4], [8, 8]]
 @pytest.fixture(autouse=True)
 def _small(monkeypatch, tmp_path):
     for name, value in {"LANES": 4, "SAMPLES": 12, "FIRST": 2}.items():
-        monkeypatch.setattr(evaluation, name, value)
+        monkeypatch.setattr(environments, name, value)
     (tmp_path / "small.yml").write_text(YAML)
     (tmp_path / "space.yml").write_text(SPACE)
     monkeypatch.chdir(tmp_path)
@@ -151,8 +151,7 @@ def test_a_shipped_space_begins_at_the_shipped_values_and_holds_what_the_algorit
     assert {name: begun[name] for name in values} | {"learning_rate": 0} == values | {
         "learning_rate": 0
     }
-    script = _script(algorithm)
-    kind = getattr(script, algorithm.upper(), None) or script.NativePPO
+    kind = ALGORITHMS.get(algorithm, NativePPO)
     path = tmp_path / "begun.yml"
     path.write_text(yaml.safe_dump({"default": begun}))
     assert read_settings(path, kind).arguments()

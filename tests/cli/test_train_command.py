@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import rdpi_gym as rg
-from baselines.learned import evaluation
+from baselines.learned import environments
 from baselines.learned.policy import Policy
 from rdpi_gym.cli import main
 from rdpi_gym.face import training
@@ -33,7 +33,7 @@ DRAW = training._draw
 def _few_samples(monkeypatch, tmp_path):
     monkeypatch.setattr(training, "_draw", lambda _: None)  # half a second each time
     for name, value in {"LANES": 4, "SAMPLES": 30, "FIRST": 5}.items():
-        monkeypatch.setattr(evaluation, name, value)
+        monkeypatch.setattr(environments, name, value)
     (tmp_path / "small.yml").write_text(YAML)
     monkeypatch.chdir(tmp_path)
 

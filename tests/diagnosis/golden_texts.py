@@ -15,17 +15,16 @@ import numpy as np
 from benchmarks.tracking.scoring import Caution
 from rdpi_gym.diagnosis import words
 from rdpi_gym.diagnosis.comparison.compare import compare
-from rdpi_gym.diagnosis.hygiene import inspection, limits
-from rdpi_gym.diagnosis.hygiene.finding import Finding
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
 from rdpi_gym.diagnosis.portrait.sentences import experiment_for, sentences_of
+from rdpi_gym.diagnosis.preprocessing import inspection
+from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.diagnosis.results import Candidate, CoreChoice, Errors
-from rdpi_gym.diagnosis.search import core_choice, openings, record_clocks, verdict
-from rdpi_gym.diagnosis.search.experiments import what_to_measure
-from rdpi_gym.diagnosis.search.numerics import NumericalFloor
-from rdpi_gym.diagnosis.search.separability import next_experiment
-from rdpi_gym.diagnosis.search.suitability import unrelated
+from rdpi_gym.diagnosis.search import core_choice, record_clocks, record_starts, verdict
+from rdpi_gym.diagnosis.search.separability import next_experiment, what_to_measure
+from rdpi_gym.diagnosis.search.verdict import NumericalFloor
+from rdpi_gym.diagnosis.suitability import limits, unrelated
 from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.diagnosis.words import headline, sized
 from rdpi_gym.identification.scale import data_scale
@@ -33,7 +32,7 @@ from rdpi_gym.laboratory import buying
 from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import CORES, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.report.discovery.sentences import candidate_sentence
+from rdpi_gym.report.discovery_text import candidate_sentence
 
 FILE = Path(__file__).with_name("golden_texts.json")
 STANDARD = Quantities()
@@ -127,9 +126,9 @@ def _findings(q: Quantities) -> Iterator[tuple[str, Any]]:
         "command lost": inspection._clipped_command(one, few, None),
         "command rebuilt": inspection._clipped_command(one, few, 0.1234),
         "in motion": inspection._in_motion(one, few),
-        "unknown past": openings.unknown_past({"held": few}),
-        "unknown pasts": openings.unknown_past(dict.fromkeys("abcde", few)),
-        "outliers": openings.outliers_left("held", few),
+        "unknown past": record_starts.unknown_past({"held": few}),
+        "unknown pasts": record_starts.unknown_past(dict.fromkeys("abcde", few)),
+        "outliers": record_starts.outliers_left("held", few),
         "lag": record_clocks._said(one, {"delay": wish(0.00123, 1e-5, 0.1)}),
         "lead": record_clocks._said(one, {"delay": wish(-0.00123, 1e-5, 0.1)}),
         "stretch": record_clocks._said(one, {"scale": wish(0.693, 1e-3, 0.1)}),

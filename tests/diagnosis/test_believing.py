@@ -9,22 +9,22 @@ from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.diagnosis.search.candidates import Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.diagnosis.search.numerics import numerical_floor
-from rdpi_gym.diagnosis.search.openings import (
+from rdpi_gym.diagnosis.search.ranking import LEAST_STABLE, splits, stability
+from rdpi_gym.diagnosis.search.record_starts import (
     leaving_out,
     misleading,
     missed,
     unknown_past,
 )
-from rdpi_gym.diagnosis.search.scale import comb
-from rdpi_gym.diagnosis.search.stability import LEAST_STABLE, splits, stability
-from rdpi_gym.diagnosis.search.vetoes import MOST_UNSEEN, SEEN_BY, capped, hear
+from rdpi_gym.diagnosis.search.verdict import numerical_floor
+from rdpi_gym.diagnosis.search.vetoes import MOST_UNSEEN, capped, hear
+from rdpi_gym.diagnosis.suitability import comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
-from rdpi_gym.report.discovery.sentences import lines
+from rdpi_gym.report.discovery_text import lines
 from rdpi_gym.virtual_lab import Truth, simulate_dataset
 
 NOISE_UM = 0.012
@@ -112,32 +112,31 @@ def surely(effect):
 
 
 def test_every_test_that_can_see_an_effect_is_one_that_is_run():
-    assert SEEN_BY.keys() <= CATALOGUE.keys()
     checks = run_checks(simulate_dataset(Truth(P10, (), NOISE_UM, 3)))
     names = {check.name for check in checks}
-    assert {name for tests in SEEN_BY.values() for name in tests} <= names
+    assert {name for kind in CATALOGUE.values() for name in kind.seen_by} <= names
     for check in checks:
-        assert all(check.name in SEEN_BY[effect] for effect in check.suggests[:1])
+        assert all(check.name in CATALOGUE[effect].seen_by for effect in check.suggests[:1])
 
 
 def test_what_no_test_without_a_model_can_see_is_half_sure_at_most():
     data = Dataset("one sine", (record("one", BENT, sine(40.0, 5.0, 4000)),))
     checks = run_checks(data)
     # the test for asymmetry sees it; the others need experiments that are not there
-    assert capped(surely("asymmetry"), checks) == surely("asymmetry")
+    assert capped(surely("asymmetry"), checks, CATALOGUE) == surely("asymmetry")
     for effect in ("congruency", "backlash", "creep", "delay", "resonance"):
-        found = capped(surely(effect), checks)
+        found = capped(surely(effect), checks, CATALOGUE)
         assert found.confidence == MOST_UNSEEN >= LEAST_STABLE
         assert f"as no test without a model sees {effect} here" in found.remarks[-1]
     unsure = replace(surely("congruency"), confidence=0.3)
-    assert capped(unsure, checks) == unsure
+    assert capped(unsure, checks, CATALOGUE) == unsure
     # an effect of one's own has no test that could be blind
-    assert capped(surely("self_heating"), checks) == surely("self_heating")
+    assert capped(surely("self_heating"), checks, CATALOGUE) == surely("self_heating")
 
 
 def test_where_the_experiments_are_there_nothing_is_capped():
     checks = run_checks(simulate_dataset(Truth(P10, (), NOISE_UM, 3)))
-    assert [e for e in SEEN_BY if capped(surely(e), checks) != surely(e)] == []
+    assert [e for e in CATALOGUE if capped(surely(e), checks, CATALOGUE) != surely(e)] == []
 
 
 def test_a_cap_takes_no_effect_out():

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis.results import Candidate, SearchResult
-from rdpi_gym.diagnosis.search import laboratory
-from rdpi_gym.diagnosis.search.bench import State
+from rdpi_gym.diagnosis.search import model_search
 from rdpi_gym.diagnosis.search.candidates import refit
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover
-from rdpi_gym.diagnosis.search.laboratory import Laboratory
-from rdpi_gym.diagnosis.search.numerics import NumericalFloor
-from rdpi_gym.diagnosis.search.openings import leaving_out
+from rdpi_gym.diagnosis.search.model_search import ModelSearch
+from rdpi_gym.diagnosis.search.record_starts import leaving_out
+from rdpi_gym.diagnosis.search.refitting import State
+from rdpi_gym.diagnosis.search.verdict import NumericalFloor
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
@@ -99,45 +99,45 @@ def test_a_hidden_effect_is_named_with_its_parameter(found):
 
 
 def test_a_numerical_floor_that_the_error_does_not_bear_out_ends_no_search(lagging):
-    bench = Laboratory(lagging, FEW, 1, 0, None, None)
-    base = bench.base(None)
+    search = ModelSearch(lagging, FEW, 1, 0, None, None)
+    base = search.base(None)
     left_um = math.sqrt(base.outcome.mean_square)
     for shown_um, ends in ((0.0, False), (left_um, True)):
         floor = NumericalFloor(left_um, 0.0, 5000.0, shown_um=shown_um)
-        bench.numerical = lambda state, floor=floor: floor
-        assert bench.at_floor(base) is ends
+        search.numerical = lambda state, floor=floor: floor
+        assert search.at_floor(base) is ends
 
 
 def test_what_is_improbable_goes_unless_the_error_hangs_on_it(lagging, monkeypatch):
-    bench = Laboratory(lagging, FEW, 1, 0, None, None)
-    base = bench.base(None)
-    monkeypatch.setattr(laboratory, "of_classes", lambda course: [0.3] * len(course.added))
+    search = ModelSearch(lagging, FEW, 1, 0, None, None)
+    base = search.base(None)
+    monkeypatch.setattr(model_search, "of_classes", lambda course: [0.3] * len(course.added))
     for name, gone in (("gain_drift", ("gain_drift",)), ("sensor_lag", ())):
-        state = State(refit(bench.setting, base.hysteresis, (), CATALOGUE[name]))
+        state = State(refit(search.setting, base.hysteresis, (), CATALOGUE[name]))
         step = Candidate(name, state.outcome.errors, {}, {}, 1.0, 0.5, (), "")
-        left, removed, why = bench.improbable(base, state, [step], [step])
+        left, removed, why = search.improbable(base, state, [step], [step])
         assert removed == gone
         assert tuple(e.name for e in left.effects) == (() if gone else (name,))
         assert ["as it is 30 % probable" in sentence for sentence in why] == [True] * len(gone)
 
 
 def test_what_came_close_is_tried_in_the_place_of_what_was_chosen(lagging):
-    bench = Laboratory(lagging, FEW, 1, 0, None, None)
-    base = bench.base(None)
-    state = State(refit(bench.setting, base.hysteresis, (), SensorLag))
+    search = ModelSearch(lagging, FEW, 1, 0, None, None)
+    base = search.base(None)
+    state = State(refit(search.setting, base.hysteresis, (), SensorLag))
     step = Candidate("sensor_lag", state.outcome.errors, {}, {}, 1.0, 0.5, (), "")
-    _, (settled,) = bench.settle(
+    _, (settled,) = search.settle(
         state, [step], {"sensor_lag": (CATALOGUE["asymmetry"](0.02, 40.0),)}
     )
     assert (settled.effect, settled.indistinguishable) == ("sensor_lag", ())
     assert settled.instead["asymmetry"] > 2.0 * settled.errors.validation_rmse_um
     assert Candidate.from_fields(Fields(settled.to_dict(), "step")).instead == settled.instead
     # and where the beginning of a record to judge by is left out, the error with it is said too
-    assert bench.on_every_sample(state) == ()
-    held = bench.setting.validation[0]
-    bench._spared = {held.name: np.arange(held.t_s.size) < held.t_s.size // 3}
-    bench.setting = leaving_out(bench.setting, bench._spared)
-    assert bench.on_every_sample(state) == (
+    assert search.on_every_sample(state) == ()
+    held = search.setting.validation[0]
+    search._spared = {held.name: np.arange(held.t_s.size) < held.t_s.size // 3}
+    search.setting = leaving_out(search.setting, search._spared)
+    assert search.on_every_sample(state) == (
         "with the beginnings that were left out the validation error is "
         f"{state.outcome.errors.validation_rmse_um:.4g} {{output_unit}}",
     )

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.search.candidates import Setting, refit
-from rdpi_gym.diagnosis.search.scale import comb
+from rdpi_gym.diagnosis.search.candidates import Setting, refit, taken_by
 from rdpi_gym.diagnosis.search.separability import next_experiment, typical_effects
-from rdpi_gym.diagnosis.search.traces import taken_by
-from rdpi_gym.identification.first_fits import FIRST_SAMPLES
+from rdpi_gym.diagnosis.suitability import comb
+from rdpi_gym.identification.cores import FIRST_SAMPLES
 from rdpi_gym.identification.joint import first_steps
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record

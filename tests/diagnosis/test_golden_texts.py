@@ -15,7 +15,7 @@ from rdpi_gym.measurement.quantities import template_of
 from rdpi_gym.plant import named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import forms_of
-from rdpi_gym.report.comparison.page import write_compare_page
+from rdpi_gym.report.comparison_page import write_compare_page
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fields import Fields
 from tests.diagnosis.golden_texts import CHOSEN, FILE, datasets, texts

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import rdpi_gym as rg
-from rdpi_gym.diagnosis.hygiene import inspect, limits
-from rdpi_gym.diagnosis.hygiene.opening import opening
-from rdpi_gym.diagnosis.hygiene.rebuilt import rebuilt_command
+from rdpi_gym.diagnosis.preprocessing.command import rebuilt_command
+from rdpi_gym.diagnosis.preprocessing.inspection import inspect, opening
+from rdpi_gym.diagnosis.suitability import limits
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import Plant, named_plant

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.foreign_effects.drives import Drive
-from benchmarks.foreign_effects.plants import Foreign
+from benchmarks.effect_discovery.plants import Foreign
+from benchmarks.effect_discovery.protocols import Drive
 from rdpi_gym.diagnosis.portrait.drawing import draw
-from rdpi_gym.diagnosis.portrait.learning import learn_forms
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.sentences import sentences_of
+from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.identification.joint import fit_joint

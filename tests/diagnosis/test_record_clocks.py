@@ -10,11 +10,11 @@ from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.candidates import Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.record_clocks import record_clocks
-from rdpi_gym.diagnosis.search.scale import comb
+from rdpi_gym.diagnosis.suitability import comb
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.report.discovery.sentences import lines
+from rdpi_gym.report.discovery_text import lines
 from rdpi_gym.virtual_lab import Truth, simulate_dataset
 
 NOISE_UM = 0.012

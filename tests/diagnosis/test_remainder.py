@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from benchmarks.hidden_effects.outside import BoucWen, Force, Preisach
-from rdpi_gym.diagnosis.features.memory import FAMILIES, memory_features
-from rdpi_gym.diagnosis.search.remainder import FOLLOWS, remainder
-from rdpi_gym.diagnosis.search.scale import comb
+from benchmarks.effect_discovery.outsiders import BoucWen, Force, Preisach
+from rdpi_gym.diagnosis.search.learner import FAMILIES, memory_features
+from rdpi_gym.diagnosis.search.residual_share import FOLLOWS, remainder
+from rdpi_gym.diagnosis.suitability import comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.scale import data_scale

@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.hygiene.finding import Finding
+from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.diagnosis.search import thinning
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover, remove_effect
-from rdpi_gym.diagnosis.search.laboratory import Laboratory
+from rdpi_gym.diagnosis.search.model_search import ModelSearch
 from rdpi_gym.diagnosis.search.thinning import close_up, thinned
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import MOST_SAMPLES, kept_samples
@@ -101,25 +101,25 @@ def test_a_rate_that_widens_thresholds_keeps_the_sampling() -> None:
 def test_what_was_left_out_is_left_out_of_all_samples(oversampled: Dataset) -> None:
     catalogue = {"sensor_lag": CATALOGUE["sensor_lag"]}
     data = replace(oversampled, records=oversampled.records[:2])
-    laboratory = Laboratory(data, catalogue, 1, 0, None, None)
-    state = laboratory.base(replace(named_plant("P10"), effects=(Creep(), SensorLag())))
-    recorded = laboratory._recorded
+    search = ModelSearch(data, catalogue, 1, 0, None, None)
+    state = search.base(replace(named_plant("P10"), effects=(Creep(), SensorLag())))
+    recorded = search._recorded
     opening = recorded.openings["run"]
     run, other = recorded.dataset.records
     y_um = run.y_um.copy()
     y_um[20_001] += 1.0  # an outlier that the search did not read
     spoilt = replace(recorded.dataset, records=(replace(run, y_um=y_um), other))
     spikes = Finding("spikes", "run", 1, "one outlier")
-    laboratory._recorded = replace(recorded, dataset=spoilt, findings=(spikes,))
-    laboratory._spared = {"run": laboratory._openings["run"]}
-    laboratory.read_all(state, state)
-    train = laboratory.setting.train[0]
+    search._recorded = replace(recorded, dataset=spoilt, findings=(spikes,))
+    search._spared = {"run": search._openings["run"]}
+    search.read_all(state, state)
+    train = search.setting.train[0]
     left_out = opening.copy()
     left_out[20_001] = True
     np.testing.assert_array_equal(train.error_mask, ~left_out)
-    kinds = [(f.kind, f.samples) for f in laboratory.findings]
+    kinds = [(f.kind, f.samples) for f in search.findings]
     assert kinds == [("spikes", 1), ("in motion", opening.sum()), ("spikes", 1)]
-    assert laboratory.searched.train[0].t_s.size < train.t_s.size
+    assert search.searched.train[0].t_s.size < train.t_s.size
 
 
 def test_a_stretch_is_where_most_happens_and_knows_its_history() -> None:

@@ -7,8 +7,7 @@ import pytest
 
 from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.diagnosis.search.numerics import NumericalFloor, held_about, numerical_floor
-from rdpi_gym.diagnosis.search.verdict import judge
+from rdpi_gym.diagnosis.search.verdict import NumericalFloor, held_about, judge, numerical_floor
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.identification.scale import data_scale

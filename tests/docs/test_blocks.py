@@ -129,9 +129,8 @@ def write_stage(folder):
 def write_policy(folder):
     """A policy that was never trained: what runs it does not care."""
     pytest.importorskip("torch")
-    from baselines.learned.network import Network
     from baselines.learned.options import PLANTS
-    from baselines.learned.policy import Policy
+    from baselines.learned.policy import Network, Policy
     from rdpi_gym.envs import ObservationLayout
 
     layout = ObservationLayout.for_plant(PLANTS[0], 1e-4, action="increment")
@@ -141,7 +140,7 @@ def write_policy(folder):
 
 
 def write_onnx(folder):
-    pytest.importorskip("onnxscript")
+    pytest.importorskip("onnx")
     from baselines.learned.onnx_export import export_onnx
     from baselines.learned.policy import Policy
 
@@ -151,8 +150,8 @@ def write_onnx(folder):
 
 def write_step(folder):
     pytest.importorskip("torch")
-    from baselines.learned.found import find_learned
-    from baselines.learned.imitation.onnx_export import export_student
+    from baselines.learned.controller import find_learned
+    from baselines.learned.onnx_export import export_student
 
     export_student(find_learned("imitation-stage"), folder / STEP)
 
@@ -168,7 +167,7 @@ SAMPLES = {
 }
 EXTRAS = {
     "torch": "torch", "stable_baselines3": "stable_baselines3", "rdpi train": "stable_baselines3",
-    "onnxruntime": "onnxruntime", "rdpi export onnx": "onnxscript", "learned:": "torch",
+    "onnxruntime": "onnxruntime", "rdpi export onnx": "onnx", "learned:": "torch",
     "baselines.learned": "torch",
 }  # fmt: skip
 

@@ -94,7 +94,7 @@ def test_every_name_leads_somewhere():
         ("`python -m benchmarks.vector_speed`", {"benchmarks.vector_speed"}),
         (":func:`rdpi_gym.diagnosis.comparison.compare`", set()),
         ("gym.make('rdpi_gym/PiezoTracking-v0')", set()),
-        ("rdpi_gym/diagnosis/features/memory.py", set()),
+        ("rdpi_gym/diagnosis/features/noise.py", set()),
     ],
 )
 def test_what_leads_nowhere_is_noticed(text, names):

@@ -10,7 +10,7 @@ import pytest
 import typer
 
 from baselines.learned.options import PLANTS, REFERENCES, TrainingOptions
-from benchmarks.hidden_effects.__main__ import options
+from benchmarks.effect_discovery.__main__ import options
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ
 from rdpi_gym.cli import app
 from rdpi_gym.cli import main as rdpi
@@ -210,10 +210,10 @@ def test_commands_on_other_machines_are_understood():
 
 def test_it_trains_on_a_discovered_model(tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
-    from baselines.learned import evaluation
+    from baselines.learned import environments
 
     for name, value in {"LANES": 4, "SAMPLES": 30, "FIRST": 5}.items():
-        monkeypatch.setattr(evaluation, name, value)
+        monkeypatch.setattr(environments, name, value)
     monkeypatch.chdir(tmp_path)
     write_atomic(
         "small.yml", "default: {n_envs: 4, n_timesteps: 64, n_steps: 16, batch_size: 32}\n"
@@ -258,10 +258,10 @@ def test_evaluations_are_as_many_as_the_prose_says():
     pytest.importorskip("stable_baselines3")
     from stable_baselines3 import PPO
 
-    from baselines.learned import evaluation
-    from baselines.learned.run import Run
+    from baselines.learned import environments
+    from baselines.learned.folder import Run
 
-    assert f"evaluated on {evaluation.LANES} plants" in TRAIN
+    assert f"evaluated on {environments.LANES} plants" in TRAIN
     run = Run.open(TrainingOptions(Path("unused"), timesteps=STEPS), "ppo", PPO)
     assert "Twenty times in a training" in TRAIN
     assert run.every * 20 == STEPS

@@ -85,17 +85,9 @@ def seen(folder: Path) -> dict[str, bytes]:
 
 
 def disturb(name: str, words: Sequence[str], folder: Path, rng: random.Random, kills: int) -> str:
-    """Kill a command some times and give it again each time.
+    """Kill a command some times, give it again each time, and describe the runs.
 
-    Returns
-    -------
-    str
-        What was done.
-
-    Raises
-    ------
-    AssertionError
-        A file is a part, or a rerun ended otherwise, or left something beside.
+    Raises AssertionError where a file is a part, or a rerun ended otherwise, or left something beside.
     """
     prepared(folder)
     undisturbed: list[Mapping[str, bytes]] = []
@@ -133,7 +125,6 @@ def disturb(name: str, words: Sequence[str], folder: Path, rng: random.Random, k
 
 
 def prepared(folder: Path) -> None:
-    """Make the records and the model that commands are given, once."""
     if (folder / "model.json").exists():
         return
     from rdpi_gym.plant import named_plant
@@ -162,11 +153,8 @@ def main(folder: Path, seed: int) -> None:
     for name, words in commands().items():
         began = time.perf_counter()
         try:
-            print(
-                disturb(name, words, folder, rng, 4),
-                f"{time.perf_counter() - began:.1f} s",
-                flush=True,
-            )
+            said = disturb(name, words, folder, rng, 4)
+            print(said, f"{time.perf_counter() - began:.1f} s", flush=True)
         except AssertionError as error:
             wrong += 1
             print(f"WRONG {error}", flush=True)

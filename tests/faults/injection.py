@@ -28,43 +28,23 @@ _TAKES_SPACE = ("open", "write", "fsync", "replace", "rename", "mkdir", "exchang
 
 @dataclass(frozen=True)
 class Job:
-    """What is disturbed.
+    """A writer that is disturbed.
 
-    Parameters
-    ----------
-    name
-        For the report.
-    prepare
-        Makes the old state in an empty folder.
-    work
-        Goes from any state to the new one.
-    read
-        Returns what a reader finds; raises on what is not whole.
-    is_whole
-        Whether what was found is the old state, the new one, or one that the job passes through.
+    `is_whole` tells of what is found, the old state and the new one whether the job passes through it.
     """
 
     name: str
-    prepare: Callable[[Path], None]
-    work: Callable[[Path], None]
-    read: Callable[[Path], Any]
+    prepare: Callable[[Path], Any]  # makes the old state in an empty folder
+    work: Callable[[Path], Any]  # goes from any state to the new one
+    read: Callable[[Path], Any]  # raises on what is not whole
     is_whole: Callable[[Any, Any, Any], bool] = lambda found, old, new: found in (old, new)
 
 
 class Injection:
-    """Counts the calls that change the disk, and disturbs one of them.
-
-    Parameters
-    ----------
-    at
-        Number of the call; -1 disturbs none.
-    mode
-        Of :data:`MODES`.
-    """
+    """Counts the calls that change the disk, and disturbs the one of number `at` (-1: none)."""
 
     def __init__(self, at: int, mode: str) -> None:
-        self.at, self.mode, self.calls = at, mode, 0
-        self.full = False
+        self.at, self.mode, self.full = at, mode, False
         self.kinds: list[str] = []
 
     def install(self) -> None:
@@ -79,9 +59,8 @@ class Injection:
                 return call(*arguments, **options)
             if self.full and name in _TAKES_SPACE:
                 raise OSError(errno.ENOSPC, "No space left on device")
-            number, self.calls = self.calls, self.calls + 1
             self.kinds.append(name)
-            if number != self.at:
+            if len(self.kinds) - 1 != self.at:
                 return call(*arguments, **options)
             if self.mode == "killed before":
                 os._exit(KILLED)
@@ -114,25 +93,10 @@ def without_waiting() -> None:
 
 
 def disturb(job: Job, folder: Path) -> Counter[str]:
-    """Run a job with every fault at every call.
+    """Run a job with every fault at every call, and count the runs by mode.
 
-    Parameters
-    ----------
-    job
-        The job.
-    folder
-        For what it writes; emptied before each run.
-
-    Returns
-    -------
-    Counter
-        Runs by mode.
-
-    Raises
-    ------
-    AssertionError
-        A state was found that is neither old nor new, a rerun ended differently, a full disk was no
-        error of one line, or remains were left.
+    Raises AssertionError where a state was found that is neither old nor new, a rerun ended
+    otherwise, a full disk was no error of one line, or remains were left.
     """
     renew(job, folder)
     old = job.read(folder)
@@ -140,7 +104,7 @@ def disturb(job: Job, folder: Path) -> Counter[str]:
     new = job.read(folder)
     renew(job, folder)
     kinds = _calls(job, folder)
-    assert kinds, f"{job.name} changes nothing"
+    assert kinds, f"{job.name} makes no call"
     assert old != new, f"{job.name} changes nothing"
     done: Counter[str] = Counter()
     for mode in MODES:
@@ -170,7 +134,6 @@ def disturb(job: Job, folder: Path) -> Counter[str]:
 
 
 def renew(job: Job, folder: Path) -> None:
-    """Bring a folder to the old state."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     job.prepare(folder)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from rdpi_gym.support import folders
 from rdpi_gym.support.files import read_json, write_atomic, write_json
@@ -23,13 +24,15 @@ ROWS = [{"key": f"case {k}", "value": k / 3, "words": "a µm" * k} for k in rang
 def whole_file() -> Job:
     """A file that replaces an older one."""
 
-    def read(folder: Path) -> Any:
-        return read_json(folder / "a.json", "mine", 1)["value"]
-
     def write(folder: Path, value: str) -> None:
         write_json(folder / "a.json", {"format": "mine", "version": 1, "value": value})
 
-    return Job("file", lambda f: write(f, "old"), lambda f: write(f, "new" * 5000), read)
+    return Job(
+        "file",
+        lambda f: write(f, "old"),
+        lambda f: write(f, "new" * 5000),
+        lambda f: read_json(f / "a.json", "mine", 1)["value"],
+    )
 
 
 def new_file() -> Job:
@@ -39,7 +42,7 @@ def new_file() -> Job:
     def read(folder: Path) -> Any:
         return (folder / path).read_text() if (folder / path).exists() else None
 
-    return Job("new file", lambda f: None, lambda f: _ignore(write_atomic(f / path, "new")), read)
+    return Job("new file", lambda f: None, lambda f: write_atomic(f / path, "new"), read)
 
 
 def whole_folder(exchange: bool) -> Job:
@@ -54,22 +57,13 @@ def whole_folder(exchange: bool) -> Job:
         place = settled_folder(folder / "set")
         return {path.name: path.read_text() for path in place.iterdir()}
 
-    known = folders._exchange
-
     def work(folder: Path) -> None:
-        if not exchange:
-            folders._exchange = lambda one, other: False
-        try:
+        own = folders._exchange if exchange else lambda one, other: False
+        with patch.object(folders, "_exchange", own):
             write(folder, "new")
-        finally:
-            folders._exchange = known
 
-    return Job(
-        f"folder, {'one step' if exchange else 'two renames'}",
-        lambda f: write(f, "old"),
-        work,
-        read,
-    )
+    name = f"folder, {'one step' if exchange else 'two renames'}"
+    return Job(name, lambda f: write(f, "old"), work, read)
 
 
 def policy() -> Job:
@@ -88,12 +82,8 @@ def policy() -> Job:
         found = Policy.load(folder / "policy")
         return found.frequency_hz, found.network
 
-    return Job(
-        "policy",
-        lambda f: _ignore(old.save(f / "policy")),
-        lambda f: _ignore(new.save(f / "policy")),
-        read,
-    )
+    saves = [lambda f, each=each: each.save(f / "policy") for each in (old, new)]
+    return Job("policy", *saves, read)
 
 
 def rows(damage: Callable[[Path], None] | None = None, stale: bool = False) -> Job:
@@ -133,36 +123,31 @@ def candidates() -> Job:
     from rdpi_gym.plant import P5
     from rdpi_gym.plant.effects import CATALOGUE
 
-    t = 1e-3 * np.arange(40)
+    t, start = 1e-3 * np.arange(40), P5.hysteresis
     record = Record("run", t, np.sin(t), 8.0 * np.sin(t), ts_s=1e-3)
-    kinds = [CATALOGUE[name] for name in ("creep", "sensor_lag", "delay")]
-    start = P5.hysteresis
+    fits = {
+        kind: JointFit(Variant(start, (kind(),)), len(name) / 7, (), {"δ2": math.pi}, 3, True)
+        for name, kind in CATALOGUE.items()
+        if name in ("creep", "sensor_lag", "delay")
+    }
 
-    def fit(kind: Any) -> JointFit:
-        return JointFit(Variant(start, (kind(),)), len(kind.name) / 7, (), {"δ2": math.pi}, 3, True)
-
-    def prepare(folder: Path) -> None:
-        Checkpoint(folder / "candidates.jsonl", [record]).put(
-            start, (), kinds[0], None, fit(kinds[0])
-        )
-
-    def work(folder: Path) -> None:
+    def work(folder: Path, most: int = 3) -> None:
         checkpoint = Checkpoint(folder / "candidates.jsonl", [record])
-        for kind in kinds:
+        for kind, fit in list(fits.items())[:most]:
             if checkpoint.get(start, (), kind) is None:
-                checkpoint.put(start, (), kind, None, fit(kind))
+                checkpoint.put(start, (), kind, None, fit)
 
     def read(folder: Path) -> Any:
         checkpoint = Checkpoint(folder / "candidates.jsonl", [record])
-        found = {kind.name: checkpoint.get(start, (), kind) for kind in kinds}
+        found = {kind.name: checkpoint.get(start, (), kind) for kind in fits}
         return {name: each for name, each in found.items() if each is not None}
 
-    return Job("candidates of a search", prepare, work, read, _are_rows)
+    return Job("candidates of a search", lambda f: work(f, 1), work, read, _are_rows)
 
 
 def benchmark() -> Job:
     """`rdpi bench` of two controllers on one reference, row by row and its table."""
-    from benchmarks.tracking.rows import open_rows
+    from benchmarks.rows import TRACKING
     from benchmarks.tracking.run import benchmark as run
     from benchmarks.tracking.selection import select
 
@@ -175,7 +160,7 @@ def benchmark() -> Job:
         write_atomic(folder / "out" / "table.json", json.dumps(lines))
 
     def read(folder: Path) -> Any:
-        scores = open_rows(folder / "out").rows
+        scores = TRACKING.open(folder / "out").rows
         found = {key: [row[name] for name in columns] for key, row in scores.items()}
         table = folder / "out" / "table.json"
         return found | ({"table": json.loads(table.read_text())} if table.exists() else {})
@@ -191,10 +176,6 @@ def _are_rows(found: Any, old: Any, new: Any) -> bool:
 def _tear(path: Path) -> None:
     content = path.read_bytes()
     path.write_bytes(content.replace(b'"value": 0.3', b'"value": 0.4') + b'{"key": "ca')
-
-
-def _ignore(_: object) -> None:
-    return
 
 
 def main(folder: Path) -> None:

@@ -2,17 +2,12 @@
 
 import pytest
 
-from benchmarks.tracking.rows import FORMAT, key
+from benchmarks.rows import TRACKING
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import RowStore, named_rows
 
 NAMED = [
-    {
-        "key": f"single/creep/{k}",
-        "value": 0.1 + k / 3,
-        "verdict": "explained",
-        "noise_µm": [k, 1e-3],
-    }
+    {"key": f"creep/{k}", "value": 0.1 + k / 3, "verdict": "explained", "noise_µm": [k, 1e-3]}
     for k in range(5)
 ]
 SCORED = [
@@ -25,7 +20,7 @@ SCORED = [
 
 
 def scored(path):
-    return RowStore(path, FORMAT, key)
+    return RowStore(path, TRACKING.name, TRACKING.key)
 
 
 @pytest.mark.parametrize(
@@ -68,15 +63,14 @@ def test_a_flipped_bit_costs_its_own_row_alone(tmp_path):
     assert {row["key"]: row for row in NAMED} == named_rows(path).rows
 
 
-@pytest.mark.parametrize(
-    "change", [b"{}", b"null", b"[1]", b'{"key": 3}', b'{"key": "a"}', b"\xff"]
-)
-def test_a_line_that_nobody_wrote_is_no_row(change, tmp_path):
+def test_a_line_that_nobody_wrote_is_no_row(tmp_path):
     path = tmp_path / "rows.jsonl"
     named_rows(path).append(NAMED)
-    path.write_bytes(path.read_bytes() + change + b"\n")
-    store = named_rows(path)
-    assert (len(store.rows), store.damaged) == (len(NAMED), 1)
-    assert store.remark() == (
-        "1 row was damaged in rows.jsonl, cut off or changed since written; it is computed again."
-    )
+    content = path.read_bytes()
+    for change in (b"{}", b"null", b"[1]", b'{"key": 3}', b'{"key": "a"}', b"\xff"):
+        path.write_bytes(content + change + b"\n")
+        store = named_rows(path)
+        assert (len(store.rows), store.damaged) == (len(NAMED), 1), change
+        assert store.remark() == (
+            "1 row was damaged in rows.jsonl, cut off or changed since written; it is computed again."
+        )

@@ -20,26 +20,26 @@ LEAST = {
 """Faults that each job meets."""
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="children are forked")
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="children are forked")
+
+
+def run(*words):
+    done = subprocess.run(
+        [sys.executable, *words], cwd=TOP, env=os.environ | {"PYTHONPATH": str(TOP)},
+        capture_output=True, text=True, timeout=600,
+    )  # fmt: skip
+    print(done.stdout)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout.splitlines()
+
+
 def test_every_writer_leaves_the_old_or_the_new_and_a_rerun_completes(tmp_path):
-    run = subprocess.run(
-        [sys.executable, "-m", "tests.faults.jobs", tmp_path],
-        cwd=TOP,
-        env={**os.environ, "PYTHONPATH": str(TOP)},
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
-    print(run.stdout)
-    assert run.returncode == 0, run.stderr[-2000:]
-    counts = dict(
-        line.split(" faults (")[0].rsplit(": ", 1) for line in run.stdout.splitlines()[:-1]
-    )
+    lines = run("-m", "tests.faults.jobs", tmp_path)[:-1]
+    counts = dict(line.split(" faults (")[0].rsplit(": ", 1) for line in lines)
     for name, least in LEAST.items():
-        assert int(counts[name]) >= least
+        assert int(counts[name]) >= least, name
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="children are forked")
 def test_a_command_that_is_killed_leaves_whole_files_and_a_rerun_completes(tmp_path):
     program = (
         "import random, sys; from pathlib import Path; import rdpi_gym.cli\n"
@@ -47,13 +47,4 @@ def test_a_command_that_is_killed_leaves_whole_files_and_a_rerun_completes(tmp_p
         "for name in CHEAP:\n"
         "    print(disturb(name, commands()[name], Path(sys.argv[1]), random.Random(name), 1))\n"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", program, tmp_path],
-        cwd=TOP,
-        env={**os.environ, "PYTHONPATH": str(TOP)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    print(run.stdout)
-    assert run.returncode == 0, run.stderr[-2000:]
+    run("-c", program, tmp_path)

@@ -15,7 +15,7 @@ import pytest
 from numba.core.registry import CPUDispatcher
 
 from baselines.extended import ExtendedInverse
-from baselines.inverses.catalogue import inverse_of
+from baselines.inverses.base import inverse_of
 from baselines.registry import CONTROLLERS
 from rdpi_gym.firmware.making import PhysicalLayout, controller_program, traced_program
 from rdpi_gym.firmware.program import Program

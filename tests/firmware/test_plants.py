@@ -7,7 +7,7 @@ import numpy as np
 from rdpi_gym.firmware.plants import plant_program
 from rdpi_gym.plant import CORES, P10, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.plant.instruments import Converter
+from rdpi_gym.plant.model import Converter
 from rdpi_gym.plant.parameters import DataScale
 from tests.firmware.programs import answers, needs_gcc
 

@@ -11,14 +11,15 @@ type by type, and ``--all`` every attack there is, each once.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 
+from tests.fuzz.readers import DAMAGED, STRUCTURED, subject
 from tests.fuzz.running import run, watched
-from tests.fuzz.subjects import SHARES, STRUCTURED, subject
 
 
 def main() -> int:
-    known = {**SHARES, **STRUCTURED}
+    known = {**DAMAGED, **STRUCTURED}
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument(
         "reader", nargs="*", help=f"of {', '.join(known)}; those of the kind by default"
@@ -26,12 +27,14 @@ def main() -> int:
     parser.add_argument("--cases", type=int, help="in all, or of one reader")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--case", type=int, help="this one alone")
-    parser.add_argument("--first", type=int, default=0, help="number of the first case")
-    parser.add_argument("--inside", action="store_true", help="in this process")
+    parser.add_argument("--inside", type=json.loads, help="jobs that are run in this process")
     parser.add_argument("--structured", action="store_true", help="attacks on structure")
     parser.add_argument("--all", action="store_true", help="every attack on structure, once")
     asked = parser.parse_args()
-    names = asked.reader or list(STRUCTURED if asked.structured or asked.all else SHARES)
+    if asked.inside:
+        jobs = [run(name, asked.seed, range(*ends)) for name, *ends in asked.inside]
+        return max(jobs)
+    names = asked.reader or list(STRUCTURED if asked.structured or asked.all else DAMAGED)
     if unknown := [name for name in names if name not in known]:
         parser.error(f"{unknown[0]} is no reader; they are {', '.join(known)}")
     status, whole = 0, sum(known[name] for name in names)
@@ -42,10 +45,8 @@ def main() -> int:
         if asked.all:
             with subject(name) as made:
                 count = made.count
-        cases = range(asked.first, asked.first + count)
-        if asked.case is not None:
-            cases = range(asked.case, asked.case + 1)
-        status |= (run if asked.inside else watched)(name, asked.seed, cases)
+        cases = range(count) if asked.case is None else range(asked.case, asked.case + 1)
+        status |= watched(asked.seed, [(name, cases)])
     return 1 if status else 0
 
 

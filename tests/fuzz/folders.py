@@ -6,20 +6,18 @@ writes to a name that is a link replaces the link, and never what it leads to.
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import socket
 import stat
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 
@@ -28,56 +26,22 @@ from rdpi_gym.plant import P5
 from rdpi_gym.support.files import write_atomic, write_json
 from rdpi_gym.support.folders import replaced_folder
 from rdpi_gym.support.store import named_rows
-from tests.fuzz import subjects
+from tests.fuzz import readers
+from tests.fuzz.readers import Case, Learner, Subject
 from tests.fuzz.structure import shuffled
-from tests.fuzz.subjects import Case, Subject
 
 INSIDE, OUTSIDE = "inside", "outside"
-_LARGE = 2**40
 _MODULES = ("numpy", "json", "h5py", "scipy", "rdpi_gym", "sitecustomize", "matlab_child")
 _CODE = "import pathlib\npathlib.Path(__file__).with_name('ran').touch()\n"
 
 
 @dataclass(frozen=True)
 class Target:
-    """A folder that is read or written.
-
-    Parameters
-    ----------
-    fill
-        Makes it, whole.
-    entries
-        What is replaced, relative to it; what is not there is a place that is written.
-    act
-        Reads it, or writes to it.
-    """
+    """A folder that is read or written."""
 
     fill: Callable[[Path], Any]
-    entries: Sequence[str]
+    entries: Sequence[str]  # replaced one by one; one that is not there is a place that is written
     act: Callable[[Path], Any]
-
-
-# what stands in an entry's place; `outside` is a copy of what stood there
-
-
-def _link(path: Path, outside: Path) -> None:
-    path.symlink_to(outside)
-
-
-def _to_nowhere(path: Path, outside: Path) -> None:
-    path.symlink_to(outside.with_name("nowhere"))
-
-
-def _loop(path: Path, outside: Path) -> None:
-    path.symlink_to(path.name)
-
-
-def _up(path: Path, outside: Path) -> None:
-    path.symlink_to("..")
-
-
-def _fifo(path: Path, outside: Path) -> None:
-    os.mkfifo(path)
 
 
 def _socket(path: Path, outside: Path) -> None:
@@ -90,10 +54,6 @@ def _socket(path: Path, outside: Path) -> None:
         own.close()
 
 
-def _device(name: str) -> Callable[[Path, Path], None]:
-    return lambda path, outside: path.symlink_to(name)
-
-
 def _made_device(path: Path, outside: Path) -> None:
     try:
         os.mknod(path, stat.S_IFCHR | 0o666, os.makedev(1, 5))  # /dev/zero
@@ -101,60 +61,63 @@ def _made_device(path: Path, outside: Path) -> None:
         path.symlink_to("/dev/zero")
 
 
-def _folder(path: Path, outside: Path) -> None:
-    path.mkdir()
-
-
 def _full_folder(path: Path, outside: Path) -> None:
     (path / "a").mkdir(parents=True)
     (path / "a" / "b.txt").write_text("b")
 
 
-def _unreadable(path: Path, outside: Path) -> None:
+def _again(path: Path, outside: Path) -> None:
     shutil.copytree(outside, path) if outside.is_dir() else shutil.copyfile(outside, path)
+
+
+def _unreadable(path: Path, outside: Path) -> None:
+    _again(path, outside)
     path.chmod(0)  # root reads it nevertheless
-
-
-def _empty(path: Path, outside: Path) -> None:
-    path.touch()
 
 
 def _large(path: Path, outside: Path) -> None:
     path.touch()
-    os.truncate(path, _LARGE)
-
-
-def _absent(path: Path, outside: Path) -> None:
-    pass
+    os.truncate(path, 2**40)
 
 
 def _modules(path: Path, outside: Path) -> None:
-    shutil.copytree(outside, path) if outside.is_dir() else shutil.copyfile(outside, path)
+    _again(path, outside)
     for name in _MODULES:
         (path.parent / f"{name}.py").write_text(_CODE)
 
 
+def _link(leads_to: Callable[[Path, Path], Path | str]) -> Callable[[Path, Path], None]:
+    return lambda path, outside: path.symlink_to(leads_to(path, outside))
+
+
 ATTACKS: dict[str, Callable[[Path, Path], None]] = {
-    "link": _link, "link to nowhere": _to_nowhere, "loop": _loop, "link up": _up,
-    "fifo": _fifo, "socket": _socket, "link to /dev/zero": _device("/dev/zero"),
-    "link to /dev/full": _device("/dev/full"), "link to /dev/tty": _device("/dev/tty"),
-    "device": _made_device, "folder": _folder, "full folder": _full_folder, "unreadable": _unreadable,
-    "empty": _empty, "large": _large, "absent": _absent, "modules": _modules,
+    "link": _link(lambda path, outside: outside),
+    "link to nowhere": _link(lambda path, outside: outside.with_name("nowhere")),
+    "loop": _link(lambda path, outside: path.name),
+    "link up": _link(lambda path, outside: ".."),
+    **{f"link to {name}": _link(lambda path, outside, name=name: name)  # type: ignore[misc]
+       for name in ("/dev/zero", "/dev/full", "/dev/tty")},
+    "fifo": lambda path, outside: os.mkfifo(path),
+    "socket": _socket,
+    "device": _made_device,
+    "folder": lambda path, outside: path.mkdir(),
+    "full folder": _full_folder,
+    "unreadable": _unreadable,
+    "empty": lambda path, outside: path.touch(),
+    "large": _large,
+    "absent": lambda path, outside: None,
+    "modules": _modules,
 }  # fmt: skip
+"""What stands in an entry's place; `outside` is a copy of what stood there."""
 
 
 # targets
 
 
 def _records(folder: Path) -> None:
-    (folder / "run.csv").write_text(subjects.TEXTS[0])
-    np.savez(folder / "more.npz", **subjects.COLUMNS)
+    (folder / "run.csv").write_text(readers.TEXTS[0])
+    np.savez(folder / "more.npz", **readers.COLUMNS)
     (folder / "dataset.toml").write_text('title = "a"\n')
-
-
-def _matlab(folder: Path) -> None:
-    (folder / "third.mat").write_bytes(subjects.v5_files()[0])
-    (folder / "fourth.mat").write_bytes(subjects.v73_files()[0])
 
 
 def _session(folder: Path) -> None:
@@ -173,11 +136,9 @@ def _go_on(folder: Path) -> Any:
     """Open a session, tell its state, and write to its journal and settings."""
     from rdpi_gym.laboratory.bringing import read, write_settings
     from rdpi_gym.laboratory.session import Session
-    from rdpi_gym.laboratory.telling import state_of
 
-    session = Session(folder)
-    told = json.dumps(state_of(session, None, None, {}), allow_nan=False)
-    session.write({"do": "go", "path": ["s1"], "redo": []})
+    told = readers.read_journal(folder)
+    Session(folder).write({"do": "go", "path": ["s1"], "redo": []})
     write_settings(folder / "data", {"title": "b"}, ["run"])
     return told, read(folder / "data")
 
@@ -201,7 +162,7 @@ def _old(folder: Path) -> None:
     write_json(folder / "a.json", {"format": "mine", "version": 1})
     (folder / "set").mkdir()
     (folder / "set" / "a.txt").write_text("old")
-    named_rows(folder / "rows.jsonl").append(subjects.ROWS[:2])
+    named_rows(folder / "rows.jsonl").append(readers.ROWS[:2])
 
 
 def _write_set(folder: Path) -> None:
@@ -211,113 +172,54 @@ def _write_set(folder: Path) -> None:
 
 def _append(folder: Path) -> Any:
     store = named_rows(folder / "rows.jsonl")
-    store.append(subjects.ROWS[2:4])
-    store.set_aside(lambda row: row["key"] == subjects.ROWS[0]["key"])
+    store.append(readers.ROWS[2:4])
+    store.set_aside(lambda row: row["key"] == readers.ROWS[0]["key"])
     return store.rows
 
 
-@contextmanager
-def submitted() -> Iterator[Path]:
-    """A submission of a controller of one's own."""
-    import sys
-
-    from benchmarks.stages.submission import submit
-
-    with tempfile.TemporaryDirectory() as name:
-        (Path(name) / "fuzzed_controller.py").write_text(
-            "from baselines.lookup import make_controller\n"
-            "def make(belief, layout):\n    return make_controller('none', belief, layout)\n"
-        )
-        with patch.object(sys, "path", [*sys.path, name]):
-            submit("fuzzed_controller:make", ["Bare"], 1, Path(name) / "entry", jobs=1)
-        yield Path(name) / "entry"
+def _read(stack: ExitStack) -> dict[str, Target]:
+    """Folders of the documents of readers; those of policies where torch is installed."""
+    found = {}
+    for name in ("matlab-v5", "matlab-v7.3", "tracking rows", "submission", *_LEARNED):
+        with suppress(ModuleNotFoundError):
+            made = readers.READERS[name](stack)
+            files = made.documents[0].attacked(())
+            folders = {str(Path(each).parent) for each in files} - {"."}
+            found[name] = Target(partial(readers.put, files=files), [*files, *folders], made.read)
+    return found
 
 
-@contextmanager
-def _runs() -> Iterator[dict[str, Target]]:
-    """Folders of the benchmark, of a submission, of an export."""
-    from benchmarks.stages.submission import read_submission
-    from benchmarks.tracking.run import benchmark
-    from benchmarks.tracking.selection import select
+def _written(read: Mapping[str, Target]) -> dict[str, Target]:
+    """The same folders written over, and an export."""
     from rdpi_gym.firmware.making import package_of
     from rdpi_gym.firmware.writing.package import write_package
 
-    chosen = select(["none"], ["P5"], ["sine"], [1e-2], [0])
     package = package_of(P5, 1e-4, None)
-    with tempfile.TemporaryDirectory() as name, submitted() as entry:
-        place = Path(name)
-        rows = benchmark(chosen, place / "bench", jobs=1).rows
-        write_package(package, place / "c")
-        code = next(path.name for path in entry.glob("submitted*"))
+    made = ["program.json", "main.c", "examples", "build"]
+    again = partial(write_package, package)
+    found = {"export": Target(again, made, again)}
+    if {*_LEARNED} <= {*read}:
+        from baselines.learned.checkpoint import save_checkpoint
+        from baselines.learned.policy import Policy
 
-        def copied(which: Path, folder: Path) -> None:
-            shutil.copytree(which, folder, dirs_exist_ok=True)
-
-        def bench(folder: Path) -> Any:
-            with patch("benchmarks.tracking.run.run_cases", lambda *_: [rows]):
-                return benchmark(chosen, folder, jobs=1)
-
-        yield {
-            "benchmark": Target(partial(copied, place / "bench"), ["rows.jsonl"], bench),
-            "submission": Target(
-                partial(copied, entry), ["submission.json", "task-rows.jsonl", code], read_submission
-            ),
-            "export": Target(
-                partial(copied, place / "c"),
-                ["program.json", "main.c", "examples", "build"],
-                partial(write_package, package),
-            ),
-        }  # fmt: skip
+        with tempfile.TemporaryDirectory() as name:
+            read["policy"].fill(Path(name))
+            save = Policy.load(Path(name)).save
+        found["policy written"] = replace(read["policy"], act=save)
+        found["checkpoint written"] = replace(
+            read["checkpoint"], act=lambda folder: save_checkpoint(folder, Learner(), {"rows": [1]})
+        )
+    return found
 
 
-@contextmanager
-def _trained() -> Iterator[dict[str, Target]]:
-    """Folders of policies and checkpoints; none where torch is not installed."""
-    try:
-        described, weights = subjects.policy_files()
-    except ModuleNotFoundError:
-        yield {}
-        return
-    from baselines.learned.checkpoint import load_checkpoint, save_checkpoint
-    from baselines.learned.policy import Policy
-    from tests.fuzz.documents import Learner
-
-    def policy(folder: Path) -> None:
-        (folder / "policy.json").write_text(json.dumps(described))
-        (folder / "weights.pt").write_bytes(weights)
-
-    with tempfile.TemporaryDirectory() as name:
-        policy(Path(name))
-        whole = Policy.load(Path(name))
-    where = f"{Learner.timesteps:012d}"
-    kept = [where, *(f"{where}/{name}" for name in ("checkpoint.json", "model.pt", "replay.npz"))]
-    yield {
-        "policy": Target(policy, ["policy.json", "weights.pt"], subjects.read_policy),
-        "policy written": Target(policy, ["policy.json", "weights.pt"], whole.save),
-        "checkpoint": Target(
-            lambda folder: save_checkpoint(folder, Learner(), {"rows": []}),
-            kept,
-            lambda folder: load_checkpoint(folder, Learner()),
-        ),
-        "checkpoint written": Target(
-            lambda folder: save_checkpoint(folder, Learner(), {"rows": []}),
-            kept,
-            lambda folder: save_checkpoint(folder, Learner(), {"rows": [1]}),
-        ),
-    }
-
-
+_LEARNED = ("policy", "checkpoint")
 _RECORDS = ("run.csv", "more.npz", "dataset.toml")
+_SESSION = ("journal.jsonl", "data", "refused", "refused/bad.csv", "data/.run.csv.part",
+            *(f"data/{name}" for name in _RECORDS))  # fmt: skip
 _TARGETS = {
     "records": Target(_records, _RECORDS, load),
-    "matlab": Target(_matlab, ["third.mat", "fourth.mat"], load),
     "record": Target(_records, _RECORDS, lambda folder: load(folder / "run.csv")),
-    "session": Target(
-        _session,
-        ["journal.jsonl", "data", "refused", "refused/bad.csv", "data/.run.csv.part"]
-        + [f"data/{name}" for name in _RECORDS],
-        _go_on,
-    ),
+    "session": Target(_session, _SESSION, _go_on),
     "brought": Target(_records, _RECORDS, _copy_in),
     "brought over": Target(_records, _RECORDS, _copy_over),
     "file": Target(
@@ -330,51 +232,46 @@ _TARGETS = {
 }
 
 
-@contextmanager
-def folders() -> Iterator[Subject]:
+def attacked_folders(stack: ExitStack) -> Subject:
     """Every attack on every entry of every folder."""
-    with ExitStack() as stack:
-        targets = {
-            **_TARGETS,
-            **stack.enter_context(_runs()),
-            **stack.enter_context(_trained()),
-        }
-        combined = [
-            (target, entry, attack)
-            for target in targets.values()
-            for entry in target.entries
-            for attack in ATTACKS.values()
-        ]
-        acting: list[tuple[Target, dict[Path, Any]]] = []
+    read_ones = _read(stack)
+    targets = [*_TARGETS.values(), *read_ones.values(), *_written(read_ones).values()]
+    combined = [
+        (target, entry, attack)
+        for target in targets
+        for entry in target.entries
+        for attack in ATTACKS.values()
+    ]
+    acting: list[tuple[Target, dict[Path, Any]]] = []
 
-        def write(rng: Random, folder: Path) -> None:
-            assert isinstance(rng, Case)
-            inside, outside = folder / INSIDE, folder / OUTSIDE
-            inside.mkdir()
-            outside.mkdir()
-            if rng.number < len(targets):
-                target = list(targets.values())[rng.number]
-                target.fill(inside)
-            else:
-                number = shuffled(rng.seed_of_all, len(combined), rng.number - len(targets))
-                target, entry, attack = combined[number]
-                target.fill(inside)
-                path, copy = inside / entry, outside / Path(entry).name
-                path.rename(copy) if path.exists() else copy.write_text("canary")
-                attack(path, copy)
-            acting[:] = [(target, _seen(outside))]
+    def write(rng: Random, folder: Path) -> None:
+        assert isinstance(rng, Case)
+        inside, outside = folder / INSIDE, folder / OUTSIDE
+        inside.mkdir()
+        outside.mkdir()
+        if rng.number < len(targets):
+            target = targets[rng.number]
+            target.fill(inside)
+        else:
+            number = shuffled(rng.seed_of_all, len(combined), rng.number - len(targets))
+            target, entry, attack = combined[number]
+            target.fill(inside)
+            path, copy = inside / entry, outside / Path(entry).name
+            path.rename(copy) if path.exists() else copy.write_text("canary")
+            attack(path, copy)
+        acting[:] = [(target, _seen(outside))]
 
-        def read(folder: Path) -> Any:
-            ((target, before),) = acting
-            try:
-                return target.act(folder / INSIDE)
-            finally:
-                after = _seen(folder / OUTSIDE)
-                assert after == before, f"changed outside: {before} {after}"
-                ran = list(folder.rglob("ran"))
-                assert not ran, f"code of the folder was run: {ran}"
+    def read(folder: Path) -> Any:
+        ((target, before),) = acting
+        try:
+            return target.act(folder / INSIDE)
+        finally:
+            after = _seen(folder / OUTSIDE)
+            assert after == before, f"changed outside: {before} {after}"
+            ran = list(folder.rglob("ran"))
+            assert not ran, f"code of the folder was run: {ran}"
 
-        yield Subject(write, read, len(targets), len(targets) + len(combined))
+    return Subject(write, read, len(targets), len(targets) + len(combined))
 
 
 def _seen(folder: Path) -> dict[Path, Any]:

@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import json
+import os
 import struct
+from collections.abc import Sequence
 from copy import deepcopy
+from pathlib import Path
 from random import Random
 from typing import Any
 
+from tests.fuzz.structure import Document, Files
+
 DEEP = 5_000
 NUMBERS = (
-    *(
-        "nan",
-        "inf",
-        "-inf",
-        "1e400",
-        "-1e400",
-        "1e308",
-        "1e-400",
-        "-0",
-        "0",
-        "1_000",
-        "0x1F",
-        "1,5",
-    ),
-    *("１２", "1e", "--1", "+", ".", "1.2.3", "9" * 400, "9" * 5_000, "1e9", "-1", "1e15", "3.5"),
-)
+    "nan", "inf", "-inf", "1e400", "-1e400", "1e308", "1e-400", "-0", "0", "1_000", "0x1F", "1,5",
+    "１２", "1e", "--1", "+", ".", "1.2.3", "9" * 400, "9" * 5_000, "1e9", "-1", "1e15", "3.5",
+)  # fmt: skip
 TOKENS = (
     *NUMBERS, ",", ";", "\t", " ", "\n", "\r", "\r\n", '"', "'", "#", "%", "=", "[", "]", "{", "}",
     ":", "-", "&a ", "*a", "!!python/object/apply:os.system ", "\0", "\x1b[2J", "\x85", "\u2028",
@@ -136,15 +127,36 @@ def document(rng: Random, value: Any, times: int = 3) -> Any:
     return changed
 
 
-def json_text(rng: Random, value: Any) -> bytes:
-    """Write a changed JSON value, and at times change what is written."""
-    written = json.dumps(document(rng, value), ensure_ascii=rng.random() < 0.5)
-    if rng.random() < 0.02:
+def damaged(rng: Random, made: Document) -> Files:
+    """Write a document whose tree, or whose bytes, are changed."""
+    tree, changed = made.tree, made.tree is not None and rng.random() < 0.6
+    if changed:
+        tree = document(rng, tree)
+    if not isinstance(tree, type(made.tree)):
+        tree = type(made.tree)()  # all that it held is gone
+    raw = made.build(deepcopy(tree))
+    if made.is_text and rng.random() < 0.02:
         deep = rng.choice((40, 60, 900, 20_000))
-        written = written.replace("null", "[" * deep + "]" * deep, 1)
-    if rng.random() < 0.25:
-        return text(rng, written, 2)
-    return written.encode(errors="surrogatepass" if rng.random() < 0.5 else "replace")
+        raw = raw.replace(b"null", b"[" * deep + b"]" * deep, 1)
+    if not changed or rng.random() < 0.25:
+        times = 2 if changed else 3
+        raw = text(rng, raw.decode(), times) if made.is_text else binary(rng, raw, times)
+    return made.files(tree, raw)
+
+
+def special(rng: Random, paths: Sequence[Path]) -> None:
+    """Put something in a file's place, at times, that is no file."""
+    if rng.random() > 0.01:
+        return
+    path = rng.choice(paths)
+    path.unlink()
+    what = rng.randrange(5)
+    if what == 0:
+        os.mkfifo(path)
+    elif what == 1:
+        path.mkdir()
+    else:
+        path.symlink_to(("/dev/zero", "/dev/tty", "nowhere")[what - 2])
 
 
 def nested(depth: int) -> list[Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import json
 import resource
 import shutil
 import stat
@@ -18,24 +19,23 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rdpi_gym.support.errors import InputError, printable
-from tests.fuzz.subjects import Case, Subject, subject
+from tests.fuzz.readers import Case, Subject, subject
 
 LIMIT_S, LIMIT_BYTES, LONGEST = 10.0, 2**28, 400
 """Seconds of a case, bytes beyond twice its files, and characters of a line."""
 _WARM = 20
-"""Cases that are read before memory is limited: what is imported and compiled once is no case's."""
+"""Cases that are read before memory is limited: imports and compilation count for no case."""
+Job = tuple[str, range]
+"""A reader by its name, and the numbers of its cases."""
 
 
 def run_case(
     made: Subject, name: str, seed: int, case: int, folder: Path, limited: bool = False
 ) -> str:
-    """Read one damaged file.
+    """Read one damaged file; return its kind, or a description of the finding.
 
-    Returns
-    -------
-    str
-        "value", "refused", "ended" (refused, since it ended the process that reads MATLAB files), or
-        what is wrong.
+    Kinds are "value", "refused" and "ended" (refused, since it ended the process that reads MATLAB
+    files).
     """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
@@ -66,7 +66,7 @@ def run_case(
 
 
 def run(name: str, seed: int, cases: range) -> int:
-    """Run cases in this process; print what is wrong, and how to repeat it."""
+    """Run cases in this process; print the findings, and how to repeat them."""
     counted: Counter[str] = Counter()
     parent = Path(tempfile.mkdtemp(prefix="fuzz"))
     began = time.perf_counter()
@@ -77,7 +77,7 @@ def run(name: str, seed: int, cases: range) -> int:
             for case in cases:
                 # ends this process should a library never come back
                 faulthandler.dump_traceback_later(LIMIT_S + 2.0, exit=True)
-                print(f"case {case}", flush=True)
+                print(f"case {name} {case}", flush=True)
                 said = run_case(made, name, seed, case, parent / "f", limited=True)
                 if said == "refused" and case < made.whole:
                     said = "a whole file is refused"
@@ -149,35 +149,34 @@ def again(name: str, seed: int, case: int) -> str:
     return f"python -m tests.fuzz {name} --seed {seed} --case {case}"
 
 
-def watched(name: str, seed: int, cases: range, command: Sequence[str] = ()) -> int:
-    """Run cases in another process, so that a crash of it is a finding and not the end.
+def watched(seed: int, jobs: Sequence[Job], command: Sequence[str] = ()) -> int:
+    """Run jobs in another process, so that a crash of it is a finding and not the end.
 
-    Returns
-    -------
-    int
-        How many of the processes that it took found something; 0 is as it should be.
+    Returns how many of the processes that it took found something; 0 is as it should be.
     """
-    own = [sys.executable, "-m", "tests.fuzz", name, "--seed", str(seed), "--inside"]
-    command = [*(command or own)]
-    wrong, left = 0, cases
-    while left:
-        span = ["--first", str(left.start), "--cases", str(len(left))]
+    command = [*(command or (sys.executable, "-m", "tests.fuzz", "--seed", str(seed)))]
+    wrong = 0
+    while jobs:
+        told = json.dumps([(name, cases.start, cases.stop) for name, cases in jobs])
         done = subprocess.run(
-            [*command, *span], capture_output=True, text=True, errors="replace", check=False
+            [*command, "--inside", told], capture_output=True, text=True, errors="replace"
         )
         lines = done.stdout.splitlines()
         shown = [line for line in lines if not line.startswith("case ")]
         if shown:
             print("\n".join(shown), flush=True)
         wrong += done.returncode != 0
-        started = [int(line.split()[1]) for line in lines if line.startswith("case ")]
-        if any(line.startswith("DONE") for line in shown) or not started:
-            if not started:
-                print(done.stderr)
+        jobs = jobs[sum(line.startswith("DONE") for line in shown) :]
+        started = [line.rpartition(" ") for line in lines if line.startswith("case ")]
+        if not jobs or not started or started[-1][0] != f"case {jobs[0][0]}":
+            if jobs:  # it ended before a case of the next job
+                print(f"WRONG {jobs[0][0]}: {done.stderr[-3000:]}", flush=True)
+                wrong += 1
             break
+        name, last = jobs[0][0], int(started[-1][2])
         print(
-            f"WRONG {again(name, seed, started[-1])}\nended with {done.returncode}: {done.stderr[-3000:]}",
-            flush=True,
+            f"WRONG {again(name, seed, last)}\nended with {done.returncode}: {done.stderr[-3000:]}"
         )
-        left = range(started[-1] + 1, left.stop)
+        rest = range(last + 1, jobs[0][1].stop)
+        jobs = [*([(name, rest)] if rest else []), *jobs[1:]]
     return wrong

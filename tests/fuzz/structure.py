@@ -37,31 +37,15 @@ Word = tuple[int, int]
 Files = Mapping[str, bytes]
 
 
-def no_words(content: bytes) -> Sequence[Word]:
-    """Find no integers: the tree has them all."""
-    return ()
-
-
 @dataclass(frozen=True)
 class Document:
-    """A valid file, and what is known of how it is made.
+    """A valid file, and how it is made."""
 
-    Parameters
-    ----------
-    tree
-        What it says, of JSON types.
-    build
-        Writes a tree as bytes.
-    words
-        The integers of its headers in these bytes.
-    files
-        Makes the files of a folder of the tree and its bytes, the words replaced.
-    """
-
-    tree: Tree
+    tree: Tree  # its content, of JSON types; None: bytes alone
     build: Callable[[Tree], bytes]
-    files: Callable[[Tree, bytes], Files]
-    words: Callable[[bytes], Sequence[Word]] = no_words
+    files: Callable[[Tree, bytes], Files]  # of the tree and its bytes, the words replaced
+    words: Callable[[bytes], Sequence[Word]] = lambda content: ()  # integers of the headers
+    is_text: bool = False
 
     @cached_property
     def places(self) -> list[tuple[Any, Sequence[Any]]]:
@@ -97,13 +81,7 @@ def shuffled(seed: int, count: int, number: int) -> int:
 
 
 class Attacks:
-    """All attacks on some documents.
-
-    Parameters
-    ----------
-    documents
-        Of one reader.
-    """
+    """All attacks on the documents of a reader."""
 
     def __init__(self, documents: Sequence[Document]) -> None:
         self.documents = documents
@@ -183,13 +161,8 @@ def _replaced(tree: Tree, path: Sequence[Any], value: Any) -> Tree:
 
 def header_of(array: Any) -> dict[str, Any]:
     """Return the header of an array as a tree."""
-    return {
-        "descr": array.dtype.str,
-        "fortran_order": False,
-        "shape": list(array.shape),
-        "version": [1, 0],
-        "length": RIGHT,
-    }
+    own = {"descr": array.dtype.str, "shape": list(array.shape)}
+    return {**own, "fortran_order": False, "version": [1, 0], "length": RIGHT}
 
 
 def npy(header: Any, content: bytes) -> bytes:
@@ -202,7 +175,7 @@ def npy(header: Any, content: bytes) -> bytes:
     items = {key: repr(said[key]) for key in ("descr", "fortran_order", "unknown") if key in said}
     items |= {"shape": str(shape)} if "shape" in said else {}
     text = "{" + ", ".join(f"{key!r}: {value}" for key, value in sorted(items.items())) + ", }"
-    raw = text.encode()
+    raw = text.encode(errors="replace")
     raw += b" " * (-(len(raw) + 11) % 64) + b"\n"
     versions = said.get("version")
     major, minor = [
@@ -265,16 +238,7 @@ def binary_words(
 ) -> list[Word]:
     """Find the words of a binary file: all that are aligned, and others that hold one of some sizes.
 
-    Parameters
-    ----------
-    content
-        The file.
-    data
-        Numbers that stand in it, which are no headers.
-    first
-        Where its headers begin.
-    sizes
-        What a word may hold that is not aligned.
+    Headers begin at `first`; the numbers `data` are none.
     """
     taken = bytearray(len(content))
     for each in data:

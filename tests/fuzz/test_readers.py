@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.support.errors import InputError
+from tests.fuzz.readers import DAMAGED, GROUPS, STRUCTURED, Case, Subject, subject
 from tests.fuzz.running import run_case, watched
 from tests.fuzz.structure import (
     Attacks,
@@ -24,42 +25,47 @@ from tests.fuzz.structure import (
     shuffled,
     zip_words,
 )
-from tests.fuzz.subjects import SHARES, STRUCTURED, Case, Subject, subject
 
 SEED = int(os.environ.get("RDPI_FUZZ_SEED", "0"))
 
 
-def test_shares() -> None:
-    assert sum(SHARES.values()) == sum(STRUCTURED.values()) == 20_000
+def test_each_kind_of_attack_has_20_000_cases() -> None:
+    assert sum(DAMAGED.values()) == sum(STRUCTURED.values()) == 20_000
 
 
-@pytest.mark.parametrize("name", [*SHARES, *STRUCTURED])
-def test_a_value_or_one_line_and_nothing_else(name, capsys) -> None:
-    if name.partition("/")[0] in ("policy", "hyperparameters", "checkpoint"):
+@pytest.mark.parametrize("group", GROUPS)
+def test_a_reader_gives_a_value_or_one_line_and_nothing_else(group, capsys) -> None:
+    if group == "learned":
         pytest.importorskip("stable_baselines3")
-    count = {**SHARES, **STRUCTURED}[name]
-    wrong = watched(name, SEED, range(count))
+    jobs = [(name, range({**DAMAGED, **STRUCTURED}[name])) for name in GROUPS[group]]
+    wrong = watched(SEED, jobs)
     printed = capsys.readouterr().out
     assert wrong == 0, printed
-    assert f"{count} cases" in printed
+    for name, cases in jobs:
+        assert f"DONE {name}, seed {SEED}: {len(cases)} cases" in printed
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["csv", "npz", "matlab-v5", "matlab-v7.3", "signal", "npz/structure", "result/structure"],
-)
-def test_a_case_is_always_the_same_file(name, tmp_path) -> None:
-    written = []
-    for _ in range(2):
-        with subject(name) as made:
-            for case in range(20):
-                folder = tmp_path / f"{len(written)}"
-                folder.mkdir()
-                made.write(Case(name, 7, case), folder)
-                files = [path for path in sorted(folder.iterdir()) if path.is_file()]
-                written.append([path.read_bytes() for path in files if not path.is_symlink()])
-    assert written[:20] == written[20:]
-    assert len({b"".join(files) for files in written}) > 10
+def test_a_case_is_always_the_same_file(tmp_path) -> None:
+    for name in (
+        "csv",
+        "npz",
+        "matlab-v5",
+        "matlab-v7.3",
+        "signal",
+        "npz/structure",
+        "result/structure",
+    ):
+        written = []
+        for turn in range(2):
+            with subject(name) as made:
+                for case in range(20):
+                    folder = tmp_path / f"{name.replace('/', ' ')} {turn} {case}"
+                    folder.mkdir()
+                    made.write(Case(name, 7, case), folder)
+                    files = [path for path in sorted(folder.iterdir()) if path.is_file()]
+                    written.append([path.read_bytes() for path in files if not path.is_symlink()])
+        assert written[:20] == written[20:], name
+        assert len({b"".join(files) for files in written}) > 10, name
 
 
 def test_every_attack_comes_once_and_then_two_at_a_time() -> None:
@@ -82,7 +88,7 @@ def test_every_attack_comes_once_and_then_two_at_a_time() -> None:
     assert attacks.case(7, len(said)) == attacks.case(7, len(said))
 
 
-def test_what_is_written_for_an_attack_is_what_others_write(tmp_path) -> None:
+def test_archives_of_attacks_are_those_that_numpy_and_zipfile_read(tmp_path) -> None:
     header = {"descr": "<f8", "fortran_order": False, "shape": [2], "version": [1, 0]}
     content = npy(header, np.array([1.0, 2.0]).tobytes())
     plain = archive({"a.npy": content})
@@ -98,9 +104,7 @@ def test_what_is_written_for_an_attack_is_what_others_write(tmp_path) -> None:
         assert {len(content), len("a.npy"), 1, 20} <= words
 
 
-def test_memory_beyond_the_limit_is_a_finding_even_where_a_reader_says_it_in_a_line(
-    tmp_path,
-) -> None:
+def test_memory_beyond_the_limit_is_a_finding_even_in_one_line(tmp_path) -> None:
     def read(folder):
         try:
             bytearray(2**29)
@@ -120,9 +124,8 @@ def refuse(message: str) -> None:
     raise InputError(message)
 
 
-@pytest.mark.parametrize(
-    ("read", "said"),
-    [
+def test_a_finding_is_all_but_a_value_and_a_short_line(tmp_path) -> None:
+    for read, said in (
         (lambda folder: 1, "value"),
         (lambda folder: refuse("a.csv: no number; give one"), "refused"),
         (lambda folder: refuse("x" * 400), "refused"),  # it shows both ends of a line that long
@@ -131,23 +134,24 @@ def refuse(message: str) -> None:
         (lambda folder: (folder / "b").read_bytes(), "FileNotFoundError"),
         (lambda folder: bytearray(2**62), "MemoryError"),
         (lambda folder: Path("a\0b").stat(), "ValueError"),
-    ],
-)
-def test_what_is_a_finding(tmp_path, read, said) -> None:
-    assert said in run_case(reader(read), "any", 0, 0, tmp_path / "f")
+    ):
+        assert said in run_case(reader(read), "any", 0, 0, tmp_path / "f")
 
 
 def test_a_process_that_crashes_is_a_finding_and_the_next_case_is_run(capsys) -> None:
     program = """
-import os, sys
-first = int(sys.argv[sys.argv.index("--first") + 1])
-for case in range(first, 5):
-    print(f"case {case}", flush=True)
-    if case == 2:
-        os.abort()
-print("DONE")
+import json, os, sys
+for name, first, end in json.loads(sys.argv[-1]):
+    for case in range(first, end):
+        print(f"case {name} {case}", flush=True)
+        if (name, case) == ("csv", 2):
+            os.abort()
+    print(f"DONE {name} from {first}", flush=True)
 """
-    assert watched("csv", 3, range(5), [sys.executable, "-c", program]) == 1
+    jobs = [("npz", range(2)), ("csv", range(5)), ("plant", range(1))]
+    assert watched(3, jobs, [sys.executable, "-c", program]) == 1
     printed = capsys.readouterr().out
     assert "WRONG python -m tests.fuzz csv --seed 3 --case 2\nended with -6" in printed
-    assert printed.endswith("DONE\n")
+    assert [line for line in printed.splitlines() if line.startswith("DONE")] == [
+        "DONE npz from 0", "DONE csv from 3", "DONE plant from 0",
+    ]  # fmt: skip

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification.cores import CoreFit, fit_core
-from rdpi_gym.identification.kind_rules import same_models
-from rdpi_gym.identification.kinds import choose_kind, orientation
+from rdpi_gym.identification.kinds import choose_kind, orientation, same_models
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
-from rdpi_gym.plant.cores.asymmetric_bouc_wen import AsymmetricBoucWen
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.bouc_wen import BoucWen
+from rdpi_gym.plant.cores.bouc_wen import AsymmetricBoucWen, BoucWen
 from rdpi_gym.plant.cores.dahl import Dahl
 from rdpi_gym.plant.cores.duhem import Duhem
 from rdpi_gym.plant.cores.generalised import GeneralisedPI
@@ -25,6 +23,7 @@ from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 TS_S = 1e-3
 SCALE = DataScale(
@@ -51,7 +50,7 @@ def records(core: Core, noise_um: float = 0.0, effects: tuple[Effect, ...] = ())
     return found
 
 
-@pytest.mark.parametrize("name", CORES)
+@over("name", CORES)
 def test_the_shape_of_its_own_plant_is_found_within_a_per_cent(name: str) -> None:
     kind = CORES[name]
     # a comb lies over the data: a plant on the comb that the fit will use
@@ -105,8 +104,8 @@ def test_what_one_loop_does_not_tell_of_a_grid_is_smooth() -> None:
     assert fit_core([clean], CORES["preisach"]).smoothness == 0.0
 
 
-@pytest.mark.parametrize(
-    ("case", "models"),
+@over(
+    "case, models",
     [
         (
             "one length, no line",
@@ -177,7 +176,7 @@ def test_more_gains_than_samples_are_refused_in_a_line() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["bouc_wen", "preisach", "rdpi", "stop"])
+@over("name", ["bouc_wen", "preisach", "rdpi", "stop"])
 def test_the_kind_of_a_plant_is_chosen_or_stands_among_those_that_are_alike(name: str) -> None:
     kind = CORES[name]
     start = kind.starts(SCALE)[0]

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification import fit, pooled_rmse, simulate_record, validation_rmse
-from rdpi_gym.identification.yardstick import yardstick
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.support.errors import InputError
+from studies.identification import yardstick
+from tests.looping import over
 
 
 def sine(name="sine", samples=600, sign=1.0):
@@ -27,8 +28,8 @@ def masked():
     return replace(sine(), error_mask=np.zeros(600, dtype=bool))
 
 
-@pytest.mark.parametrize(
-    ("records", "keywords", "words"),
+@over(
+    "records, keywords, words",
     [
         ([], {}, "no record to fit"),
         ([still()], {}, "no record to fit"),

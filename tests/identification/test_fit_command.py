@@ -7,6 +7,7 @@ import pytest
 
 from rdpi_gym.cli import main
 from rdpi_gym.plant import P5, Plant, PlantModel, settled_memory
+from tests.looping import over
 
 
 def write(path, frequency_hz, *, sign=1.0, extremum_V=0.0):
@@ -75,8 +76,8 @@ def test_the_rate_can_be_band_limited(folder, tmp_path):
     assert PlantModel.load(tmp_path / "out" / "model.json").hysteresis.rate_bandwidth_hz == 400.0
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
+@over(
+    "options, words",
     [
         (["--plays", "0"], "--plays"),
         (["--rate-bandwidth", "-1"], "rate_bandwidth_hz is -1"),

@@ -6,13 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
-from rdpi_gym.identification.gram import gram_matrices, tangent_matrices
-from rdpi_gym.identification.nonnegative import bounded_least_squares
-from rdpi_gym.identification.rates import movements
+from rdpi_gym.identification.least_squares import (
+    bounded_least_squares,
+    gram_matrices,
+    tangent_matrices,
+)
+from rdpi_gym.identification.scale import movements
 from rdpi_gym.identification.stack import Stack, command_rate, thin
 from rdpi_gym.identification.uncertainty import correlation_length
 from rdpi_gym.plant import settled_memory
 from rdpi_gym.plant.cores.play import play_columns
+from tests.looping import over
 
 N_PLAYS = 5
 
@@ -143,7 +147,7 @@ def test_movements_ignore_ripple_and_cut_ends():
     assert peak.size == 5
 
 
-@pytest.mark.parametrize("length", [1, 20, 500])
+@over("length", [1, 20, 500])
 def test_the_correlation_length_is_that_of_a_moving_average(length):
     rng = np.random.default_rng(length)
     noise = np.convolve(rng.standard_normal(200_000), np.ones(length), "valid")

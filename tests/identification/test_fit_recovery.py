@@ -6,6 +6,7 @@ import pytest
 from rdpi_gym.identification import fit
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, RDPI, Plant, PlantModel, settled_memory
+from tests.looping import over
 
 # frequency (Hz), amplitude (V), sampling time (s)
 SINES = ((1.0, 40.0, 1e-3), (10.0, 30.0, 2e-4), (50.0, 40.0, 5e-5), (100.0, 20.0, 2e-5))
@@ -45,7 +46,7 @@ def test_noise_free_data_give_all_13_parameters_back():
     assert result.warnings == ()
 
 
-@pytest.mark.parametrize("ts_s", [1e-4, 4e-4])
+@over("ts_s", [1e-4, 4e-4])
 def test_rates_are_per_second_so_the_sampling_time_does_not_matter(ts_s):
     records = [sine(P10, 5.0, 40.0, ts_s), sine(P10, 40.0, 25.0, 1e-4)]
     assert worst_error(fit(records), P10.hysteresis) < 1e-5
@@ -69,7 +70,7 @@ def test_masked_samples_do_not_count_but_are_simulated():
     assert worst_error(fit(records), P10.hysteresis) < 1e-5
 
 
-@pytest.mark.parametrize("n", [1, 3, 30])
+@over("n", [1, 3, 30])
 def test_any_number_of_plays(n):
     rng = np.random.default_rng(n)
     weights = [0.6, *(rng.uniform(0.2, 1.0, n) / n)]

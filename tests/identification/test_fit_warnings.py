@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification import MIN_MOTION, fit
-from rdpi_gym.identification.gram import gram_matrices
+from rdpi_gym.identification.least_squares import gram_matrices
 from rdpi_gym.identification.stack import stack_records
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10, RDPI, Plant, PlantModel
+from tests.looping import over
 
 NOISE_UM = 0.02
 
@@ -39,7 +40,7 @@ def warns(records, words, **keywords):
 NOT_DETERMINED = "δ2 is not determined by these data"
 
 
-@pytest.mark.parametrize("frequency_hz", [1.0, 10.0, 50.0])
+@over("frequency_hz", [1.0, 10.0, 50.0])
 def test_one_rate_does_not_determine_delta2(frequency_hz):
     assert warns([sine(frequency_hz, 40.0)], NOT_DETERMINED)
     assert warns([sine(frequency_hz, 40.0), sine(1.2 * frequency_hz, 40.0)], NOT_DETERMINED)
@@ -58,7 +59,7 @@ def test_nor_triangles_of_one_rate():
     assert not warns([triangle(10.0, 40.0), triangle(40.0, 40.0)], NOT_DETERMINED)
 
 
-@pytest.mark.parametrize(
+@over(
     "cases",
     [
         [(10.0, 40.0), (100.0, 40.0)],

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification import fit
-from rdpi_gym.identification.yardstick import yardstick
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P5, Plant
+from studies.identification import yardstick
 
 
 def sines(noise_um):

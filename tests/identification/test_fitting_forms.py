@@ -10,6 +10,7 @@ from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import DataScale, Effect, load_effect
+from tests.looping import over
 
 TS = 1e-4
 T = np.arange(6000) * TS
@@ -26,7 +27,7 @@ def measured(core, u, *effects):
     return Record("made", T, u, y, ts_s=TS)
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e-4, 1e4])
+@over("unit", [1.0, 1e-4, 1e4])
 def test_unlike_hard_rails_are_found_in_any_unit(unit):
     hard, scale = form("saturation", "hard rails"), 40.0 * unit
     u = scale * np.exp(-2.0 * T) * np.sin(2 * np.pi * 10.0 * T)
@@ -81,7 +82,7 @@ def test_two_time_constants_are_found_from_one():
     assert found.values == pytest.approx(hidden.values, rel=0.02)
 
 
-@pytest.mark.parametrize(("volt", "second", "micrometre"), [(1e-4, 1e3, 1e3), (1e3, 1e-3, 1e-3)])
+@over("volt, second, micrometre", [(1e-4, 1e3, 1e3), (1e3, 1e-3, 1e-3)])
 def test_a_refit_is_the_same_in_any_unit(volt, second, micrometre):
     """Kilonewtons by the hour, or metres over millivolts: no size is built in."""
 

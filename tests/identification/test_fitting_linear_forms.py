@@ -11,6 +11,7 @@ from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, forms_of, load_effect
+from tests.looping import over
 
 NOISE_UM = 2e-3
 CORE = P10.hysteresis
@@ -68,7 +69,7 @@ CASES = {
 NEAR = {"resonance": {"f0_hz": 700.0}}
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@over("case", CASES)
 def test_a_form_is_found_to_the_noise_from_the_simplest_that_left_more(case):
     protocol, values = CASES[case]
     simplest, kind = (
@@ -96,8 +97,8 @@ def test_a_form_is_found_to_the_noise_from_the_simplest_that_left_more(case):
     assert best.at_bound == ()
 
 
-@pytest.mark.parametrize("name", ["thermal_drift", "gain_drift"])
-@pytest.mark.parametrize("words", ["piecewise linear", "smooth curve"])
+@over("name", ["thermal_drift", "gain_drift"])
+@over("words", ["piecewise linear", "smooth curve"])
 def test_where_no_record_is_a_drift_goes_on_as_it_went(name, words):
     """Two records with a pause between them and as long a time after them tell knots of neither."""
     rng, records = np.random.default_rng(0), []

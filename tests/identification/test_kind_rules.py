@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.identification.held_out import PIECES
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import JointFit
-from rdpi_gym.identification.kind_rules import Told, Way, told_apart
-from rdpi_gym.identification.kinds import explained
+from rdpi_gym.identification.kinds import Told, Way, explained, told_apart
+from rdpi_gym.identification.residuals import PIECES
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.bouc_wen import BoucWen

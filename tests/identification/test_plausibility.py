@@ -15,6 +15,7 @@ from rdpi_gym.plant import P5, P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.virtual_lab import Truth, simulate_dataset
 from studies.measured_effects import mirror_axis
+from tests.looping import over
 
 TS_S = 1e-3
 NOISE = np.random.default_rng(3).standard_normal(1500)
@@ -55,8 +56,8 @@ def fitted(kind, tmp_path, capsys):
     return model["identification"]["warnings"], printed
 
 
-@pytest.mark.parametrize(
-    ("kind", "said"),
+@over(
+    "kind, said",
     [
         ("swapped", "the loops turn the wrong way"),
         ("swapped", "u and y swapped?"),
@@ -86,9 +87,7 @@ def test_milliseconds_are_known_by_delta2_where_sampling_is_fast(tmp_path):
     assert any("δ2 is 0.39 s" in w and "time in ms?" in w for w in found.warnings)
 
 
-@pytest.mark.parametrize(
-    ("plant", "hidden"), [(P5, None), (P10, None), (P10, "delay"), (P10, "backlash")]
-)
+@over("plant, hidden", [(P5, None), (P10, None), (P10, "delay"), (P10, "backlash")])
 def test_no_alarm_on_the_standard_protocol(plant, hidden):
     effects = () if hidden is None else (CATALOGUE[hidden](),)
     data = simulate_dataset(Truth(plant, effects, 0.012, 1, 4.0))

@@ -10,6 +10,7 @@ import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.measurement import LARGEST, Record
+from tests.looping import over
 
 SCALES = [1e-300, 1e-100, 1e-30, 1.0, 1e30, 1e100, 1e300]
 ROWS = {"single": [200], "run": range(100, 120), "start": [0], "end": [399], "all": range(400)}
@@ -25,9 +26,9 @@ def made(ts_s=5e-3, **changed):
     return rg.Dataset("mine", (Record("run", **{**columns(), **changed}, ts_s=ts_s),))
 
 
-@pytest.mark.parametrize("rows", ROWS.values(), ids=ROWS)
-@pytest.mark.parametrize("column", ["t_s", "u_V", "y_um"])
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 2 * LARGEST])
+@over("rows", ROWS.values())
+@over("column", ["t_s", "u_V", "y_um"])
+@over("value", [np.nan, np.inf, -np.inf, 2 * LARGEST])
 def test_the_first_value_that_is_none_is_named(column, rows, value):
     values = columns()[column]
     values[list(rows)] = value
@@ -38,7 +39,7 @@ def test_the_first_value_that_is_none_is_named(column, rows, value):
     assert ("no finite number" in said) == (not np.isfinite(value))
 
 
-@pytest.mark.parametrize("column", ["reference_um", "temperature_C", "before_V", "others"])
+@over("column", ["reference_um", "temperature_C", "before_V", "others"])
 def test_further_columns_are_read_too(column):
     values = np.append(np.zeros(399), np.nan)
     given = {"u2": values} if column == "others" else values
@@ -47,7 +48,7 @@ def test_further_columns_are_read_too(column):
         made(**{column: given})
 
 
-@pytest.mark.parametrize("ts_s", [0.0, -1.0, np.nan, np.inf, 1e-31, 1e31])
+@over("ts_s", [0.0, -1.0, np.nan, np.inf, 1e-31, 1e31])
 def test_a_sampling_time_that_is_none_is_refused(ts_s):
     with pytest.raises(rg.InputError, match=r"ts_s is [-0-9a-z+.]+; give a sampling time"):
         made(ts_s=ts_s)
@@ -64,7 +65,7 @@ def test_a_fit_at_any_size_ends():
             assert rg.fit(made(ts_s=5e-3 * t, **scaled)).train_rmse_um < y
 
 
-@pytest.mark.parametrize("size", [1e-29, 1.0, 1e28])
+@over("size", [1e-29, 1.0, 1e28])
 def test_a_displacement_within_the_bounds_is_fitted_alike(size):
     found = rg.fit(made(y_um=size * columns()["y_um"]))
     assert found.train_rmse_um == pytest.approx(size * rg.fit(made()).train_rmse_um)
@@ -75,7 +76,7 @@ def test_a_displacement_of_nothing_is_no_motion():
         rg.fit(made(y_um=1e-300 * columns()["y_um"]))
 
 
-@pytest.mark.parametrize("fitted", [rg.fit, lambda data: rg.fit_core(data, "stop")])
+@over("fitted", [rg.fit, lambda data: rg.fit_core(data, "stop")])
 def test_records_at_rest_are_no_records_to_fit(fitted):
     with pytest.raises(rg.InputError, match="no record to fit"):
         fitted(made(u_V=np.full(400, 2.0)))

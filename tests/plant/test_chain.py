@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import get_args
 
 import numpy as np
-import pytest
 
 from rdpi_gym.envs.vector.effects import EffectStages
 from rdpi_gym.envs.vector.lanes import WORK, make_lanes
@@ -15,6 +14,7 @@ from rdpi_gym.plant import P10, Plant, empty_state, pack
 from rdpi_gym.plant.chain import ACTS_ON, BEHIND, CHAIN, FRONT, in_order, walk
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import SLOTS, Slot
+from tests.looping import over
 
 EVERY = replace(P10, effects=tuple(kind() for kind in CATALOGUE.values()))
 TS_S = 1e-4
@@ -43,7 +43,7 @@ def test_the_jacobian_simulates_what_the_plant_does():
     np.testing.assert_array_equal(own, Plant(EVERY, TS_S).simulate(U))
 
 
-@pytest.mark.parametrize("compiled", [False, True])
+@over("compiled", [False, True])
 def test_the_vector_environment_runs_what_the_plant_does(compiled):
     """Its fused kernel is a twin of the list; what runs from Python walks it."""
     from rdpi_gym.envs.vector.chain import run_chain

@@ -2,17 +2,17 @@
 
 import gymnasium as gym
 import numpy as np
-import pytest
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.measurement import stated_quantities
 from rdpi_gym.plant import MEASURED, Plant, named_plant
 from studies import core_plants
+from tests.looping import over
 
 OTHERS = [name for name in MEASURED if name != "picma"]
 
 
-@pytest.mark.parametrize("name", OTHERS)
+@over("name", OTHERS)
 def test_a_plant_says_where_it_is_from_and_reaches_its_references(name):
     plant = named_plant(name)
     assert plant.identification["source"]

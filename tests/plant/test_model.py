@@ -12,7 +12,6 @@ from rdpi_gym.plant import (
     PAPER_III_B,
     PAPER_IV_B,
     PLANTS,
-    RDPI,
     Converter,
     Plant,
     PlantModel,
@@ -22,12 +21,13 @@ from rdpi_gym.plant import (
     settled_memory,
 )
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 ONE_LINE = r"^[^\n]*$"
 
 
-@pytest.mark.parametrize(
-    ("model", "sum_of_plays", "all_sliding", "loop_gain", "zero"),
+@over(
+    "model, sum_of_plays, all_sliding, loop_gain, zero",
     [(PAPER_III_B, 0.4880, 1.2170, 0.669, 6629), (PAPER_IV_B, 0.6003, 1.2213, 0.967, 5153)],
 )
 def test_derived_numbers_of_the_papers_sets(model, sum_of_plays, all_sliding, loop_gain, zero):
@@ -37,7 +37,7 @@ def test_derived_numbers_of_the_papers_sets(model, sum_of_plays, all_sliding, lo
     assert model.zero_rad_s == pytest.approx(zero, abs=0.5)
 
 
-@pytest.mark.parametrize("name", PLANTS)
+@over("name", PLANTS)
 def test_every_named_plant_survives_its_file(name, tmp_path):
     plant = named_plant(name)
     assert PlantModel.load(plant.save(tmp_path / "plant.json")) == plant
@@ -48,28 +48,7 @@ def test_static_forms_have_no_rate():
     assert math.isinf(named_plant("P10-static").hysteresis.zero_rad_s)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (((0.0, 1.0), (1.0,), 0.0), "a_0 is 0.0"),
-        (((-1.0, 1.0), (1.0,), 0.0), "a_0 is -1.0"),
-        (((), (), 0.0), "a_0 is missing"),
-        (((1.0, -0.1), (1.0,), 0.0), "a_1 is -0.1"),
-        (((1.0, math.nan), (1.0,), 0.0), "a_1 is nan"),
-        (((1.0, 1.0, 1.0), (2.0, 1.0), 0.0), "r_2 is 1.0 V after 2.0 V"),
-        (((1.0, 1.0), (0.0,), 0.0), "r_1 is 0.0 V"),
-        (((1.0, 1.0), (1.0, 2.0), 0.0), "2 thresholds for 1 play weights"),
-        (((1.0, 1.0), (1.0,), -1e-4), "delta2_s is -0.0001"),
-        (((1.0, 1.0), (1.0,), 0.0, 0.0), "rate_bandwidth_hz is 0.0"),
-    ],
-)
-def test_parameters_that_no_plant_has_are_refused(arguments, says):
-    with pytest.raises(InputError, match=ONE_LINE) as refusal:
-        RDPI(*arguments)
-    assert says in str(refusal.value)
-
-
-@pytest.mark.parametrize("ts", [0.0, -1e-4, math.nan, math.inf])
+@over("ts", [0.0, -1e-4, math.nan, math.inf])
 def test_sampling_times_that_do_not_exist_are_refused(ts):
     with pytest.raises(InputError, match="ts_s is"):
         Plant(P5, ts)
@@ -111,7 +90,7 @@ def broken_documents() -> list[tuple[object, str]]:
     ]
 
 
-@pytest.mark.parametrize(("document", "says"), broken_documents())
+@over("document, says", broken_documents())
 def test_foreign_plant_files_are_refused_in_one_line(document, says, tmp_path):
     path = tmp_path / "plant.json"
     path.write_text(json.dumps(document))
@@ -177,16 +156,13 @@ def test_a_rest_at_a_command_allows_only_its_memory():
     np.testing.assert_allclose(plant.memory[:, 0], settled_memory(rest, [10.0]))
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
+@over("key, value", [
         ("name", 3), ("name", "a\nb"), ("note", ["a"]), ("note", "\x1b[2J"), ("weights", 1.0),
         ("thresholds_V", [True, 2.0]), ("offset_um", float("nan")), ("offset_um", 10**400),
         ("offset_um", [1.0]), ("reference_um", [0.0]), ("effects", {}), ("effects", [[]]),
         ("identification", 1), ("sensor", "none"), ("command_range_V", [0.0, 1.0, 2.0]),
         ("effects", [{"effect": "os:system"}]), ("effects", [{"effect": ["creep"]}]),
-    ],
-)  # fmt: skip
+    ])  # fmt: skip
 def test_a_value_of_another_type_is_one_line(key, value) -> None:
     document = P5.to_dict()
     inside = document["hysteresis"] if key in document["hysteresis"] else document

@@ -1,13 +1,13 @@
 """Laws of the play operator and of the RDPI sum, as properties."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from rdpi_gym.plant import P5, P10, Plant, PlantModel
 from rdpi_gym.plant.cores.play import play_columns
+from tests.looping import over
 
 VOLTS = st.floats(-30.0, 30.0, allow_nan=False, width=32)
 THRESHOLD = st.floats(0.01, 20.0)
@@ -82,7 +82,7 @@ def test_model_is_odd(u):
     np.testing.assert_allclose(up, -down, atol=1e-12)
 
 
-@pytest.mark.parametrize("bias", [-8.0, -3.0, 5.0])
+@over("bias", [-8.0, -3.0, 5.0])
 def test_minor_loops_of_one_span_are_congruent(bias):
     def loop(centre: float) -> np.ndarray:
         plant = Plant(static(P10), 1e-3)

@@ -1,4 +1,4 @@
-"""Every figure of a comparison can be drawn, from a short record to a large data set."""
+"""Every chart of a comparison is complete, with units, from a short record to a large data set."""
 
 import re
 from dataclasses import replace
@@ -10,9 +10,11 @@ import pytest
 from rdpi_gym.diagnosis import compare
 from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import P5, Plant, named_plant
-from rdpi_gym.report.comparison.figures import error_by_frequency, record_errors, residual_plane
-from rdpi_gym.report.comparison.page import MOST_RECORDS, write_compare_page
-from rdpi_gym.report.trace_figures import largest_error, loops, time_traces
+from rdpi_gym.report import comparison as charts
+from rdpi_gym.report.chart import Bands, Bars, Chart, Series
+from rdpi_gym.report.chart_plotly import plotly_figure
+from rdpi_gym.report.comparison_page import MOST_RECORDS, write_compare_page
+from rdpi_gym.report.traces import loops, one_model
 
 
 def sine(name="sine", frequency_hz=5.0, periods=6.0, per_period=200, **keywords):
@@ -53,14 +55,17 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("records", CASES.values(), ids=CASES.keys())
-def test_page_is_written(records, tmp_path):
-    comparison = compare(Dataset("a data set", records), named_plant("P5-static"))
-    page = write_compare_page(tmp_path / "report.html", comparison)
-    text = page.read_text(encoding="utf-8")
-    assert "<b>a</b>" not in text
-    for finding in comparison.findings.values():
-        assert escape(finding[:20]) in text
+def test_a_page_of_every_case_is_written(tmp_path):
+    for name, records in CASES.items():
+        comparison = compare(Dataset("a data set", records), named_plant("P5-static"))
+        text = write_compare_page(tmp_path / "report.html", comparison).read_text(encoding="utf-8")
+        assert "<b>a</b>" not in text, name
+        for finding in comparison.findings.values():
+            assert escape(finding[:20]) in text, name
+
+
+def marks(chart, kind):
+    return [mark for panel in chart.panels for mark in panel.marks if isinstance(mark, kind)]
 
 
 @pytest.mark.slow
@@ -100,15 +105,15 @@ def comparison():
 def test_traces_show_the_largest_error(comparison):
     trace = comparison.traces[0]
     worst = np.max(np.abs(trace.residual_um))
-    for figure in (time_traces(trace, 600), largest_error(trace)):
-        assert np.max(np.abs(figure.data[2].y)) == worst
-        assert figure.data[0].x.size <= 602
+    for chart in (charts.time_traces(trace, 600), charts.largest_error(trace, 3000)):
+        measured, _, residual = marks(chart, Series)
+        assert np.max(np.abs(residual.y)) == np.float32(worst)
+        assert measured.x.size <= 602
 
 
 def test_loops_are_whole_and_few(comparison):
     trace = comparison.traces[0]
-    figure = loops(trace, 1200)
-    u = np.asarray(figure.data[0].x, dtype=float)
+    u = np.asarray(marks(loops(one_model(trace), 1200), Series)[0].x, dtype=float)
     assert u.size <= 1200 + 60
     pieces = np.split(u, np.flatnonzero(np.isnan(u)))
     inner = [piece[~np.isnan(piece)] for piece in pieces[1:-2]]
@@ -117,29 +122,69 @@ def test_loops_are_whole_and_few(comparison):
         assert np.ptp(piece) == pytest.approx(20.0, rel=1e-3)
 
 
-def test_every_axis_carries_its_unit(comparison):
+@pytest.fixture(scope="module")
+def eventful():
+    """A comparison with rests, harmonics and a clock."""
+    wave = 10.0 * np.sin(2 * np.pi * 5.0 * np.arange(3000) * 1e-3)
+    steps = np.repeat([0.0, 8.0, -4.0], 2000)
+
+    def record(name, u, start_s, role="train"):
+        t = start_s + np.arange(u.size) * 1e-3
+        return Record(name, t, u, Plant(P5, 1e-3).simulate(u), ts_s=1e-3, role=role)
+
+    held = record("held", 0.5 * wave, 20.0, "validation")
+    records = (record("<i>sine</i>", wave, 0.0), record("steps", steps, 5.0), held)
+    return compare(Dataset("three", records), named_plant("P5-static"))
+
+
+def every_chart(comparison):
     trace = comparison.traces[0]
-    for figure in (
-        time_traces(trace),
-        loops(trace),
-        record_errors(comparison.records),
-        error_by_frequency(comparison.by_frequency),
-        residual_plane(comparison.plane),
-    ):
-        titles = [
-            Quantities().fill(axis.title.text)
-            for axis in (*figure.select_xaxes(), *figure.select_yaxes())
-            if axis.title.text
-        ]
-        assert titles
+    return {
+        "time": charts.time_traces(trace, 3000),
+        "loops": loops(one_model(trace)),
+        "records": charts.record_errors(comparison.records),
+        "frequency": charts.error_by_frequency(comparison.by_frequency),
+        "spectrum": charts.error_spectrum(comparison.spectrum),
+        "distortion": charts.distortion_parts(comparison.distortion),
+        "rest": charts.error_since_rest(comparison.since_rest, comparison.noise_floor_um),
+        "clock": charts.error_over_clock(comparison.clock),
+        "plane": charts.residual_plane(comparison.plane),
+    }
+
+
+def test_every_axis_carries_its_unit_and_names_are_text(eventful):
+    for name, chart in every_chart(eventful).items():
+        figure = plotly_figure(chart) if isinstance(chart, Chart) else chart
+        axes = (*figure.select_xaxes(), *figure.select_yaxes())
+        titles = [Quantities().fill(axis.title.text) for axis in axes if axis.title.text]
+        assert titles, name
         for title in titles:
             assert any(f"({unit}" in title for unit in ("µm", "V", "s", "Hz", "%")), title
+        assert "<i>sine" not in figure.to_json().replace("\\u003c", "<"), name
+
+
+def test_every_row_is_drawn(eventful):
+    drawn = every_chart(eventful)
+    assert len(marks(drawn["spectrum"], Series)[0].x) == len(eventful.spectrum)
+    lengths = [len(bar.lengths) for bar in marks(drawn["distortion"], Bars)]
+    assert lengths == [len(eventful.distortion)] * 5
+    points = sum(len(line.x) for line in marks(drawn["clock"], Series))
+    assert points == len(eventful.clock)
+    resting = eventful.since_rest[eventful.since_rest["state"] == "resting"]
+    assert len(marks(drawn["rest"], Series)[0].x) == len(resting)
+
+
+def test_page_tells_what_every_check_says(eventful, tmp_path):
+    page = write_compare_page(tmp_path / "report.html", eventful).read_text(encoding="utf-8")
+    for check in eventful.checks:
+        assert escape(check.sentence) in page
+    for heading in ("Tests without a model", "Harmonics", "Spectrum and coherence", "Drift over"):
+        assert f"<h2>{heading}" in page
 
 
 def test_left_out_stretches_are_shaded():
     trace = compare(Dataset("one", (masked(),)), P5).traces[0]
     assert trace.role == "train"
     # 100 to 299; and the last: a quarter of the 999 that count is held out for validation
-    shapes = time_traces(trace).layout.shapes
-    spans = {(shape.x0, shape.x1) for shape in shapes}
-    assert spans == {(trace.t_s[100], trace.t_s[299]), (trace.t_s[-250], trace.t_s[-1])}
+    (band,) = marks(charts.time_traces(trace, 3000), Bands)
+    assert set(band.spans) == {(trace.t_s[100], trace.t_s[299]), (trace.t_s[-250], trace.t_s[-1])}

@@ -5,23 +5,24 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
-import plotly.graph_objects as go
 import pytest
 
 from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
-from rdpi_gym.diagnosis.hygiene import Finding
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
+from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step, View, steps_of
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import P5
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
-from rdpi_gym.report.discovery import candidates, view_figures
-from rdpi_gym.report.discovery import figures as discovery_figures
-from rdpi_gym.report.discovery.page import MOST_VIEWS, view_sections, write_discovery_page
-from rdpi_gym.report.discovery.sentences import lines, staircase
+from rdpi_gym.report import discovery_candidates as candidates
+from rdpi_gym.report import discovery_charts as charts
+from rdpi_gym.report.chart import Bands, Bars, Chart, Level, Series
+from rdpi_gym.report.chart_plotly import plotly_figure
+from rdpi_gym.report.discovery_page import MOST_VIEWS, view_sections, write_discovery_page
+from rdpi_gym.report.discovery_text import lines, staircase
 
 
 def page_of(result, tmp_path):
@@ -78,15 +79,19 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
-def test_page_is_written(case, made_discovery, tmp_path):
-    result = case(made_discovery)
-    text = page_of(result, tmp_path)
-    assert f"<p>{result.headline}</p>" in text
-    assert "a &lt;b&gt;stage" in text
-    assert "<b>x</b>" not in text
-    for check in result.checks:
-        assert text.count(f"<li>{check}</li>") == 1
+def test_a_page_of_every_case_is_written(made_discovery, tmp_path):
+    for name, case in CASES.items():
+        result = case(made_discovery)
+        text = page_of(result, tmp_path)
+        assert f"<p>{result.headline}</p>" in text, name
+        assert "a &lt;b&gt;stage" in text, name
+        assert "<b>x</b>" not in text, name
+        for check in result.checks:
+            assert text.count(f"<li>{check}</li>") == 1, name
+
+
+def marks(chart, kind):
+    return [mark for panel in chart.panels for mark in panel.marks if isinstance(mark, kind)]
 
 
 def test_the_answer_comes_first(made_discovery):
@@ -182,7 +187,7 @@ def test_diagnosis_that_earns_nothing_chooses_nothing(made_diagnosis, tmp_path):
     result = made_diagnosis(views=views, steps=())
     assert len(staircase(result)) == 2
     section = candidates.candidate_sections(result)[0]
-    assert {trace.name for trace in section.figure.data if trace.type == "bar"} == {"others"}
+    assert {bar.name for bar in marks(section.figure, Bars)} == {"others"}
     page_of(result, tmp_path)
 
 
@@ -204,8 +209,8 @@ def test_rounds_name_what_was_there(made_discovery):
         "Round 3: added to creep and resonance",
     ]
     reference = [
-        Quantities().fill(next(t.name for t in figure.data if t.name.startswith("without")))
-        for figure in section.figure.values()
+        Quantities().fill(next(m.name for m in marks(chart, Level) if m.name.startswith("without")))
+        for chart in section.figure.values()
     ]
     assert reference == [f"without a candidate, {um} µm" for um in ("0.8", "0.1", "0.021")]
 
@@ -216,19 +221,18 @@ def test_effect_taken_out_again_is_shown_where_it_was_taken(made_discovery):
     assert list(candidates.candidate_sections(result)[0].figure)[2].endswith("creep and resonance")
 
 
-def bars(figure):
+def bars(chart):
     return {
-        str(name): (trace.name, x, text)
-        for trace in figure.data
-        if trace.type == "bar"
-        for name, x, text in zip(trace.y, trace.x, trace.text, strict=True)
+        name: (bar.name, length, text)
+        for bar in marks(chart, Bars)
+        for name, length, text in zip(bar.places, bar.lengths, bar.texts, strict=True)
     }
 
 
 def test_ranking_keeps_runaways_and_failures_on_the_axis(made_discovery):
     result = made_discovery()
     first = next(iter(candidates.candidate_sections(result)[0].figure.values()))
-    reach = first.layout.xaxis.range[1]
+    reach = first.panels[0].x.limits[1]
     drawn = bars(first)
     assert drawn["creep"] == ("the choice", 0.1, "0.1")
     assert drawn["thermal_drift"] == ("others", reach, "64 → (!)")
@@ -240,7 +244,7 @@ def test_ranking_keeps_runaways_and_failures_on_the_axis(made_discovery):
 
 
 def test_staircase_holds_every_error_and_the_floor(made_discovery):
-    figure = discovery_figures.staircase(staircase(made_discovery()), 0.02)
+    figure = charts.staircase_figure(staircase(made_discovery()), 0.02)
     assert list(figure.data[0].y) == [0.9, 0.8, 0.1, 0.021]
     assert list(figure.data[0].x)[-2:] == ["+ creep", "+ resonance"]
     floor = figure.layout.shapes[0]
@@ -251,7 +255,11 @@ def test_staircase_holds_every_error_and_the_floor(made_discovery):
 
 
 def test_left_out_stretch_and_noise_band_are_both_shaded(made_discovery):
-    figure = view_figures.over_time(made_discovery().views[0], 0.02)
+    chart = charts.view_over_time(made_discovery().views[0], 0.02)
+    assert {mark.name for mark in marks(chart, Bands)} == {
+        "left out of the error", "noise floor (± rms)",
+    }  # fmt: skip
+    figure = plotly_figure(chart)
     shapes = figure.layout.shapes
     assert {(s.y0, s.y1) for s in shapes if s.yref == "y2"} == {(-0.02, 0.02)}
     assert {(s.x0, s.x1) for s in shapes if s.yref == "paper"} == {(0.0, 0.049)}
@@ -260,8 +268,8 @@ def test_left_out_stretch_and_noise_band_are_both_shaded(made_discovery):
 def test_models_between_first_and_last_wait_for_a_click(made_discovery):
     view = made_discovery().views[0]
     three = replace(view, models_um=dict.fromkeys(("base", "creep", "both"), view.y_um))
-    visible = {t.name: t.visible for t in view_figures.loops(three, 0.02).data}
-    assert visible["creep"] == "legendonly"
+    visible = {line.name: line.visible for line in marks(charts.view_loops(three, 0.02), Series)}
+    assert visible["creep"] is False
     assert visible["base"] is True
     assert visible["both"] is True
 
@@ -272,9 +280,9 @@ def test_every_axis_carries_its_unit(made_discovery):
     for section in (*view_sections(result), *candidates.candidate_sections(result)):
         figures += section.figure.values()
     stairs = staircase(result)
-    figures.append(discovery_figures.records(stairs, {}, 0.02))
-    figures.append(discovery_figures.staircase(stairs, 0.02))
-    for figure in figures:
+    figures.append(charts.record_errors(stairs, {}, 0.02))
+    figures.append(charts.staircase_figure(stairs, 0.02))
+    for figure in (plotly_figure(f) if isinstance(f, Chart) else f for f in figures):
         titles = [
             Quantities().fill(axis.title.text)
             for axis in (*figure.select_xaxes(), *figure.select_yaxes())
@@ -366,8 +374,8 @@ def test_spectrum_of_noise_is_its_floor(made_discovery):
     # white noise of σ has the density σ √(2 Ts)
     assert np.sqrt(np.mean(profiles.density_um**2)) == pytest.approx(0.05 * np.sqrt(2e-3), rel=0.03)
     assert profiles.hold is None
-    figure = view_figures.residuals({"base": profiles}, 0.05, 1e-3)
-    assert isinstance(figure, go.Figure)
+    chart = charts.residuals({"base": profiles}, 0.05, 1e-3)
+    assert [panel.columns for panel in chart.panels] == [1, 1, 2]
 
 
 def test_codes_stand_beside_their_texts_in_a_file_and_a_file_without_them_is_read(made_discovery):

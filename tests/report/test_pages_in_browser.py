@@ -5,13 +5,13 @@ import shutil
 import numpy as np
 import pytest
 
+from benchmarks.tracking.page import write_benchmark_page
 from rdpi_gym.cli import main
 from rdpi_gym.diagnosis import compare
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, Plant, named_plant
-from rdpi_gym.report.benchmark.page import write_benchmark_page
-from rdpi_gym.report.comparison.page import write_compare_page
-from rdpi_gym.report.discovery.page import write_discovery_page
+from rdpi_gym.report.comparison_page import write_compare_page
+from rdpi_gym.report.discovery_page import write_discovery_page
 
 sync_api = pytest.importorskip(
     "playwright.sync_api", reason="Playwright's Python package is not installed (extra: test)"

@@ -9,8 +9,8 @@ import pytest
 from rdpi_gym.diagnosis import compare
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, Plant, named_plant
-from rdpi_gym.report.comparison.page import write_compare_page
-from rdpi_gym.report.discovery.page import write_discovery_page
+from rdpi_gym.report.comparison_page import write_compare_page
+from rdpi_gym.report.discovery_page import write_discovery_page
 
 ROOT = Path(__file__).parents[2]
 ODD = (

@@ -1,7 +1,7 @@
 """What an advice asks for is made, and sets that shrink by half are counted."""
 
 from rdpi_gym.diagnosis.notices import RECORDS, Code, Notice
-from rdpi_gym.diagnosis.search.experiments import _LIFTS
+from rdpi_gym.diagnosis.search.separability import _LIFTS
 from rdpi_gym.signals.experiments import standard_protocol
 from studies.advised_experiment import GIVEN, report
 

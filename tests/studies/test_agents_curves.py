@@ -11,14 +11,13 @@ from PIL import Image
 pytest.importorskip("torch")
 
 from baselines.learned import policy as policies
-from baselines.learned.network import Network
-from baselines.learned.policy import Policy, find_policy
+from baselines.learned.policy import Network, Policy, find_policy
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
-from rdpi_gym.report.learning_picture import learning_picture
 from rdpi_gym.support.errors import InputError
 from studies.agents import curves, shipping
 from studies.agents.__main__ import OUT, POLICIES, main
+from studies.agents.learning_picture import learning_picture
 from studies.agents.study import QUICK, Agent
 from studies.agents.training import Training, all_trainings
 
@@ -127,9 +126,9 @@ def test_the_same_curves_are_the_same_picture(tmp_path):
 
 def test_the_text_says_how_many_plants_are_evaluated():
     pytest.importorskip("stable_baselines3")
-    from baselines.learned import evaluation, folder
+    from baselines.learned import environments, folder
 
-    assert f"{evaluation.LANES} held-out plants" in curves.METHOD
+    assert f"{environments.LANES} held-out plants" in curves.METHOD
     assert set(curves.COLUMNS) - {"agent", "seed"} == set(folder.COLUMNS) - {"training_reward"}
 
 

@@ -24,8 +24,6 @@ def test_bad_options_are_one_line_before_anything_is_measured(name, tmp_path, ca
         (["--out", str(tmp_path / "taken")], "is a file; give a folder"),
         (["--nonsense"], "--nonsense"),
     ):
-        if name == "torch_speed":
-            pytest.importorskip("torch")
         assert main([name, *words]) == 2
         printed = capsys.readouterr()
         assert printed.out == ""

@@ -16,7 +16,6 @@ def test_the_committed_table_has_every_case():
 
 
 def test_the_command_writes_a_row_for_each_case(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(training_speed, "has_device", lambda: False)
     monkeypatch.setattr(training_speed, "CASES", (("native-ppo", 2),) * 3)
     words = ["--rounds", "1", "--rollouts", "1", "--out", str(tmp_path)]
     assert training_speed.main(words) == 0
@@ -24,25 +23,3 @@ def test_the_command_writes_a_row_for_each_case(tmp_path, monkeypatch, capsys):
     assert (row["learner"], row["threads"], row["steps"]) == ("native-ppo", 2, 512 * 64)
     assert row["steps_per_process_s"] > 0.0
     assert "written to" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("there", [False, True])
-def test_a_device_is_a_case_where_one_is_there_and_else_a_sentence(tmp_path, monkeypatch, there):
-    from baselines.learned import train_native_ppo
-
-    few = tmp_path / "few.yml"
-    few.write_text(
-        "default: {n_envs: 20, n_timesteps: 99, n_steps: 8, batch_size: 80, n_epochs: 1}"
-    )
-    monkeypatch.setattr(train_native_ppo.Options, "file", lambda *_: few)
-    monkeypatch.setattr(training_speed, "CASES", (("native-ppo", 1),) * 3)
-    # The same code on a CPU stands in for the device.
-    monkeypatch.setattr(training_speed, "ON_DEVICE", ("native-ppo --device cpu", 1))
-    monkeypatch.setattr(training_speed, "has_device", lambda: there)
-    words = ["--rounds", "1", "--rollouts", "1", "--out", str(tmp_path)]
-    assert training_speed.main(words) == 0
-    table = pd.read_csv(tmp_path / "training_speed.csv")
-    assert ("native-ppo --device cpu" in table["learner"].tolist()) == there
-    page = (tmp_path / "training_speed.md").read_text(encoding="utf-8")
-    assert ("On the device it trains " in page) == there
-    assert ("No CUDA device was there" in page) != there

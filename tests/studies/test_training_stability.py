@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("torch")
 
-from baselines.learned import train_native_ppo
+from baselines.learned import training
 from studies import training_stability
 
 LAST = {0: 0.5, 1: 0.9}
@@ -30,7 +30,8 @@ def test_the_command_trains_each_seed_and_says_which_ends_worse(tmp_path, monkey
         curve["command_variation_V_s"], curve["compensator_rmse_um"] = 7.0, 1.0
         curve.to_csv(options.out / "training.csv", index=False)
 
-    monkeypatch.setattr(train_native_ppo, "train", train)
+    native = training.Trainer(training.NativeOptions, train)
+    monkeypatch.setattr(training, "trainer", {"native-ppo": native}.get)
     words = ["--seeds", "2", "--timesteps", "10", "--out", str(tmp_path / "out")]
     assert training_stability.main([*words, "--runs", str(tmp_path / "runs")]) == 0
     assert asked == [(0, 10, 1, "increment"), (1, 10, 1, "increment")]

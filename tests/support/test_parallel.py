@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from benchmarks.hidden_effects import __main__ as hidden_effects
+from benchmarks import hidden_effects
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases

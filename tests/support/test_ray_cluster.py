@@ -4,13 +4,15 @@ import shutil
 import socket
 import tempfile
 import time
+from functools import partial
 
 import pytest
 
-from benchmarks.hidden_effects.cases import Case
-from benchmarks.hidden_effects.run import ROWS_FILE, run_study
-from benchmarks.stages.rows import open_rows as task_rows
-from benchmarks.tracking.rows import open_rows as tracking_rows
+from benchmarks.effect_discovery.cases import Case
+from benchmarks.effect_discovery.independent import INDEPENDENT
+from benchmarks.effect_discovery.row import run_case, study_fingerprint
+from benchmarks.rows import TASKS, TRACKING
+from benchmarks.sweep import ROWS_FILE, run_rows
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
@@ -55,7 +57,7 @@ def second(cluster):
 
 BENCHES = {
     "references": (
-        tracking_rows,
+        TRACKING.open,
         [
             "--controllers",
             "classical-static",
@@ -71,7 +73,7 @@ BENCHES = {
         4,
     ),
     "tasks": (
-        task_rows,
+        TASKS.open,
         ["--controllers", "classical-static", "--task", "Bare", "--draws", "2"],
         4,
     ),
@@ -98,20 +100,19 @@ def test_the_study_gives_the_rows_of_one_machine_and_continues(cluster, second, 
         if done == 1:
             raise KeyboardInterrupt
 
-    cases = [Case("none", (), number) for number in range(2)]
-    here = run_study(cases, tmp_path / "here", engine=engine)
+    cases = [Case("none", (), number, variant="plain") for number in range(2)]
+
+    def study(name, progress=None, address=None):
+        run = partial(run_case, source=INDEPENDENT, engine=engine)
+        out = tmp_path / name
+        return run_rows(cases, out, run, study_fingerprint(), 1, progress, ray_address=address)
+
+    here = study("here")
     assert here[0]["error"] == "ValueError: 16 records, seed 0"
     address, counts = cluster.address, []
     with pytest.raises(KeyboardInterrupt):
-        run_study(cases, tmp_path / "there", 1, interrupt, engine, ray_address=address)
-    run_study(
-        cases,
-        tmp_path / "there",
-        1,
-        lambda stage, *n: counts.append(n),
-        engine,
-        ray_address=address,
-    )
+        study("there", interrupt, address)
+    study("there", lambda stage, *n: counts.append(n), address)
     assert counts == [(1, 2), (2, 2)]
     written = [named_rows(tmp_path / name / ROWS_FILE).rows for name in ("here", "there")]
     assert len(written[0]) == 2

@@ -13,6 +13,7 @@ from rdpi_gym.measurement import load
 from rdpi_gym.plant import P10, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, effect_from_dict
 from rdpi_gym.virtual_lab import HIDEABLE, Truth, simulate_dataset
+from tests.looping import over
 
 
 @pytest.fixture(scope="module")
@@ -105,8 +106,8 @@ def test_without_noise_and_secret_it_is_the_plant(tmp_path, capsys):
     assert np.all(load(out / "data").quiet[0].y_um == 0.0)
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
+@over(
+    "words, said",
     [
         (["--hide", "crep"], "--hide: 'crep' is unknown (did you mean 'creep'?)"),
         (["--hide", "creep,creep"], "creep is there twice"),

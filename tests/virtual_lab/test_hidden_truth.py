@@ -6,16 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.hidden_effects.outside import OUTSIDERS, BoucWen, Force, Preisach, draw_outsider
-from benchmarks.hidden_effects.plants import NOISE_UM, random_plant
-from benchmarks.hidden_effects.transform import VARIANTS, transform
+from benchmarks.effect_discovery.independent import NOISE_UM, VARIANTS, random_plant, transform
+from benchmarks.effect_discovery.outsiders import OUTSIDERS, BoucWen, Force, Preisach, draw_outsider
 from rdpi_gym.plant import P5, P10, Converter, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.virtual_lab import HIDEABLE, Truth, draws, hide, simulate_dataset
-from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, View, draw_effect
+from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, View, draw_effect, left_over
 from rdpi_gym.virtual_lab.independent import twins
-from rdpi_gym.virtual_lab.visibility import left_over
+from tests.looping import over
 
 
 @pytest.fixture(scope="module")
@@ -89,8 +88,8 @@ def test_half_the_sampling_time_is_the_same_experiment(measured):
         assert np.allclose(record.u_V[::2], coarse.u_V, atol=1e-9 * 40)
 
 
-@pytest.mark.parametrize("name", HIDEABLE)
-@pytest.mark.parametrize("model", [P10, P5], ids=lambda model: model.name)
+@over("name", HIDEABLE)
+@over("model", [P10, P5])
 def test_draws_are_typical_for_the_size_of_the_plant(name, model):
     truth = Truth(model, (), noise_um=0.0, seed=0)
     rng = np.random.default_rng(1)
@@ -149,7 +148,7 @@ def test_what_is_known_is_refitted_too(plain):
     assert max(known.values()) < 0.1 * max(unknown.values())
 
 
-@pytest.mark.parametrize("name", ["creep", "delay", "mains_hum"])
+@over("name", ["creep", "delay", "mains_hum"])
 def test_what_is_hidden_shows_above_the_noise(name):
     plant, noise_um = random_plant(np.random.default_rng(5))
     truth = hide([name], Truth(plant, (), noise_um, seed=0), np.random.default_rng(6))
@@ -168,8 +167,8 @@ def test_noise_masks_an_effect(monkeypatch):
         hide(["mains_hum"], truth, np.random.default_rng(0))
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
+@over(
+    "change, said",
     [
         ({"noise_um": -0.1}, "noise_um is -0.1"),
         ({"noise_um": math.nan}, "noise_um is nan"),
@@ -201,7 +200,7 @@ def test_random_plants_are_like_p10():
     assert {plant.hysteresis.n for plant, _ in drawn} == set(range(5, 13))
 
 
-@pytest.mark.parametrize("kind", OUTSIDERS)
+@over("kind", OUTSIDERS)
 def test_what_is_outside_the_catalogue_is_no_rdpi_model(kind):
     truth = Truth(P10, (), noise_um=0.012, seed=0)
     outsider = draw_outsider(kind, truth, np.random.default_rng(0))
@@ -247,7 +246,7 @@ def test_preisach_loops_differ_with_their_bias_and_wipe_out(plain):
     assert (y[11] - y[10]) > 1.1 * (y[3] - y[2])
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@over("variant", VARIANTS)
 def test_a_variant_holds_the_same_measurement(measured, variant):
     other = transform(measured, variant, seed=1)
     by_name = {r.name: r for r in other.records}

@@ -12,6 +12,7 @@ from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.virtual_lab import independent
 from rdpi_gym.virtual_lab.independent import simulate_truth, simulation, twins
+from tests.looping import over
 
 H = P10.hysteresis
 
@@ -57,8 +58,8 @@ def disagreement_nm(effects: tuple[Effect, ...], ts: float, hz: float | None) ->
     return float(1e3 * np.sqrt(np.mean((y - truth) ** 2)))
 
 
-@pytest.mark.parametrize("hz", [None, 800.0], ids=["literal", "800Hz"])
-@pytest.mark.parametrize("name", twins())
+@over("hz", [None, 800.0])
+@over("name", twins())
 def test_stage_and_truth_agree_and_the_difference_falls_with_ts(name, hz):
     effects = (CATALOGUE[name](**VALUES.get(name, {})),)
     coarse, fine = (disagreement_nm(effects, ts, hz) for ts in (2e-4, 5e-5))
@@ -141,8 +142,8 @@ def test_nothing_is_shared_with_what_is_fitted():
                     assert name in allowed or name.startswith("rdpi_gym.virtual_lab.independent")
 
 
-@pytest.mark.parametrize(
-    ("effects", "u", "words"),
+@over(
+    "effects, u, words",
     [
         ([{"effect": "crep"}], [0.0, 1.0], "no effect is named 'crep'"),
         ([{"effect": "creep"}], [0.0, 1.0], "gain_per_decade"),
@@ -156,7 +157,7 @@ def test_bad_input_is_refused_in_one_line(effects, u, words):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("name", ["sensor_lag", "gain_drift", "mains_hum"])
+@over("name", ["sensor_lag", "gain_drift", "mains_hum"])
 def test_a_further_form_is_refused_and_never_taken_for_the_simplest(name):
     form = CATALOGUE[name].forms[0]
     with pytest.raises(InputError, match=f"{name} in the form '{form.form}' is not in the indep"):

@@ -12,9 +12,9 @@ from rdpi_gym.plant import CORES, P5, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.virtual_lab.core_deformation import CoreDeformation
-from rdpi_gym.virtual_lab.dataset import plant_displacement
+from rdpi_gym.virtual_lab.dataset import CoreDeformation, plant_displacement
 from rdpi_gym.virtual_lab.independent import simulate_truth
+from tests.looping import over
 
 TS_S = 1e-3
 SCALE = DataScale(
@@ -33,7 +33,7 @@ def path() -> tuple[np.ndarray, np.ndarray]:
     return t, 14.0 * np.sin(2 * np.pi * 1.9 * t) + 6.0 * np.sin(2 * np.pi * 7.0 * t)
 
 
-@pytest.mark.parametrize("name", OTHERS)
+@over("name", OTHERS)
 def test_on_the_fine_grid_a_plant_does_what_it_does_on_the_coarse_one(name):
     t, u = path()
     plant = bench(name)

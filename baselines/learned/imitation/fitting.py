@@ -1,18 +1,208 @@
-"""One round of fitting: back-propagation through the student and the true plants, cut into stretches."""
+"""Fit of a student: back-propagation through the student and the true plants, cut into stretches."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
-from baselines.learned.imitation.loop import Loop
-from baselines.learned.imitation.student import Float32, Student
-from baselines.learned.imitation.teacher import Visited
+from baselines.adaptive_feedforward import HALF, SPLINE
+from baselines.learned.imitation.student import (
+    CORRECTIONS,
+    ERRORS,
+    KNOWN,
+    MOST_UM,
+    UNIT_UM,
+    Float32,
+    Student,
+)
+from baselines.learned.imitation.teacher import RENEWED, Surroundings, Systems, Visited
 from rdpi_gym.support.arrays import Array
+
+WINDOW = 2 * HALF + 1
+"""Samples of the derivatives that the estimate learns from."""
+
+
+class Loop:
+    """A student that drives again where another drove, from the begin of an episode.
+
+    What it sees is what was seen, changed by what its own corrections change: errors, the estimate,
+    what that leaves, and the base's own correction.
+
+    Parameters
+    ----------
+    tensors
+        The network, as :class:`~baselines.learned.imitation.student.Student` has it.
+    weighted
+        As there.
+    visited
+        What was met.
+    """
+
+    def __init__(self, tensors: Mapping[str, Tensor], weighted: int, visited: Visited) -> None:
+        self._p, self._weighted = tensors, weighted
+        self._seen = torch.from_numpy(visited.seen).transpose(1, 2)
+        self._error, self._before, self._left = map(
+            torch.from_numpy, (visited.error, visited.correction, visited.left)
+        )
+        lanes = visited.left.shape[1]
+        self._h = torch.zeros(lanes, tensors["hidden"].shape[1])
+        self._errors = torch.zeros(lanes, ERRORS)
+        self._corrections = torch.zeros(lanes, CORRECTIONS)
+        self._ones = torch.ones(lanes, 1)
+        self._around = _Around(visited.surroundings, visited.seen.shape[1])
+
+    def run(self, begin: int, end: int) -> Tensor:
+        """Return the errors that are left after the decisions of a stretch, ``[K, B]``."""
+        p, width, around = self._p, self._h.shape[1], self._around
+        most, rows = MOST_UM / UNIT_UM, []
+        per_spread = 1.0 / p["spread"]
+        scaled = (self._seen[begin:end] - p["middle"]) * per_spread
+        for i, k in enumerate(range(begin, end)):
+            error = self._error[k] - around.moved_um / UNIT_UM
+            seen = scaled[i] + around.answer(k) * per_spread
+            self._errors = torch.cat([error[:, None], self._errors[:, :-1]], dim=1)
+            past = torch.cat([self._errors, self._corrections], dim=1)
+            given = torch.addmm(p["bias"], torch.arcsinh(seen), p["into"].T)
+            from_seen = torch.addmm(given, torch.arcsinh(past), p["past"].T)
+            back = torch.addmm(p["hidden_bias"], self._h, p["hidden"].T)
+            gates = torch.sigmoid(from_seen[:, : 2 * width] + back[:, : 2 * width])
+            reset, keep = gates.chunk(2, dim=1)
+            fresh = torch.tanh(from_seen[:, 2 * width :] + reset * back[:, 2 * width :])
+            self._h = fresh + keep * (self._h - fresh)
+            weights = torch.addmm(p["head_bias"], self._h, p["head"].T)
+            phi = torch.cat([seen[:, : self._weighted], self._ones, self._errors], dim=1)
+            correction = most * torch.tanh((weights * phi).sum(dim=1) / most)
+            self._corrections = torch.cat([correction[:, None], self._corrections[:, :-1]], dim=1)
+            around.follow(k, UNIT_UM * (correction - self._before[k]))
+            rows.append(self._left[k] - around.moved_um / UNIT_UM)
+        return torch.stack(rows)
+
+    def forget(self) -> None:
+        """Cut the gradients: what comes next does not go back beyond here."""
+        self._h, self._errors = self._h.detach(), self._errors.detach()
+        self._corrections = self._corrections.detach()
+        self._around.forget()
+
+
+class _Systems:
+    """Linear systems of all lanes with their states."""
+
+    def __init__(self, systems: Systems) -> None:
+        self._a, self._b, self._c, self._d = (
+            torch.from_numpy(getattr(systems, each.name)) for each in fields(systems)
+        )
+        self._x = torch.zeros_like(self._b)
+
+    def step(self, given: Tensor) -> Tensor:
+        if not self._b.shape[1]:
+            return self._d * given
+        found = torch.addcmul((self._c * self._x).sum(dim=1), self._d, given)
+        moved = torch.bmm(self._a, self._x[:, :, None])[:, :, 0]
+        self._x = torch.addcmul(moved, self._b, given[:, None])
+        return found
+
+    def forget(self) -> None:
+        self._x = self._x.detach()
+
+
+class _Around:
+    """Surroundings on tensors, in µm and V: absolute where they are not linear, and else what has changed."""
+
+    def __init__(self, given: Surroundings, inputs: int) -> None:
+        self._given, lanes = given, given.wanted_um.shape[1]
+        self._wanted, self._gave = map(torch.from_numpy, (given.wanted_um, given.given_um))
+        self._inverse, self._plays, self._estimate = map(
+            _tensors, (given.inverse, given.plays, given.estimate)
+        )
+        self._before, self._behind, self._feedback = map(
+            _Systems, (given.before, given.behind, given.feedback)
+        )
+        self._last = torch.from_numpy(given.start_um)
+        self._eta = self._inverse["plays_um"].expand(lanes, -1)
+        self._xi = self._plays["memory_V"]
+        self._command = torch.full((lanes,), given.rest_V)
+        self._rate = torch.zeros(lanes)
+        self.moved_um = torch.zeros(lanes)
+        """Change of the displacement at the present sample."""
+        estimate = given.estimate
+        size = estimate.theta.shape[2]
+        self._gradient, self._theta = torch.zeros(lanes, size), torch.zeros(lanes, size)
+        self._own = self._fed = torch.zeros(lanes)
+        self._measured = [torch.zeros(lanes)] * WINDOW
+        self._entered = [torch.zeros(lanes)] * (estimate.late + WINDOW)
+        self._spline = torch.tensor(SPLINE, dtype=torch.float32)
+        self._first = torch.zeros(lanes, KNOWN)
+        self._last_seen = torch.zeros(lanes, inputs - KNOWN - size - 2)
+
+    def answer(self, k: int) -> Tensor:
+        """Let feedback and estimate answer what was measured; return what is seen otherwise, ``[B, inputs]``."""
+        given, of = self._given.estimate, self._estimate
+        self._fed = self._feedback.step(-self.moved_um)
+        self._measured = [*self._measured[1:], self.moved_um]
+        measured = self._spline @ torch.stack(self._measured)
+        entered = self._spline[0] @ torch.stack(self._entered[:WINDOW])
+        theta, phi = of["theta"][k], of["phi"][k]
+        derivatives = measured[1:].T
+        change = entered - measured[0] - (theta[:, :3] * derivatives).sum(dim=1)
+        if k >= given.begins:
+            gradient = given.kept * self._gradient + phi * change[:, None]
+            turned = torch.addcmul(gradient[:, :3], derivatives, of["left_um"][k][:, None])
+            self._gradient = torch.cat([turned, gradient[:, 3:]], dim=1)
+            if given.solves(k):
+                covariance = of["covariance"][k // RENEWED]
+                self._theta = torch.bmm(covariance, self._gradient[:, :, None])[:, :, 0]
+        self._own = (self._theta * of["answered"][k]).sum(dim=1)
+        left = change - (self._theta * phi).sum(dim=1)
+        known = self._theta / of["spread"]
+        own = self._own / given.scale_um
+        parts = [self._first, known, (left / UNIT_UM)[:, None], own[:, None], self._last_seen]
+        return torch.cat(parts, dim=1)
+
+    def follow(self, k: int, more_um: Tensor) -> None:
+        """Drive the true plants with a correction that is larger by ``(B,)`` than the one that was."""
+        inverse, plays = self._inverse, self._plays
+        changed = self._own + self._fed + more_um
+        self._entered = [*self._entered[1:], changed]
+        wanted = self._wanted[k] + changed
+        grown = self._given.inverse.per_um * (wanted - self._last).abs()
+        self._last = wanted
+        thresholds, w = inverse["thresholds_um"] + grown[:, None], wanted[:, None]
+        self._eta = torch.maximum(w - thresholds, torch.minimum(w + thresholds, self._eta))
+        command = self._given.inverse.gain * wanted + self._eta @ inverse["weights"]
+        u = self._before.step(command)
+        self._rate = plays["pole"] * self._rate + plays["per_V"] * (u - self._command)
+        self._command = u
+        grown = plays["delta2_s"] * self._rate.abs()
+        thresholds, w = plays["thresholds_V"] + grown[:, None], u[:, None]
+        self._xi = torch.maximum(w - thresholds, torch.minimum(w + thresholds, self._xi))
+        gives = torch.addcmul((plays["weights"] * self._xi).sum(dim=1), plays["gain"], u)
+        self.moved_um = self._behind.step(gives - self._gave[k])
+
+    def forget(self) -> None:
+        """Cut the gradients."""
+        for system in (self._before, self._behind, self._feedback):
+            system.forget()
+        for name in (
+            "_last", "_eta", "_xi", "_command", "_rate", "moved_um", "_gradient", "_theta",
+        ):  # fmt: skip
+            setattr(self, name, getattr(self, name).detach())
+        self._measured = [each.detach() for each in self._measured]
+        self._entered = [each.detach() for each in self._entered]
+
+
+def _tensors(given: Any) -> dict[str, Any]:
+    """Return the arrays of a dataclass as tensors, and its numbers."""
+    found = {each.name: getattr(given, each.name) for each in fields(given)}
+    return {
+        name: torch.from_numpy(value) if isinstance(value, np.ndarray) else value
+        for name, value in found.items()
+    }
+
 
 STRETCH = 250
 """Samples over which gradients go back: half the memory of the estimate."""

@@ -1,10 +1,10 @@
-"""A student as it is kept: a readable description, and arrays that execute no code."""
+"""Student policy: description and arrays in a folder, and its controller."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.adaptive_dual_loop import AdaptiveDualLoop, CorrectedAdaptive
-from baselines.learned.imitation.student import ARRAYS, SCALES, Float32, Student
-from baselines.learned.imitation.taught import WEIGHTED, seen_by
-from baselines.learned.kept import DESCRIPTION, Trained, check_whole, read_as, write_policy
-from baselines.learned.seen import checked_seen
+from baselines.learned.envelope import checked_seen
+from baselines.learned.imitation.student import (
+    ARRAYS,
+    MOST_UM,
+    PREVIEW,
+    SCALES,
+    WEIGHTED,
+    Float32,
+    Student,
+    TaughtAdaptive,
+    Witness,
+    seen_by,
+)
+from baselines.learned.policy import (
+    DESCRIPTION,
+    Trained,
+    check_preview,
+    check_whole,
+    read_as,
+    write_policy,
+)
 from baselines.tuning import Settings, checked_settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_bytes, read_json
 from rdpi_gym.support.folders import settled_folder
@@ -47,7 +65,7 @@ class StudentPolicy(Trained):
     training
         How it came about, for a reader.
     seen
-        How far the loops of its training went, see :mod:`baselines.learned.seen`; empty: not known.
+        How far the loops of its training went, see :mod:`baselines.learned.envelope`; empty: not known.
 
     Examples
     --------
@@ -101,7 +119,7 @@ class StudentPolicy(Trained):
             "format": FORMAT,
             "version": VERSION,
             "corrects": self.baseline,
-            "layout": asdict(self.layout),
+            "layout": self.layout.to_dict(),
             "effects": list(self.effects),
             "loop": dict(self.loop),
             "feedforward": dict(self.feedforward),
@@ -130,7 +148,9 @@ class StudentPolicy(Trained):
                 raise InputError(f"weighted is {quoted(weighted)}; this release reads {WEIGHTED}")
             return cls(
                 Student(_arrays(folder / WEIGHTS, document["weights_sha256"]), WEIGHTED),
-                ObservationLayout(command_range_V=(float(low), float(high)), **layout),
+                ObservationLayout.from_dict(
+                    {**layout, "command_range_V": (float(low), float(high))}
+                ),
                 tuple(map(str, document["effects"])),
                 checked_settings(AdaptiveDualLoop.name, AdaptiveDualLoop.knobs, document["loop"]),
                 checked_settings(
@@ -154,3 +174,77 @@ def _arrays(path: Path, sha256: str) -> dict[str, Any]:
             return {name: archive.read(name).astype(np.float32) for name in ARRAYS}
     except Exception as error:  # a damaged archive raises whatever its reader trips over
         raise InputError(f"{path.name} holds no arrays of a student ({quoted(error)})") from error
+
+
+class StudentController(AdaptiveDualLoop):
+    """What a student does in its training, from the same observations, at its own sampling time.
+
+    The base runs with the settings that the student was taught on.
+
+    Parameters
+    ----------
+    policy
+        What was learned.
+    belief, layout
+        As :class:`baselines.base.Baseline`.
+    witness
+        Told of every sample, by a training.
+
+    Raises
+    ------
+    InputError
+        The student was taught at another sampling time.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P10
+    >>> layout = ObservationLayout.for_plant(P10, 1e-4, preview=8)
+    >>> policy = StudentPolicy.untaught(P10, layout, hidden=4)
+    >>> taught, base = StudentController(policy, P10, layout), AdaptiveDualLoop(P10, layout)
+    >>> shown = np.full((1, layout.size), 0.1, dtype=np.float32)
+    >>> bool(taught.predict(shown)[0] == base.predict(shown)[0])
+    True
+    """
+
+    def __init__(
+        self,
+        policy: StudentPolicy,
+        belief: PlantModel,
+        layout: ObservationLayout,
+        witness: Witness | None = None,
+    ) -> None:
+        policy.check_runs(layout)
+        self.policy, self._witness = policy, witness
+        super().__init__(belief, layout, policy.loop)
+        self.plant_samples += int(policy.training.get("at_timesteps", 0))
+
+    def adaptive(self, belief: PlantModel, layout: ObservationLayout) -> CorrectedAdaptive:
+        """Return the feedforward with the student beside it."""
+        policy = self.policy
+        return TaughtAdaptive(belief, layout, policy.feedforward, policy.student, self._witness)
+
+    @property
+    def needed_preview(self) -> int:
+        """Samples that the student sees, or the feedforward needs."""
+        return max(PREVIEW, super().needed_preview)
+
+    def next_command(
+        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
+    ) -> Array:
+        """See :meth:`baselines.base.Baseline.next_command`."""
+        check_preview(self.layout, PREVIEW)
+        return super().next_command(observation, reference_um, state)
+
+    def certificate(self) -> str | None:
+        """Return what is certain of the feedback; of what a network adds only the bound is."""
+        line = super().certificate()
+        return line and f"{line}; the student adds {MOST_UM:.3g} µm at most"
+
+    def warning(self) -> str | None:
+        """Return one line where it was taught on another belief, amplitude or command range."""
+        taught, layout = self.policy.layout, self.layout
+        if sorted(e.name for e in self.belief.effects) != list(self.policy.effects):
+            return f"taught on a belief with {', '.join(self.policy.effects) or 'no effects'}"
+        if (taught.scale_um, taught.command_range_V) != (layout.scale_um, layout.command_range_V):
+            return f"taught for {taught.scale_um:g} µm"
+        return super().warning()

@@ -1,8 +1,7 @@
-"""Teaching in rounds: the student drives, the true plants say what it should have done, it is fitted.
+"""Training of a student in rounds: it drives, the true plants give its errors, it is fitted.
 
-Every round has plants of its own, drawn from the run's seed and the round's number, and the memory
-of nothing but the network and its optimiser goes on. So a checkpoint between two rounds is all that
-an interrupted run needs to go on exactly.
+Every round draws plants of its own from the run's seed and the round's number. Network and optimiser
+are all that is carried on, so a checkpoint between two rounds continues an interrupted run exactly.
 """
 
 from __future__ import annotations
@@ -10,27 +9,111 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from baselines.learned.checkpoint import load_checkpoint, save_checkpoint
-from baselines.learned.folder import CHECKPOINT, CURVE, POLICY, Row, curve_text
+from baselines.adaptive_dual_loop import AdaptiveDualLoop
+from baselines.learned.checkpoint import Kept, load_checkpoint, save_checkpoint
+from baselines.learned.folder import (
+    CHECKPOINT,
+    CURVE,
+    FORMAT,
+    POLICY,
+    VERSION,
+    Row,
+    begin_folder,
+    check_folder,
+    curve_text,
+)
 from baselines.learned.imitation.fitting import Learner
-from baselines.learned.imitation.options import Options
 from baselines.learned.imitation.policy import StudentPolicy
-from baselines.learned.imitation.student import UNIT_UM, fresh_arrays
-from baselines.learned.imitation.taught import WEIGHTED
+from baselines.learned.imitation.student import UNIT_UM, WEIGHTED, fresh_arrays
 from baselines.learned.imitation.teacher import Score, Visited, taught_lanes, visit
-from baselines.learned.learner import Kept
-from rdpi_gym.envs.tasks import Lanes
+from rdpi_gym.envs.tasks import Lanes, StageTask, named_task
 from rdpi_gym.envs.tasks.task import Split
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.checks import is_finite
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a training; the comment under each says what it does.
+
+    Raises
+    ------
+    InputError
+        A value that nothing can be taught with.
+    """
+
+    out: Path = Path("results/train-imitation")
+    # Folder of the run. The same options with the same folder continue an interrupted run.
+    seed: int = 0
+    # Of weights, plants, references and noise: the same seed, the same run.
+    task: str = "Stage"
+    # Its training draws are taught on, its validation draws choose the policy.
+    timesteps: int = 30_000_000
+    # Of all plants together; rounded to whole rounds.
+    lanes: int = 96
+    # Side by side in a round, each plant with every reference of the task.
+    every: int | None = None
+    # Steps between evaluations, each with a checkpoint; None: a twentieth of all.
+    hidden: int = 64
+    # Width of the recurrent layer.
+    learning_rate: float = 3e-3
+    # At the begin; it falls to 3 % along a cosine.
+    held_out: int = 8
+    # Validation plants.
+    threads: int = 1
+    # Of torch.
+
+    def __post_init__(self) -> None:
+        for name in ("timesteps", "lanes", "every", "hidden", "held_out", "threads"):
+            value = getattr(self, name)
+            if value is not None and (type(value) is not int or value < 1):
+                raise InputError(f"{name} is {value!r}; give a whole number of 1 or more")
+        if type(self.seed) is not int or not 0 <= self.seed < 2**32:
+            raise InputError(f"seed is {self.seed!r}; give a whole number of 0 to 2^32 - 1")
+        if not (is_finite(self.learning_rate) and self.learning_rate > 0.0):
+            raise InputError(f"learning_rate is {self.learning_rate!r}; give a number above 0")
+        references = len(self.stage.references)
+        if self.lanes % references:
+            raise InputError(
+                f"lanes is {self.lanes}, and every plant of {self.task} has {references} references; "
+                f"give a multiple of {references}"
+            )
+        taught_lanes(self.stage, "validation", range(1), self.seed)
+
+    @property
+    def stage(self) -> StageTask:
+        """The task."""
+        return named_task(self.task)
+
+    @property
+    def baseline(self) -> str:
+        """Name of the controller that is corrected, and compared with."""
+        return AdaptiveDualLoop.name
+
+    def document(self) -> dict[str, Any]:
+        """All that the result depends on, as JSON holds it."""
+        kept = asdict(self) | {"task": self.stage.name}
+        del kept["out"]
+        nominals = [model.to_dict() for model in self.stage.nominals]
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "algorithm": "imitation",
+            "options": kept | {"nominals": nominals},
+            "versions": {name: version(name) for name in ("torch", "numpy")},
+        }
+
 
 LAST_SHARE = 0.03
 """What is left of the learning rate at the end."""
@@ -126,7 +209,7 @@ class Rounds:
         return self.done
 
     def tensors(self) -> Mapping[str, Any]:
-        """See :meth:`baselines.learned.learner.Keepable.tensors`."""
+        """See :meth:`baselines.learned.checkpoint.Keepable.tensors`."""
         tally = torch.tensor([self._least, self.taken_back, self._is_back], dtype=torch.float64)
         return {"now": self._held(), "good": self._good, "tally": {"tally": tally}}
 
@@ -135,7 +218,7 @@ class Rounds:
         return {}
 
     def restore(self, kept: Kept) -> None:
-        """See :meth:`baselines.learned.learner.Keepable.restore`."""
+        """See :meth:`baselines.learned.checkpoint.Keepable.restore`."""
         self._take_up(kept.tensors["now"])
         self._good = kept.tensors["good"]
         least, taken_back, is_back = kept.tensors["tally"]["tally"].tolist()
@@ -261,3 +344,11 @@ def _scales(met: Visited) -> tuple[Any, Any]:
     middle[:WEIGHTED] = 0.0
     spread = seen.std(axis=(0, 2)) + 1e-6
     return middle.astype(np.float32), spread.astype(np.float32)
+
+
+def train(options: Options, progress: Progress | None = None) -> Path:
+    """Teach a student, or continue an interrupted training: ``rdpi train imitation``."""
+    check_folder(options.out, options.document())
+    torch.set_num_threads(options.threads)
+    begin_folder(options.out, options.document())
+    return Rounds(options, progress).run()

@@ -1,22 +1,306 @@
-"""The teacher: the true plants, and what a correction would have made of their displacement."""
+"""Teacher: the true plants, and the effect of another correction on their displacement."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baselines.learned.imitation.controller import StudentController
-from baselines.learned.imitation.policy import StudentPolicy
-from baselines.learned.imitation.student import UNIT_UM, Float32
-from baselines.learned.imitation.surroundings import Surroundings, single, surroundings
-from baselines.learned.imitation.taught import Moment
-from baselines.learned.seen import Witnessed
+from baselines.adaptive_dual_loop import AdaptiveDualLoop
+from baselines.adaptive_feedforward import HALF, AdaptiveFeedforward
+from baselines.classical_inverse_kernels import pack_inverse
+from baselines.feedforward import Feedforward
+from baselines.learned.envelope import Witnessed
+from baselines.learned.imitation.policy import StudentController, StudentPolicy
+from baselines.learned.imitation.student import UNIT_UM, Float32, Moment
+from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
+from baselines.loops.path import linear_part
+from baselines.loops.systems import LinearSystem
 from rdpi_gym.envs.tasks import Lanes, StageTask
 from rdpi_gym.envs.tasks.task import Split
+from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+
+RENEWED = 25
+"""Samples between two covariances: a small part of the memory of the estimate."""
+
+
+@dataclass(frozen=True)
+class Systems:
+    """Linear systems side by side, one a lane: x(k+1) = A x(k) + b u(k), y(k) = c x(k) + d u(k).
+
+    Parameters
+    ----------
+    a, b, c, d
+        ``(B, n, n)``, ``(B, n)``, ``(B, n)``, ``(B,)``.
+
+    Examples
+    --------
+    >>> late = Systems.of([LinearSystem(np.zeros((1, 1)), np.ones(1), np.ones(1), 0.0)])
+    >>> late.a.shape, late.d.tolist()
+    ((1, 1, 1), [0.0])
+    """
+
+    a: Float32
+    b: Float32
+    c: Float32
+    d: Float32
+
+    @classmethod
+    def of(cls, systems: Sequence[LinearSystem]) -> Systems:
+        """Stack systems; those of fewer states are filled up with zeros."""
+        lanes, n = len(systems), max(system.order for system in systems)
+        a, b, c = np.zeros((lanes, n, n)), np.zeros((lanes, n)), np.zeros((lanes, n))
+        for lane, system in enumerate(systems):
+            m = system.order
+            a[lane, :m, :m], b[lane, :m], c[lane, :m] = system.a, system.b, system.c
+        return cls(*map(single, (a, b, c, np.array([system.d for system in systems]))))
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """The classical inverse of the belief, at the rate of what it is given.
+
+    Parameters
+    ----------
+    gain, weights, thresholds_um
+        1/a_0, b_i and s_i at rest.
+    per_um
+        Growth of every s_i with the change of w in a sample (µm/µm).
+    plays_um
+        η_i at rest, ``(n,)``.
+    """
+
+    gain: float
+    weights: Float32
+    thresholds_um: Float32
+    per_um: float
+    plays_um: Float32
+
+    @classmethod
+    def of(cls, inverse: Feedforward) -> Inverse:
+        """Take over what an inverse runs with."""
+        model, ts_s = inverse.model, inverse.layout.ts_s
+        packed, n = pack_inverse([model], ts_s)[:, 0], model.n
+        rest = inverse.start(np.zeros(1))[2 : n + 2, 0]
+        return cls(
+            float(packed[0]),
+            single(packed[1 : n + 1]),
+            single(packed[n + 1 : 2 * n + 1]),
+            float(packed[2 * n + 1] / (ts_s * model.A)),
+            single(rest),
+        )
+
+
+@dataclass(frozen=True)
+class Plays:
+    """The true hysteresis of every lane, Eq. 3 to 5, at its own low-passed rate.
+
+    Parameters
+    ----------
+    gain, weights
+        a_0 ``(B,)`` and a_i ``(B, n)`` (µm/V).
+    thresholds_V, delta2_s
+        At rest ``(B, n)``, and δ2 ``(B,)``.
+    pole, per_V
+        Of the rate's low-pass, and what a change of the command of 1 V in a sample adds to it
+        (V/s), ``(B,)``.
+    memory_V
+        ξ_i at rest, ``(B, n)``.
+    """
+
+    gain: Float32
+    weights: Float32
+    thresholds_V: Float32
+    delta2_s: Float32
+    pole: Float32
+    per_V: Float32
+    memory_V: Float32
+
+    @classmethod
+    def of(cls, cores: Sequence[RDPI], ts_s: float, memory_V: Array) -> Plays:
+        """Stack the cores of the lanes, with what they remember at rest, ``(n, B)``."""
+        pole = np.array([core.rate_pole(ts_s) for core in cores])
+        weights = np.array([core.weights for core in cores])
+        return cls(
+            single(weights[:, 0]),
+            single(weights[:, 1:]),
+            single(np.array([core.thresholds_V for core in cores])),
+            single(np.array([core.delta2_s for core in cores])),
+            single(pole),
+            single((1.0 - pole) / ts_s),
+            single(memory_V.T),
+        )
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The estimate along what was visited, and what moves it.
+
+    With ε = z - θ·φ of what it learned from, small changes of φ and z change it by P(k) g(k),
+    g(k) = λ g(k-1) + ε δφ + φ (δz - θ·δφ), P the inverse of its normal equations: as if θ had been
+    then what it is now.
+
+    Parameters
+    ----------
+    theta, answered, phi
+        As :class:`~baselines.learned.imitation.student.Moment`, ``(K, B, F)``.
+    left_um
+        ε, ``(K, B)``.
+    covariance
+        P at every :data:`RENEWED` samples, ``(K / RENEWED, B, F, F)``.
+    spread
+        Expected deviations, ``(F,)``.
+    scale_um
+        Scale of what the base answers, as a student sees it.
+    kept
+        λ.
+    begins, late
+        First decision that learns, and samples by which w was entered before it is compared.
+    """
+
+    theta: Float32
+    answered: Float32
+    phi: Float32
+    left_um: Float32
+    covariance: Float32
+    spread: Float32
+    scale_um: float
+    kept: float
+    begins: int
+    late: int
+
+    @classmethod
+    def of(cls, adaptive: AdaptiveFeedforward, moments: Sequence[Moment]) -> Estimate:
+        """Take over what was visited."""
+        fit, begins = adaptive.fit, adaptive.lead + 2 * HALF + 2
+        phi = np.stack([each.phi.T for each in moments])
+        used = phi.copy()
+        used[:begins] = 0.0
+        return cls(
+            single(np.stack([each.theta.T for each in moments])),
+            single(np.stack([each.answered.T for each in moments])),
+            single(phi),
+            single(np.stack([each.left_um for each in moments])),
+            single(_covariances(used, fit)),
+            single(fit.spread),
+            adaptive.layout.scale_um,
+            fit.kept,
+            begins,
+            adaptive.lead,
+        )
+
+    def solves(self, k: int) -> bool:
+        """Whether the estimate moves at a decision."""
+        return k >= self.begins and (k - self.begins + 1) % SOLVE_EVERY == 0
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """All that another correction would have met on the way to the error that it is to lessen.
+
+    The correction is added to w; the belief's inverse makes a command of it, at the rate of w; the
+    true plants follow it, their lag before the plays and delay and mode behind them; the feedback
+    answers the displacement, and the estimate what it learns from it. What is left out: creep and
+    whatever else is neither linear nor the hysteresis, the ends of the command's range, and that
+    what rings is withdrawn. Where the hysteresis is of another kind, the belief's stands for it.
+
+    Parameters
+    ----------
+    wanted_um
+        w, ``(K, B)``.
+    start_um
+        The w of before, ``(B,)``.
+    given_um
+        What the plays gave, ``(K, B)``.
+    rest_V
+        Command before the first.
+    inverse, plays, estimate
+        See there.
+    before, behind, feedback
+        Linear parts: of the command, of what the plays give, and of the error.
+    """
+
+    wanted_um: Float32
+    start_um: Float32
+    given_um: Float32
+    rest_V: float
+    inverse: Inverse
+    plays: Plays
+    estimate: Estimate
+    before: Systems
+    behind: Systems
+    feedback: Systems
+
+
+def surroundings(
+    lanes: Lanes, base: AdaptiveDualLoop, moments: Sequence[Moment], commands_V: Array
+) -> Surroundings:
+    """Return what surrounded a student that drove lanes."""
+    believed, ts_s, adaptive = base.belief.hysteresis, lanes.task.ts_s, base.feedforward
+    truths = {
+        draw.number: draw.truth
+        if isinstance(draw.truth.hysteresis, RDPI)
+        else draw.truth.with_hysteresis(believed)
+        for draw in lanes.draws
+    }
+    each = [truths[number] for number in lanes.numbers]
+    offset = base.belief.offset_um
+    plant = _plays_alone(each, ts_s, base.limits.rest_V)
+    memory = plant.memory.copy()
+    before, behind = zip(*(_parts(truth, ts_s) for truth in each), strict=True)
+    return Surroundings(
+        single(np.stack([moment.wanted_um for moment in moments]) - offset),
+        single(lanes.references_um[0] - offset),
+        single(plant.simulate(commands_V)),
+        base.limits.rest_V,
+        Inverse.of(adaptive.inverse),
+        Plays.of([truth.hysteresis for truth in each], ts_s, memory),
+        Estimate.of(adaptive, moments),
+        Systems.of(before),
+        Systems.of(behind),
+        Systems.of([base.feedback] * len(each)),
+    )
+
+
+def single(values: Array) -> Float32:
+    """Return numbers in single precision."""
+    return np.ascontiguousarray(values, dtype=np.float32)
+
+
+def _parts(truth: PlantModel, ts_s: float) -> tuple[LinearSystem, LinearSystem]:
+    """Return the linear effects of a plant before its plays, and those behind."""
+    before = [effect for effect in truth.effects if effect.slot == "input"]
+    behind = [effect for effect in truth.effects if effect.slot != "input"]
+    core = truth.hysteresis
+    return linear_part(before, core, ts_s), linear_part(behind, core, ts_s)
+
+
+def _plays_alone(truths: Sequence[PlantModel], ts_s: float, rest_V: float) -> Plant:
+    """Return true plants without what stands behind their plays, at rest."""
+    bare = [
+        replace(truth, offset_um=0.0, effects=tuple(e for e in truth.effects if e.slot == "input"))
+        for truth in truths
+    ]
+    plant = Plant(bare, ts_s)
+    plant.reset(u0_V=rest_V)
+    plant.step(np.full((1, len(truths)), rest_V))
+    return plant
+
+
+def _covariances(phi: Array, fit: ForgettingLeastSquares) -> Array:
+    """Return the inverse of the normal equations at every :data:`RENEWED` samples."""
+    lanes, size = phi.shape[1:]
+    fades = fit.kept ** np.arange(RENEWED - 1, -1, -1.0)
+    sums, found = np.zeros((lanes, size, size)), []
+    for begin in range(0, len(phi), RENEWED):
+        block = phi[begin : begin + RENEWED].transpose(1, 2, 0)
+        weighted = block * fades[-block.shape[2] :]
+        sums = fit.kept ** block.shape[2] * sums + weighted @ block.transpose(0, 2, 1)
+        found.append(np.linalg.inv(sums + np.diag(fit.precision)))
+    return np.stack(found)
 
 
 @dataclass(frozen=True)
@@ -38,7 +322,7 @@ class Visited:
     score
         Of the run.
     largest
-        How far its loops went, see :mod:`baselines.learned.seen`.
+        How far its loops went, see :mod:`baselines.learned.envelope`.
     """
 
     seen: Float32

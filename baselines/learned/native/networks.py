@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from baselines.learned.network import Network
+from baselines.learned.policy import Network
 
 ACTOR, CRITIC, BOTH = 0, 1, 2
 """Which of the two networks runs."""
@@ -24,12 +24,10 @@ class Workspace:
     ----------
     widths
         Inputs, hidden units, and the one output.
-    device
-        Of the layers.
     """
 
-    def __init__(self, widths: Sequence[int], device: torch.device | str = "cpu") -> None:
-        self._widths, self._device = tuple(widths), device
+    def __init__(self, widths: Sequence[int]) -> None:
+        self._widths = tuple(widths)
         self._made: dict[tuple[int, int], tuple[list[Tensor], list[Tensor]]] = {}
         self._rows: dict[int, Tensor] = {}
 
@@ -49,7 +47,7 @@ class Workspace:
         return self._made[rows, nets]
 
     def _empty(self, *shape: int) -> Tensor:
-        return torch.empty(shape, device=self._device)
+        return torch.empty(shape)
 
 
 class ActorCritic:
@@ -98,7 +96,7 @@ class ActorCritic:
             for net, last in zip(weight, _GAINS, strict=True):
                 gain = last if weight is self.weights[-1] else math.sqrt(2.0)
                 nn.init.orthogonal_(net.T, gain, generator)
-        self._point(self.parameters)
+        self._passes = [[(w[part], b[part]) for w, b in self._layers()] for part in _PARTS]
 
     def views(self, flat: Tensor) -> tuple[list[Tensor], list[Tensor], Tensor]:
         """Return weights, biases and `log_std` as they stand in a vector like `parameters`."""
@@ -121,7 +119,8 @@ class ActorCritic:
         for (weight, bias), layer in zip(passes, layers, strict=True):
             torch.baddbmm(bias, below, weight, out=layer)
             if layer is not layers[-1]:
-                self._bend(layer)
+                # NumPy's takes a sixth of the time of torch's, with the same accuracy.
+                np.tanh(layer.numpy(), out=layer.numpy())
             below = layer
         return below
 
@@ -152,17 +151,6 @@ class ActorCritic:
             module.weight.data.copy_(weight[0].T)
             module.bias.data.copy_(bias[0, 0])
         return modules
-
-    def _point(self, parameters: Tensor) -> None:
-        """Have the networks' parameters stand in this vector."""
-        self.parameters = parameters
-        self.weights, self.biases, self.log_std = self.views(parameters)
-        self._passes = [[(w[part], b[part]) for w, b in self._layers()] for part in _PARTS]
-
-    def _bend(self, layer: Tensor) -> None:
-        """Put tanh on a hidden layer, in place."""
-        # NumPy's takes a sixth of the time of torch's, with the same accuracy.
-        np.tanh(layer.numpy(), out=layer.numpy())
 
     def _layers(self) -> list[tuple[Tensor, Tensor]]:
         return list(zip(self.weights, self.biases, strict=True))

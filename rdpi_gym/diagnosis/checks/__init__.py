@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from rdpi_gym.diagnosis.checks.acquisition import clipping, clocks, feedback, resolution
-from rdpi_gym.diagnosis.checks.amplitude import gain_over_amplitude
-from rdpi_gym.diagnosis.checks.bias import closed_loops, congruency
-from rdpi_gym.diagnosis.checks.branches import saturation
+from rdpi_gym.diagnosis.checks.branches import initial_memory, saturation
 from rdpi_gym.diagnosis.checks.check import Check, Zone
+from rdpi_gym.diagnosis.checks.drift import holds, repeats
 from rdpi_gym.diagnosis.checks.excitation import excitation
-from rdpi_gym.diagnosis.checks.half_wave import half_wave
-from rdpi_gym.diagnosis.checks.holds import holds
-from rdpi_gym.diagnosis.checks.hum import mains_hum
-from rdpi_gym.diagnosis.checks.memory import initial_memory
-from rdpi_gym.diagnosis.checks.rate import rate_law
-from rdpi_gym.diagnosis.checks.repeats import repeats
-from rdpi_gym.diagnosis.checks.small_signal import small_signal
-from rdpi_gym.diagnosis.features.half_cycles import half_cycles
+from rdpi_gym.diagnosis.checks.loops import closed_loops, congruency, gain_over_amplitude, rate_law
+from rdpi_gym.diagnosis.checks.recording import clipping, clocks, feedback, mains_hum, resolution
+from rdpi_gym.diagnosis.checks.steady_periods import half_wave, small_signal
+from rdpi_gym.diagnosis.features.cycles import half_cycles, steady_periods
 from rdpi_gym.diagnosis.features.noise import rough_part
-from rdpi_gym.diagnosis.features.periods import steady_periods
 from rdpi_gym.diagnosis.features.rests import find_rests
 from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.measurement import Dataset, Record, longest_counted

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.diagnosis.checks.check import Check
-from rdpi_gym.diagnosis.features.half_cycles import HalfCycles
-from rdpi_gym.diagnosis.features.periods import Periods
+from rdpi_gym.diagnosis.features.cycles import HalfCycles, Periods
 from rdpi_gym.diagnosis.features.recurrence import same_command
 from rdpi_gym.diagnosis.features.rests import Rest
 from rdpi_gym.measurement import Record

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.comparison import breakdown
 from rdpi_gym.diagnosis.comparison.traces import Trace, smooth_rate
-from rdpi_gym.diagnosis.features.half_cycles import half_cycles
+from rdpi_gym.diagnosis.features.cycles import half_cycles
 from rdpi_gym.diagnosis.features.rests import find_rests
 from rdpi_gym.diagnosis.results import View
 from rdpi_gym.measurement import Record

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.diagnosis.features.half_cycles import HalfCycles, half_cycles
+from rdpi_gym.diagnosis.features.cycles import HalfCycles, half_cycles
 from rdpi_gym.identification.residuals import simulate_record
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import PlantModel

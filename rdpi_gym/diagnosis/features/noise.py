@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.diagnosis.features.half_cycles import half_cycles
-from rdpi_gym.diagnosis.features.periods import steady_periods
+from rdpi_gym.diagnosis.features.cycles import half_cycles, steady_periods
 from rdpi_gym.measurement import Record, longest_counted
 from rdpi_gym.support.arrays import Array
 

@@ -10,9 +10,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.diagnosis.features.half_cycles import half_cycles
+from rdpi_gym.diagnosis.features.cycles import half_cycles, steady_periods
 from rdpi_gym.diagnosis.features.noise import rough_part
-from rdpi_gym.diagnosis.features.periods import steady_periods
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
 

@@ -8,18 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.portrait.learning import SAMPLES, learn
 from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
 from rdpi_gym.diagnosis.portrait.sentences import experiment_for, sentences_of
-from rdpi_gym.diagnosis.portrait.trials import Tried, shares, try_all
+from rdpi_gym.diagnosis.portrait.trials import SAMPLES, Tried, learn, shares, try_all
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, Parameter
-from rdpi_gym.plant.effects.unknown import Unknown
-from rdpi_gym.plant.effects.unknown_drives import weight
+from rdpi_gym.plant.effects.unknown import Unknown, weight
 from rdpi_gym.plant.effects.unknown_places import (
     MICROMETRES,
     VOLTS,

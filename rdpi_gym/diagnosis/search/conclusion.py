@@ -15,15 +15,14 @@ from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.probability import Probabilities, probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, Left, SearchResult, View, steps_of
-from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.candidates import assess
-from rdpi_gym.diagnosis.search.experiments import what_to_measure
-from rdpi_gym.diagnosis.search.laboratory import Laboratory
-from rdpi_gym.diagnosis.search.law import plant_of
+from rdpi_gym.diagnosis.search.model_search import ModelSearch
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
+from rdpi_gym.diagnosis.search.plants import plant_of
 from rdpi_gym.diagnosis.search.ranking import Ranked
-from rdpi_gym.diagnosis.search.remainder import FOUND, remainder
-from rdpi_gym.diagnosis.search.separability import separability, typical_effects
+from rdpi_gym.diagnosis.search.refitting import State
+from rdpi_gym.diagnosis.search.residual_share import FOUND, remainder
+from rdpi_gym.diagnosis.search.separability import separability, typical_effects, what_to_measure
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
 from rdpi_gym.diagnosis.search.vetoes import capped
 from rdpi_gym.diagnosis.telling import told
@@ -45,7 +44,7 @@ _NEAREST = 3
 
 
 @dataclass(frozen=True)
-class Search:
+class History:
     """How a search went.
 
     Parameters
@@ -80,118 +79,118 @@ class Search:
     notes: tuple[str, ...] = ()
 
 
-def conclude(laboratory: Laboratory, search: Search) -> SearchResult:
+def conclude(search: ModelSearch, history: History) -> SearchResult:
     """Judge the model that a search ends with, and say what is left and what would decide."""
-    search = _on_all_samples(laboratory, search)
-    end, checks = search.end, laboratory.checks
+    history = _on_all_samples(search, history)
+    end, checks = history.end, search.checks
     # last of all: no cap decides what is added
-    added = [capped(candidate, checks) for candidate in search.added]
-    laboratory.final_noise(end)
-    numerical = laboratory.numerical(end)
+    added = [capped(candidate, checks, search.catalogue) for candidate in history.added]
+    search.final_noise(end)
+    numerical = search.numerical(end)
     judgement = judge(
-        laboratory.close_up,
+        search.close_up,
         end.fit.variant,
         end.outcome.errors.validation_rmse_um,
-        laboratory.noise_um,
+        search.noise_um,
         numerical,
         bool(added),
     )
-    groups = _groups(laboratory, end)
-    clocks = laboratory.clocks(end)
-    chances = _probabilities(laboratory, search, added)
+    groups = _groups(search, end)
+    clocks = search.clocks(end)
+    chances = _probabilities(search, history, added)
     probable = () if chances is None else chances.probable
-    experiment = _next_experiment(laboratory, end, search.last, judgement, groups, probable)
+    experiment = _next_experiment(search, end, history.last, judgement, groups, probable)
     advice = clocks[0].advice if clocks else experiment
-    sentence, shares = _remainder(laboratory, end, judgement, numerical.borne_um)
-    plant = plant_of(laboratory.setting, end.outcome, search.given)
-    left = [simulate_record(plant, record) for record in laboratory.setting.train]
+    sentence, shares = _remainder(search, end, judgement, numerical.borne_um)
+    plant = plant_of(search.setting, end.outcome, history.given)
+    left = [simulate_record(plant, record) for record in search.setting.train]
     label = f"with {added[0].effect}" if len(added) == 1 else "with effects"
-    dataset = laboratory.dataset
+    dataset = search.dataset
     say = partial(text_of, quantities=dataset.quantities)
     warnings = plausibility_warnings(
         left, quantities=dataset.quantities, clockwise=plant.hysteresis.clockwise
     )
     keep = [record.name for record in dataset.records]
     found = SearchResult(
-        kind=search.kind,
-        title=laboratory.dataset.title,
+        kind=history.kind,
+        title=search.dataset.title,
         plant=plant,
         steps=steps_of(added),
-        rounds=tuple(tuple(r.candidate for r in ranked) for ranked in search.rounds),
-        removed=search.removed,
-        noise_floor_um=laboratory.noise_um,
-        noise_origin=laboratory.noise_origin,
+        rounds=tuple(tuple(r.candidate for r in ranked) for ranked in history.rounds),
+        removed=history.removed,
+        noise_floor_um=search.noise_um,
+        noise_origin=search.noise_origin,
         numerical_floor_um=numerical.total_um,
-        base=search.base.outcome.errors,
+        base=history.base.outcome.errors,
         final=end.outcome.errors,
-        given=_given_errors(laboratory, search.given),
+        given=_given_errors(search, history.given),
         verdict=judgement.verdict,
         sampling=None if judgement.sampling is None else say(judgement.sampling),
         reservation=judgement.sampling,
-        undecided=laboratory.undecided,
-        unexplained_rmse_um=math.sqrt(max(end.outcome.mean_square - laboratory.noise_um**2, 0.0)),
+        undecided=search.undecided,
+        unexplained_rmse_um=math.sqrt(max(end.outcome.mean_square - search.noise_um**2, 0.0)),
         remainder=sentence,
         left=shares,
-        portrait=_portrait(laboratory, search, shares),
+        portrait=_portrait(search, history, shares),
         next_experiment=None if advice is None else say(advice),
         advice=advice,
         indistinguishable=groups,
-        findings=(*laboratory.findings, *clocks),
-        limits=tuple(map(say, laboratory.limits)),
-        limit_notices=laboratory.limits,
+        findings=(*search.findings, *clocks),
+        limits=tuple(map(say, search.limits)),
+        limit_notices=search.limits,
         probabilities=chances,
         checks=tuple(check.sentence for check in checks),
-        views=_views(laboratory, {"base model": search.base} | ({label: end} if added else {})),
-        seconds=time.perf_counter() - search.began,
+        views=_views(search, {"base model": history.base} | ({label: end} if added else {})),
+        seconds=time.perf_counter() - history.began,
         notes=(
             *(dataset.quantities.said(warning, keep) for warning in warnings),
-            *laboratory.remarks,
-            *search.notes,
-            *laboratory.on_every_sample(end),
-            *([laboratory.reads_fewer] if laboratory.reads_fewer else []),
+            *search.remarks,
+            *history.notes,
+            *search.on_every_sample(end),
+            *([search.reads_fewer] if search.reads_fewer else []),
         ),
         quantities=dataset.quantities,
-        core=laboratory.core,
+        core=search.core,
     )
     return told(found, dataset.quantities)
 
 
 def _probabilities(
-    laboratory: Laboratory, search: Search, added: Sequence[Candidate]
+    search: ModelSearch, history: History, added: Sequence[Candidate]
 ) -> Probabilities | None:
     """Return how probable each effect is; they are known of whole discoveries alone."""
-    if search.kind != "discovery":
+    if history.kind != "discovery":
         return None
-    tried = [r.candidate for r in search.rounds[0]] if search.rounds else []
-    course = laboratory.course(search.base, search.end, added, tried)
-    return probabilities(course, kin_of(laboratory.catalogue))
+    tried = [r.candidate for r in history.rounds[0]] if history.rounds else []
+    course = search.course(history.base, history.end, added, tried)
+    return probabilities(course, kin_of(search.catalogue))
 
 
-def _on_all_samples(laboratory: Laboratory, search: Search) -> Search:
+def _on_all_samples(search: ModelSearch, history: History) -> History:
     """Return a search whose models are those of all samples, where it read fewer."""
-    if laboratory.reads_fewer is None:
-        return search
-    last = search.end.outcome.errors
-    base, end = laboratory.read_all(search.base, search.end)
+    if search.reads_fewer is None:
+        return history
+    last = history.end.outcome.errors
+    base, end = search.read_all(history.base, history.end)
     added = [
-        laboratory.final(end, replace(c, errors=end.outcome.errors) if c.errors is last else c)
-        for c in search.added
+        search.final(end, replace(c, errors=end.outcome.errors) if c.errors is last else c)
+        for c in history.added
     ]
-    return replace(search, base=base, end=end, added=added)
+    return replace(history, base=base, end=end, added=added)
 
 
 def _remainder(
-    laboratory: Laboratory, state: State, judgement: Judgement, numerical_um: float
+    search: ModelSearch, state: State, judgement: Judgement, numerical_um: float
 ) -> tuple[str, Left | None]:
     """Say whether what is left follows from the input, and how surely."""
     if judgement.verdict != "unexplained":
         return f"What is left is {judgement.rest}.", None
-    clocks = laboratory.clocks(state)
+    clocks = search.clocks(state)
     if clocks:
         late = joined([finding.record for finding in clocks])
         return f"What is left cannot be judged before the clock of {late} is right.", None
-    setting = laboratory.searched
-    variant, noise_um = state.fit.variant, laboratory.noise_um
+    setting = search.searched
+    variant, noise_um = state.fit.variant, search.noise_um
     others = other_inputs(variant, setting.train, setting.validation, noise_um)
     found = remainder(
         variant,
@@ -200,20 +199,20 @@ def _remainder(
         setting.scale,
         noise_um,
         numerical_um,
-        laboratory.dataset.quiet,
+        search.dataset.quiet,
     )
     left = Left(found.share, found.low, found.high, found.repeats, found.hidden_um, found.left_um)
     return f"{said_of(others)} {found.sentence}".strip(), left
 
 
-def _portrait(laboratory: Laboratory, search: Search, left: Left | None) -> Portrait | None:
+def _portrait(search: ModelSearch, history: History, left: Left | None) -> Portrait | None:
     """Draw what is left, where it follows from the command and no block stands for it already."""
-    present = {effect.name for effect in search.end.effects}
-    searched = search.kind in ("diagnosis", "discovery") and laboratory.undecided is None
+    present = {effect.name for effect in history.end.effects}
+    searched = history.kind in ("diagnosis", "discovery") and search.undecided is None
     if not searched or left is None or left.low < FOUND or Unknown.name in present:
         return None
-    last = [r.candidate for r in search.rounds[-1]] if search.rounds else []
-    return laboratory.portrait(search.end, nearest_of(last, search.end.effects))
+    last = [r.candidate for r in history.rounds[-1]] if history.rounds else []
+    return search.portrait(history.end, nearest_of(last, history.end.effects))
 
 
 def nearest_of(ranked: Sequence[Candidate], present: Sequence[Effect]) -> list[Candidate]:
@@ -224,7 +223,7 @@ def nearest_of(ranked: Sequence[Candidate], present: Sequence[Effect]) -> list[C
 
 
 def _next_experiment(
-    laboratory: Laboratory,
+    search: ModelSearch,
     state: State,
     chosen: Sequence[Ranked],
     judgement: Judgement,
@@ -232,49 +231,49 @@ def _next_experiment(
     probable: Sequence[str],
 ) -> Notice | None:
     """Name the experiment that would decide what these data cannot, `groups` among it."""
-    if laboratory.undecided is not None:
+    if search.undecided is not None:
         return Notice(Code.STANDARD)
-    if laboratory.core.advice is not None and judgement.sampling is None:
-        return laboratory.core.advice
-    scale = laboratory.setting.scale
+    if search.core.advice is not None and judgement.sampling is None:
+        return search.core.advice
+    scale = search.setting.scale
     return what_to_measure(
         [r.candidate for r in chosen],
         state.effects,
-        typical_effects(laboratory.catalogue, scale),
+        typical_effects(search.catalogue, scale),
         groups,
         state.hysteresis,
         scale,
         None if judgement.sampling is None else judgement.again,
-        laboratory.findings,
-        laboratory.limits,
+        search.findings,
+        search.limits,
         judgement.verdict != "unexplained",
         probable,
-        [record.name for record in laboratory.dataset.records],
+        [record.name for record in search.dataset.records],
     )
 
 
-def _groups(laboratory: Laboratory, state: State) -> Groups:
+def _groups(search: ModelSearch, state: State) -> Groups:
     """Return the classes of effects that the records to fit cannot tell apart."""
     present = {e.name for e in state.effects}
-    kinds = {n: k for n, k in laboratory.catalogue.items() if n not in present}
-    effects = typical_effects(kinds, laboratory.setting.scale)
-    train = laboratory.searched.train
+    kinds = {n: k for n, k in search.catalogue.items() if n not in present}
+    effects = typical_effects(kinds, search.setting.scale)
+    train = search.searched.train
     found = separability(train, state.hysteresis, state.effects, effects)
-    return found.groups(laboratory.noise_um)
+    return found.groups(search.noise_um)
 
 
-def _given_errors(laboratory: Laboratory, given: PlantModel[Any] | None) -> Errors | None:
+def _given_errors(search: ModelSearch, given: PlantModel[Any] | None) -> Errors | None:
     """Return the errors of the model as it was given."""
     if given is None:
         return None
     variant = Variant(given.hysteresis, given.effects)
-    return assess(laboratory.setting, "", JointFit(variant, math.nan, (), {}, 0, True)).errors
+    return assess(search.setting, "", JointFit(variant, math.nan, (), {}, 0, True)).errors
 
 
-def _views(laboratory: Laboratory, states: Mapping[str, State]) -> tuple[View, ...]:
+def _views(search: ModelSearch, states: Mapping[str, State]) -> tuple[View, ...]:
     """Return the records with what each model makes of them."""
     found = []
-    setting = laboratory.setting
+    setting = search.setting
     for record in dict.fromkeys((*setting.train, *setting.validation)):
         models = {}
         for label, state in states.items():

@@ -12,15 +12,15 @@ from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.diagnosis.words import text_of
-from rdpi_gym.identification.first_fits import first_fit
-from rdpi_gym.identification.held_out import beats
+from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.joint import NO_FIT
-from rdpi_gym.identification.kind_rules import judged_way, told_apart
-from rdpi_gym.identification.kinds import beside
+from rdpi_gym.identification.kinds import beside, judged_way, told_apart
+from rdpi_gym.identification.residuals import beats
+from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.measurement import Record
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects import Effect
-from rdpi_gym.plant.effects.base import in_chain_order
+from rdpi_gym.plant.effects.base import Effect, in_chain_order
 from rdpi_gym.support.progress import Progress
 
 AUTO = "auto"
@@ -91,7 +91,7 @@ def fit_kinds(
 def choose(
     setting: Setting, ways: Sequence[Fitted], clockwise: bool | None, seed: int
 ) -> CoreChoice:
-    """Choose a kind by held-out error, as :func:`~rdpi_gym.identification.kind_rules.told_apart` does."""
+    """Choose a kind by held-out error, as :func:`~rdpi_gym.identification.kinds.told_apart` does."""
     fits = [way.outcome.fit for way in ways if way.outcome.fit is not None]
     told = told_apart([judged_way(f, setting.validation) for f in fits], setting.train, seed)
     kind = type(told.chosen.core)
@@ -132,3 +132,21 @@ def _experiment(kind: type[Core], alike: Iterable[type[Core]]) -> Notice | None:
     most = max(ways, key=lambda way: len(ways[way]))
     code, told = (most, ways[most]) if ways[most] else (Code.NESTED, others)
     return Notice(code, (kind.name, *(other.name for other in told)))
+
+
+def begun(setting: Setting, kind: type[Core], effects: Sequence[Effect] = ()) -> Core:
+    """Return the core of a kind that a search begins with, to be refitted.
+
+    A kind of one start is convex in its weights: it begins on its comb. Any other begins where a
+    first fit ends, or every refit of the search would have to try all of its starts.
+    """
+    if len(kind.starts(setting.scale)) == 1:
+        return kind.comb(setting.scale)
+    found = first_fit(setting.train, kind, effects, setting.scale, setting.smoothness)
+    assert found is not None
+    return found.variant.hysteresis
+
+
+def on_comb(core: Core, records: Sequence[Record]) -> Core:
+    """Return a core on the whole comb of its kind again, with weights where it has them."""
+    return core.on(type(core).comb(data_scale(records)))

@@ -11,11 +11,11 @@ from typing import Any
 
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.results import Candidate, CoreChoice, SearchResult
-from rdpi_gym.diagnosis.search.bench import State
-from rdpi_gym.diagnosis.search.conclusion import Search, conclude, nearest_of
-from rdpi_gym.diagnosis.search.laboratory import Laboratory
+from rdpi_gym.diagnosis.search.conclusion import History, conclude, nearest_of
+from rdpi_gym.diagnosis.search.model_search import ModelSearch
+from rdpi_gym.diagnosis.search.plants import OnCandidate
 from rdpi_gym.diagnosis.search.ranking import Ranked
-from rdpi_gym.diagnosis.search.refits import OnCandidate
+from rdpi_gym.diagnosis.search.refitting import State
 from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.identification.joint import NO_FIT
 from rdpi_gym.measurement import Dataset
@@ -28,7 +28,7 @@ from rdpi_gym.support.progress import Progress
 # More effects than this are not a model but a collection; a round adds one or betters its form.
 MOST_EFFECTS, MOST_ROUNDS = 4, 8
 # Noise floors from which on another beginning is tried, and what it has to leave of the error.
-_NOWHERE, _CLEARLY = 1.5, 0.6
+_UNEXPLAINED_FLOORS, _CLEARLY_BETTER = 1.5, 0.6
 
 Notes = tuple[str, ...]
 
@@ -47,21 +47,19 @@ def diagnose(
 ) -> SearchResult:
     """Refit every candidate effect with the base model and rank them on validation records."""
     began = time.perf_counter()
-    laboratory = Laboratory(
-        dataset, catalogue, jobs, seed, progress, checkpoint, core, on_candidate
-    )
-    base = laboratory.base(given)
-    ranked = laboratory.ranked(base)
-    base, chosen = _chosen(laboratory, base, base, ranked)
+    search = ModelSearch(dataset, catalogue, jobs, seed, progress, checkpoint, core, on_candidate)
+    base = search.base(given)
+    ranked = search.ranked(base)
+    base, chosen = _chosen(search, base, base, ranked)
     ranked = _chosen_first([r.candidate for r in chosen], ranked)
-    end = laboratory.after(base, chosen)
-    end, notes = laboratory.on_law(end, given)
+    end = search.after(base, chosen)
+    end, notes = search.on_law(end, given)
     recommended = [replace(r.candidate, errors=end.outcome.errors) for r in chosen]
-    added = [laboratory.final(end, candidate) for candidate in recommended]
-    search = Search(
+    added = [search.final(end, candidate) for candidate in recommended]
+    history = History(
         began, "diagnosis", given, base, end, added=added, rounds=[ranked], last=chosen, notes=notes
     )
-    return conclude(laboratory, search)
+    return conclude(search, history)
 
 
 def discover(
@@ -81,105 +79,105 @@ def discover(
     Parameters are those of :func:`diagnose`.
     """
     began = time.perf_counter()
-    laboratory = Laboratory(
-        dataset, catalogue, jobs, seed, progress, checkpoint, core, on_candidate
-    )
-    without_base = copy(laboratory)
-    base = laboratory.base(given)
-    untouched = copy(laboratory)
-    way, notes = _ended(laboratory, _Way(base, base), given)
-    other = _second_first(way, laboratory)
+    search = ModelSearch(dataset, catalogue, jobs, seed, progress, checkpoint, core, on_candidate)
+    without_base = copy(search)
+    base = search.base(given)
+    fresh = copy(search)
+    stage, notes = _alternated(search, SearchState(base, base), given)
+    other = _alternative_start(stage, search)
     if other is not None:
-        begun = _begun_with(untouched, base, other, way.rounds[0])
-        second, its_notes = _ended(untouched, begun, given)
-        if second.state.outcome.mean_square < _CLEARLY * way.state.outcome.mean_square:
-            laboratory, way, notes = untouched, second, its_notes
-    chosen = laboratory.other_core(way.state)
-    afresh = None if chosen is None else _begun_on(without_base, chosen, laboratory)
+        begun = _starting_with(fresh, base, other, stage.rounds[0])
+        second, its_notes = _alternated(fresh, begun, given)
+        if second.state.outcome.mean_square < _CLEARLY_BETTER * stage.state.outcome.mean_square:
+            search, stage, notes = fresh, second, its_notes
+    chosen = search.other_core(stage.state)
+    afresh = None if chosen is None else _starting_on(without_base, chosen, search)
     if chosen is not None and afresh is not None:
-        second, its_notes = _ended(without_base, afresh, given)
-        if laboratory.gives_way(way.state, second.state):
-            laboratory, way, notes = without_base, second, its_notes
+        second, its_notes = _alternated(without_base, afresh, given)
+        if search.gives_way(stage.state, second.state):
+            search, stage, notes = without_base, second, its_notes
         else:
-            notes = (*notes, laboratory.left_by(chosen, way.state, second.state))
-    state, rounds = way.state, list(way.rounds)
-    sure = laboratory.sure(state, way.added, way.rivals)
-    state, unstable = laboratory.less_sure(state, sure)
-    state, merged = laboratory.merge(state, [c.effect for c in sure if c.effect not in unstable])
+            notes = (*notes, search.left_by(chosen, stage.state, second.state))
+    state, rounds = stage.state, list(stage.rounds)
+    sure = search.sure(state, stage.added, stage.rivals)
+    state, unstable = search.less_sure(state, sure)
+    state, merged = search.merge(state, [c.effect for c in sure if c.effect not in unstable])
     unstable = (*unstable, *merged)
     added = [c for c in sure if c.effect not in unstable]
     tried = [r.candidate for r in rounds[0]] if rounds else []
-    state, improbable, why = laboratory.improbable(way.base, state, added, tried)
+    state, improbable, why = search.improbable(stage.base, state, added, tried)
     added = [c for c in added if c.effect not in improbable]
     if rounds:  # what was taken out again does not lead the ranking
         rounds[0] = _chosen_first(added, rounds[0])
     if added:  # the last step ends at the model that is saved
         end = added[-1].errors
         added = [replace(c, errors=state.outcome.errors) if c.errors is end else c for c in added]
-    search = Search(
+    history = History(
         began,
         "discovery",
         given,
-        way.base,
+        stage.base,
         state,
-        added=[laboratory.final(state, candidate) for candidate in added],
+        added=[search.final(state, candidate) for candidate in added],
         rounds=rounds,
-        last=way.last,
-        removed=(*way.removed, *unstable, *improbable),
+        last=stage.last,
+        removed=(*stage.removed, *unstable, *improbable),
         notes=(*notes, *why),
     )
-    return conclude(laboratory, search)
+    return conclude(search, history)
 
 
-def _ended(laboratory: Laboratory, way: _Way, given: PlantModel[Any] | None) -> tuple[_Way, Notes]:
+def _alternated(
+    search: ModelSearch, stage: SearchState, given: PlantModel[Any] | None
+) -> tuple[SearchState, Notes]:
     """Add effects until nothing more is earned and none takes the place of another; with remarks."""
     while True:
-        way = _grown(laboratory, way)
-        before = {c.effect for c in way.added}
-        way, notes = _settled(laboratory, way, given)
+        stage = _forward_selection(search, stage)
+        before = {c.effect for c in stage.added}
+        stage, notes = _backward_elimination(search, stage, given)
         # with another effect in the place of one, what is missing beside it may show
-        swapped = {c.effect for c in way.added} - before
-        if not swapped or len(way.rounds) >= MOST_ROUNDS or laboratory.at_floor(way.state):
-            return way, notes
-        way = replace(way, state=laboratory.on_whole_comb(way.state))
+        swapped = {c.effect for c in stage.added} - before
+        if not swapped or len(stage.rounds) >= MOST_ROUNDS or search.at_floor(stage.state):
+            return stage, notes
+        stage = replace(stage, state=search.on_whole_comb(stage.state))
 
 
-def _begun_on(untouched: Laboratory, core: CoreChoice, laboratory: Laboratory) -> _Way | None:
+def _starting_on(fresh: ModelSearch, core: CoreChoice, search: ModelSearch) -> SearchState | None:
     """Return the way that begins with another core; None, with a remark, where it has no fit."""
     try:
-        base = untouched.base_of(core)
+        base = fresh.base_of(core)
     except NO_FIT as error:
-        laboratory.say(f"the core {core.kind} was left out: {error}")
+        search.say(f"the core {core.kind} was left out: {error}")
         return None
-    return _Way(base, base)
+    return SearchState(base, base)
 
 
-def _second_first(way: _Way, laboratory: Laboratory) -> Ranked | None:
+def _alternative_start(stage: SearchState, search: ModelSearch) -> Ranked | None:
     """Return what else could have come first, where what came leads nowhere."""
-    left = way.state.outcome.mean_square
-    if not way.rounds or left <= _NOWHERE**2 * laboratory.noise_um**2:
+    left = stage.state.outcome.mean_square
+    if not stage.rounds or left <= _UNEXPLAINED_FLOORS**2 * search.noise_um**2:
         return None
-    if laboratory.at_floor(way.state):
+    if search.at_floor(stage.state):
         return None
-    gone = {c.effect for c in way.added} | {r.candidate.effect for r in way.rounds[0][:1]}
-    others = [r for r in way.rounds[0] if r.earned and r.candidate.effect not in gone]
+    gone = {c.effect for c in stage.added} | {r.candidate.effect for r in stage.rounds[0][:1]}
+    others = [r for r in stage.rounds[0] if r.earned and r.candidate.effect not in gone]
     return max(others, key=lambda r: r.worth, default=None)
 
 
-def _begun_with(
-    laboratory: Laboratory, base: State, first: Ranked, ranked: Sequence[Ranked]
-) -> _Way:
+def _starting_with(
+    search: ModelSearch, base: State, first: Ranked, ranked: Sequence[Ranked]
+) -> SearchState:
     """Return the way that begins with a candidate of the first round."""
-    state = laboratory.after(base, [first])
+    state = search.after(base, [first])
     step = replace(first.candidate, errors=state.outcome.errors)
-    return _Way(
+    return SearchState(
         base, state, (step,), (_chosen_first([step], ranked),),
-        {step.effect: laboratory.rivals(base, first.candidate, ranked)}, [first],
+        {step.effect: search.rivals(base, first.candidate, ranked)}, [first],
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class _Way:
+class SearchState:
     """How far a discovery has come.
 
     Parameters
@@ -207,34 +205,34 @@ class _Way:
     removed: tuple[str, ...] = ()
 
 
-def _grown(laboratory: Laboratory, way: _Way) -> _Way:
+def _forward_selection(search: ModelSearch, stage: SearchState) -> SearchState:
     """Add effects, or better forms of what is there, until nothing more is earned."""
-    base, state, last = way.base, way.state, way.last
-    added, rounds, rivals = list(way.added), list(way.rounds), dict(way.rivals)
+    base, state, last = stage.base, stage.state, stage.last
+    added, rounds, rivals = list(stage.added), list(stage.rounds), dict(stage.rivals)
     while len(rounds) < MOST_ROUNDS and len(added) < MOST_EFFECTS:
-        if laboratory.at_floor(state):
+        if search.at_floor(state):
             break
-        ranked = laboratory.ranked(state)
-        base, chosen = _chosen(laboratory, base, state, ranked)
+        ranked = search.ranked(state)
+        base, chosen = _chosen(search, base, state, ranked)
         rounds.append(_chosen_first([r.candidate for r in chosen], ranked))
         if not chosen:
             break
         have = {effect.name for effect in state.effects}
         new = [r for r in chosen if r.candidate.effect not in have]
         for r in new:
-            rivals[r.candidate.effect] = laboratory.rivals(state, r.candidate, ranked)
-        before, state = state, laboratory.after(state, chosen)
+            rivals[r.candidate.effect] = search.rivals(state, r.candidate, ranked)
+        before, state = state, search.after(state, chosen)
         if new:
             last = chosen
         else:  # a better form belongs to the step that is last
-            added = _moved_on(added, before, state)
+            added = _with_new_errors(added, before, state)
         added += [replace(r.candidate, errors=state.outcome.errors) for r in new]
-        spared = laboratory.past_outliers(laboratory.past_openings(state))
+        spared = search.past_outliers(search.past_openings(state))
         if spared is not state:
-            added = _moved_on(added, state, spared)
-            base, state = laboratory.again(base), spared
+            added = _with_new_errors(added, state, spared)
+            base, state = search.again(base), spared
     return replace(
-        way,
+        stage,
         base=base,
         state=state,
         added=tuple(added),
@@ -245,29 +243,29 @@ def _grown(laboratory: Laboratory, way: _Way) -> _Way:
 
 
 def _chosen(
-    laboratory: Laboratory, base: State, state: State, ranked: Sequence[Ranked]
+    search: ModelSearch, base: State, state: State, ranked: Sequence[Ranked]
 ) -> tuple[State, list[Ranked]]:
     """Return what to add, and the base model as it is judged from here on."""
-    setting = laboratory.setting
-    chosen = laboratory.choose(state, ranked)
-    return (base if laboratory.setting is setting else laboratory.again(base)), chosen
+    setting = search.setting
+    chosen = search.choose(state, ranked)
+    return (base if search.setting is setting else search.again(base)), chosen
 
 
-def _settled(
-    laboratory: Laboratory, way: _Way, given: PlantModel[Any] | None
-) -> tuple[_Way, Notes]:
+def _backward_elimination(
+    search: ModelSearch, stage: SearchState, given: PlantModel[Any] | None
+) -> tuple[SearchState, Notes]:
     """Take out what is not needed, and try rivals in the place of what is left; with remarks."""
-    state, recalled = laboratory.recall(way.state)
-    added = [*way.added, *recalled]
-    state, removed = laboratory.eliminate(state, [c.effect for c in added])
-    state, merged = laboratory.merge(state, [c.effect for c in added if c.effect not in removed])
+    state, recalled = search.recall(stage.state)
+    added = [*stage.added, *recalled]
+    state, removed = search.eliminate(state, [c.effect for c in added])
+    state, merged = search.merge(state, [c.effect for c in added if c.effect not in removed])
     removed = (*removed, *merged)
-    state, simpler = laboratory.simplify(state)
-    state, notes = laboratory.on_law(state, given)
+    state, simpler = search.simplify(state)
+    state, notes = search.on_law(state, given)
     kept = [c for c in added if c.effect not in removed]
-    state, settled = laboratory.settle(state, kept, way.rivals)
-    way = replace(way, state=state, added=tuple(settled), removed=(*way.removed, *removed))
-    return way, (*simpler, *notes)
+    state, settled = search.settle(state, kept, stage.rivals)
+    stage = replace(stage, state=state, added=tuple(settled), removed=(*stage.removed, *removed))
+    return stage, (*simpler, *notes)
 
 
 def _chosen_first(chosen: Sequence[Candidate], ranked: Sequence[Ranked]) -> list[Ranked]:
@@ -276,7 +274,7 @@ def _chosen_first(chosen: Sequence[Candidate], ranked: Sequence[Ranked]) -> list
     return sorted(ranked, key=lambda r: place.get(r.candidate.effect, len(place)))
 
 
-def _moved_on(added: list[Candidate], before: State, after: State) -> list[Candidate]:
+def _with_new_errors(added: list[Candidate], before: State, after: State) -> list[Candidate]:
     """Return the steps, those that ended at one model now ending at another."""
     end = before.outcome.errors
     return [replace(c, errors=after.outcome.errors) if c.errors is end else c for c in added]
@@ -298,35 +296,35 @@ def add_effect(
     began = time.perf_counter()
     if any(effect.name == kind.name for effect in given.effects):
         raise InputError(f"the model has {kind.name} already; choose another effect")
-    laboratory = Laboratory(
+    search = ModelSearch(
         dataset, {kind.name: kind}, jobs, seed, progress, checkpoint, core, on_candidate
     )
-    base = laboratory.base(given)
-    if not laboratory.catalogue:
+    base = search.base(given)
+    if not search.catalogue:
         raise InputError(
             f"{kind.name} changes what only the core {RDPI.name} has, and the model has the core "
-            f"{laboratory.core.kind}; choose another effect"
+            f"{search.core.kind}; choose another effect"
         )
-    found = laboratory.learned(base, kind) if kind.on_request else laboratory.ranked(base)
+    found = search.learned(base, kind) if kind.on_request else search.ranked(base)
     ranked = [r for r in found if r.candidate.effect == kind.name]
-    laboratory.need(ranked, kind)
-    state = laboratory.after(base, ranked[:1])
-    state, notes = laboratory.on_law(state, given)
+    search.need(ranked, kind)
+    state = search.after(base, ranked[:1])
+    state, notes = search.on_law(state, given)
     if not ranked[0].earned:
         notes = (f"{kind.name} was added on request; these records do not earn it", *notes)
     candidate = replace(ranked[0].candidate, errors=state.outcome.errors)
-    search = Search(
+    history = History(
         began,
         "addition",
         given,
         base,
         state,
-        added=[laboratory.final(state, candidate)],
+        added=[search.final(state, candidate)],
         rounds=[ranked],
         last=ranked[:1],
         notes=notes,
     )
-    return conclude(laboratory, search)
+    return conclude(search, history)
 
 
 def portray(
@@ -340,9 +338,9 @@ def portray(
     """Draw the portrait of what a model misses, whatever the verdict on it."""
     if given is not None and any(effect.name == Unknown.name for effect in given.effects):
         raise InputError(f"the model has {Unknown.name} already; portray the model without it")
-    laboratory = Laboratory(dataset, CATALOGUE, 1, seed, progress, None)
-    base = laboratory.base(given)
-    drawn = laboratory.portrait(base, nearest_of(ranked, base.effects))
+    search = ModelSearch(dataset, CATALOGUE, 1, seed, progress, None)
+    base = search.base(given)
+    drawn = search.portrait(base, nearest_of(ranked, base.effects))
     return told(drawn, dataset.quantities)
 
 
@@ -353,10 +351,10 @@ def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> Search
     if name not in names:
         raise InputError(f"the model has no effect {name!r}; it has {', '.join(names) or 'none'}")
     kept = replace(given, effects=tuple(e for e in given.effects if e.name != name))
-    laboratory = Laboratory(dataset, CATALOGUE, 1, 0, None, None)
-    base = laboratory.base(kept)
-    state, notes = laboratory.on_law(base, kept)
-    search = Search(
+    search = ModelSearch(dataset, CATALOGUE, 1, 0, None, None)
+    base = search.base(kept)
+    state, notes = search.on_law(base, kept)
+    history = History(
         began,
         "removal",
         given,
@@ -365,4 +363,4 @@ def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> Search
         removed=(name,),
         notes=notes,
     )
-    return conclude(laboratory, search)
+    return conclude(search, history)

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.diagnosis.hygiene import inspect
-from rdpi_gym.diagnosis.hygiene.finding import Finding
+from rdpi_gym.diagnosis.preprocessing.finding import Finding
+from rdpi_gym.diagnosis.preprocessing.inspection import inspect
 from rdpi_gym.diagnosis.results import Errors
-from rdpi_gym.diagnosis.search.bench import setting_of
 from rdpi_gym.diagnosis.search.candidates import assess
-from rdpi_gym.diagnosis.search.refits import Refit, refit_of
-from rdpi_gym.diagnosis.search.suitability import falls, turned
+from rdpi_gym.diagnosis.search.plants import Refit, refit_of
+from rdpi_gym.diagnosis.search.refitting import setting_of
+from rdpi_gym.diagnosis.suitability import falls, turned
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.measurement import Dataset

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from rdpi_gym.diagnosis.hygiene import Finding
 from rdpi_gym.diagnosis.notices import Code, Notice
+from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import NO_FIT, fit_joint
 from rdpi_gym.measurement import Record

@@ -7,10 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
-from rdpi_gym.diagnosis.portrait.learning import learn_forms
+from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.results import Candidate
-from rdpi_gym.diagnosis.search.beginning import Beginning
-from rdpi_gym.diagnosis.search.bench import State
 from rdpi_gym.diagnosis.search.candidates import (
     CHANCE,
     SEARCH_SAMPLES,
@@ -21,22 +19,25 @@ from rdpi_gym.diagnosis.search.candidates import (
     attempt,
     past_cusps,
     refit,
+    taken_by,
 )
 from rdpi_gym.diagnosis.search.forms import better_forms, further_forms, in_best_form
-from rdpi_gym.diagnosis.search.openings import missed
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
+    WITHIN,
     Ranked,
+    exchanged,
+    in_blocks,
     of_effect,
     own_bounds,
     rank,
     share_of_train,
 )
-from rdpi_gym.diagnosis.search.stability import WITHIN, exchanged, in_blocks
-from rdpi_gym.diagnosis.search.traces import taken_by
+from rdpi_gym.diagnosis.search.record_starts import missed
+from rdpi_gym.diagnosis.search.refitting import Refitting, State
 from rdpi_gym.diagnosis.search.vetoes import hear
-from rdpi_gym.identification.first_fits import FIRST_SAMPLES
+from rdpi_gym.identification.cores import FIRST_SAMPLES
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import NO_FIT, FirstSteps, JointFit
 from rdpi_gym.plant.effects.base import Effect, forms_of
@@ -62,7 +63,7 @@ _LEADERS = 4
 _FLOOR_FROM = 3
 
 
-class Rounds(Beginning):
+class Rounds(Refitting):
     """A search that refits, ranks and chooses candidates."""
 
     def ranked(self, state: State) -> list[Ranked]:

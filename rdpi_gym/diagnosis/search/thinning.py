@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.hygiene.finding import BoolArray, joined_records
-from rdpi_gym.diagnosis.search.scale import comb
+from rdpi_gym.diagnosis.preprocessing.finding import BoolArray, joined_records
+from rdpi_gym.diagnosis.suitability import comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import MOST_SAMPLES, fit_joint, kept_samples
 from rdpi_gym.measurement import Dataset, Record

@@ -1,9 +1,9 @@
-"""The verdict on a model, one for every search: explained, nothing missing, or something left."""
+"""The verdict on a model beside the noise and what a simulation of the records leaves open."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,12 +11,202 @@ import numpy as np
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.results import Verdict
 from rdpi_gym.diagnosis.search.candidates import Setting
-from rdpi_gym.diagnosis.search.numerics import NumericalFloor
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.identification.joint import NO_FIT, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
+
+# The error of a linear interpolation falls with the square of the step: half of it shows three
+# quarters.
+_WHOLE = 4.0 / 3.0
+# Steps within a sample that show another command between the samples.
+_PARTS_WITHIN = 4
+# Steps in a sampling time by one of which stamps are off where another clock is tried, and the seed.
+_SHAKEN, _SEED = 8, 0
+# Of the noise, what the numerical floor has to fall to for it not to matter.
+_NO_MATTER = 0.3
+# Of another way to simulate, the part that the error has to show for all of it to be believed: an
+# error that shows less is nearer to the model as it is, and a refit takes up some of what it shows.
+_BORNE_OUT = 0.4
+# Of the steps of a command from sample to sample (rms), what they change by from one to the next
+# where it jumps: what it does between the samples is then unknown, whatever the error shows.
+_JUMPS = 0.4
+
+
+@dataclass(frozen=True)
+class NumericalFloor:
+    """What the simulation of records leaves open.
+
+    Parameters
+    ----------
+    step_um
+        What half the step changes, carried on to a step of zero (µm rms).
+    held_um
+        What a command held about each sample, in place of one linear between them, changes (µm
+        rms). One that is held from a sample to the next is the same with half a sampling time of
+        delay, which a delay and the lags take up.
+    fastest_hz
+        Sampling rate (Hz) of the record in which that is largest.
+    turned_um
+        What a command that turns between two samples, where the straight lines before and after
+        them meet, changes (µm rms): memory and gaps keep an extremum that no sample shows.
+    jittered_um
+        What samples taken at other times than those of an even clock change (µm rms), where the
+        stamps of a file are off one: what hangs on rates and times is then wrong, what only
+        follows the command is not.
+    off_s
+        By how much the stamps are off, in the record in which that is largest (s rms).
+    shown_um
+        Of step, held and turned together, what the error of the records bears out, and all of it in
+        records whose command jumps (µm rms).
+    """
+
+    step_um: float
+    held_um: float
+    fastest_hz: float
+    turned_um: float = 0.0
+    jittered_um: float = 0.0
+    off_s: float = 0.0
+    shown_um: float = 0.0
+
+    @property
+    def borne_um(self) -> float:
+        """What the error and the command bear out, and what the sampling times change (µm rms)."""
+        return math.hypot(self.shown_um, self.jittered_um)
+
+    @property
+    def total_um(self) -> float:
+        """All together (µm rms)."""
+        return math.hypot(self.sampled_um, self.jittered_um)
+
+    @property
+    def sampled_um(self) -> float:
+        """The part that falls with the sampling time (µm rms)."""
+        return math.hypot(self.step_um, self.held_um, self.turned_um)
+
+    def needed_hz(self, noise_um: float) -> float:
+        """Return the sampling rate (Hz) at which the floor no longer matters beside the noise."""
+        least = _NO_MATTER * max(noise_um, 1e-300)
+        return self.fastest_hz * math.sqrt(max(self.sampled_um / least, 1.0))
+
+
+def numerical_floor(variant: Variant[Core], records: Sequence[Record]) -> NumericalFloor:
+    """Simulate a model again: half the step, another command between samples, another clock."""
+    jittered_um, off_s = _jitter(variant, records)
+    if not variant.effects:
+        fastest_hz = max(1.0 / r.ts_s for r in records)
+        return NumericalFloor(0.0, 0.0, fastest_hz, jittered_um=jittered_um, off_s=off_s)
+    squares, pulls, counts = np.zeros((len(records), 3)), np.zeros((len(records), 3)), []
+    for k, record in enumerate(records):
+        mask, simulated = record.error_mask, simulate_effects([variant], record)[:, 0]
+        changes = (
+            simulate_between(variant, record, 2) - simulated,
+            *_changed(variant, record, held_about, turned_between),
+        )
+        error = (record.y_um - simulated)[mask]
+        error -= error.mean()
+        squares[k] = [float(np.var(change[mask])) for change in changes]
+        pulls[k] = [float(np.mean(change[mask] * error)) for change in changes]
+        counts.append(int(mask.sum()))
+    worst = int(np.argmax(np.sum(squares, axis=1)))
+    step, held, turns = np.sqrt(np.average(squares, axis=0, weights=counts)).tolist()
+    fastest_hz = 1.0 / records[worst].ts_s
+    weights = np.array(counts) / sum(counts)
+    jumps = np.array([_jumps(record.u_V) for record in records])
+    shown_um2 = weights[jumps] @ squares[jumps]
+    shown_um2 += _borne_out(weights[~jumps] @ pulls[~jumps], weights[~jumps] @ squares[~jumps])
+    shown_um = math.sqrt(float(shown_um2 @ [_WHOLE**2, 1.0, 1.0]))
+    return NumericalFloor(_WHOLE * step, held, fastest_hz, turns, jittered_um, off_s, shown_um)
+
+
+def _jumps(u_V: Array) -> bool:
+    """Whether a command changes its steps so much that lines between its samples are a guess."""
+    steps = np.diff(u_V)
+    return bool(np.mean(np.diff(steps) ** 2) > _JUMPS**2 * np.mean(steps**2))
+
+
+def _borne_out(pulls_um2: Array, squares_um2: Array) -> Array:
+    """Of the squares of changes (µm²), those that errors bear out, which pull along them so much."""
+    shares = np.maximum(pulls_um2, 0.0) / np.maximum(squares_um2, 1e-300)
+    shares = np.where(shares < _BORNE_OUT, shares, 1.0)
+    return np.asarray(shares**2 * squares_um2)
+
+
+def _jitter(variant: Variant[Core], records: Sequence[Record]) -> tuple[float, float]:
+    """What uneven sampling times change (µm rms over all records), and the largest of them (s)."""
+    squares = [
+        float(np.var(_shaken(variant, r)[r.error_mask])) if r.jitter_s > 0.0 else 0.0
+        for r in records
+    ]
+    counts = [int(r.error_mask.sum()) for r in records]
+    return math.sqrt(np.average(squares, weights=counts)), max(r.jitter_s for r in records)
+
+
+def _shaken(variant: Variant[Core], record: Record) -> Array:
+    """What the same samples, taken at times that are off by those of the stamps, change (µm).
+
+    Command and displacement are taken at one time: each sample is moved to and fro by one of a few
+    steps with the command linear between, and what that changes is carried on in proportion.
+    """
+    early, whole = record.before_V.size, record.with_history
+    own = replace(variant, effects=tuple(e.sampled_at(record.ts_s) for e in variant.effects))
+    even = _SHAKEN * np.arange(whole.u_V.size)
+    taken = even + np.random.default_rng(_SEED).choice([-1, 1], even.size)
+    taken[0], taken[-1] = even[0], even[-1]
+    places = np.arange(even[-1] + 1)
+    found = []
+    for at in (even, taken):
+        u = np.interp(places, at, whole.u_V)
+        t_s = whole.t_s[0] + places * (record.ts_s / _SHAKEN)
+        fine = Record(record.name, t_s, u, np.zeros_like(u), ts_s=record.ts_s / _SHAKEN)
+        found.append(simulate_effects([own], fine)[at, 0])
+    return np.asarray((found[1] - found[0])[early:] * (record.jitter_s * _SHAKEN / record.ts_s))
+
+
+def _changed(
+    variant: Variant[Core], record: Record, *between: Callable[[Array, int], Array]
+) -> list[Array]:
+    """What other commands between the samples change at the samples (µm)."""
+    effects = tuple(effect.sampled_at(record.ts_s) for effect in variant.effects)
+    # jumps have no rate: only what does not hang on it is asked for
+    slow = Variant(variant.hysteresis.static(), effects)
+    early, whole = record.before_V.size, record.with_history
+    linear = simulate_effects([slow], whole)[:, 0]
+    commands = [way(whole.u_V, _PARTS_WITHIN) for way in between]
+    ts_s = record.ts_s / _PARTS_WITHIN
+    t_s = whole.t_s[0] + np.arange(len(commands[0])) * ts_s
+    fine = [Record(record.name, t_s, u, np.zeros_like(u), ts_s=ts_s) for u in commands]
+    return [(simulate_effects([slow], each)[::_PARTS_WITHIN, 0] - linear)[early:] for each in fine]
+
+
+def _along(u_V: Array, share: Array) -> Array:
+    """Commands after each sample, ``(N, P)``, at shares of the way to the next; level at the end."""
+    after = np.append(u_V[1:], u_V[-1])
+    return np.asarray(u_V[:, None] + (after - u_V)[:, None] * share)
+
+
+def held_about(u_V: Array, parts: int) -> Array:
+    """Hold a command about each sample: it jumps in the middle between two."""
+    step = np.sign(2 * np.arange(parts) - parts)  # before, in and after the middle
+    return _along(u_V, 0.5 * (1.0 + step)).ravel()
+
+
+def turned_between(u_V: Array, parts: int) -> Array:
+    """Let a command turn between two samples, where the lines before and after them meet."""
+    part = np.arange(parts) / parts
+    fine = _along(u_V, part)
+    if len(u_V) > 3:
+        into = (u_V[1:-2] - u_V[:-3])[:, None]
+        out = (u_V[3:] - u_V[2:-1])[:, None]
+        on, back = u_V[1:-2, None] + into * part, u_V[2:-1, None] - out * (1.0 - part)
+        inner = fine[1:-2]
+        turns = into * out < 0.0
+        beyond = np.where(into > 0.0, np.minimum(on, back), np.maximum(on, back))
+        further = np.where(into > 0.0, beyond > inner, beyond < inner)
+        fine[1:-2] = np.where(turns & further, beyond, inner)
+    return fine.ravel()
+
 
 # At most this many times the noise floor is explained.
 EXPLAINED = 1.15

@@ -12,34 +12,15 @@ from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects import Effect
 
 MOST_UNSEEN = 0.5
 """Largest confidence in an effect that no test without a model can see in the records."""
-_LAGS = ("lag at small signals", "few frequencies")
-SEEN_BY: Mapping[str, tuple[str, ...]] = {
-    "saturation": ("saturation", "gain over amplitude", "congruency", "few amplitudes"),
-    "slew_limit": ("rate law", "motion at small signals"),
-    "actuator_lag": _LAGS,
-    "rate_law": ("rate law", "few frequencies"),
-    "initial_memory": ("initial memory",),
-    "congruency": ("congruency",),
-    "asymmetry": ("asymmetry",),
-    "creep": ("creep",),
-    "resonance": ("resonance at small signals", "lag at small signals"),
-    "backlash": ("motion at small signals",),
-    "gain_drift": ("gain drift in holds", "gain drift between repeats"),
-    "thermal_drift": ("drift in holds", "drift between repeats"),
-    "delay": _LAGS,
-    "sensor_lag": _LAGS,
-    "mains_hum": ("mains hum",),
-}
-"""By effect, the tests that can see it, the nearest first; one without any is never capped.
-
-Those of the commands (``few ...``) say what cannot be seen at too few amplitudes or frequencies.
-"""
 
 
-def capped(candidate: Candidate, measured: Sequence[Check]) -> Candidate:
+def capped(
+    candidate: Candidate, measured: Sequence[Check], catalogue: Mapping[str, type[Effect]]
+) -> Candidate:
     """Return a candidate no surer than it can be where no test without a model can see its effect.
 
     Notes
@@ -49,7 +30,8 @@ def capped(candidate: Candidate, measured: Sequence[Check]) -> Candidate:
     it, a wrong form of something else may leave the same trace.
     """
     said = {check.name: check for check in measured}
-    tests = [said[name] for name in SEEN_BY.get(candidate.effect, ()) if name in said]
+    kind = catalogue.get(candidate.effect)
+    tests = [said[name] for name in (kind.seen_by if kind else ()) if name in said]
     if not tests or candidate.confidence <= MOST_UNSEEN or any(map(_sees, tests)):
         return candidate
     reason = tests[0].sentence.rstrip(".")

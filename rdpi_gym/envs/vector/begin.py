@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit, prange
 
+from rdpi_gym.envs.layout import COLUMN, LIMIT, SPAN, ZERO, field_values
 from rdpi_gym.envs.truth import EFFECT_LEVELS
-from rdpi_gym.envs.vector.kernels import add_offsets, encode, encode_reading, read_sensors, report
+from rdpi_gym.envs.vector.kernels import add_offsets, encode, read_sensors, report
 from rdpi_gym.envs.vector.lanes import (
     BEGUN,
     COMMAND,
@@ -34,13 +35,14 @@ from rdpi_gym.envs.vector.random import (
 )
 from rdpi_gym.envs.vector.sines import sample_references
 from rdpi_gym.envs.vector.waves import Drawn, begin_waves
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.support.arrays import Array
 
 
 class Column(NamedTuple):
     """A plant as the lanes hold it."""
 
-    p: Array  # float64[P]: as rdpi_gym.plant.packing packs it
+    p: Array  # float64[P]: as rdpi_gym.plant.cores.base packs it
     stage_p: Array  # float64[P']
     turns_V: Array  # float64[K]: commands at which it turned before the episode, in order
     offset_um: float  # behind its effects
@@ -120,8 +122,8 @@ def settle_plays(rest_V: float, turns_V: Array, fresh: Lanes) -> None:
             r, x = p[n + 1 + i, b], 0.0
             if b < turns_V.shape[1]:
                 for turn in turns_V[:, b]:
-                    x = max(turn - r, min(turn + r, x))
-            state[2 + i, b] = max(rest_V - r, min(rest_V + r, x))
+                    x = play(x, turn - r, turn + r)
+            state[2 + i, b] = play(x, rest_V - r, rest_V + r)
 
 
 @njit(cache=True)
@@ -159,18 +161,14 @@ def show_first(
         out.observation,
     )
     lanes, rows = info.shape[1], window_um.shape[1]
-    size = rows + 2
+    size, encoder = len(observation) // lanes, sources.encoder
     if len(sources.stages):
         add_offsets(0, row, numbers, work)
     measured = row
     if law.sensed:
         read_sensors(0, row, 0, numbers, sources.noise, work)
         measured = MEASURED
-    middle, per_half = 0.5 * (law.low_V + law.high_V), 2.0 / (law.high_V - law.low_V)
-    for b in range(lanes):
-        last = (b + 1) * size - 1
-        observation[last - 1] = encode_reading(work[measured, b], law)
-        observation[last] = encode(numbers[0, COMMAND, b], middle, per_half)
+    begin = int(encoder[0, COLUMN]) - rows + 1
     for j in range(rows):
         ring = (step + j) % rows
         sample_references(
@@ -178,6 +176,18 @@ def show_first(
             window_um[0, ring],
         )  # fmt: skip
         for b in range(lanes):
-            shown = encode(window_um[0, ring, b], law.centre_um, law.per_scale)
-            observation[b * size + j] = shown
+            observation[b * size + begin + j] = encode(
+                window_um[0, ring, b], encoder[0, ZERO], encoder[0, SPAN], encoder[0, LIMIT]
+            )
+    now, newest = step % rows, (step - 1) % rows
+    for b in range(lanes):
+        values = field_values(
+            window_um[0, newest, b], window_um[0, now, b], work[measured, b], numbers[0, COMMAND, b]
+        )
+        for i in range(len(values)):
+            column = int(encoder[i, COLUMN])
+            if column >= 0:
+                observation[b * size + column] = encode(
+                    values[i], encoder[i, ZERO], encoder[i, SPAN], encoder[i, LIMIT]
+                )
     report(0, row, step % rows, work, numbers, window_um, info)

@@ -30,7 +30,7 @@ from rdpi_gym.plant.effects.rate_law import rate_law_block
 from rdpi_gym.plant.effects.saturation import saturation_block
 from rdpi_gym.plant.effects.slew_limit import slew_limit_block
 from rdpi_gym.plant.effects.thermal_drift import thermal_drift_block
-from rdpi_gym.plant.effects.unknown_kernel import unknown_block
+from rdpi_gym.plant.effects.unknown_places import unknown_block
 from rdpi_gym.support.arrays import Array
 
 Table: TypeAlias = NDArray[np.int64]

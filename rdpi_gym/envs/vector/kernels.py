@@ -1,4 +1,4 @@
-"""One step of many lanes: command, plant, reference, sensor, observation, reward.
+"""One step of many lanes: command, plant, reference, sensor reading, observation, reward.
 
 Loops are short and over few rows each, so that they compile to vector instructions. They index
 arrays of all blocks rather than take views of rows, and pass arrays rather than named tuples: numba
@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 from numba import njit, prange
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
+from rdpi_gym.envs.layout import COLUMN, FIELDS, LIMIT, SPAN, ZERO, field_values
 from rdpi_gym.envs.vector.chain import run_chain
 from rdpi_gym.envs.vector.commands import command_block
 from rdpi_gym.envs.vector.lanes import (
@@ -38,6 +40,7 @@ from rdpi_gym.envs.vector.sines import sample_references
 from rdpi_gym.envs.vector.waves import sample_ahead
 from rdpi_gym.support.arrays import Array
 
+_FIELDS = len(FIELDS)
 # Where the fields of each part of a record begin, one after the other.
 _SOURCES = len(Lanes._fields)
 _SHOWN = _SOURCES + len(Sources._fields)
@@ -45,17 +48,11 @@ _LAW = _SHOWN + len(Shown._fields)
 
 
 @njit(cache=True)
-def encode(value: float, zero: float, per_unit: float) -> np.float32:
-    """Return a value in units of the observation."""
-    return np.float32((value - zero) * per_unit)
-
-
-@njit(cache=True)
-def encode_reading(measured_um: float, law: Law) -> np.float32:
-    """Return a reading (µm) in units of the observation, within the sensor's range."""
-    place = (measured_um - law.centre_um) * law.per_scale
-    place = place if place < law.limit else law.limit
-    return np.float32(place if place > -law.limit else -law.limit)
+def encode(value: float, zero: float, span: float, limit: float) -> np.float32:
+    """Encoded value of a field, by the reciprocal table of an ObservationLayout."""
+    place = (value - zero) * span
+    place = place if place < limit else limit
+    return np.float32(place if place > -limit else -limit)
 
 
 @njit(cache=True)
@@ -95,21 +92,31 @@ def _slide(n: int, size: int, observed: Floats32) -> None:
 def _observe(
     n: int,
     at: int,
-    ring: int,
+    newest: int,
+    now: int,
     row: int,
-    law: Law,
+    encoder: Array,
     work: Array,
     numbers: Array,
     window_um: Array,
     observed: Floats32,
 ) -> None:
-    middle, per_half = 0.5 * (law.low_V + law.high_V), 2.0 / (law.high_V - law.low_V)
-    size = window_um.shape[1] + 2
+    size = (observed.shape[1] - SLIDE) // work.shape[1]
+    # As tuples, the table stays in registers.
+    columns = to_fixed_tuple(encoder[:, COLUMN], _FIELDS)
+    zeros = to_fixed_tuple(encoder[:, ZERO], _FIELDS)
+    spans = to_fixed_tuple(encoder[:, SPAN], _FIELDS)
+    limits = to_fixed_tuple(encoder[:, LIMIT], _FIELDS)
     for b in range(work.shape[1]):
-        last = at + (b + 1) * size - 1
-        observed[n, last - 2] = encode(window_um[n, ring, b], law.centre_um, law.per_scale)
-        observed[n, last - 1] = encode_reading(work[row, b], law)
-        observed[n, last] = encode(numbers[n, COMMAND, b], middle, per_half)
+        values = field_values(
+            window_um[n, newest, b], window_um[n, now, b], work[row, b], numbers[n, COMMAND, b]
+        )
+        for i in range(len(values)):
+            column = int(columns[i])
+            if column >= 0:
+                observed[n, at + b * size + column] = encode(
+                    values[i], zeros[i], spans[i], limits[i]
+                )
 
 
 @njit(cache=True)
@@ -197,10 +204,10 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
                 draw_noise(n, 0, 0, width, sources.noise_rngs, sources.noise)
         read_sensors(n, row, sample, numbers, sources.noise, work)
         measured = MEASURED
-    at, size = step % SLIDE, work.shape[1] * (rows + 2)
+    at, size = step % SLIDE, observed.shape[1] - SLIDE
     if at == 0:
         _slide(n, size, observed)
-    _observe(n, at, newest, measured, law, work, numbers, window_um, observed)
+    _observe(n, at, newest, now, measured, sources.encoder, work, numbers, window_um, observed)
     _show(n, at, size, observed, shown.observation)
     report(n, row, now, work, numbers, window_um, shown.info)
     _reward(n, law, work, shown.info, shown.reward)

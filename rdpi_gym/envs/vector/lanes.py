@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.vector.chain import Table
 from rdpi_gym.envs.vector.random import Words
 from rdpi_gym.support.arrays import Array
@@ -75,15 +76,14 @@ class Sources(NamedTuple):
     ahead_um: Array  # float64[N, AHEAD, W]: next samples of all but sines; empty without any
     noise: Array  # float64[N, M, W]: standard normal numbers; empty without noise
     noise_rngs: Words  # uint64[N W, 4]: what they are drawn from
+    encoder: Array  # float64[F, 6]: of the layout, reciprocal
 
 
 class Law(NamedTuple):
     """Numbers of the task, the same for every lane."""
 
     ts_s: float
-    centre_um: float
     per_scale: float  # 1 / scale_um
-    limit: float  # end of the sensor's range, in units of scale_um
     low_V: float
     high_V: float
     action_scale_V: float
@@ -142,7 +142,7 @@ def block_shape(lanes: int) -> tuple[int, int]:
 def make_lanes(
     shape: tuple[int, int],
     rows: tuple[int, int, int, int],
-    preview: int,
+    layout: ObservationLayout,
     shared: tuple[bool, bool] = (False, False),
 ) -> Lanes:
     """Return lanes that have not begun."""
@@ -154,8 +154,8 @@ def make_lanes(
         stage_p=aligned((stage_blocks, rows[2], width)),
         stage_state=aligned((blocks, rows[3], width)),
         numbers=aligned((blocks, NUMBERS, width)),
-        window_um=aligned((blocks, preview + 1, width)),
-        observed=aligned((blocks, width * (preview + 3) + SLIDE), np.float32),
+        window_um=aligned((blocks, layout.preview + 1, width)),
+        observed=aligned((blocks, width * layout.size + SLIDE), np.float32),
         rising=np.zeros(blocks, dtype=np.int64),
         ending=np.zeros(blocks, dtype=np.int64),
     )
@@ -194,7 +194,7 @@ def scatter(
 ) -> None:  # fmt: skip
     """Put lanes that have just begun, in one block of their own, in their places."""
     blocks, _, width = lanes.state.shape
-    at, size = step % SLIDE, lanes.window_um.shape[1] + 2
+    at, size = step % SLIDE, (lanes.observed.shape[1] - SLIDE) // width
     for j in range(first, end):
         n, b = indices[j] // width, indices[j] % width
         if len(lanes.p) == blocks:

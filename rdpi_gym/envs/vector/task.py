@@ -161,9 +161,7 @@ class VectorTask:
         sensor = nominal.sensor
         self._law = Law(
             ts_s=layout.ts_s,
-            centre_um=float(layout.centre_um),
             per_scale=1.0 / layout.scale_um,
-            limit=float(np.float32(single.bound_um / layout.scale_um)),
             low_V=float(low),
             high_V=float(high),
             action_scale_V=float(layout.action_scale_V),
@@ -178,7 +176,7 @@ class VectorTask:
         self._compiled = self._effects.compiled and self._core.kernel >= 0
         self._rows = (*self._core.rows, *self._effects.rows)
         shared = (truths.half_width == 0.0, not self._draws_effects)
-        self._lanes = make_lanes(shape, self._rows, layout.preview, shared)
+        self._lanes = make_lanes(shape, self._rows, layout, shared)
         self._lanes.p[:] = self._column.p[:, None]
         self._lanes.stage_p[:] = self._column.stage_p[:, None]
         self._work: Array = aligned((threads, WORK, shape[1]))
@@ -188,6 +186,7 @@ class VectorTask:
         plans = self._correction is not None and self._correction.plans
         self._references = References(single, lanes, shape, plans, self._max_steps, share)
         self._noise = NoiseTables(shape, share)
+        self._encoder = layout.encoder(single.bound_um, reciprocal=True)
         self._sources = self._current_sources()
         self._fresh: tuple[Lanes, Array] | None = None
         self._begins = np.ones(lanes, dtype=bool)
@@ -314,7 +313,7 @@ class VectorTask:
         """Return a block for lanes that begin, and its work; the last one where it is as wide."""
         width = max(32, -(-count // 32) * 32)
         if self._fresh is None or self._fresh[0].state.shape[2] != width:
-            made = make_lanes((1, width), self._rows, self._layout.preview)
+            made = make_lanes((1, width), self._rows, self._layout)
             self._fresh = made, aligned((WORK, width))
         return self._fresh
 
@@ -327,6 +326,7 @@ class VectorTask:
             self._references.ahead_um,
             self._noise.tables,
             self._noise.rngs,
+            self._encoder,
         )
 
     def _take_plant(self, column: Column) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import gymnasium as gym
@@ -18,12 +19,11 @@ from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
 
 Floats: TypeAlias = NDArray[Any]  # float32, as observations are
-_SHOWN = 3  # reference, measured displacement and command
 
 
 @dataclass(frozen=True)
 class History:
-    """The law: observation of k, then r, measured and command of k-1, ... k-`steps`.
+    """The law: observation of k, then each field's value of k-1, ... k-`steps`.
 
     The past is handed in and out, so that environments and trained policies share this code. Before
     an episode begins, all was as in its first observation.
@@ -65,17 +65,36 @@ class History:
     @property
     def size(self) -> int:
         """Length of a stacked observation."""
-        return self.layout.size + _SHOWN * self.steps
+        return self.layout.size + len(self.layout.fields) * self.steps
+
+    @property
+    def entries(self) -> list[str]:
+        """Name of every number of a stacked observation."""
+        steps = range(1, self.steps + 1)
+        return self.layout.entries + [
+            f"{name}(k-{i})" for i in steps for name in self.layout.fields
+        ]
+
+    @cached_property
+    def columns(self) -> Mapping[str, list[int]]:
+        """Columns of each field's values of k, k-1, ... k-`steps`."""
+        size, fields = self.layout.size, len(self.layout.fields)
+        return {
+            name: [now, *range(size + i, self.size, fields)]
+            for i, (name, now) in enumerate(zip(self.layout.fields, self.layout.now, strict=True))
+        }
 
     def begin(self, observation: Floats) -> Floats:
-        """Return the past of episodes that begin with observations ``(B, D)``: ``(B, 3H)``."""
+        """Return the past of episodes that begin with observations ``(B, D)``: ``(B, F H)``."""
         return np.tile(self._shown(observation), (1, self.steps))
 
     def past(self, observation: Floats, past: Floats) -> Floats:
-        """Return the past ``(B, 3H)`` of the sample after an observation ``(B, D)``."""
+        """Return the past ``(B, F H)`` of the sample after an observation ``(B, D)``."""
         if self.steps == 0:
             return past
-        return np.concatenate([self._shown(observation), past[:, :-_SHOWN]], axis=1)
+        return np.concatenate(
+            [self._shown(observation), past[:, : -len(self.layout.fields)]], axis=1
+        )
 
     def stack(self, observation: Floats, past: Floats) -> Floats:
         """Return what is shown of observations ``(B, D)`` and their past: ``(B, size)``."""
@@ -90,7 +109,7 @@ class History:
         return Box(low, high, dtype=np.float32)
 
     def _shown(self, observation: Floats) -> Floats:
-        return observation[:, [0, self.layout.preview + 1, self.layout.preview + 2]]
+        return observation[:, self.layout.now]
 
 
 def layout_of(env: Any) -> ObservationLayout:

@@ -78,23 +78,19 @@ class Scaling:
     @cached_property
     def matrix(self) -> Floats:
         """The matrix, ``(size, size)``, that multiplies observations from the right."""
-        layout, steps = self.history.layout, self.history.steps
-        preview, size = layout.preview, self.history.size
-        one = np.eye(size)
-        # Rows of r, measured and command at k, k-1, ... k-H, and of r ahead.
-        now = [0, preview + 1, preview + 2]
-        places = [now, *([layout.size + 3 * j + i for i in range(3)] for j in range(steps))]
-        r, measured, command = (one[[place[i] for place in places]] for i in range(3))
-        ahead = one[: preview + 1]
+        layout, columns = self.history.layout, self.history.columns
+        one = np.eye(self.history.size)
         moved = 2.0 * math.pi * self.frequency_hz * layout.ts_s
-        rows = [
-            r[:1],
-            np.diff(ahead, axis=0) / moved,
-            -np.diff(r, axis=0) / moved,
-            (r - measured) / self.error,
-            command[:1],
-            -np.diff(command, axis=0) / moved,
-        ]
+        rows = []
+        for field in layout.shown:
+            own = one[columns[field.name]]  # at k, k-1, ... k-H
+            if field.scaling == "error":
+                rows.append((one[columns["reference"]] - own) / self.error)
+            elif field.scaling == "value":
+                rows.append(own)
+            else:
+                ahead = np.diff(one[layout.columns[field.name]], axis=0)
+                rows += [own[:1], ahead / moved, -np.diff(own, axis=0) / moved]
         return np.ascontiguousarray(np.concatenate(rows).T, dtype=np.float32)
 
     def __call__(self, observation: Floats) -> Floats:

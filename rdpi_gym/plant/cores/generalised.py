@@ -10,14 +10,16 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.checks import (
+from rdpi_gym.plant.cores.families import (
+    ThresholdCore,
     check_rate_bandwidth,
     check_thresholds,
     check_weights,
     numbers,
+    spread_thresholds,
 )
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.cores.rdpi import comb_roughness
-from rdpi_gym.plant.cores.thresholds import ThresholdCore, spread_thresholds
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
@@ -65,7 +67,7 @@ def _columns(rising: Array, falling: Array, rest: Array, x: Array, columns: Arra
     for i in range(rest.shape[0]):
         state = x[i]
         for t in range(rising.shape[0]):
-            state = max(rising[t] - rest[i], min(falling[t] + rest[i], state))
+            state = play(state, rising[t] - rest[i], falling[t] + rest[i])
             columns[i, t] = state
 
 
@@ -105,9 +107,7 @@ def _many_lanes(u: Array, p: Array, state: Array, y: Array) -> None:
         for i in range(n):
             for b in range(lanes):
                 low, high = rising[b] - p[n + 1 + i, b], falling[b] + p[n + 1 + i, b]
-                x = state[2 + i, b]
-                x = x if x < high else high
-                x = x if x > low else low
+                x = play(state[2 + i, b], low, high)
                 state[2 + i, b] = x
                 y[t, b] += p[1 + i, b] * x
 
@@ -260,7 +260,7 @@ class GeneralisedPI(ThresholdCore):
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """None: a negative weight would turn part of the loop round."""
+        """No gain: a negative weight would turn part of the loop round."""
         return (False,) * len(self.weights)
 
     def with_gains(self, gains: Sequence[float]) -> GeneralisedPI:
@@ -276,7 +276,7 @@ class GeneralisedPI(ThresholdCore):
         return _envelope(u, *rising), self.falling_gain * _envelope(u, *falling)
 
     def _bends(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """What :func:`_bent` reads of the rising and of the falling envelope."""
+        """Parameters of :func:`_bent` for the rising and the falling envelope."""
         rising = _bend(self.rising_per_V, self.rising_centre_V)
         return rising, _bend(self.falling_per_V, self.falling_centre_V)
 

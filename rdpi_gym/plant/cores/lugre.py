@@ -10,9 +10,14 @@ from typing import ClassVar, Self
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.checks import check_gain, check_rate_bandwidth, check_shape
 from rdpi_gym.plant.cores.elementary import expm1_lanes
-from rdpi_gym.plant.cores.inner_variable import LENGTHS, InnerVariable
+from rdpi_gym.plant.cores.families import (
+    LENGTHS,
+    InnerVariable,
+    check_gain,
+    check_rate_bandwidth,
+    check_shape,
+)
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -161,7 +166,7 @@ class LuGre(InnerVariable):
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """None: friction takes energy."""
+        """No gain: friction takes energy."""
         return False, False, False
 
     def with_gains(self, gains: Sequence[float]) -> Self:

@@ -10,9 +10,13 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.checks import check_rate_bandwidth, check_weights, numbers
-from rdpi_gym.plant.cores.play import play_columns
-from rdpi_gym.plant.cores.rdpi import settled_memory
+from rdpi_gym.plant.cores.families import (
+    check_rate_bandwidth,
+    check_weights,
+    numbers,
+    settled_memory,
+)
+from rdpi_gym.plant.cores.play import play, play_columns
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
@@ -36,8 +40,7 @@ def pinched_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
         r, density = p[2 * count + 1, b], p[2 * count + 2, b]
         x = state[2, b]
         for t in range(u.shape[0]):
-            x = min(x, u[t, b] + r)
-            x = max(x, u[t, b] - r)
+            x = play(x, u[t, b] - r, u[t, b] + r)
             s = u[t, b] - x
             k = min(max(int((s + r) * density), 0), count - 1)
             y[t, b] = slope * u[t, b] + p[1 + k, b] * s + p[1 + count + k, b] + offset
@@ -142,7 +145,7 @@ class PinchedStop(Core):
 
     @property
     def forces_um(self) -> Array:
-        """What the spring adds (µm) at :attr:`deflections_V`; zero at none."""
+        """Displacement (µm) added by the spring at :attr:`deflections_V`; zero at no deflection."""
         knots = self.deflections_V
         forces = np.concatenate([[0.0], np.cumsum(np.array(self.weights) * np.diff(knots))])
         return np.asarray(forces - float(np.interp(0.0, knots, forces)))

@@ -1,7 +1,7 @@
 """Play operators and the RDPI sum: the kernels of Eq. 2 to 5 and 8 over (time, batch) blocks.
 
 One lane is one plant. A lane's parameters are a column of ``p[P, B]``, its state a column of
-``state[S, B]``; both layouts are written by :mod:`rdpi_gym.plant.packing`:
+``state[S, B]``; both layouts are written by :mod:`rdpi_gym.plant.cores.base`:
 
 ======================  ==================================================
 row of ``p``            meaning
@@ -36,6 +36,13 @@ _FAST = {"reassoc", "contract"}
 _VECTOR_LANES = 16
 
 
+@njit(cache=True, forceinline=True)
+def play(x: float, low: float, high: float) -> float:
+    """Return the state `x` of a play whose gap now reaches from `low` to `high`, Eq. 4."""
+    x = x if x < high else high
+    return x if x > low else low
+
+
 @njit(cache=True, fastmath=_FAST, inline="never")
 def _one_lane(
     u: Array,
@@ -54,10 +61,7 @@ def _one_lane(
         total = a0 * u[t] + offset
         for i in range(n):
             r = rest[i] + shift
-            low, high = u[t] - r, u[t] + r
-            x = xi[i]
-            x = x if x < high else high
-            x = x if x > low else low  # Eq. 4
+            x = play(xi[i], u[t] - r, u[t] + r)
             xi[i] = x
             total += weights[i + 1] * x  # Eq. 3
         y[t] = total
@@ -73,10 +77,7 @@ def _many_lanes(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
         for i in range(n):
             for b in range(lanes):
                 r = p[n + 1 + i, b] + p[2 * n + 1, b] * abs(v[t, b])
-                low, high = u[t, b] - r, u[t, b] + r
-                x = state[2 + i, b]
-                x = x if x < high else high
-                x = x if x > low else low
+                x = play(state[2 + i, b], u[t, b] - r, u[t, b] + r)
                 state[2 + i, b] = x
                 y[t, b] += p[1 + i, b] * x
 
@@ -132,8 +133,6 @@ def play_columns(u: Array, v: Array, rest: Array, delta2: float, xi: Array, colu
         x = xi[i]
         for t in range(u.shape[0]):
             r = rest[i] + delta2 * abs(v[t])
-            low, high = u[t] - r, u[t] + r
-            x = x if x < high else high
-            x = x if x > low else low
+            x = play(x, u[t] - r, u[t] + r)
             columns[i, t] = x
         xi[i] = x

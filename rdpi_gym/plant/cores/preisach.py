@@ -24,8 +24,8 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.checks import check_rate_bandwidth, numbers
-from rdpi_gym.plant.cores.rdpi import settled_memory
+from rdpi_gym.plant.cores.families import check_rate_bandwidth, numbers, settled_memory
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
@@ -128,7 +128,7 @@ def _relay_rows(u: Array, lowest: float, apart: float, ramp: float, xi: Array, r
         if d > 0:
             x = xi[d - 1]
             for t in range(u.shape[0]):
-                x = max(u[t] - r, min(u[t] + r, x))
+                x = play(x, u[t] - r, u[t] + r)
                 trace[t] = x
             xi[d - 1] = x
         for j in range(levels - d):
@@ -148,7 +148,7 @@ def _mark_gains(u: Array, lowest: float, apart: float, ramp: float, xi: Array, m
     levels = xi.shape[0] + 1
     shortest = 1e-9 * apart
     for d in range(1, levels):
-        xi[d - 1] = max(u[0] - 0.5 * d * apart, min(u[0] + 0.5 * d * apart, xi[d - 1]))
+        xi[d - 1] = play(xi[d - 1], u[0] - 0.5 * d * apart, u[0] + 0.5 * d * apart)
     for t in range(1, u.shape[0]):
         x = u[t - 1]
         way = 1.0 if u[t] > x else -1.0
@@ -173,7 +173,7 @@ def _mark_gains(u: Array, lowest: float, apart: float, ramp: float, xi: Array, m
                 met[0 if way > 0 else 1, i, min(most, i if way > 0 else levels - 1 - i)] = True
             x = goal
             for d in range(1, levels):
-                xi[d - 1] = max(x - 0.5 * d * apart, min(x + 0.5 * d * apart, xi[d - 1]))
+                xi[d - 1] = play(xi[d - 1], x - 0.5 * d * apart, x + 0.5 * d * apart)
 
 
 @dataclass(frozen=True)
@@ -344,7 +344,7 @@ class Preisach(Core):
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """None: a relay of negative weight would turn part of the loop round."""
+        """No gain: a relay of negative weight would turn part of the loop round."""
         return (False,) * (1 + len(self.weights_um))
 
     def with_gains(self, gains: Sequence[float]) -> Preisach:

@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from rdpi_gym.plant.cores.checks import (
+from rdpi_gym.plant.cores.families import (
+    ThresholdCore,
     check_rate_bandwidth,
     check_thresholds,
     check_weights,
     numbers,
+    spread_thresholds,
 )
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
-from rdpi_gym.plant.cores.thresholds import ThresholdCore, spread_thresholds
 from rdpi_gym.plant.parameters import DataScale, Parameter, moved
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
@@ -182,7 +182,7 @@ class RDPI(ThresholdCore):
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """None: a negative weight would turn part of the loop round."""
+        """No gain: a negative weight would turn part of the loop round."""
         return (False,) * len(self.weights)
 
     def with_gains(self, gains: Sequence[float]) -> RDPI:
@@ -237,15 +237,6 @@ class RDPI(ThresholdCore):
         """Weights (µm/V), thresholds at rest (V), δ2 (s)."""
         return [*self.weights, *self.thresholds_V, self.delta2_s]
 
-    def settled(self, turns_V: Sequence[float]) -> Array:
-        """Play states ξ_i (V) after a slow walk from rest through commands (V)."""
-        return settled_memory(self.thresholds_V, turns_V)
-
-    def resting(self, memory: Array, u0_V: Array) -> Array:
-        """Play states within their thresholds of the command."""
-        rest = np.array(self.thresholds_V)[:, None]
-        return np.clip(memory, u0_V - rest, u0_V + rest)
-
     def static(self) -> RDPI:
         """Return the same model without rate dependence (δ2 = 0)."""
         return replace(self, delta2_s=0.0)
@@ -254,33 +245,6 @@ class RDPI(ThresholdCore):
         """Return the model with its δ2, or with one that widens its last play by a tenth."""
         delta2_s = self.delta2_s or 0.1 * self.thresholds_V[-1] / fastest_V_s
         return replace(self, delta2_s=delta2_s)
-
-
-def settled_memory(thresholds_V: ArrayLike, extrema_V: ArrayLike) -> Array:
-    """Play states after a slow walk from rest through a sequence of extrema.
-
-    Parameters
-    ----------
-    thresholds_V
-        Thresholds at rest (V), ``(n,)``.
-    extrema_V
-        Commands (V) at which the walk turned, in order.
-
-    Returns
-    -------
-    float64[n]
-        ξ_i (V), from Eq. 4 at zero rate.
-
-    Examples
-    --------
-    >>> settled_memory([1.0, 3.0], [5.0, 1.0]).tolist()
-    [2.0, 2.0]
-    """
-    rest = np.asarray(thresholds_V, dtype=np.float64)
-    xi = np.zeros_like(rest)
-    for u in np.atleast_1d(np.asarray(extrema_V, dtype=np.float64)):
-        xi = np.clip(xi, u - rest, u + rest)
-    return xi
 
 
 def comb_roughness(thresholds_V: Sequence[float]) -> Array:

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.plant.cores.checks import (
+from rdpi_gym.plant.cores.families import (
+    ThresholdCore,
     check_rate_bandwidth,
     check_thresholds,
     check_weights,
     numbers,
+    spread_thresholds,
 )
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
-from rdpi_gym.plant.cores.rdpi import settled_memory
-from rdpi_gym.plant.cores.thresholds import ThresholdCore, spread_thresholds
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
@@ -179,12 +179,3 @@ class Stop(ThresholdCore):
     def coefficients(self) -> list[float]:
         """Those of the RDPI kernel: gain at a turn and weights of its plays (µm/V), thresholds (V), δ2 of 0 s."""
         return [self.a0, *(-w for w in self.weights), *self.thresholds_V, 0.0]
-
-    def settled(self, turns_V: Sequence[float]) -> Array:
-        """Places (V) at which each spring is slack after a slow walk from rest through commands (V)."""
-        return settled_memory(self.thresholds_V, turns_V)
-
-    def resting(self, memory: Array, u0_V: Array) -> Array:
-        """Places within their thresholds of the command."""
-        rest = np.array(self.thresholds_V)[:, None]
-        return np.clip(memory, u0_V - rest, u0_V + rest)

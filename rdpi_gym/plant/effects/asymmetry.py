@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture, Stateless
 from rdpi_gym.support.arrays import Array
 
@@ -77,6 +78,7 @@ class Asymmetry(Stateless):
         "of a quadratic."
     )
     mistaken_for = ("congruency", "saturation", "thermal_drift")
+    seen_by = ("asymmetry",)
     picture = Picture(
         {"coefficient": 0.05},
         Look("loops", "A large sine about zero", "sine-10hz"),
@@ -212,7 +214,7 @@ def unlike_branches_block(x: Array, u: Array, p: Array, state: Array, ts: float,
         for b in range(x.shape[1]):
             reach = p[2, b]
             stop = state[1, b] + u[t, b] - state[0, b]
-            stop = min(max(stop, -reach), reach)
+            stop = play(stop, -reach, reach)
             state[0, b], state[1, b] = u[t, b], stop
             y[t, b] = x[t, b] + (p[0, b] + p[1, b] * stop / reach) * x[t, b] * x[t, b]
 
@@ -319,11 +321,8 @@ def _generalised_plays(u: Array, p: Array, state: Array, ts: float, more: Array)
         high = last + p[1] * s * s * (p[4] + p[5] * s)
         for i in range(n):
             r = rest[i] + shift
-            x, z = ordinary[i], between[i]
-            x = x if x < last + r else last + r
-            x = x if x > last - r else last - r
-            z = z if z < high + r else high + r
-            z = z if z > low - r else low - r
+            x = play(ordinary[i], last - r, last + r)
+            z = play(between[i], low - r, high + r)
             ordinary[i], between[i] = x, z
             more[t, i] = z - x
     state[0], state[1] = last, rate

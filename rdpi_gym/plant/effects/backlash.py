@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
 from rdpi_gym.support.arrays import Array
 
@@ -21,10 +22,7 @@ def backlash_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Arr
             state[0, b] = x[0, b]
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
-            low, high = x[t, b] - p[0, b], x[t, b] + p[0, b]
-            out = state[0, b]
-            out = out if out < high else high
-            out = out if out > low else low
+            out = play(state[0, b], x[t, b] - p[0, b], x[t, b] + p[0, b])
             state[0, b] = out
             y[t, b] = out
 
@@ -72,6 +70,7 @@ class Backlash(Effect):
         "as an error. Approach every target from the same side where the task allows."
     )
     mistaken_for = ("rate_law", "initial_memory")
+    seen_by = ("motion at small signals",)
     picture = Picture(
         {"half_width_um": 0.2},
         Look("small_loop", "Reversals while every play sticks", "small-triangle", 0.5),

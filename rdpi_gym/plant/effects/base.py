@@ -1,4 +1,4 @@
-"""What an effect declares, and the stage that a plant's chain runs for it."""
+"""Interface of an effect: declarations, parameters and compiled kernel."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Picture:
-    """How an effect is shown best.
+    """The picture of an effect: parameters of a visible size and two halves.
 
     Parameters
     ----------
@@ -103,6 +103,10 @@ class Effect(ABC):
         who, what to do about it. Empty unless stated.
     mistaken_for
         Names of effects that data may not tell apart from it.
+    seen_by
+        Names of the checks without a model that can detect it, the nearest first (those of the
+        commands, ``few ...``, state what too few amplitudes or frequencies hide). A search caps the
+        confidence in an effect that none of its checks can see; without any it is never capped.
     block
         The compiled kernel, as a ``staticmethod``.
     picture
@@ -150,6 +154,7 @@ class Effect(ABC):
     magnitude: ClassVar[str] = ""
     remedy: ClassVar[str] = ""
     mistaken_for: ClassVar[tuple[str, ...]]
+    seen_by: ClassVar[tuple[str, ...]] = ()
     block: ClassVar[Block]
     picture: ClassVar[Picture | None] = None
     kinked: ClassVar[str | None] = None
@@ -188,7 +193,7 @@ class Effect(ABC):
 
     @classmethod
     def fits_in(cls, core: type[Core]) -> bool:
-        """Whether it has a meaning in a plant with a core of this kind.
+        """Whether the effect is defined for a core of this kind.
 
         What acts on the rate of the thresholds, or runs their plays again, needs the RDPI model's.
 
@@ -344,7 +349,7 @@ class Effect(ABC):
         return None
 
     def is_idle(self, scale: DataScale) -> bool:
-        """Whether it does not do what its name says on data of this size; False by default.
+        """Whether the effect is without consequence on data of this size; False by default.
 
         Parameters
         ----------
@@ -425,12 +430,12 @@ class Stateless(Effect):
     """Effect without a state of its own."""
 
     def state_rows(self, ts_s: float) -> int:
-        """None."""
+        """No row."""
         return 0
 
 
 class Clocked(Effect):
-    """Effect that goes by the time since the experiment began, and by default remembers no more."""
+    """Effect of the time since the experiment began; its only state by default is the clock."""
 
     clocked = True
 
@@ -458,7 +463,7 @@ class Extension(Effect):
 
 _SHARED = (
     "name", "slot", "order", "source", "signature", "experiment", "cause", "hardware", "magnitude",
-    "remedy", "mistaken_for",
+    "remedy", "mistaken_for", "seen_by",
 )  # fmt: skip
 """What a further form has from the simplest unless it or a class above it states its own."""
 

@@ -1,4 +1,4 @@
-"""Congruency violation: plays whose gain depends on where the loop stands."""
+"""Congruency violation: plays whose gain depends on the bias of the loop."""
 
 from __future__ import annotations
 
@@ -71,6 +71,7 @@ class Congruency(Stateless):
         "extended inverse does while the sum still rises."
     )
     mistaken_for = ("saturation", "asymmetry")
+    seen_by = ("congruency",)
     picture = Picture(
         {"coefficient": 0.3},
         Look("loops", "Minor loops at three biases", "minor-loops"),

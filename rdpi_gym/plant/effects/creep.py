@@ -1,4 +1,4 @@
-"""Creep: a displacement that goes on for as long again as it has taken so far."""
+"""Creep: displacement that grows by a constant amount per decade of time after a step."""
 
 from __future__ import annotations
 
@@ -169,6 +169,7 @@ class Creep(Effect):
         "stable and needs no preview. Waiting helps slowly: each further decade costs as much."
     )
     mistaken_for = ("thermal_drift", "gain_drift", "initial_memory")
+    seen_by = ("creep",)
     picture = Picture(
         {"gain_per_decade": 0.02},
         Look("onward", "A hold of 30 s", "stairs", 23.85, 53.8),

@@ -1,4 +1,4 @@
-"""What an effect declares, as a JSON object and as a page in words."""
+"""Declarations of an effect as a JSON object and as a Markdown page."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def at_knots(
     typical: tuple[float, float],
     what: str,
 ) -> tuple[Parameter, ...]:
-    """Return the parameters of an effect that goes by knots: the last time, then the values."""
+    """Return the parameters of a curve through knots: the last time, then the values."""
     values = (
         Parameter(
             f"at_{k}{suffix}", unit, *bounds, typical, f"{what} at the time {k} D / {count}, z{k}",

@@ -81,6 +81,7 @@ class Saturation(Stateless):
         "beyond them no command helps and the reference must be made smaller."
     )
     mistaken_for = ("asymmetry", "congruency", "slew_limit")
+    seen_by = ("saturation", "gain over amplitude", "congruency", "few amplitudes")
     picture = Picture(
         {"limit_V": 60.0},
         Look("loops", "A slow decaying triangle", "triangle-slow"),
@@ -89,7 +90,7 @@ class Saturation(Stateless):
     block = staticmethod(saturation_block)
 
     def is_idle(self, scale: DataScale) -> bool:
-        """Whether no command comes near a rail: what bends there is something else."""
+        """Whether no command comes near a rail."""
         return self.limit_V - abs(self.centre_V - scale.centre_V) > FAR * scale.span_V
 
     @classmethod

@@ -1,4 +1,4 @@
-"""The hidden truth: all mechanisms in a row, on a fine grid, read at the record's samples."""
+"""Simulation of a hidden truth: all mechanisms in a row on a fine grid, read at the record's samples."""
 
 from __future__ import annotations
 

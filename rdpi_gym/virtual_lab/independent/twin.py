@@ -1,4 +1,4 @@
-"""What a file of this folder states of each effect that it formulates, and how they are found."""
+"""Independent formulations of effects, as the files of this folder declare them."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Twin:
 
 @dataclass(frozen=True)
 class MaterialTwin:
-    """An effect that lies in the ceramic itself.
+    """An effect inside the ceramic.
 
     Parameters
     ----------

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -62,3 +63,9 @@ def run(core: Core, u: Array, ts_s: float = 1e-3) -> Array:
     """Displacement of a core over a command (V)."""
     model = PlantModel(core, "demo", (-30.0, 30.0), (0.0, 8.0))  # type: ignore[arg-type]
     return Plant(model, ts_s).simulate(u)
+
+
+def path(turns: Array | Sequence[float], samples: int = 40) -> Array:
+    """A command through turns (V), each leg of as many samples."""
+    legs = [np.linspace(a, b, samples)[1:] for a, b in pairwise(turns)]
+    return np.concatenate([turns[:1], *legs])

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from rdpi_gym.plant.cores.elementary import VECTOR_LANES, expm1_lanes, log, log1p, power
+from tests.looping import over
 
 LANES = [1, VECTOR_LANES - 1, VECTOR_LANES, 4001]
 
 
-@pytest.mark.parametrize("lanes", LANES)
+@over("lanes", LANES)
 def test_expm1_keeps_its_digits_near_zero_and_far_from_it(lanes: int) -> None:
     for w in (-np.geomspace(1e-300, 1e-3, lanes), -np.geomspace(1e-3, 800.0, lanes)):
         out = np.empty(lanes)

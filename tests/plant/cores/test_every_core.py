@@ -9,24 +9,20 @@ import numpy as np
 import pytest
 
 from rdpi_gym.plant import CORES, Plant, PlantModel
-from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.base import Core, empty_state, pack
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import forms_of
-from rdpi_gym.plant.packing import empty_state, pack
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 TS_S = 1e-3
 SCALE = DataScale(
     centre_V=0.0, span_V=30.0, stroke_um=20.0, fastest_V_s=400.0, shortest_s=TS_S, longest_s=4.0
 )
-STARTS = [
-    pytest.param(start, id=f"{name}-{k}")
-    for name, kind in CORES.items()
-    for k, start in enumerate(kind.starts(SCALE))
-]
-every_core = pytest.mark.parametrize("core", STARTS)
+STARTS = [start for kind in CORES.values() for start in kind.starts(SCALE)]
+every_core = over("core", STARTS)
 
 
 def walk(samples: int = 3000) -> Array:
@@ -161,7 +157,7 @@ def test_numbers_of_its_shape_are_fields_and_stay_within_their_bounds(core: Core
             replace(core, **{parameter.name: float("nan")})  # type: ignore[type-var]
 
 
-@pytest.mark.parametrize("name", CORES)
+@over("name", CORES)
 def test_it_says_what_people_look_for(name: str) -> None:
     kind = CORES[name]
     for text in (kind.title, kind.equation, kind.source, kind.signature, kind.experiment):

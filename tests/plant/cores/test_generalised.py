@@ -16,7 +16,8 @@ from rdpi_gym.plant import PAPER_III_B, Plant, PlantModel
 from rdpi_gym.plant.cores.generalised import GeneralisedPI
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
+from tests.looping import over
+from tests.plant.cores.integration import path, run
 
 WIRE = GeneralisedPI(  # its envelopes with their thresholds do not cross, so that its loop closes
     weights=(0.3, 0.8, 0.5, 0.2),
@@ -35,16 +36,6 @@ shapes = st.builds(
     st.floats(0.5, 2.0),
 )  # fmt: skip
 volts = st.floats(-12.0, 12.0)
-
-
-def run(core: GeneralisedPI, u: Array) -> Array:
-    model = PlantModel(core, "demo", (-30.0, 30.0), (0.0, 8.0))
-    return Plant(model, 1e-3).simulate(u)  # type: ignore[arg-type]
-
-
-def path(corners: Array, samples: int = 40) -> Array:
-    legs = [np.linspace(a, b, samples)[1:] for a, b in pairwise(corners)]
-    return np.concatenate([[corners[0]], *legs])
 
 
 class Tanh:
@@ -124,7 +115,7 @@ def test_without_bend_it_is_the_paper_s_model() -> None:
     np.testing.assert_allclose(run(straight, u), Plant(model, 1e-3).simulate(u), atol=1e-13)
 
 
-@pytest.mark.parametrize("bend", [0.0, 1e-300, 1e-9, 0.3, 7.0, 1e3])
+@over("bend", [0.0, 1e-300, 1e-9, 0.3, 7.0, 1e3])
 def test_an_envelope_is_tanh_to_the_last_digits(bend: float) -> None:
     core = replace(WIRE, rising_per_V=bend, rising_centre_V=-1.5)
     u = np.linspace(-40.0, 40.0, 4001)
@@ -220,7 +211,7 @@ def fitted(start: GeneralisedPI, span: float, u: Array, y: Array) -> tuple[float
     return float(result.cost), core.with_gains(nnls(responses, y)[0])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@over("seed", range(3))
 def test_a_fit_from_its_starts_finds_a_plant_of_its_own(seed: int) -> None:
     """One whose rising branch is the later one, as a loop has it."""
     rng, span = np.random.default_rng(seed), 30.0
@@ -246,28 +237,3 @@ def test_a_fit_from_its_starts_finds_a_plant_of_its_own(seed: int) -> None:
         scale = span if p.unit == "V" else getattr(true, p.name)
         assert getattr(core, p.name) == pytest.approx(getattr(true, p.name), abs=0.01 * scale)
     np.testing.assert_allclose(core.weights, true.weights, atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"weights": (0.0, 1.0)}, r"a_0 is 0.0; the model needs a finite a_0 above 0"),
-        ({"weights": ()}, r"a_0 is missing"),
-        ({"weights": (1.0, -1.0)}, r"weight a_1 is -1.0; weights are finite and not negative"),
-        ({"weights": (1.0, float("nan"))}, r"weight a_1 is nan"),
-        ({"weights": 3.0}, r"weights is 3.0; give a list of numbers"),
-        ({"thresholds_V": (1.0, 2.0)}, r"2 thresholds for 1 play weights"),
-        ({"thresholds_V": (-1.0,)}, r"threshold r_1 is -1.0 V after 0.0 V; thresholds increase"),
-        ({"rising_per_V": -0.1}, r"rising_per_V is -0.1; give a number from 0 to 1000 1/V"),
-        ({"falling_per_V": 2e3}, r"falling_per_V is 2000.0; give a number from 0 to 1000 1/V"),
-        ({"falling_centre_V": "x"}, r"falling_centre_V is 'x'; give a number"),
-        ({"rising_centre_V": float("inf")}, r"rising_centre_V is inf; give a number"),
-        ({"falling_gain": 0.0}, r"falling_gain is 0.0; give a number from 0.05 to 20"),
-        ({"rate_bandwidth_hz": -1.0}, r"rate_bandwidth_hz is -1.0; give a frequency above 0 Hz"),
-    ],
-)
-def test_what_it_refuses(changed: dict[str, object], message: str) -> None:
-    good: dict[str, object] = {"weights": (1.0, 0.5), "thresholds_V": (1.0,)}
-    with pytest.raises(InputError, match=message) as error:
-        GeneralisedPI(**{**good, **changed})  # type: ignore[arg-type]
-    assert "\n" not in str(error.value)

@@ -10,13 +10,13 @@ from scipy.integrate import solve_ivp
 
 from rdpi_gym.plant.cores.dahl import Dahl
 from rdpi_gym.plant.cores.lugre import LuGre
-from rdpi_gym.support.errors import InputError
+from tests.looping import over
 from tests.plant.cores.integration import corners, run, sampled
 
 CORE = LuGre(8.0, 0.02, 0.01, coulomb_V=0.4, static_ratio=1.6, stribeck_V_s=30.0)
 
 
-@pytest.mark.parametrize("ts", [1e-4, 2e-2, 1.0])
+@over("ts", [1e-4, 2e-2, 1.0])
 def test_it_equals_an_independent_integration_in_time(ts: float) -> None:
     # The canonical numbers as forces: s0, Fc = s0 zc, Fs, and the stiff equation in time.
     c, u = CORE, np.concatenate([sampled(corners(), 0.6)[0], [0.5, 0.5]])
@@ -38,7 +38,7 @@ def test_it_equals_an_independent_integration_in_time(ts: float) -> None:
     np.testing.assert_allclose(run(c, u, ts), expected, atol=1e-6 * coulomb, rtol=1e-8)
 
 
-@pytest.mark.parametrize("rate", [1e-3, 5.0, 30.0, 200.0, -60.0])
+@over("rate", [1e-3, 5.0, 30.0, 200.0, -60.0])
 def test_at_a_constant_rate_it_is_stribecks_curve(rate: float) -> None:
     u = rate * 1e-3 * np.arange(20_000) * max(1.0, 20.0 / abs(rate))
     ts = 1e-3 * max(1.0, 20.0 / abs(rate))
@@ -73,21 +73,3 @@ def test_a_low_passed_rate_stands_in_the_viscous_terms() -> None:
     literal, smooth = run(CORE, u), run(CORE.band_limited(20.0), u)
     assert np.max(np.abs(smooth)) < 0.3 * np.max(np.abs(literal))
     assert smooth[-1] == pytest.approx(CORE.s0 * CORE.coulomb_V, rel=0.7)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "match"),
-    [
-        ({"s0": 0.0}, "s0 is 0.0; give a stiffness above 0"),
-        ({"s1_s": -0.1}, "s1_s is -0.1; give a finite gain that is not negative"),
-        ({"s2_s": float("inf")}, "s2_s is inf; give a finite gain"),
-        ({"coulomb_V": 0.0}, "coulomb_V is 0.0; give a number from 1e-09 to 1e\\+09 V"),
-        ({"static_ratio": 0.9}, "static_ratio is 0.9; give a number from 1 to 10$"),
-        ({"stribeck_V_s": float("nan")}, "stribeck_V_s is nan; give a number from .* V/s"),
-        ({"rate_bandwidth_hz": "fast"}, "rate_bandwidth_hz is 'fast'"),
-    ],
-)
-def test_bad_numbers_are_refused_in_one_line(wrong, match: str) -> None:
-    with pytest.raises(InputError, match=match) as error:
-        replace(CORE, **wrong)
-    assert "\n" not in str(error.value)

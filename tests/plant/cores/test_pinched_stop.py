@@ -16,18 +16,10 @@ from rdpi_gym.plant.cores.stop import Stop
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
+from tests.plant.cores.integration import path, run
 
 DAMPER = PinchedStop(weights=(4.0, 1.0, 0.0, 0.5, 3.0), threshold_V=5.0, slope=-0.02)
-
-
-def run(core: PinchedStop | Stop, u: Array) -> Array:
-    model = PlantModel(core, "demo", (-30.0, 30.0), (0.0, 8.0))
-    return Plant(model, 1e-3).simulate(u)  # type: ignore[arg-type]
-
-
-def path(corners: Array, samples: int = 40) -> Array:
-    legs = [np.linspace(a, b, samples)[1:] for a, b in pairwise(corners)]
-    return np.concatenate([[corners[0]], *legs])
 
 
 def test_it_is_an_independent_integration_of_a_slider_and_a_spring() -> None:
@@ -74,7 +66,7 @@ def test_sections_of_one_stiffness_are_one_section() -> None:
     )
 
 
-@pytest.mark.parametrize("start", PinchedStop.starts(DataScale(0.0, 20.0, 8.0, 100.0, 1e-3, 4.0)))
+@over("start", PinchedStop.starts(DataScale(0.0, 20.0, 8.0, 100.0, 1e-3, 4.0)))
 def test_a_fit_finds_a_plant_of_its_own(start: PinchedStop) -> None:
     u = path(20.0 * np.array([0, 1, -0.8, 0.6, -0.5, 0.3, -0.1, 0.02, 0.2, -1, 1]), 60)
     weights = (3.0, 2.0, 1.0, 0.3, 0.0, 0.0, 0.1, 0.4, 0.9, 1.5, 2.0, 2.5)
@@ -124,27 +116,6 @@ def test_a_friction_damper_is_explained_where_plain_stops_are_not() -> None:
     _, pinched = min(springs)
     _, plain = held_out(Stop.starts(DataScale(0.0, 38.3, 20.0, 250.0, 1 / 256, 28.0))[0])
     assert max(pinched) < 5.0 < min(plain)
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"weights": (1.0, -0.1)}, r"weight a_2 is -0.1; weights are finite and not negative"),
-        ({"weights": ()}, r"weights is empty"),
-        ({"weights": None}, r"weights is None; give a list of numbers"),
-        ({"weights": (0.0, 1.0)}, r"the gain right after a turn, .* is 0.0; it is above 0"),
-        ({"slope": -1.0}, r"the gain right after a turn, .* is 0.0; it is above 0"),
-        ({"slope": float("inf")}, r"slope is inf; c is a finite gain"),
-        ({"threshold_V": 0.0}, r"threshold_V is 0.0; give a number from 1e-09 to 1e\+09 V"),
-        ({"threshold_V": None}, r"threshold_V is None; give a number"),
-        ({"rate_bandwidth_hz": 0.0}, r"rate_bandwidth_hz is 0.0; give a frequency above 0 Hz"),
-    ],
-)
-def test_what_it_refuses(changed: dict[str, object], message: str) -> None:
-    good = {"weights": (1.0, 0.0, 2.0), "threshold_V": 1.0, "slope": 0.0}
-    with pytest.raises(InputError, match=message) as error:
-        PinchedStop(**{**good, **changed})  # type: ignore[arg-type]
-    assert "\n" not in str(error.value)
 
 
 def test_lanes_with_unlike_sections_are_refused() -> None:

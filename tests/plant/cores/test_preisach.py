@@ -17,6 +17,8 @@ from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.cores.preisach import Preisach, check_grid, triangle_roughness
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
+from tests.plant.cores.integration import path, run
 
 TS_S = 1e-3
 
@@ -34,11 +36,6 @@ def uneven(count: int, seed: int = 0, **how):
     return grid(count, np.random.default_rng(seed).random(count * (count + 1) // 2), **how)
 
 
-def run(core, u: Array) -> Array:
-    model = PlantModel(core, "demo", (-99.0, 99.0), (0.0, 5.0))  # type: ignore[arg-type]
-    return Plant(model, TS_S).simulate(u)
-
-
 def relays(core: Preisach, u: Array) -> Array:
     """Every relay by its own definition, ``(T, K)``, from the demagnetised state."""
     a, b = np.array([(hi, lo) for hi in core.levels_V for lo in core.levels_V if lo <= hi]).T
@@ -52,24 +49,19 @@ def relays(core: Preisach, u: Array) -> Array:
     return np.array(path)
 
 
-def turning(*corners: float, samples: int = 200) -> Array:
-    legs = [np.linspace(a, b, samples)[1:] for a, b in pairwise(corners)]
-    return np.concatenate([corners[:1], *legs])
-
-
 def reversal_curves(core: Preisach, samples: int = 200) -> Array:
     """Down from above the top to each level, and up again."""
     top, half = core.levels_V[-1] + core.apart_V, 0.5 * core.apart_V
     corners = [c for level in core.levels_V for c in (top, level - half)]
-    return turning(0.0, *corners, top, samples=samples)
+    return path([0.0, *corners, top], samples)
 
 
 COMMANDS = arrays(np.float64, 60, elements=st.floats(-14.0, 14.0, width=32))
 
 
-@pytest.mark.parametrize("share", [1.0, 0.3])
-@pytest.mark.parametrize("count", [2, 3, 9, 20])
-@pytest.mark.parametrize("low", [-10.0, 0.0, -3.0])
+@over("share", [1.0, 0.3])
+@over("count", [2, 3, 9, 20])
+@over("low", [-10.0, 0.0, -3.0])
 def test_it_is_the_sum_of_its_relays(count, share, low):
     core = uneven(count, low=low, share=share)
     rng = np.random.default_rng(count)
@@ -114,7 +106,7 @@ def test_more_command_is_more_displacement_and_its_gain_stays_within_its_bounds(
 
 def test_its_largest_gain_is_met():
     core = uneven(5)
-    u = turning(-12.0, 12.0, -12.0, samples=4001)
+    u = path([-12.0, 12.0, -12.0], 4001)
     steepest = np.max(np.abs(np.diff(run(core, u))[1:] / np.diff(u)[1:]))
     assert steepest == pytest.approx(core.A, rel=1e-9)
 
@@ -158,9 +150,9 @@ def dense(u: Array, cells: int = 500) -> Array:
     return np.array(y)
 
 
-@pytest.mark.parametrize("share", [1.0, 0.4])
+@over("share", [1.0, 0.4])
 def test_it_tends_to_the_classical_model_as_ramps_and_cells_shrink(share):
-    u = turning(0.0, 6.0, -3.0, 9.0, -8.5, 2.0, -2.0, 7.0, -9.7, 9.7, 1.0, samples=60)
+    u = path([0.0, 6.0, -3.0, 9.0, -8.5, 2.0, -2.0, 7.0, -9.7, 9.7, 1.0], 60)
     truth = dense(u)
     errors = []
     for count in (5, 10, 20, 40):
@@ -178,8 +170,8 @@ def test_small_loops_between_the_same_commands_are_congruent():
     core = uneven(15)
     loops = []
     for corners in ((-13.0, 4.0), (13.0, -5.0, 4.0), (-13.0, 9.0, -1.5, 4.0)):
-        before = turning(0.0, *corners)
-        y = run(core, np.concatenate([before, turning(4.0, 1.0, 4.0)]))[len(before) :]
+        before = path([0.0, *corners], 200)
+        y = run(core, np.concatenate([before, path([4.0, 1.0, 4.0], 200)]))[len(before) :]
         loops.append(y - y[0])
     assert np.ptp(loops[0]) > 1.0
     for loop in loops[1:]:
@@ -198,7 +190,7 @@ def test_beyond_the_outer_levels_only_the_reversible_part_moves():
 
 
 def test_weights_without_symmetry_make_rising_and_falling_branches_unlike():
-    u = turning(12.0, -12.0, 12.0)[:-1]
+    u = path([12.0, -12.0, 12.0], 200)[:-1]
     for core, odd in ((uneven(10), False), (grid(10), True)):
         y = run(core, np.tile(u, 2))[len(u) :]
         falling, rising = y[: len(u) // 2], y[len(u) // 2 :]
@@ -217,7 +209,7 @@ def test_lanes_have_their_own_levels_and_weights():
 
 def test_memory_of_other_weights_is_the_same_plays():
     one, other = uneven(9, seed=1), uneven(9, seed=2)
-    u, rest = turning(0.0, 7.0, -4.0, 5.0, -1.0), turning(-1.0, 3.0, -6.0, 9.0)
+    u, rest = path([0.0, 7.0, -4.0, 5.0, -1.0], 200), path([-1.0, 3.0, -6.0, 9.0], 200)
     model = PlantModel(other, "demo", (-99.0, 99.0), (0.0, 5.0))  # type: ignore[arg-type]
     before = Plant(PlantModel(one, "demo", (-99.0, 99.0), (0.0, 5.0)), TS_S)  # type: ignore[arg-type]
     before.simulate(u)
@@ -250,35 +242,6 @@ def test_c_stays_above_zero_in_a_fit():
     assert replace(core, reversible_um_V=0.0).a0 == 0.0
 
 
-GOOD = {"reversible_um_V": 0.1, "levels_V": (0.0, 5.0), "ramp_V": 5.0, "weights_um": (1.0,) * 3}
-WRONG = [
-    ({"reversible_um_V": -0.1}, "reversible_um_V is -0.1; c is finite and not negative"),
-    ({"reversible_um_V": float("nan")}, "reversible_um_V is nan"),
-    ({"levels_V": (5.0,)}, "levels_V has 1; give two levels"),
-    ({"levels_V": (5.0, 5.0)}, "level 2 is 5.0 V after 5.0 V; levels are finite and increase"),
-    ({"levels_V": (5.0, 0.0)}, "level 2 is 0.0 V after 5.0 V"),
-    ({"levels_V": (0.0, float("inf"))}, "level 2 is inf V"),
-    ({"levels_V": (float("nan"), 1.0)}, "level 1 is nan V; levels"),
-    ({"levels_V": (0.0, 5.0, 11.0)}, "level 2 is 5.0 V; evenly spaced from 0.0 to 11.0 V it is 5.5 V"),
-    ({"levels_V": "ab"}, "levels_V is 'ab'; give a list of numbers"),
-    ({"levels_V": 3.0}, "levels_V is 3.0; give a list of numbers"),
-    ({"ramp_V": 0.0}, "ramp_V is 0.0; give a width above 0 V"),
-    ({"ramp_V": 5.1}, "ramp_V is 5.1; give .* at most the distance of two levels, 5 V"),
-    ({"ramp_V": None}, "ramp_V is None"),
-    ({"weights_um": (1.0, 1.0)}, "2 weights for 2 levels; give one for each of the 3 relays"),
-    ({"weights_um": (1.0, -2.0, 1.0)}, "the weight at α = 5 V, β = 0 V is -2.0; weights are finite"),
-    ({"weights_um": (1.0, 1.0, float("nan"))}, "the weight at α = 5 V, β = 5 V is nan"),
-    ({"rate_bandwidth_hz": 0.0}, "rate_bandwidth_hz is 0.0"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("change", "message"), WRONG)
-def test_bad_numbers_are_one_clear_line(change, message):
-    with pytest.raises(InputError, match=message) as error:
-        Preisach(**{**GOOD, **change})
-    assert "\n" not in str(error.value)
-
-
 def test_evenly_spaced_levels_may_be_rounded():
     Preisach(0.1, (0.0, 3.3333333, 6.6666667, 10.0), 3.3333333, (1.0,) * 10)
 
@@ -309,7 +272,7 @@ def test_records_add_up_for_a_grid():
 @given(arrays(np.float64, 7, elements=st.floats(-11.0, 11.0, width=16)))
 def test_a_grid_is_not_refused_where_the_records_tell_every_weight(corners):
     core = grid(5)
-    u = turning(*corners, samples=2000)
+    u = path(corners, 2000)
     rows = np.diff(core.responses(u, u, core.settled(()))[:, 1:], axis=0)
     known = int(np.linalg.matrix_rank(rows, tol=1e-7))
     try:

@@ -11,22 +11,12 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 
-from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.plant.cores.stop import Stop
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
+from tests.looping import over
+from tests.plant.cores.integration import path, run
 
 FRICTION = Stop(weights=(2.0, 0.7, 0.3), thresholds_V=(0.5, 2.0, 6.0), slope=-0.05)
-
-
-def run(core: Stop, u: Array) -> Array:
-    model = PlantModel(core, "demo", (-30.0, 30.0), (0.0, 8.0))
-    return Plant(model, 1e-3).simulate(u)  # type: ignore[arg-type]
-
-
-def path(corners: Array, samples: int = 50) -> Array:
-    legs = [np.linspace(a, b, samples)[1:] for a, b in pairwise(corners)]
-    return np.concatenate([[corners[0]], *legs])
 
 
 def slipping(r: float, corners: Array, samples: int) -> Array:
@@ -55,7 +45,7 @@ def slipping(r: float, corners: Array, samples: int) -> Array:
 
 def test_it_is_an_independent_integration_of_springs_with_sliders() -> None:
     corners = np.concatenate([[0.0], np.random.default_rng(3).uniform(-9.0, 9.0, 40)])
-    u = path(corners)
+    u = path(corners, 50)
     y = FRICTION.slope * u
     for w, r in zip(FRICTION.weights, FRICTION.thresholds_V, strict=True):
         y += w * slipping(r, corners, 50)
@@ -80,7 +70,7 @@ def test_masing_a_branch_after_a_turn_is_the_virgin_curve_twice_as_large(
     assert y[0] - y[1] == pytest.approx(2.0 * run(FRICTION, np.array([0.5 * fall]))[0], abs=1e-10)
 
 
-@pytest.mark.parametrize("peak", [1.0, 4.0, 15.0])
+@over("peak", [1.0, 4.0, 15.0])
 def test_a_cycle_loses_four_w_r_times_the_travel_past_the_threshold(peak: float) -> None:
     u = path(np.array([0.0, peak, -peak, peak]), 60_001)
     y = run(FRICTION, u)
@@ -94,12 +84,12 @@ def test_a_cycle_loses_four_w_r_times_the_travel_past_the_threshold(peak: float)
 
 def test_the_force_while_all_slip_is_half_the_height_of_the_loop() -> None:
     core = Stop((2.0, 0.7), (0.5, 2.0))
-    u = path(np.array([0.0, 20.0, -20.0, 20.0]))
+    u = path(np.array([0.0, 20.0, -20.0, 20.0]), 50)
     assert float(np.ptp(run(core, u))) == pytest.approx(2.0 * core.force_um, rel=1e-12)
 
 
 def test_its_gains_are_found_by_non_negative_least_squares() -> None:
-    u = path(np.array([0.0, 9.0, -7.0, 5.0, -3.0, 1.0, 0.2, 0.9]))
+    u = path(np.array([0.0, 9.0, -7.0, 5.0, -3.0, 1.0, 0.2, 0.9]), 50)
     columns = FRICTION.responses(u, np.zeros_like(u), np.zeros(3))
     both = np.column_stack([-columns[:, :1], columns])  # the slope has either sign
     found, _ = nnls(both, run(FRICTION, u))
@@ -113,26 +103,3 @@ def test_gains_that_leave_no_stiffness_at_a_turn_are_moved_until_there_is_one() 
     assert 0.0 < soft.a0 < 1e-5
     assert FRICTION.with_gains([0.0, 0.0, 0.0, 0.0]).a0 > 0.0
     assert FRICTION.with_gains([0.4, 0.0, 0.0, 0.0]).gains[0] == 0.4
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"weights": (1.0, -0.1)}, r"weight a_2 is -0.1; weights are finite and not negative"),
-        ({"weights": (1.0, float("inf"))}, r"weight a_2 is inf"),
-        ({"weights": ()}, r"weights is empty"),
-        ({"weights": ("a", 1.0)}, r"weights is \('a', 1.0\); give a list of numbers"),
-        ({"weights": (1.0,)}, r"2 thresholds for 1 stop weights"),
-        ({"thresholds_V": (2.0, 2.0)}, r"threshold r_2 is 2.0 V after 2.0 V; thresholds increase"),
-        ({"thresholds_V": (0.0, 2.0)}, r"threshold r_1 is 0.0 V after 0.0 V"),
-        ({"thresholds_V": (1.0, float("nan"))}, r"threshold r_2 is nan V"),
-        ({"slope": float("nan")}, r"slope is nan; c is a finite gain"),
-        ({"slope": -1.5}, r"the gain right after a turn, .* is 0.0; it is above 0"),
-        ({"rate_bandwidth_hz": 0.0}, r"rate_bandwidth_hz is 0.0; give a frequency above 0 Hz"),
-    ],
-)
-def test_what_it_refuses(changed: dict[str, object], message: str) -> None:
-    good = {"weights": (1.0, 0.5), "thresholds_V": (1.0, 2.0), "slope": 0.0}
-    with pytest.raises(InputError, match=message) as error:
-        Stop(**{**good, **changed})  # type: ignore[arg-type]
-    assert "\n" not in str(error.value)

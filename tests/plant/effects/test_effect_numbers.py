@@ -9,6 +9,7 @@ from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, DataScale, Effect, load_effect
+from tests.looping import over
 
 H = P10.hysteresis
 
@@ -59,7 +60,7 @@ def test_small_signal_curvature_tells_resonance_lag_and_delay_apart():
     assert -np.angle(lag) == pytest.approx(w * tau, rel=0.01)
 
 
-@pytest.mark.parametrize(
+@over(
     "name", ["slew_limit", "actuator_lag", "resonance", "backlash", "delay", "sensor_lag", "creep"]
 )
 def test_the_gain_at_rest_is_one_but_for_what_has_crept(name):
@@ -133,7 +134,7 @@ def test_slew_limit_acts_from_the_critical_amplitude_times_frequency():
             assert np.mean(np.isclose(speed, rate, rtol=1e-6)) > 0.99
 
 
-@pytest.mark.parametrize("rate", [2e3, 1e4, 3e4])
+@over("rate", [2e3, 1e4, 3e4])
 def test_rate_law_widens_sliding_plays_by_a_power_of_the_rate(rate):
     ts, p, v0 = 1e-5, 0.6, 1e4
     ramp = rate * ts * np.arange(round(80 / rate / ts))
@@ -190,8 +191,8 @@ def test_initial_memory_is_wiped_out_by_the_first_larger_excursion():
     np.testing.assert_allclose(remembered[130:], bare[130:], atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("words", "values"),
+@over(
+    "words, values",
     [
         ("about the start", {"reach_V": 60.0, "ratio": 0.6}),
         ("last turns", {"reach_V": 60.0, "back": -0.7, "third": -0.4}),
@@ -240,7 +241,7 @@ def test_last_turns_go_on_from_a_history_that_decays_and_do_nothing_without_reac
     np.testing.assert_allclose(Plant(still, 1e-3).simulate(u), bare, atol=1e-12)
 
 
-@pytest.mark.parametrize("exponent", [0.2, 0.9997, 3.0])
+@over("exponent", [0.2, 0.9997, 3.0])
 def test_a_rate_that_decays_below_all_numbers_leaves_the_thresholds_at_rest(exponent):
     law = CATALOGUE["rate_law"](exponent=exponent, reference_rate_V_s=1e4)
     widened = law.run(np.array([1e-300, -5e-324, 5e-324, 0.0]), 1e-3)

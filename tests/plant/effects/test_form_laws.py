@@ -10,6 +10,7 @@ from rdpi_gym.plant import P10, RDPI, Plant
 from rdpi_gym.plant.effects import CATALOGUE, Effect, forms_of, load_effect
 from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.plant.effects.creep import TIME_CONSTANTS_S
+from tests.looping import over
 
 TS = 1e-3
 FORMS = [kind for simplest in CATALOGUE.values() for kind in forms_of(simplest)[1:]]
@@ -76,9 +77,7 @@ NESTED = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("richer", "simpler"), NESTED, ids=lambda effect: effect.full_name().replace(", ", "-")
-)
+@over("richer, simpler", NESTED)
 def test_a_richer_form_holds_the_simpler_one(richer, simpler):
     x = rough()
     np.testing.assert_allclose(
@@ -86,14 +85,13 @@ def test_a_richer_form_holds_the_simpler_one(richer, simpler):
     )
 
 
-@pytest.mark.parametrize(
+@over(
     "kind",
     [
         f
         for f in FORMS
         if f.name in ("asymmetry", "congruency", "creep") or f.form == "piecewise power"
     ],
-    ids=full_name,
 )
 def test_a_form_at_its_neutral_values_changes_nothing(kind):
     x = rough()
@@ -101,8 +99,8 @@ def test_a_form_at_its_neutral_values_changes_nothing(kind):
     np.testing.assert_allclose(ran(kind(**neutral), x), x, rtol=1e-12)
 
 
-@pytest.mark.parametrize("words", [kind.form for kind in forms_of(CATALOGUE["creep"])[1:]])
-@pytest.mark.parametrize("ts", [1e-4, 0.3])
+@over("words", [kind.form for kind in forms_of(CATALOGUE["creep"])[1:]])
+@over("ts", [1e-4, 0.3])
 def test_creep_in_every_form_is_a_sum_of_exact_lags(words, ts):
     effect = form("creep", words)()
     x = rough()
@@ -114,9 +112,7 @@ def test_creep_in_every_form_is_a_sum_of_exact_lags(words, ts):
     np.testing.assert_allclose(ran(effect, x, ts), expected, atol=1e-6 * np.abs(x).max())
 
 
-@pytest.mark.parametrize(
-    "kind", [k for k in FORMS if k.name in ("creep", "slew_limit")], ids=full_name
-)
+@over("kind", [k for k in FORMS if k.name in ("creep", "slew_limit")])
 def test_an_input_linear_between_samples_gives_the_same_at_an_eighth_of_ts(kind):
     x = rough(200)
     fine = np.interp(np.arange(199 * 8 + 1) / 8, np.arange(200), x)
@@ -126,7 +122,7 @@ def test_an_input_linear_between_samples_gives_the_same_at_an_eighth_of_ts(kind)
     )
 
 
-@pytest.mark.parametrize("words", [kind.form for kind in forms_of(CATALOGUE["creep"])[1:]])
+@over("words", [kind.form for kind in forms_of(CATALOGUE["creep"])[1:]])
 def test_creep_begins_at_rest_and_ends_with_its_whole_gain(words):
     effect = form("creep", words)()
     gains, taus = effect.elements()
@@ -141,7 +137,7 @@ def test_elements_between_two_times_are_those_of_the_simplest_ladder_at_its_ends
     np.testing.assert_allclose(taus, TIME_CONSTANTS_S, rtol=1e-12)
 
 
-@pytest.mark.parametrize("powers", [(0.3, -0.2), (0.3, -0.2, 0.1, 0.05)])
+@over("powers", [(0.3, -0.2), (0.3, -0.2, 0.1, 0.05)])
 def test_asymmetry_is_a_polynomial_of_the_displacement_and_congruency_one_of_the_command(powers):
     words = {2: ("cubic", "odd and even"), 4: ("to the fifth degree", "to the fourth degree")}
     bent, weighted = words[len(powers)]
@@ -238,7 +234,7 @@ def test_each_branch_runs_along_its_own_envelope():
     )
 
 
-@pytest.mark.parametrize("sharpness", [1.0, 3.0, 50.0])
+@over("sharpness", [1.0, 3.0, 50.0])
 def test_rails_with_a_knee_are_linear_at_the_centre_and_end_at_the_rails(sharpness):
     effect = form("saturation", "rails with a knee")(20.0, 5.0, sharpness)
     u = 5.0 + np.concatenate([-np.geomspace(1e12, 1e-3, 400), np.geomspace(1e-3, 1e12, 400)])

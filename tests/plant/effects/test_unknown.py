@@ -1,17 +1,15 @@
 """The unknown block in each of its forms: a stage like any other, found by name and not listed."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
-import pytest
 
 from baselines.inverses import Setting, inverse_of
-from rdpi_gym.plant import P5, Plant, PlantModel
+from rdpi_gym.plant import P5, Plant
 from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
-from rdpi_gym.plant.effects.unknown import Unknown
-from rdpi_gym.plant.effects.unknown_drives import is_even
-from rdpi_gym.plant.effects.unknown_kernel import TERMS, unknown_block
+from rdpi_gym.plant.effects.unknown import Unknown, is_even
+from rdpi_gym.plant.effects.unknown_places import TERMS, unknown_block
+from tests.looping import over
 
 FORMS = forms_of(Unknown)
 TS = 1e-3
@@ -26,28 +24,13 @@ def small(form, seed=0):
     return start.with_values(own)
 
 
-@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.form)
-def test_a_form_is_a_stage_of_the_plant(form):
-    plants = [replace(P5, effects=(small(form, seed),)) for seed in range(3)]
-    commands = np.repeat(U[:, None], 3, axis=1)
-    whole = Plant(plants, TS, lanes=3).simulate(commands)
-    pieces = Plant(plants, TS, lanes=3)
-    parts = [pieces.simulate(commands[a:b]) for a, b in pairwise([0, 1, 57, len(U)])]
-    np.testing.assert_array_equal(np.concatenate(parts), whole)
-    for lane, plant in enumerate(plants):
-        alone = Plant(PlantModel.from_dict(plant.to_dict()), TS).simulate(U)
-        np.testing.assert_allclose(alone, whole[:, lane], rtol=0, atol=1e-12)
-    still = Plant(replace(P5, effects=form.starts(SCALE)[:1]), TS).simulate(U)
-    np.testing.assert_array_equal(still, Plant(P5, TS).simulate(U))
-
-
 def test_it_is_found_by_its_name_and_no_search_has_it():
     assert CATALOGUE["unknown"] is Unknown
     assert "unknown" not in list(CATALOGUE)
     assert len(CATALOGUE) == len(list(CATALOGUE))
 
 
-@pytest.mark.parametrize("term", TERMS)
+@over("term", TERMS)
 def test_a_term_is_even_or_odd(term):
     p = np.zeros((7 + 3 + len(TERMS) + 5, 1))
     p[0], p[3], p[4], p[9], p[10 + TERMS.index(term)] = 0.1, 20.0, 1.0, 1.0, 0.3
@@ -70,7 +53,7 @@ def test_a_steep_curve_is_undone_too():
     assert np.abs(inverse.run(y[1:, None].copy(), state)[:, 0] - U[1:]).max() < 1e-3
 
 
-@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.form)
+@over("form", FORMS)
 def test_its_inverse_leaves_a_seventh_of_it_at_most(form):
     effect = small(form, 1)
     core = P5.hysteresis.static()

@@ -1,0 +1,1 @@
+"""Discovery of hidden effects, counted on plants whose truth is known."""

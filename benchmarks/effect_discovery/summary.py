@@ -1,0 +1,465 @@
+"""Tables of the study by source of truth, and each target beside what was reached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from benchmarks.effect_discovery.independent import NOISE_UM, PLAIN
+from benchmarks.effect_discovery.scoring import EXPLAINED, LARGEST_RATIO, MARGIN, judgements
+from rdpi_gym.support.markdown import frame_table, table
+from rdpi_gym.support.store import Row
+from rdpi_gym.virtual_lab.draws import HIDEABLE, VISIBLE
+
+_OUTSIDE_RATIO = 2.0
+Mask = Callable[[pd.DataFrame], "pd.Series[bool]"]
+
+
+@dataclass(frozen=True)
+class Target:
+    """A share that is asked for, and what the study reached.
+
+    Parameters
+    ----------
+    study, asks
+        The study, and the figure in words.
+    percent
+        Share of the cases that is asked for (%).
+    reached, cases
+        Cases that fulfil it, and all that it is asked of.
+    by_class
+        Of those that fulfil it, how many name another member of a class that the records of the
+        case cannot tell apart; None where a source has no classes.
+    falsely_added
+        Effects added that were not hidden, in words; None where that is a target of its own.
+    at_most
+        Whether the share is a limit from above.
+    """
+
+    study: str
+    asks: str
+    percent: float
+    reached: int
+    cases: int
+    by_class: int | None = None
+    falsely_added: str | None = None
+    at_most: bool = False
+
+    @property
+    def reached_percent(self) -> float:
+        """Share that was reached (%)."""
+        return 100.0 * self.reached / self.cases if self.cases else float("nan")
+
+    @property
+    def is_met(self) -> bool:
+        """Whether the share is what is asked for."""
+        if self.at_most:
+            return self.reached_percent <= self.percent
+        return self.reached_percent >= self.percent
+
+    @property
+    def asked(self) -> str:
+        """What is asked, in words."""
+        return f"{'at most ' if self.at_most else ''}{self.percent:g} %"
+
+    def line(self) -> str:
+        """Return the target as a line of text."""
+        classes = "" if self.by_class is None else f", {self.by_class} by class"
+        added = (
+            "" if self.falsely_added is None else f"; effects falsely added: {self.falsely_added}"
+        )
+        return (
+            f"{self.study}: {self.asks}: {self.reached_percent:.1f} % "
+            f"({self.reached} of {self.cases}{classes}), asked {self.asked}: "
+            f"{'met' if self.is_met else 'not met'}{added}"
+        )
+
+
+def _silent(j: pd.DataFrame) -> pd.Series[bool]:
+    return (j["additions"] == 0) & (j["status"] == "done")
+
+
+def _true(values: pd.Series[bool]) -> pd.Series[bool]:
+    return values == True  # noqa: E712 - None and NaN are neither
+
+
+def _percent(values: pd.Series[bool]) -> float:
+    return 100.0 * float(values.mean()) if len(values) else float("nan")
+
+
+def _counts(names: pd.Series[str]) -> str:
+    return ", ".join(f"{name or 'none'} {count}" for name, count in names.value_counts().items())
+
+
+def _first_instead(part: pd.DataFrame) -> str:
+    return _counts(part[~part["first_right"] & (part["first"] != "")]["first"])
+
+
+def _done(part: pd.DataFrame) -> pd.DataFrame:
+    return part[part["status"] == "done"]
+
+
+_COLUMNS: Mapping[str, Callable[[pd.DataFrame], object]] = {
+    "cases": len,
+    "failed": lambda part: int((part["status"] == "failed").sum()),
+    "first_percent": lambda part: _percent(part["first_right"]),
+    "first_exact": lambda part: _percent(part["first_exact"]),
+    "first_by_class": lambda part: _percent(part["first_by_class"]),
+    "by_class": lambda part: int(part["first_by_class"].sum()),
+    "found_percent": lambda part: _percent(part["found"]),
+    "within_percent": lambda part: _percent(part["within"]),
+    "named_exact": lambda part: _percent(part["found_exact"]),
+    "named_by_class": lambda part: _percent(part["found_by_class"]),
+    "explained": lambda part: _percent(part["verdict"] == "explained"),
+    "wrong": lambda part: _percent(part["additions"] > 0),
+    "sentences_true": lambda part: _percent(_true(_done(part)["all_true"])),
+    "false_additions": lambda part: int(part["additions"].sum()),
+    "median_ratio": lambda part: part["ratio"].median(),
+    "largest_ratio": lambda part: part["ratio"].max(),
+    "median_clean": lambda part: _done(part)["clean_ratio"].median(),
+    "verdicts": lambda part: _counts(part["verdict"]),
+    "median_seconds": lambda part: part["seconds"].median(),
+    "first_instead": _first_instead,
+}
+"""Columns of a table over groups of cases."""
+
+
+def group_table(j: pd.DataFrame, by: Sequence[str], columns: Sequence[str]) -> pd.DataFrame:
+    """Summarise judgements by some of their columns."""
+    if j.empty:
+        return pd.DataFrame()
+    lines = [
+        {
+            **dict(zip(by, names, strict=True)),
+            **{column: _COLUMNS[column](part) for column in columns},
+        }
+        for names, part in j.groupby(list(by), sort=False)
+    ]
+    return pd.DataFrame(lines)
+
+
+_RENAMED = {"by_class": "first_by_class"}
+
+
+@dataclass(frozen=True)
+class Report:
+    """Tables of one source of truth.
+
+    Parameters
+    ----------
+    title, made
+        Of the page, and how the rows were made.
+    targets
+        Targets beside what rows reached.
+    cases
+        Columns of the table of cases.
+    by_subject
+        The table by subject.
+    sections
+        Parts of the page below the targets.
+    """
+
+    title: str
+    made: str
+    targets: Callable[[Sequence[Row]], list[Target]]
+    cases: Sequence[str]
+    by_subject: Callable[[Sequence[Row]], pd.DataFrame]
+    sections: Callable[[Sequence[Row]], list[str]]
+
+    def case_table(self, rows: Sequence[Row]) -> pd.DataFrame:
+        """Return the judged cases, a line each."""
+        j = judgements(rows)
+        return pd.DataFrame({name: j[_RENAMED.get(name, name)] for name in self.cases})
+
+    def page(self, rows: Sequence[Row], command: str) -> str:
+        """Return the page: how the rows were made, the targets, tables."""
+        codes, seeds = sorted({r["code"] for r in rows}), sorted({r["seed"] for r in rows})
+        written = f"seeds {', '.join(map(str, seeds))}, code {', '.join(codes)}"
+        parts = [
+            f"# {self.title}",
+            f"Written by `python -m benchmarks.{command}`; {written}. {self.made}",
+            _target_table(self.targets(rows)),
+            *self.sections(rows),
+        ]
+        return "\n\n".join(parts) + "\n"
+
+
+def _target_table(targets: Sequence[Target]) -> str:
+    has_classes = any(t.by_class is not None for t in targets)
+    head = ["study", "target", "asked", "reached"]
+    head += ["of these by class", "met"] if has_classes else ["met", "effects falsely added"]
+    lines = []
+    for t in targets:
+        met = "yes" if t.is_met else "no"
+        reached = f"{t.reached_percent:.1f} % ({t.reached} of {t.cases})"
+        last = [str(t.by_class), met] if has_classes else [met, t.falsely_added or "0"]
+        lines.append([t.study, t.asks, t.asked, reached, *last])
+    return table(head, lines)
+
+
+# --- the virtual lab's truth ---
+
+_INDEPENDENT_TARGETS: tuple[tuple[str, str, float, Mask], ...] = (
+    ("single", "the right effect ranked first", 97.0, lambda j: j["first_right"]),
+    (
+        "single",
+        f"validation error at most {LARGEST_RATIO} x noise, the right effect added",
+        90.0,
+        lambda j: j["within"] & j["found"],
+    ),
+    ("pairs", "both effects found", 85.0, lambda j: j["found"]),
+    ("pairs", "no third effect", 90.0, _silent),
+    (
+        "none",
+        "`no missing effect`",
+        98.0,
+        lambda j: (j["verdict"] == "no missing effect") & _silent(j),
+    ),
+    (
+        "outside",
+        f"never `explained` with more than {_OUTSIDE_RATIO:g} x noise left",
+        100.0,
+        lambda j: (
+            (j["status"] == "done")
+            & ~((j["verdict"] == "explained") & (j["ratio"] > _OUTSIDE_RATIO))
+        ),
+    ),
+)
+_BY_SUBJECT = (
+    "cases", "failed", "first_percent", "by_class", "found_percent", "within_percent",
+    "false_additions", "median_ratio", "largest_ratio", "verdicts", "first_instead",
+    "median_seconds",
+)  # fmt: skip
+_ABOUT_EFFECTS = ("masked", "first_percent", "by_class", "found_percent")
+
+
+def independent_targets(rows: Sequence[Row]) -> list[Target]:
+    """Set every target beside what was reached, the invariance study's variants one by one."""
+    j = judgements(rows)
+    if j.empty:
+        return []
+    found = [
+        _independent_target(j[j["study"] == study], study, asks, percent, fulfils)
+        for study, asks, percent, fulfils in _INDEPENDENT_TARGETS
+    ]
+    nothing, effect = j["subject"] == "nothing", j["subject"].isin(HIDEABLE)
+    kinds = {"none": nothing, "single": effect, "outside": ~nothing & ~effect}
+    changed = j["study"] == "invariance"
+    for variant in j.loc[changed, "variant"].drop_duplicates():
+        for study, asks, percent, fulfils in _INDEPENDENT_TARGETS:
+            if study in kinds:
+                part = j[changed & (j["variant"] == variant) & kinds[study]]
+                name = f"{study}, {variant}"
+                found.append(_independent_target(part, name, asks, percent, fulfils))
+    return [target for target in found if target.cases]
+
+
+def _independent_target(
+    part: pd.DataFrame, study: str, asks: str, percent: float, fulfils: Mask
+) -> Target:
+    added, on = int(part["additions"].sum()), int((part["additions"] > 0).sum())
+    falsely = f"{added} on {on} of {len(part)}" if added else "0"
+    return Target(study, asks, percent, int(fulfils(part).sum()), len(part), falsely_added=falsely)
+
+
+def by_subject(rows: Sequence[Row]) -> pd.DataFrame:
+    """Summarise every study, variant and subject."""
+    by = ["study", "variant", "subject"]
+    summary = group_table(judgements(rows), by, _BY_SUBJECT)
+    if not summary.empty:
+        hidden = [
+            (r["study"], r["variant"], "+".join(r["subject"]))
+            for r in rows
+            if r["status"] == "masked"
+        ]
+        masked = [hidden.count(names) for names in summary[by].itertuples(index=False, name=None)]
+        summary.insert(4, "masked", masked)
+    return summary
+
+
+def agreement(rows: Sequence[Row]) -> pd.DataFrame:
+    """Compare every changed data set with the plain one of the same draw."""
+    j = judgements(rows)
+    if j.empty:
+        return pd.DataFrame()
+    keys = ["subject", "number", "seed"]
+    plain = j[j["variant"] == PLAIN]
+    both = j[j["study"] == "invariance"].merge(plain, on=keys, suffixes=("", "_plain"))
+    lines = []
+    for variant, part in both.groupby("variant", sort=False):
+        change = (part["ratio"] / part["ratio_plain"] - 1.0).abs()
+        lines.append(
+            {
+                "variant": variant,
+                "cases": len(part),
+                "same_verdict": int((part["verdict"] == part["verdict_plain"]).sum()),
+                "same_steps": int((part["steps"] == part["steps_plain"]).sum()),
+                "largest_change_percent": 100.0 * change.max(),
+            }
+        )
+    return pd.DataFrame(lines)
+
+
+def _independent_sections(rows: Sequence[Row]) -> list[str]:
+    parts = []
+    summary = by_subject(rows)
+    if not summary.empty:
+        for (study, variant), part in summary.groupby(["study", "variant"], sort=False):
+            title = str(study) if variant == PLAIN else f"{study}: {variant}"
+            empty = _ABOUT_EFFECTS if study in ("none", "outside") else ()
+            parts += [
+                f"## {title}",
+                frame_table(part.drop(columns=["study", "variant", *empty])),
+            ]
+    masked = sorted({" + ".join(row["subject"]) for row in rows if row["status"] == "masked"})
+    if masked:
+        parts.append(f"No draw shows, beside noise or each other: {', '.join(masked)}.")
+    same = agreement(rows)
+    return parts if same.empty else [*parts, "## Against the plain data set", frame_table(same)]
+
+
+# --- the foreign truth ---
+
+_FOREIGN_TARGETS: tuple[tuple[str, str, float, Mask, str], ...] = (
+    (
+        "single",
+        "the right effect ranked first",
+        95.0,
+        lambda j: j["first_right"],
+        "first_by_class",
+    ),
+    ("double", "both effects named", 85.0, lambda j: j["found"], "found_by_class"),
+    ("triple", "all three effects named", 80.0, lambda j: j["found"], "found_by_class"),
+    ("none", "nothing named", 98.0, _silent, ""),
+    ("single", "verdict `explained`", 85.0, lambda j: j["verdict"] == "explained", ""),
+)
+_SHARES = (
+    "cases", "failed", "first_exact", "first_by_class", "named_exact", "named_by_class", "explained",
+    "wrong", "sentences_true", "median_ratio", "median_clean", "median_seconds", "first_instead",
+)  # fmt: skip
+_STATEMENTS = (
+    ("share_true", f"the interval has the true share, ± {MARGIN:g}"),
+    ("hidden_true", "what follows from the input is no more than what could hide"),
+    ("explained_true", f"explained, at most {EXPLAINED:g} noise floors of clean error left"),
+    ("sampling_true", "sample faster, where sampling matters"),
+)
+
+
+def foreign_targets(rows: Sequence[Row]) -> list[Target]:
+    """Set every target beside what was reached."""
+    j = judgements(rows)
+    if j.empty:
+        return []
+    found = []
+    for study, asks, percent, fulfils, by_class in _FOREIGN_TARGETS:
+        part = j[j["study"] == study]
+        if len(part):
+            classes = int(part[by_class].sum()) if by_class else 0
+            found.append(Target(study, asks, percent, int(fulfils(part).sum()), len(part), classes))
+    done = _done(j)
+    wrong, true = int((j["additions"] > 0).sum()), int(_true(done["all_true"]).sum())
+    asks = "an effect added that is not there"
+    found.append(Target("all", asks, 5.0, wrong, len(j), 0, at_most=True))
+    asks = "what is said about what is left is true"
+    found.append(Target("all", asks, 98.0, true, len(done), 0))
+    return found
+
+
+def _statement_table(j: pd.DataFrame) -> pd.DataFrame:
+    """Count, for each kind of statement, how often it was made and how often it was true."""
+    lines = []
+    for column, name in _STATEMENTS:
+        said = j[column].dropna() if column in j else pd.Series(dtype=bool)
+        lines.append({"sentence": name, "said": len(said), "true": int(_true(said).sum())})
+    return pd.DataFrame(lines)
+
+
+def _noticed_table(j: pd.DataFrame) -> pd.DataFrame:
+    """Count, for each degradation, how often it was found in the data, and what else was."""
+    lines: list[dict[str, object]] = []
+    for degraded, part in _done(j).groupby("degraded", sort=False):
+        kinds = part["findings"].str.split("+").explode()
+        lines.append(
+            {
+                "degraded": degraded,
+                "cases": len(part),
+                "noticed": int(part["noticed"].sum()),
+                "findings": _counts(kinds[kinds != ""]),
+            }
+        )
+    return pd.DataFrame(lines)
+
+
+def _foreign_sections(rows: Sequence[Row]) -> list[str]:
+    j, parts = judgements(rows), []
+
+    def shares(part: pd.DataFrame, *by: str) -> str:
+        return frame_table(group_table(part, by, _SHARES))
+
+    if not j.empty:
+        single, outside = (j[j["study"] == study] for study in ("single", "outside"))
+        parts += ["## By study", shares(j, "study")]
+        parts += ["## What is said about what is left", frame_table(_statement_table(j))]
+        if not single.empty:
+            parts += ["## Single effects", shares(single, "subject")]
+            parts += ["## Single effects by form", shares(single, "subject", "form")]
+        if not outside.empty:
+            parts += ["## Outside the catalogue", shares(outside, "subject")]
+        parts += ["## By protocol", shares(j, "protocol")]
+        parts += ["## By degradation", shares(j, "degraded")]
+        parts += ["## What was noticed about the data", frame_table(_noticed_table(j))]
+        parts += [
+            "## By what lies between the samples",
+            "Against the noise: what the displacement at the samples changes where the command is "
+            "taken as linear between them.",
+            shares(j, "between_samples"),
+        ]
+    masked = [r["key"] for r in rows if r["status"] == "masked"]
+    if masked:
+        parts.append(f"Cases that no draw shows, {len(masked)} in all: {', '.join(masked)}.")
+    return parts
+
+
+REPORTS: Mapping[str, Report] = {
+    "independent": Report(
+        "Hidden effects: who finds them",
+        f"Random plants of ±40 µm with {1e3 * NOISE_UM[0]:g} to "
+        f"{1e3 * NOISE_UM[1]:g} nm of noise, the standard protocol, the truth integrated by "
+        "`rdpi_gym/virtual_lab/independent` on a grid of 10 µs or finer. Parameters from their typical ranges, "
+        f"drawn until the effect leaves {VISIBLE:g} noise floors rms on one record at least after all "
+        "that a refit of the base model can take up. Ratios are validation errors of the final model "
+        "over the true noise; seconds are those of one process on one thread.",
+        independent_targets,
+        (
+            "study", "subject", "number", "seed", "variant", "status", "noise_um", "first",
+            "first_right", "by_class", "found", "additions", "ratio", "within", "verdict", "steps",
+            "seconds",
+        ),
+        by_subject,
+        _independent_sections,
+    ),
+    "foreign": Report(
+        "Foreign effects: who finds them elsewhere",
+        "Plants of 1 to 100 µm with unlike plays or a density of them, effects in "
+        "other forms than the catalogue's simplest, six protocols of 5,000 to 40,000 samples that the "
+        "laboratory does not use itself, one to ten times the first study's noise, a quarter of the "
+        "records degraded. The truth is made from turning points of the command, matrix exponentials "
+        "and Runge-Kutta steps on the true command between the samples. Every effect leaves three "
+        "noise floors at least on one record, after a refit of the base model and of the other effects. "
+        "`by class`: the name of another effect that the records of the case cannot tell from the right "
+        "one (cosine above 0.95). Seconds are of CPU, of one thread.",
+        foreign_targets,
+        (
+            "study", "subject", "form", "number", "seed", "status", "protocol", "degraded",
+            "noise_um", "between_samples", "findings", "noticed", "first", "first_exact",
+            "first_by_class", "found_exact", "found_by_class", "additions", "steps", "verdict",
+            "ratio", "seconds", "clean_ratio", "true_share", "share_true", "hidden_true",
+            "explained_true", "sampling_true", "all_true",
+        ),
+        lambda rows: group_table(judgements(rows), ["study", "subject"], _SHARES),
+        _foreign_sections,
+    ),
+}  # fmt: skip
+"""The tables by the module of their source of truth."""

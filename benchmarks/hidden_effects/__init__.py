@@ -1,1 +1,0 @@
-"""The study of hidden effects: how often the laboratory names what is missing."""

@@ -1,0 +1,303 @@
+"""Faults of the measurement itself: clipping, coarse steps, feedback, two clocks, mains hum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
+from rdpi_gym.diagnosis.features.cycles import Periods
+from rdpi_gym.diagnosis.features.noise import rough_part
+from rdpi_gym.diagnosis.features.rests import Rest
+from rdpi_gym.measurement import Record
+from rdpi_gym.measurement.quantities import in_output
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import digits, pm
+
+CLIPPED_SAMPLES = 5
+"""Samples at one extreme value in a row, while the command moves."""
+STEP_RATIO = 3.0
+"""Smallest step of the displacement over its noise (rms)."""
+FEEDBACK = 0.1
+"""Correlation of the displacement with later noise of the command."""
+SKEW_PPM = 50.0
+"""Difference of the clocks of command and displacement (millionths)."""
+_MOVES = 0.03  # of the swing
+_ORDER = 12  # of the predictor that leaves the noise of a command
+_LAGS = 10
+_NOISELESS = 1e-5  # of the swing: a command that is computed, not measured
+_ROUGH = 0.03  # of the swing, what is new from sample to sample
+_GAUSSIAN = 0.6745  # median of the modulus of noise over its standard deviation
+_LONGEST = 10_000
+_FEWEST_PERIODS = 6
+
+
+def clipping(records: Sequence[Record]) -> Check:
+    """Displacement that stands at its largest or smallest value while the command moves."""
+    name = "clipping"
+    worst, where = 0, ""
+    for record in records:
+        for extreme in (record.y_um.max(), record.y_um.min()):
+            length = _longest_stand(record, float(extreme))
+            if length > worst:
+                worst, where = length, f"{record.name} near {extreme:.5g} {{output_unit}}"
+    if worst >= CLIPPED_SAMPLES:
+        text = f"In {where} the {{output}} stands still for {worst} samples while the command moves: the sensor or the recorder clips."
+        step = "Measure again with a wider range, or leave these samples out (mask_s)."
+        return Check(name, float(worst), float(CLIPPED_SAMPLES), "samples", "yes", text, step)
+    text = "The {output} never stands at its extreme while the command moves: no clipping."
+    return Check(name, float(worst), float(CLIPPED_SAMPLES), "samples", "no", text)
+
+
+def _longest_stand(record: Record, extreme: float) -> int:
+    at = np.flatnonzero(record.y_um == extreme)
+    if at.size < CLIPPED_SAMPLES:
+        return 0
+    longest = 0
+    swing = float(np.ptp(record.u_V))
+    for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
+        if run.size > longest and np.ptp(record.u_V[run]) > _MOVES * swing:
+            longest = run.size
+    return longest
+
+
+def resolution(records: Sequence[Record]) -> Check:
+    """Smallest step of the displacement, beside its noise."""
+    name = "coarse resolution"
+    worst = (0.0, 0.0, "")
+    for record in records:
+        steps = np.abs(np.diff(record.y_um))
+        if np.count_nonzero(steps == 0.0) < 0.02 * steps.size:
+            continue
+        moved = steps[steps > 1e-9 * max(float(np.ptp(record.y_um)), 1e-300)]
+        if not moved.size:
+            continue
+        smallest = float(moved.min())
+        ratio = smallest / max(rough_part(record.y_um), 0.29 * smallest)
+        if ratio > worst[0]:
+            worst = (ratio, smallest, record.name)
+    ratio, smallest, where = worst
+    if ratio >= STEP_RATIO:
+        text = f"{where} moves in steps of {in_output(smallest)}, more than its noise: errors below a third of a step cannot be judged."
+        return Check(name, ratio, STEP_RATIO, "", "yes", text, "Use a finer range of the recorder.")
+    text = (
+        f"The smallest step of the {{output}} ({in_output(smallest)} in {where}) is lost in its noise."
+        if where
+        else "The {output} shows no steps."
+    )
+    return Check(name, ratio, STEP_RATIO, "", "no", text)
+
+
+def feedback(records: Sequence[Record]) -> Check:
+    """Noise of the command that follows the displacement: the loop was closed.
+
+    Notes
+    -----
+    Command and displacement go through the predictor of the command, which leaves what is new in
+    it; in an open loop that has nothing to do with displacements before it.
+    """
+    name = "closed loop"
+    worst: tuple[float, float, str] | None = None
+    for record in records:
+        if record.u_V.size < 40 * _ORDER:
+            continue
+        found = _follows(record.u_V[:_LONGEST], record.y_um[:_LONGEST])
+        if found is not None and (worst is None or found[0] > worst[0]):
+            worst = (*found, record.name)
+    if worst is None:
+        text = (
+            "The commands are free of noise: they were computed beforehand, so the loop was open."
+        )
+        return Check(name, 0.0, FEEDBACK, "", "no", text)
+    value, error, where = worst
+    zone = zone_of(value, error, FEEDBACK)
+    if zone == "yes":
+        text = f"In {where} the command's noise follows the {{output}} (correlation {digits(value)}): the loop was closed, and noise of the sensor is part of the command."
+        step = "Record with the loop open, or give the {input} at the stack with less noise."
+        return Check(name, value, FEEDBACK, "", zone, text, step)
+    text = f"The command's noise does not follow the {{output}} (correlation {value:.1g} in {where}): the loop was open."
+    return Check(name, value, FEEDBACK, "", "no", text)
+
+
+def _follows(u: Array, y: Array) -> tuple[float, float] | None:
+    """Largest correlation of what is new in u with y before it, and its error."""
+    x = u - u.mean()
+    swing = float(np.ptp(x))
+    if swing == 0.0:
+        return None
+    columns = np.lib.stride_tricks.sliding_window_view(x, _ORDER + 1)[:, ::-1]
+    past = columns[:, 1:]
+    gram = past.T @ past
+    weights = np.linalg.solve(
+        gram + 1e-12 * np.trace(gram) * np.eye(_ORDER), past.T @ columns[:, 0]
+    )
+    new = columns[:, 0] - past @ weights
+    # a command that is rough by design tells nothing of noise
+    if float(np.std(new)) > _ROUGH * swing:
+        return None
+    # what is new at corners and jumps only is no noise
+    if float(np.median(np.abs(new))) / _GAUSSIAN < max(
+        _NOISELESS * swing, 0.3 * float(np.std(new))
+    ):
+        return None
+    along = np.lib.stride_tricks.sliding_window_view(y - y.mean(), _ORDER + 1)[:, ::-1]
+    of_y = along[:, 0] - along[:, 1:] @ weights
+    new, of_y = new - new.mean(), of_y - of_y.mean()
+    power = float(np.sqrt(np.sum(new * new) * np.sum(of_y * of_y)))
+    if power == 0.0:
+        return None
+    values = [abs(float(np.sum(new[lag:] * of_y[:-lag]))) / power for lag in range(1, _LAGS + 1)]
+    return max(values), 1.0 / float(np.sqrt(new.size))
+
+
+def clocks(stretches: Sequence[Periods]) -> Check:
+    """Lag of the displacement that grows with time: two clocks."""
+    name = "two clocks"
+    found = [skew for p in stretches if p.count >= _FEWEST_PERIODS and (skew := _skew(p))]
+    if not found:
+        return cannot_tell(
+            name,
+            "No record holds six steady periods, so it cannot be seen whether command and "
+            "{output} were sampled by one clock.",
+            "Record twenty periods or more of a sine.",
+        )
+    value, error, where = min(found, key=lambda entry: entry[1])
+    zone = zone_of(value, error, SKEW_PPM)
+    if zone == "yes":
+        text = f"In {where} the lag of the {{output}} changes by {digits(value, 3)} µs a second: command and {{output}} were sampled by two clocks, or their times are wrong."
+        return Check(
+            name, value, SKEW_PPM, "µs/s", zone, text, "Sample both channels by one clock."
+        )
+    said = "stays the same" if zone == "no" else f"changes by {pm(value, error)} µs a second"
+    end = "one clock." if zone == "no" else "too uncertain."
+    text = f"In {where} the lag of the {{output}} {said}: {end}"
+    step = "" if zone == "no" else "Record twenty periods or more of a sine."
+    return Check(name, value, SKEW_PPM, "µs/s", zone, text, step)
+
+
+def _skew(periods: Periods) -> tuple[float, float, str] | None:
+    u, y = (
+        np.fft.rfft(periods.folded(x), axis=1)[1:, 1]
+        for x in (periods.record.u_V, periods.record.y_um)
+    )
+    if np.min(np.abs(u)) <= 1e-3 * np.max(np.abs(u)) or not np.all(np.abs(y) > 0.0):
+        return None
+    angle = np.unwrap(np.angle(y / u))
+    if angle.size < 3:
+        return None
+    t = np.arange(angle.size) / periods.frequency_hz
+    t -= t.mean()
+    slope = float(t @ angle) / float(t @ t)
+    left = angle - angle.mean() - slope * t
+    error = float(np.sqrt(left @ left / max(angle.size - 2, 1) / (t @ t)))
+    scale = 1e6 / (2.0 * np.pi * periods.frequency_hz)
+    return -scale * slope, scale * error, periods.record.name
+
+
+HUM = "mains hum"
+HUM_SHARE = 0.25
+"""Amplitude of a line over the roughness of the displacement (rms)."""
+_MAINS_HZ = (50.0, 60.0)
+_HARMONICS = (1, 2, 3)
+_OFF = 0.01  # of its frequency: how far the mains may be off
+_ABOVE = 2.5  # times what other lines nearby reach
+_CHANCE = 2.6  # times the median: what noise reaches in one line of a hundred
+_SMALLEST = 1e-6  # of the stroke
+_CYCLES = 20  # of the mains that a stretch must hold
+_MOST_SAMPLES = 100_000
+_TWO_SECONDS = "Record two seconds at constant command, sampled at 500 Hz or more."
+
+
+@dataclass(frozen=True)
+class Line:
+    """Amplitude at a frequency, and the largest at the frequencies around it (µm)."""
+
+    frequency_hz: float
+    amplitude_um: float
+    around_um: float
+    where: str
+
+
+def mains_hum(
+    rests: Sequence[Rest], records: Sequence[Record], noise_um: float, stroke_um: float
+) -> Check:
+    """Look for lines of the mains in rests, or else in moving records beside their neighbours."""
+    lines = _lines_at_rest(rests) or [line for r in records for line in _lines_in_motion(r)]
+    if not lines:
+        return cannot_tell(
+            HUM,
+            "No stretch is sampled fast and long enough to show a line at 50 or 60 Hz.",
+            _TWO_SECONDS,
+        )
+    threshold = max(HUM_SHARE * noise_um, _SMALLEST * stroke_um)
+    best = max(lines, key=lambda line: line.amplitude_um / max(line.around_um, 1e-300))
+    clear = best.amplitude_um > _ABOVE * best.around_um
+    amplitude = in_output(best.amplitude_um)
+    if clear and best.amplitude_um >= threshold:
+        text = f"In {best.where} there is a line of {amplitude} at {best.frequency_hz:.4g} Hz, while frequencies around it have {in_output(best.around_um)} at most: mains hum."
+        return Check(
+            HUM, best.amplitude_um, threshold, "{output_unit}", "yes", text, "", ("mains_hum",)
+        )
+    if clear or max(line.around_um for line in lines if line.where == best.where) < threshold:
+        text = f"In {best.where} no line at 50 or 60 Hz or their harmonics stands out of the noise: no mains hum."
+        return Check(HUM, best.amplitude_um, threshold, "{output_unit}", "no", text)
+    text = f"In {best.where} a line at {best.frequency_hz:.4g} Hz has {amplitude}, which other frequencies nearby have too: nothing can be said about mains hum."
+    return Check(
+        HUM, best.amplitude_um, threshold, "{output_unit}", "cannot tell", text, _TWO_SECONDS
+    )
+
+
+def _lines_at_rest(rests: Sequence[Rest]) -> list[Line]:
+    long = [rest for rest in rests if rest.duration_s * _MAINS_HZ[0] >= _CYCLES]
+    fast = [rest for rest in long if rest.record.ts_s * _MAINS_HZ[1] < 0.45]
+    if not fast:
+        return []
+    rest = max(fast, key=lambda each: min(each.last - each.first, 20_000) / each.record.ts_s**0.2)
+    record = rest.record
+    skip = min(rest.first + (rest.last - rest.first) // 10, rest.last - 2) if rest.first else 0
+    where = f"the quiet record {record.name}" if record.is_quiet else f"a rest of {record.name}"
+    return _lines(record.y_um[skip : rest.last], record.ts_s, where, noise_only=True)
+
+
+def _lines_in_motion(record: Record) -> list[Line]:
+    """Lines that the displacement has and the command has not."""
+    if record.ts_s * _MAINS_HZ[1] >= 0.45 or record.u_V.size * record.ts_s * _MAINS_HZ[0] < _CYCLES:
+        return []
+    of_u = {line.frequency_hz: line for line in _lines(record.u_V, record.ts_s, record.name)}
+    return [
+        line
+        for line in _lines(record.y_um, record.ts_s, record.name)
+        if (excited := of_u.get(line.frequency_hz)) is None
+        or excited.amplitude_um < 2.0 * excited.around_um
+    ]
+
+
+def _lines(x: Array, ts_s: float, where: str, noise_only: bool = False) -> list[Line]:
+    x = x[:_MOST_SAMPLES]
+    t = np.linspace(-1.0, 1.0, x.size)
+    flat = x - np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, x, 3))
+    window = np.hanning(x.size)
+    amplitude = 2.0 * np.abs(np.fft.rfft(flat * window)) / window.sum()
+    step = 1.0 / (x.size * ts_s)
+    frequency = np.arange(amplitude.size) * step
+    found = []
+    for mains in _MAINS_HZ:
+        for harmonic in _HARMONICS:
+            f = mains * harmonic
+            if f > 0.45 / ts_s:
+                continue
+            off = np.abs(frequency - f)
+            reach = max(_OFF * f, step)
+            here = off <= reach
+            # the main lobe of the window is two steps wide to either side
+            around = (off > reach + 2.0 * step) & (off <= max(0.12 * f, reach + 20.0 * step))
+            around &= frequency > 4.0 * step
+            if here.any() and np.count_nonzero(around) >= 8:
+                at = np.flatnonzero(here)[np.argmax(amplitude[here])]
+                # among other lines of a wave the largest counts, in noise the typical one
+                others = amplitude[around]
+                reached = _CHANCE * np.median(others) if noise_only else others.max()
+                found.append(Line(f, float(amplitude[at]), float(reached), where))
+    return found

@@ -1,0 +1,1 @@
+"""Preprocessing: what is wrong with records before any model is asked, found and left out."""

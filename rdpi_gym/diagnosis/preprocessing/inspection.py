@@ -1,0 +1,289 @@
+"""Records looked through before any model is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rdpi_gym.diagnosis.features.cycles import half_cycles, steady_periods
+from rdpi_gym.diagnosis.features.noise import rough_part
+from rdpi_gym.diagnosis.notices import Code, Notice
+from rdpi_gym.diagnosis.preprocessing.command import lag, late_by, leads_by, moved, rebuilt_command
+from rdpi_gym.diagnosis.preprocessing.faults import (
+    MARGIN,
+    at_rail,
+    clipped_command,
+    output_rails,
+    silent,
+    spikes,
+)
+from rdpi_gym.diagnosis.preprocessing.finding import (
+    BoolArray,
+    Finding,
+    bridged,
+    counted,
+    joined_records,
+    widened,
+)
+from rdpi_gym.diagnosis.telling import told
+from rdpi_gym.measurement import MIN_SAMPLES, Dataset, Record
+from rdpi_gym.support.words import digits
+
+_FEWEST = 64  # samples of a record that can be judged
+_MOST = 0.9  # of the samples that count: a record that loses more is left as it is
+
+
+@dataclass(frozen=True, eq=False)
+class Inspected:
+    """A data set that was looked through.
+
+    Parameters
+    ----------
+    dataset
+        The same records. Where a sample is no measurement `error_mask` is False, and spikes,
+        dropouts and frozen stretches are bridged in straight lines, so that what looks at a whole
+        record is not misled by them. A command that was clipped is rebuilt from the displacement,
+        for the memory that it leaves.
+    findings
+        What was found, record by record.
+    openings
+        By record, the samples (``bool[N]``) at its beginning whose history nobody recorded. They
+        still count: whether they are worse than the rest, a fit has to say.
+    """
+
+    dataset: Dataset
+    findings: tuple[Finding, ...] = ()
+    openings: Mapping[str, BoolArray] = field(default_factory=dict)
+
+
+def inspect(dataset: Dataset) -> Inspected:
+    """Look for what is no measurement: spikes, dropouts, clipping, clocks that part."""
+    looked = {r.name: r for r in dataset.records if r.role != "test" and r.t_s.size >= _FEWEST}
+    bad = {name: ~r.error_mask for name, r in looked.items()}
+    findings: list[Finding] = []
+    records = dict(looked)
+    for name, record in looked.items():
+        outliers, farthest = spikes(record)
+        outliers &= record.error_mask
+        if outliers.any() and _may_lose(record, outliers):
+            findings.append(_spikes(record, outliers, farthest))
+            bad[name] = bad[name] | outliers
+            records[name] = replace(record, y_um=bridged(record.y_um, outliers))
+    moving = [r for r in records.values() if not r.is_quiet]
+    rails = output_rails(moving, [bad[r.name] for r in moving])
+    for record, ends in zip(moving, rails, strict=True):
+        clipped = at_rail(record, ends) & ~bad[record.name]
+        if clipped.any() and _may_lose(record, clipped | bad[record.name]):
+            findings.append(_clipped(record, clipped))
+            bad[record.name] = bad[record.name] | clipped
+    for name, record in tuple(records.items()):
+        lost, stuck = (widened(at, MARGIN) if at.any() else at for at in silent(record, bad[name]))
+        for kind, at in (("dropout", lost), ("frozen", stuck)):
+            new = at & ~bad[name]
+            if new.any() and _may_lose(record, new | bad[name]):
+                findings.append(_silent(record, kind, new))
+                bad[name] = bad[name] | new
+                records[name] = replace(
+                    records[name], y_um=bridged(records[name].y_um, at & ~_scored_out(record))
+                )
+    uncertain = set()
+    for record in [r for r in records.values() if not r.is_quiet]:
+        ended = clipped_command(record, bad[record.name])
+        unknown = ended & ~bad[record.name]
+        if unknown.any() and _may_lose(record, unknown | bad[record.name]):
+            rebuilt = rebuilt_command(record, ended, bad[record.name])
+            if rebuilt is not None:
+                records[record.name] = replace(record, u_V=rebuilt[0])
+            missed_V = None if rebuilt is None else rebuilt[1]
+            findings.append(_clipped_command(record, unknown, missed_V))
+            bad[record.name] = bad[record.name] | unknown
+            uncertain.add(record.name)
+    findings += _clocks(records, bad, uncertain)
+    openings = {}
+    moving = [r for r in records.values() if not r.is_quiet]
+    span_V = max((float(np.ptp(r.u_V)) for r in moving), default=0.0)
+    for record in moving:
+        start = opening(record)
+        if start is None:
+            continue
+        openings[record.name] = start
+        if begins_in_motion(record, start, span_V):
+            findings.append(_in_motion(record, start))
+    done = {
+        name: replace(record, error_mask=record.error_mask & ~bad[name])
+        for name, record in records.items()
+    }
+    return Inspected(
+        replace(dataset, records=tuple(done.get(r.name, r) for r in dataset.records)),
+        told(tuple(findings), dataset.quantities),
+        openings,
+    )
+
+
+def _may_lose(record: Record, bad: BoolArray) -> bool:
+    counts = int(record.error_mask.sum())
+    left = int((record.error_mask & ~bad).sum())
+    return left >= max(MIN_SAMPLES, (1.0 - _MOST) * counts)
+
+
+def _scored_out(record: Record) -> BoolArray:
+    return np.asarray(~record.error_mask)
+
+
+def _spikes(record: Record, at: BoolArray, farthest: float) -> Finding:
+    number = int(at.sum())
+    stand = "stand alone" if number > 1 else "stands alone"
+    their = "their" if number > 1 else "its"
+    sentence = (
+        f"{counted(number, record)} {stand}, up to {digits(farthest)} times the noise from {their} "
+        f"neighbours: outlier{'s' if number > 1 else ''}, left out."
+    )
+    return Finding.of("spikes", record.name, number, sentence, Notice(Code.CONTACTS))
+
+
+def _clipped(record: Record, at: BoolArray) -> Finding:
+    sentence = (
+        f"{counted(int(at.sum()), record)} stand at the end of the {{output}}'s range without "
+        "any noise: the sensor or its converter clips, left out."
+    )
+    step = Notice(Code.SENSOR_RANGE)
+    return Finding.of("clipped output", record.name, int(at.sum()), sentence, step)
+
+
+def _silent(record: Record, kind: str, at: BoolArray) -> Finding:
+    what = {
+        "dropout": "jump to one value and stay there: the sensor dropped out, left out.",
+        "frozen": "repeat one value exactly: the {output} was frozen, left out.",
+    }[kind]
+    sentence = f"{counted(int(at.sum()), record)} {what}"
+    return Finding.of(kind, record.name, int(at.sum()), sentence, Notice(Code.SENSOR))
+
+
+def _clipped_command(record: Record, at: BoolArray, missed_V: float | None) -> Finding:
+    sentence = (
+        f"{counted(int(at.sum()), record)} show a command that stands at its extreme while the "
+        "{output} goes on and comes back: the recorded command is clipped, left out; "
+    )
+    if missed_V is None:
+        sentence += (
+            "what was really commanded there is unknown, and the memory after it is uncertain."
+        )
+    else:
+        sentence += (
+            "what was commanded there was rebuilt from the {output}, which tells the rest of "
+            f"the command to {digits(missed_V)} {{input_unit}} rms."
+        )
+    step = Notice(Code.COMMAND_RANGE)
+    return Finding.of("clipped input", record.name, int(at.sum()), sentence, step)
+
+
+def _in_motion(record: Record, start: BoolArray) -> Finding:
+    sentence = (
+        f"{counted(int(start.sum()), record)} lie before the command has passed both of its "
+        "extremes: the record begins in motion, and what came before it is unknown."
+    )
+    step = Notice(Code.BEGIN_AT_REST)
+    return Finding.of("in motion", record.name, int(start.sum()), sentence, step)
+
+
+def _clocks(
+    records: dict[str, Record], bad: dict[str, BoolArray], uncertain: set[str]
+) -> list[Finding]:
+    """Move displacements that lead, in place; say what is late by samples."""
+    # where a part of the command is unknown, so is the memory that tells a lag
+    moving = [r for r in records.values() if not r.is_quiet and r.name not in uncertain]
+    lags = [each for r in moving if (each := lag(r, bad[r.name])) is not None]
+    leads = leads_by(lags)
+    found: list[Finding] = []
+    for name, samples in leads.items():
+        record = records[name]
+        y, lost = moved(record, samples)
+        records[name] = replace(record, y_um=y)
+        bad[name] = bad[name] | lost
+    groups: dict[float, list[str]] = {}
+    for name, samples in leads.items():
+        groups.setdefault(samples, []).append(name)
+    for samples, names in groups.items():
+        many = "sample" if samples == 1.0 else "samples"
+        sentence = (
+            f"{digits(samples, 3)} {many}: by so much the {{output}} of {joined_records(names)} "
+            "leads its command, which no plant does; it was moved later by that."
+        )
+        size = sum(records[name].t_s.size for name in names)
+        label = names[0] if len(names) == 1 else ""
+        found.append(Finding.of("clock", label, size, sentence, Notice(Code.ONE_CLOCK)))
+    late = late_by(lags)
+    if late > 0.0:
+        size = sum(r.t_s.size for r in moving)
+        sentence = (
+            f"{digits(late, 2)} samples: at least by so much the {{output}} is late in every "
+            "record, whatever its sampling time: a shift of the channels, and no delay of the plant."
+        )
+        found.append(Finding.of("clock", "", size, sentence, Notice(Code.ONE_CLOCK)))
+    return found
+
+
+# Of the swing: an extremum has been passed. The further ones count where the nearest is passed late.
+_NEAR = (0.02, 0.1, 0.2)
+# Of the record: what is left out never outweighs what a model is judged by. Where the last fiftieth
+# of the swing comes later, memory of nine tenths of it is known long before.
+_LONGEST = 0.5
+_FEWEST_LEFT = 16
+_WIDE = 0.3  # of the widest swing: memory shows
+_ALIKE_NOISE, _ALIKE = 2.0, 2e-3  # times the noise; of the stroke
+_SEEN_NOISE, _SEEN = 3.0, 0.01  # half of the way between branches, where there is memory
+_DEGREE = 5
+
+
+def opening(record: Record) -> BoolArray | None:
+    """Samples before the command has passed its extremes on both sides, where memory is unknown.
+
+    Only plays that are wider than the swing go on from before, and they do not move. Where the
+    extremes are passed late, most of the swing has to do: at most half of the record, and where even
+    that comes later, at most the first cycle and a quarter of the record.
+    """
+    u = record.u_V
+    swing = float(np.ptp(u))
+    passed = [
+        1 + max(int(np.argmax(u >= u.max() - near)), int(np.argmax(u <= u.min() + near)))
+        for near in (share * swing for share in _NEAR)
+    ]
+    edges = half_cycles(u, record.ts_s).edges
+    cycle = int(edges[3]) if edges.size > 3 else u.size
+    early = min(passed[0], cycle, u.size // 4)
+    last = max(early, next((end for end in passed if end <= _LONGEST * u.size), early))
+    mask = np.zeros(u.size, dtype=np.bool_)
+    mask[:last] = True
+    kept = int((record.error_mask & ~mask).sum())
+    if last < 3 or kept < _FEWEST_LEFT or not (mask & record.error_mask).any():
+        return None
+    return mask
+
+
+def begins_in_motion(record: Record, start: BoolArray, span_V: float) -> bool:
+    """Whether a record shows that it begins in motion.
+
+    Its periods are alike from the first one on although there is memory to be seen: the same
+    command ran before. A record without periods shows nothing; a fit has to say.
+    """
+    u, y = record.u_V, record.y_um
+    if float(np.ptp(u)) < _WIDE * span_V:
+        return False
+    periods = steady_periods(record, half_cycles(u, record.ts_s))
+    if periods is None or periods.first > 0:
+        return False
+    commands, rows = periods.folded(u)[0], periods.folded(y)
+    usual = rows[1:].mean(axis=0)
+    noise = rough_part(y)
+    # about the curve between the branches, a loop lies on the one side as the command rises
+    degree = min(_DEGREE, np.unique(commands.round(9)).size - 1)
+    single = np.polynomial.Polynomial.fit(commands, usual, degree)(commands)
+    apart = (usual - single) * np.sign(np.gradient(commands))
+    if abs(float(apart.mean())) < max(_SEEN_NOISE * noise, _SEEN * float(np.ptp(usual))):
+        return False
+    size = max(int(start.sum()), 3)
+    differ = rows[0, :size] - usual[:size]
+    allowed = max(_ALIKE_NOISE * noise, _ALIKE * float(np.ptp(usual)))
+    return bool(np.sqrt(np.mean(differ**2)) < allowed)

@@ -1,0 +1,212 @@
+"""From a refit to a plant: the threshold law of Eq. 8 where it costs little, and refits as they are reported."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rdpi_gym.diagnosis.results import Errors
+from rdpi_gym.diagnosis.search.candidates import SEARCH_SAMPLES, Outcome, Setting, assess, attempt
+from rdpi_gym.identification.jacobian import simulate_effects
+from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.measurement.quantities import template_of, unit_template
+from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.support.words import digits
+
+# Of the noise's variance and of the error's, what the law may cost and still be kept.
+_COST = 0.1
+_GRID = 24
+_SEARCH_PASSES = 3
+# Of δ1, relative, and the most steps on the way there.
+_RESOLUTION, _REFINEMENTS = 3e-4, 16
+# Most plays of a law where no model says how many, and the share of all weights that one carries.
+_MOST_PLAYS, _LEAST_WEIGHT = 14, 1e-3
+
+
+def in_few_numbers(
+    setting: Setting, outcome: Outcome, given: PlantModel[Any] | None, noise_um: float
+) -> tuple[Outcome, tuple[str, ...]]:
+    """Return the refit that a diagnosis ends with, and a sentence where there was a choice.
+
+    The RDPI model takes the threshold law of Eq. 8 where that costs little. Any other core loses the
+    thresholds without a weight where it is saved; the sentence says what is left.
+    """
+    assert outcome.fit is not None
+    core = outcome.fit.variant.hysteresis
+    if not isinstance(core, RDPI):
+        return outcome, (_said(core.slim()),)
+    own = given is not None and isinstance(given.hysteresis, RDPI)
+    plays = given.hysteresis.n if given is not None and own else None
+    law, sentence = _to_threshold_law(setting, outcome, plays, noise_um)
+    return law, (sentence,)
+
+
+def _said(core: Core) -> str:
+    shape = [(p, float(getattr(core, p.name))) for p in type(core).shape if not p.fixed]
+    numbers = [
+        f"{template_of(p.meaning)} {digits(v, 3)} {unit_template(p.unit)}".removesuffix(" 1")
+        for p, v in shape
+    ]
+    used = sum(gain != 0.0 for gain in core.gains)
+    return "; ".join([f"core {core.name}: {used} gains that are not zero", *numbers])
+
+
+def _to_threshold_law(
+    setting: Setting, outcome: Outcome, given: int | None, noise_um: float
+) -> tuple[Outcome, str]:
+    """Return the refit with the thresholds of Eq. 8 where they cost little, and what was decided."""
+    fit = outcome.fit
+    assert fit is not None
+
+    def found() -> Outcome:
+        best = _best_law(setting, fit, given or _MOST_PLAYS)
+        return assess(setting, "", best if given else _without_tail(best))
+
+    law = attempt(found)
+    if law.fit is None:
+        return outcome, f"the thresholds stay those of the comb: that of Eq. 8 {law.remark}"
+    plays = law.fit.variant.hysteresis.n
+    cost = law.mean_square - outcome.mean_square
+    allowed = _COST * (noise_um**2 + outcome.mean_square)
+    before, after = outcome.errors.validation_rmse_um, law.errors.validation_rmse_um
+    if cost <= allowed:
+        return law, (
+            f"thresholds of Eq. 8 with {plays} plays: validation error {after:.4g} {{output_unit}}, "
+            f"{before:.4g} {{output_unit}} on the comb of the diagnosis"
+        )
+    return outcome, (
+        f"the thresholds stay those of the comb ({before:.4g} {{output_unit}}): Eq. 8 with {plays} plays would "
+        f"leave {after:.4g} {{output_unit}} on validation records"
+    )
+
+
+def plant_of(setting: Setting, outcome: Outcome, given: PlantModel[Any] | None) -> PlantModel[Any]:
+    """Return a refit as a plant to save, without the thresholds that have no weight."""
+    assert outcome.fit is not None
+    fit = outcome.fit
+    variant = replace(fit.variant, hysteresis=fit.variant.hysteresis.slim())
+    record = setting.train[0]
+    y = simulate_effects([variant], record)[:, 0]
+    offset = float(np.mean((record.y_um - y)[record.error_mask]))
+    scale = setting.scale
+    span = 1.02 * scale.span_V
+    shown = [r.y_um[r.error_mask] for r in setting.train]
+    low, high = min(map(np.min, shown)), max(map(np.max, shown))
+    make: Callable[..., PlantModel[Any]] = PlantModel
+    return make(
+        hysteresis=variant.hysteresis,
+        name="discovered" if given is None else given.name,
+        command_range_V=(scale.centre_V - span, scale.centre_V + span)
+        if given is None
+        else given.command_range_V,
+        reference_um=(float(low + high) / 2, 0.45 * float(high - low))
+        if given is None
+        else given.reference_um,
+        offset_um=offset,
+        effects=variant.effects,
+        note="found by a diagnosis of measured records",
+        identification={
+            "train_rmse_um": outcome.errors.train_rmse_um,
+            "validation_rmse_um": outcome.errors.validation_rmse_um,
+            "standard_errors": dict(fit.standard_errors),
+            "at_bound": list(fit.at_bound),
+        },
+    )
+
+
+def _best_law(setting: Setting, fit: JointFit, plays: int) -> JointFit:
+    """Search δ1: a grid, for its optima are many, then Brent's method around the best."""
+    from scipy.optimize import minimize_scalar
+
+    span = setting.scale.span_V
+    a = _rdpi(fit)
+    best = fit
+
+    def attempt(log_delta1: float) -> float:
+        nonlocal best
+        start = RDPI.from_law((a.a0, *[a.S / plays] * plays), math.exp(log_delta1), a.delta2_s)
+        trial = fit_joint(
+            setting.train, start, fit.variant.effects, _SEARCH_PASSES, samples=SEARCH_SAMPLES
+        )
+        if best is fit or trial.train_rmse_um < best.train_rmse_um:
+            best = trial
+        return trial.train_rmse_um
+
+    grid = np.linspace(math.log(0.05 * span / plays), math.log(2.0 * span / plays), _GRID)
+    errors = [attempt(float(x)) for x in grid]
+    centre, width = float(grid[int(np.argmin(errors))]), float(grid[1] - grid[0])
+    minimize_scalar(
+        attempt, bounds=(centre - width, centre + width), method="bounded",
+        options={"xatol": _RESOLUTION, "maxiter": _REFINEMENTS},
+    )  # fmt: skip
+    return fit_joint(setting.train, best.variant.hysteresis, best.variant.effects)
+
+
+def _without_tail(fit: JointFit) -> JointFit:
+    """Drop the last plays of a law that carry next to nothing."""
+    h = _rdpi(fit)
+    carrying = np.flatnonzero(np.array(h.weights[1:]) > _LEAST_WEIGHT * h.S)
+    n = int(carrying[-1]) + 1 if carrying.size else 1
+    law = RDPI(h.weights[: n + 1], h.thresholds_V[:n], h.delta2_s, h.rate_bandwidth_hz)
+    return replace(fit, variant=replace(fit.variant, hysteresis=law))
+
+
+def _rdpi(fit: JointFit) -> RDPI:
+    core = fit.variant.hysteresis
+    assert isinstance(core, RDPI)
+    return core
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A model that was refitted whole, as a search goes through its candidates.
+
+    Parameters
+    ----------
+    effect, form
+        The candidate in it; an empty effect is the model that the candidates are added to, an empty
+        form the simplest.
+    plant
+        The model; None where no refit converged.
+    errors
+        What it leaves (µm rms).
+    parameters
+        Of the candidate.
+    standard_errors
+        Of every number that was fitted, as ``effect.parameter``, those of the core by their name
+        alone; None where the records do not fix it.
+    at_bound
+        Which of them ended at a bound.
+    remark
+        Why there is no refit.
+    """
+
+    effect: str
+    form: str
+    plant: PlantModel[Any] | None
+    errors: Errors
+    parameters: Mapping[str, float]
+    standard_errors: Mapping[str, float | None]
+    at_bound: tuple[str, ...] = ()
+    remark: str = ""
+
+
+OnCandidate: TypeAlias = Callable[[Refit], None]
+"""Called as soon as a refit is there, in the process that searches."""
+
+
+def refit_of(setting: Setting, outcome: Outcome, given: PlantModel[Any] | None) -> Refit:
+    """Return what a search found for one candidate."""
+    if outcome.fit is None:
+        nothing = Refit(outcome.effect, outcome.form, None, outcome.errors, {}, {})
+        return replace(nothing, remark=outcome.remark)
+    values = outcome.fitted.values if outcome.effect else {}
+    return Refit(
+        outcome.effect, outcome.form, plant_of(setting, outcome, given), outcome.errors, values,
+        dict(outcome.fit.standard_errors), tuple(outcome.fit.at_bound),
+    )  # fmt: skip

@@ -1,0 +1,129 @@
+"""Display of results: printing, a notebook's cell, axes, files."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from rdpi_gym.measurement import Quantities
+from rdpi_gym.support.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from rdpi_gym.report.chart import Chart
+
+_ROWS = 40
+"""Rows of a table that a notebook's cell shows."""
+
+
+class DisplayMixin:
+    """Display of a result: a subclass states its lines, its table and its chart.
+
+    A subclass is a frozen dataclass of one of the rooms below, this class before it among its bases.
+    """
+
+    saved_as: ClassVar[str]
+    """Names the class in a file."""
+    figure_inches: ClassVar[tuple[float, float]] = (9.0, 3.6)
+
+    def _lines(self) -> Sequence[str]:
+        """Return the result in lines, the answer first."""
+        raise NotImplementedError
+
+    def overview(self) -> pd.DataFrame:
+        """Return the table that a notebook and the terminal show: units in headings or cells."""
+        raise NotImplementedError
+
+    def _chart(self) -> Chart:
+        """Return the chart that a notebook's cell and :meth:`plot` show."""
+        raise NotImplementedError
+
+    def _quantities(self) -> Quantities:
+        found = getattr(self, "quantities", None)
+        return found if isinstance(found, Quantities) else Quantities()
+
+    def __repr__(self) -> str:
+        return "\n".join(map(self._quantities().fill, self._lines()))
+
+    def _repr_html_(self) -> str:
+        first, *rest = map(self._quantities().fill, self._lines())
+        parts = [f"<p><strong>{escape(first)}</strong></p>"]
+        if rest:
+            parts.append(f"<pre>{escape(chr(10).join(rest))}</pre>")
+        parts.append(self.overview().to_html(index=False, escape=True, max_rows=_ROWS, border=0))
+        picture = base64.b64encode(self._png()).decode()
+        parts.append(f'<img alt="{escape(first)}" src="data:image/png;base64,{picture}">')
+        return f"<div>{''.join(parts)}</div>"
+
+    def _png(self) -> bytes:
+        from rdpi_gym.report.chart_matplotlib import chart_png
+
+        return chart_png(self._chart(), self.figure_inches, 100, self._quantities().fill)
+
+    def plot(self) -> Any:
+        """Draw the result.
+
+        Returns
+        -------
+        matplotlib.axes.Axes, or an array of them
+            In a figure of their own, which a notebook shows; ``matplotlib.pyplot.show()`` does
+            elsewhere.
+        """
+        import matplotlib.pyplot as plt
+
+        from rdpi_gym.report.chart_matplotlib import draw_chart
+        from rdpi_gym.report.style import matplotlib_style
+
+        style: Any = matplotlib_style()
+        with plt.rc_context(style):
+            figure = plt.figure(figsize=self.figure_inches, layout="constrained")
+            return draw_chart(figure, self._chart(), self._quantities().fill)
+
+    def _table_in_units(self, frame: pd.DataFrame, *columns: str) -> pd.DataFrame:
+        """Fill the headings of a table, and the cells of columns, with the quantities of the result."""
+        fill = self._quantities().fill
+        for name in columns:
+            frame[name] = [fill(cell) for cell in frame[name]]
+        return frame.rename(columns={name: fill(str(name)) for name in frame.columns})
+
+    def save(self, path: Path | str) -> Path:
+        """Write the result to one file: arrays, and JSON for everything else.
+
+        Parameters
+        ----------
+        path
+            Ends in ``.npz``.
+
+        Returns
+        -------
+        Path
+            The path written; :meth:`load` and :func:`rdpi_gym.load_result` read it back.
+
+        Raises
+        ------
+        InputError
+            Another ending, or the file cannot be written.
+        """
+        from rdpi_gym.face.saving import write_result
+
+        return write_result(path, self.saved_as, self)
+
+    @classmethod
+    def load(cls, path: Path | str) -> Self:
+        """Read a result of this kind that :meth:`save` wrote; nothing in the file is run.
+
+        Raises
+        ------
+        InputError
+            The file is missing, damaged, no result, or a result of another kind.
+        """
+        from rdpi_gym.face.saving import read_result
+
+        found = read_result(path, {cls.saved_as: cls})
+        if not isinstance(found, cls):
+            raise InputError(f"{path} holds a {type(found).__name__}, no {cls.__name__}")
+        return found

@@ -1,0 +1,279 @@
+"""Descriptions of figures: panels, their marks and axes, from which both plotting libraries draw.
+
+Names are plain text; labels, titles and hover texts may hold fields of the user's quantities, as
+``{output_unit}``. Hover texts are written in Plotly's notation, and only pages show them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rdpi_gym.report.style import PALETTE
+from rdpi_gym.support.arrays import Array
+
+Dash = Literal["solid", "dash", "dot", "dashdot"]
+Side = Literal["x", "y"]
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A line, markers, or both.
+
+    Parameters
+    ----------
+    x, y
+        Numbers or names of categories; None or NaN interrupts the line. A single number as `x` is
+        the distance of the samples, from zero on.
+    name
+        Entry in the legend; without one there is none.
+    colour
+        Of the line and the markers.
+    dash
+        Of the line; None: markers alone.
+    width
+        Of the line, in pixels.
+    marker
+        Symbol, by Plotly's names; None: a line alone.
+    size
+        Of the markers, in pixels.
+    fill
+        Colours of the single markers, inside an edge of `colour`.
+    edge
+        Width of the markers' edge, in pixels.
+    group
+        Series of one group are hidden and shown together; the first is in the legend.
+    listed
+        Whether the legend has it.
+    visible
+        Whether it is drawn before it is chosen in the legend.
+    hover, data
+        Text beside a point, and the columns that it takes further values from; an empty text: none.
+    tagged
+        Whether the name stands beside the hover text.
+    errors
+        Lengths of error bars below and above each point, along `errors_along`.
+    area
+        Whether the area down to zero is shaded.
+    texts
+        Text above each point.
+    stepped
+        Whether the line goes in steps, with its treads about the points.
+    """
+
+    x: Any
+    y: Any
+    name: str = ""
+    colour: str = PALETTE[0]
+    dash: Dash | None = "solid"
+    width: float | None = None
+    marker: str | None = None
+    size: float = 6.0
+    fill: Any = None
+    edge: float = 1.5
+    group: str | None = None
+    listed: bool = True
+    visible: bool = True
+    hover: str | None = None
+    data: Any = None
+    tagged: bool = False
+    errors: tuple[Any, Any] | None = None
+    errors_along: Side = "y"
+    area: bool = False
+    texts: Sequence[str] | None = None
+    stepped: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Bars:
+    """Bars from zero: their places along one axis, their lengths along the other.
+
+    `colour` is one for all or one a bar; `names` are what the hover text calls them as
+    ``%{hovertext}``; `texts` stand in or beside the bars.
+    """
+
+    places: Any
+    lengths: Any
+    name: str = ""
+    colour: str | Sequence[str] = PALETTE[0]
+    horizontal: bool = True
+    width: float | None = None
+    errors: Any = None
+    hover: str | None = None
+    names: Sequence[str] | None = None
+    texts: Sequence[str] | None = None
+
+
+@dataclass(frozen=True)
+class Level:
+    """A straight line across a panel at one value of an axis, as a noise floor."""
+
+    value: float
+    name: str = ""
+    colour: str = PALETTE[0]
+    dash: Dash = "dash"
+    width: float = 1.2
+    along: Side = "y"
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Shaded stretches of an axis; `across`: over all panels of a figure."""
+
+    spans: Sequence[tuple[float, float]]
+    name: str = ""
+    colour: str = PALETTE[0]
+    opacity: float = 0.2
+    along: Side = "y"
+    across: bool = False
+
+
+@dataclass(frozen=True)
+class Note:
+    """A text at a place of a panel; None: at the end of that axis."""
+
+    x: float | str | None
+    y: float | str | None
+    text: str
+    colour: str
+    anchor: Literal["left", "center", "right"] = "left"
+    shift_px: float = 0.0
+
+
+Mark = Series | Bars | Level | Bands | Note
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis.
+
+    Parameters
+    ----------
+    label
+        Quantity and unit.
+    log
+        Whether it is logarithmic.
+    limits
+        Its ends, the first of which may be the larger.
+    from_zero
+        Whether it begins at zero.
+    ticks
+        Values and their texts; or ``"decades"``, or ``"1-2-5"`` of each decade.
+    categories
+        Names in their order, of an axis without numbers.
+    reversed
+        Whether the first category stands on top.
+    grid
+        Whether grid lines are drawn.
+    powers
+        Whether large and small numbers are written as powers of ten.
+    """
+
+    label: str = ""
+    log: bool = False
+    limits: tuple[float, float] | None = None
+    from_zero: bool = False
+    ticks: tuple[Sequence[float], Sequence[str]] | Literal["decades", "1-2-5"] | None = None
+    categories: Sequence[str] | None = None
+    reversed: bool = False
+    grid: bool = True
+    powers: bool = False
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One panel: its marks in the order in which they are drawn, its axes, its place in the grid."""
+
+    marks: Sequence[Mark]
+    x: Axis = Axis()
+    y: Axis = Axis()
+    title: str = ""
+    row: int = 1
+    column: int = 1
+    rows: int = 1
+    columns: int = 1
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A figure.
+
+    Parameters
+    ----------
+    panels
+        Of the figure.
+    height_px
+        On a page.
+    heights, widths
+        Parts of the rows and columns; equal ones by default.
+    shared
+        Axes that all panels of a column (``"x"``) or row (``"y"``) have in common.
+    gap
+        Between columns, as a part of the figure's width.
+    row_gap
+        Between rows, as a part of the figure's height.
+    legend
+        ``"above"`` the panels, or ``"below"`` in columns.
+    """
+
+    panels: Sequence[Panel]
+    height_px: int = 420
+    heights: Sequence[float] | None = None
+    widths: Sequence[float] | None = None
+    shared: str = ""
+    gap: float = 0.11
+    row_gap: float = 0.06
+    legend: Literal["above", "below"] = "above"
+
+
+def stacked(panels: Sequence[Panel], heights: Sequence[float], height_px: int) -> Chart:
+    """Return panels one below the other over one horizontal axis, whose label the last one has."""
+    placed = [replace(panel, row=row) for row, panel in enumerate(panels, start=1)]
+    return Chart(placed, height_px, heights=heights, shared="x")
+
+
+def side_by_side(panels: Sequence[Panel], height_px: int = 420, **options: Any) -> Chart:
+    """Return panels one beside the other."""
+    placed = [replace(panel, column=column) for column, panel in enumerate(panels, start=1)]
+    return Chart(placed, height_px, **options)
+
+
+def frequency_axis(frequencies_hz: Array, label: str = "Frequency (Hz)") -> Axis:
+    """Return a logarithmic axis of one decade at least: a single frequency has ticks too."""
+    x = np.log10(frequencies_hz)
+    margin = max(0.06, 0.5 * (1.0 - float(np.ptp(x))))
+    low, high = float(x.min()) - margin, float(x.max()) + margin
+    steps = (1.0, 2.0, 5.0) if high - low < 2.5 else (1.0,)
+    return Axis(
+        label, log=True, limits=(10.0**low, 10.0**high), ticks=decade_ticks(low, high, steps)
+    )
+
+
+def decade_ticks(
+    low: float, high: float, steps: Sequence[float] = (1.0, 2.0, 5.0)
+) -> tuple[list[float], list[str]]:
+    """Return ticks at multiples of the powers of ten between two exponents, with their texts."""
+    decades = 10.0 ** np.arange(np.floor(low), np.ceil(high))
+    ticks = np.outer(decades, steps).ravel().tolist()
+    return ticks, [f"{tick:.4g}" for tick in ticks]
+
+
+def limits_of(*values: Array) -> tuple[float, float]:
+    """Return the limits of an axis that shows all values, with a margin."""
+    low, high = min(map(np.min, values)), max(map(np.max, values))
+    margin = 0.06 * float(high - low) or 1.0
+    return float(low) - margin, float(high) + margin
+
+
+def single(values: Array) -> NDArray[np.float32]:
+    """Return values in single precision: finer than a screen, and half the bytes on a page."""
+    return np.asarray(values, dtype=np.float32)
+
+
+def short_name(name: str, most: int = 34) -> str:
+    """Return a name for an axis or a legend, cut where it is long."""
+    return name if len(name) <= most else f"{name[: most - 1]}…"

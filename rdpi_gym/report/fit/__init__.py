@@ -1,1 +1,0 @@
-"""Picture and page of an identified model."""

@@ -1,1 +1,0 @@
-"""Pictures and page of measured records, before any model."""

@@ -1,1 +1,0 @@
-"""What a discovered belief is worth to a compensator, drawn."""

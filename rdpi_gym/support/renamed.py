@@ -1,0 +1,67 @@
+"""Former names of public modules: each imports for one release, with a DeprecationWarning.
+
+A former name is only looked up where Python has found no module of that name.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+# One line a module: its former name, and the name it has now.
+_TABLE = """
+"""
+
+
+class FormerNames(MetaPathFinder, Loader):
+    """Finder of modules by their former names.
+
+    Parameters
+    ----------
+    table
+        Lines of a former and a present name.
+    """
+
+    def __init__(self, table: str = _TABLE) -> None:
+        self._present = dict(line.split() for line in table.strip().splitlines())
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Find a former name, or a package that former names are in."""
+        within = any(name.startswith(f"{fullname}.") for name in self._present)
+        if not within and fullname not in self._present:
+            return None
+        return ModuleSpec(fullname, self, is_package=within)
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """Return a module whose attributes are those of the module of today."""
+        module = ModuleType(spec.name)
+        if spec.name in self._present:
+            present = self._present[spec.name]
+            warnings.warn(
+                f"{spec.name} is now {present}; the former name goes with the next release",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            source = import_module(present)
+            vars(module).update(
+                {name: value for name, value in vars(source).items() if name[:2] != "__"}
+            )
+            module.__doc__ = source.__doc__
+            module.__getattr__ = lambda name: getattr(source, name)  # type: ignore[method-assign]
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Run nothing: the module of today has run."""
+
+
+def accept_former_names() -> None:
+    """Let former names import, after every other way of finding a module."""
+    if not any(isinstance(finder, FormerNames) for finder in sys.meta_path):
+        sys.meta_path.append(FormerNames())
