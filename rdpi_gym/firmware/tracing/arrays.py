@@ -209,7 +209,7 @@ class Store:
         self, recording: Recording, text: str, size: int, kind: Kind = "real", local: bool = True
     ) -> None:
         self.recording, self.text, self.size, self.kind = recording, text, size, kind
-        self.names = (text,) if local else ()
+        self.names: tuple[str, ...] = (text,) if local else ()
 
     def element(self, place: int) -> str:
         """Return the text of one element."""

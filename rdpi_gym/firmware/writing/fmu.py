@@ -356,8 +356,12 @@ def _interface_text(fmi: FmiVersion, header: str) -> str:
         header = header.replace(macro[0], "")
         header += "".join(f"{access.replace('##type', kind)};\n" for kind in kinds)
     prototypes = re.findall(r"FMI\d_Export\s+(\w+)\s+(\w+)\(([^;]*)\);", header)
-    missing = [each for each in prototypes if f" {each[1]}(" not in own]
-    return own.replace("@REFUSALS@", "\n".join(_refusal(*each, words["F"]) for each in missing))
+    refusals = [
+        _refusal(returns, name, parameters, words["F"])
+        for returns, name, parameters in prototypes
+        if f" {name}(" not in own
+    ]
+    return own.replace("@REFUSALS@", "\n".join(refusals))
 
 
 def _refusal(returns: str, name: str, parameters: str, prefix: str) -> str:
