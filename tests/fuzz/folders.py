@@ -134,7 +134,7 @@ def _session(folder: Path) -> None:
 
 def _go_on(folder: Path) -> Any:
     """Open a session, tell its state, and write to its journal and settings."""
-    from rdpi_gym.laboratory.bringing import read, write_settings
+    from rdpi_gym.laboratory.data_import import read, write_settings
     from rdpi_gym.laboratory.session import Session
 
     told = readers.read_journal(folder)
@@ -144,14 +144,14 @@ def _go_on(folder: Path) -> Any:
 
 
 def _copy_in(folder: Path) -> Any:
-    from rdpi_gym.laboratory.bringing import copy_in
+    from rdpi_gym.laboratory.data_import import copy_in
 
     return copy_in(folder, folder.parent / "taken")
 
 
 def _copy_over(folder: Path) -> Any:
     """Copy into a folder whose entries are attacked."""
-    from rdpi_gym.laboratory.bringing import copy_in
+    from rdpi_gym.laboratory.data_import import copy_in
 
     with tempfile.TemporaryDirectory() as name:
         _records(Path(name))
