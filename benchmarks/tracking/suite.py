@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from benchmarks.tracking import references as folder
 from benchmarks.tracking.case import Case, References
-from rdpi_gym.support.members import modules_of
+from rdpi_gym.support.plugins import modules_of
 
 SUITE_VERSION = 2
 SEEDS = 5

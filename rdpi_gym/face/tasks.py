@@ -16,7 +16,7 @@ from benchmarks.stages.tables import TaskScores
 from benchmarks.tracking.learned import shipped_policies
 from benchmarks.tracking.own import Made, named
 from rdpi_gym.envs.tasks import TASKS
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 

@@ -14,10 +14,9 @@ from typing import Any, get_type_hints
 from rdpi_gym import face
 from rdpi_gym.laboratory.data_import import REFUSED, read
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.support.checked import check_type
+from rdpi_gym.support.checks import check_type
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import BINARY, NO_LINK, parse_json, read_bytes, write_all
-from rdpi_gym.support.folders import check_plain
+from rdpi_gym.support.files import BINARY, NO_LINK, check_plain, parse_json, read_bytes, write_all
 from rdpi_gym.support.words import quoted, some
 
 Entry = Mapping[str, Any]

@@ -23,8 +23,7 @@ import numpy as np
 
 from rdpi_gym.measurement import load
 from rdpi_gym.plant import P5
-from rdpi_gym.support.files import write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.files import replaced_folder, write_atomic, write_json
 from rdpi_gym.support.store import named_rows
 from tests.fuzz import readers
 from tests.fuzz.readers import Case, Learner, Subject

@@ -13,7 +13,7 @@ from rdpi_gym.plant import CORES, P5, RDPI, Plant, PlantModel
 from rdpi_gym.plant.cores import base
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.members import Members
+from rdpi_gym.support.plugins import Members
 
 TS_S = 1e-4
 
