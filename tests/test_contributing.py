@@ -5,7 +5,8 @@ import re
 
 import pytest
 
-from tests.copied import ROOT, add, copied, failures, python
+from tests.copied import add, copied, failures, python
+from tests.plant.additions import CORE, EFFECT
 
 SIGNAL = '''"""Trapezoid: a triangle whose turns are cut off."""
 
@@ -34,24 +35,26 @@ class Trapezoid(Periodic):
         slope = np.where((place < 0.5) | (place >= 3.5), 2.0, 0.0) - 2.0 * ((place >= 1.5) & (place < 2.5))
         return 4.0 * self.frequency_hz * slope
 '''
-CONTROLLER = '''"""``cautious-gain``: the static gain, a little smaller."""
+CONTROLLER = '''"""``half-rate-inverse``: the classical inverse that believes half of the rate dependence."""
 
-from baselines.static_gain import StaticGain
+from dataclasses import replace
+
+from baselines.classical import ClassicalReferenceRate
 
 
-class CautiousGain(StaticGain):
-    """u(k) = 0.98 (r(k) - offset) / gain."""
+class HalfRateInverse(ClassicalReferenceRate):
+    """The classical inverse at the reference's rate, with half of δ2."""
 
-    name = "cautious-gain"
+    name = "half-rate-inverse"
 
-    def _packed(self):
-        return 0.98 * super()._packed()
+    def compensator_model(self, hysteresis):
+        return replace(hysteresis, delta2_s=0.5 * hysteresis.delta2_s)
 '''
-CORE = (ROOT / "tests/plant/test_new_core.py").read_text(encoding="utf-8").split("'''")[1]
 JOBS = {
     "signal": {"rdpi_gym/signals/trapezoid.py": SIGNAL},
-    "controller": {"baselines/cautious_gain.py": CONTROLLER},
-    "core": {"rdpi_gym/plant/cores/bent.py": CORE},
+    "controller": {"baselines/half_rate_inverse.py": CONTROLLER},
+    "core": CORE,
+    "effect": EFFECT,
 }
 """Files that each job adds."""
 
@@ -62,13 +65,14 @@ import baselines, rdpi_gym as rg
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.plant import CORES
+from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import SIGNALS
 
 scores = rg.benchmark(
-    ["none", "cautious-gain"], plants=["P5"], references=["sine"], ts_s=[1e-3], seeds=1, jobs=1
+    ["none", "half-rate-inverse"], plants=["P5"], references=["sine"], ts_s=[1e-3], seeds=1, jobs=1
 )
 print(json.dumps({
-    "package": rg.__file__, "signals": list(SIGNALS), "cores": list(CORES),
+    "package": rg.__file__, "signals": list(SIGNALS), "cores": list(CORES), "effects": list(CATALOGUE),
     "controllers": list(scores.ranking["controller"]), "sentence": text_of(Notice(Code.STILL)),
 }))
 """
@@ -99,7 +103,8 @@ def test_a_new_file_is_found_without_a_list(copy):
     assert said["package"].startswith(str(copy))
     assert "trapezoid" in said["signals"]
     assert "bent" in said["cores"]
-    assert "cautious-gain" in said["controllers"]
+    assert "bend" in said["effects"]
+    assert "half-rate-inverse" in said["controllers"]
     assert said["sentence"] == "Nothing moves."
 
 

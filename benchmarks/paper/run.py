@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmarks.paper.cases import SWEEP, Case, Claim, paper_cases, section_iii
-from benchmarks.paper.gain import StaticRun, static_runs
-from benchmarks.paper.implementation import Implementation, implementations
 from benchmarks.paper.readings import READINGS, Reading
 from benchmarks.paper.stability import (
     Divergence,
@@ -17,6 +15,7 @@ from benchmarks.paper.stability import (
     zero_rad_s,
 )
 from benchmarks.paper.tracking import PERIODS, Sine, Tracking, track
+from benchmarks.paper.variants import Implementation, StaticRun, implementations, static_runs
 from benchmarks.paper.verdicts import judge, judge_series
 from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B, RDPI
 from rdpi_gym.support.errors import InputError

@@ -10,10 +10,10 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 
 from benchmarks.paper.cases import LOOP_SAMPLES, SECTION_V, Claim, section_iii
-from benchmarks.paper.gain import identified_g
 from benchmarks.paper.run import DIVERGENCE_TS_S, PLANTS, SECTIONS, PaperResults
 from benchmarks.paper.stability import Side
 from benchmarks.paper.tracking import Tracking
+from benchmarks.paper.variants import identified_g
 from benchmarks.paper.verdicts import judge_limit, judge_static
 from rdpi_gym.plant import PAPER_CONVERTER, PAPER_SENSOR
 

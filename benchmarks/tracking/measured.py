@@ -11,8 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from baselines import FULL_PREVIEW, ControllerFactory, make_controller
-from benchmarks.tracking.learned import is_learned
-from benchmarks.tracking.own import Made
+from benchmarks.tracking.controllers import Made, is_learned
 from benchmarks.tracking.scoring import ERROR, one_line
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data

@@ -22,11 +22,15 @@ from baselines import (
     needed_core,
 )
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
-from benchmarks.tracking.learned import corrected_by, is_learned, shipped_policies, trained_at_s
-from benchmarks.tracking.own import Made
+from benchmarks.tracking.controllers import (
+    Made,
+    corrected_by,
+    is_learned,
+    shipped_policies,
+    trained_at_s,
+)
 from benchmarks.tracking.scoring import one_line
-from benchmarks.tracking.stages import Stage, make_stage
-from benchmarks.tracking.suite import REFERENCES, SEEDS
+from benchmarks.tracking.stages import REFERENCES, SEEDS, Stage, make_stage
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import PLANTS, PlantModel, check_ts, find_plant
 from rdpi_gym.plant.cores.base import Core
@@ -101,7 +105,7 @@ class Selection:
     stages
         Plants, each with its sampling times.
     references
-        Names of :data:`~benchmarks.tracking.suite.REFERENCES`.
+        Names of :data:`~benchmarks.tracking.stages.REFERENCES`.
     seeds
         Seeds; 0 is the nominal plant.
     notes

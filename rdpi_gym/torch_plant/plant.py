@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from rdpi_gym.plant import Plant, PlantModel
+from rdpi_gym.plant.cores.base import pack
 from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.plant.effects.base import Slot
-from rdpi_gym.plant.packing import pack
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.torch_plant.translation import Lanes, UntranslatableError

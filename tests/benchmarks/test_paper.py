@@ -17,7 +17,6 @@ from benchmarks.paper.cases import (
     paper_cases,
     section_iii,
 )
-from benchmarks.paper.gain import StaticRun, identified_g, static_plant
 from benchmarks.paper.readings import READINGS
 from benchmarks.paper.stability import (
     divergence,
@@ -27,6 +26,7 @@ from benchmarks.paper.stability import (
     zero_rad_s,
 )
 from benchmarks.paper.tracking import Sine, Tracking, track
+from benchmarks.paper.variants import StaticRun, identified_g, static_plant
 from benchmarks.paper.verdicts import (
     falls,
     judge_bound,

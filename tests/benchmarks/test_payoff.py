@@ -12,9 +12,14 @@ import pytest
 
 from benchmarks.payoff import __main__ as command
 from benchmarks.payoff import beliefs, scores
-from benchmarks.payoff.beliefs import BELIEFS, make_beliefs, stored_beliefs
+from benchmarks.payoff.beliefs import (
+    BELIEFS,
+    HIDDEN_PLANTS,
+    HiddenPlant,
+    make_beliefs,
+    stored_beliefs,
+)
 from benchmarks.payoff.charts import payoff_picture, payoff_section
-from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
 from benchmarks.payoff.tables import payoff_part, payoff_summary, payoff_text, summary_view
 from benchmarks.tracking import selection
 from benchmarks.tracking.leaderboard import COLUMNS

@@ -152,7 +152,7 @@ def candidates() -> Job:
 
 def benchmark() -> Job:
     """`rdpi bench` of two controllers on one reference, row by row and its table."""
-    from benchmarks.tracking.rows import open_rows
+    from benchmarks.rows import TRACKING
     from benchmarks.tracking.run import benchmark as run
     from benchmarks.tracking.selection import select
 
@@ -165,7 +165,7 @@ def benchmark() -> Job:
         write_atomic(folder / "out" / "table.json", json.dumps(lines))
 
     def read(folder: Path) -> Any:
-        scores = open_rows(folder / "out").rows
+        scores = TRACKING.open(folder / "out").rows
         found = {key: [row[name] for name in columns] for key, row in scores.items()}
         table = folder / "out" / "table.json"
         return found | ({"table": json.loads(table.read_text())} if table.exists() else {})

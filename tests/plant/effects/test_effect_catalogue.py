@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -10,7 +11,16 @@ import pytest
 
 import rdpi_gym.plant.effects as room
 from rdpi_gym.plant import P5, Plant, PlantModel
-from rdpi_gym.plant.effects import CATALOGUE, SLOTS, Effect, catalogue, load_effect
+from rdpi_gym.plant.effects import (
+    CATALOGUE,
+    SLOTS,
+    Effect,
+    Parameter,
+    catalogue,
+    check_effect,
+    forms_of,
+    load_effect,
+)
 from rdpi_gym.plant.effects.description import describe, page, pages
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
@@ -201,3 +211,72 @@ def test_importing_the_room_imports_no_effect_and_nothing_heavy():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert result.stdout.strip() == "[]"
+
+
+def own_forms():
+    @dataclass(frozen=True)
+    class Sag(Effect):
+        share: float = 0.02
+
+        name, slot, order = "sag", "output", 15
+        parameters = (Parameter("share", "1", 0.0, 0.5, (0.01, 0.05), "share", 0.0),)
+        equation, source = "y = (1 - s) y_m", "Springs in series."
+        signature, experiment, mistaken_for = "Less of all.", "Any.", ("gain_drift",)
+        block = staticmethod(lambda x, u, p, state, ts, y: None)
+
+        def coefficients(self, ts_s, hysteresis):
+            return list(self.values.values())
+
+        def state_rows(self, ts_s):
+            return 0
+
+    @dataclass(frozen=True)
+    class Bent(Sag, of=Sag):
+        share: float = 0.02
+        bend: float = 0.0
+
+        form = "bent"
+        parameters = (*Sag.parameters, Parameter("bend", "1", -1.0, 1.0, (0.0, 0.1), "bend", 0.0))
+
+    return Sag, Bent
+
+
+def test_a_form_is_found_from_any_other_and_shares_what_it_does_not_state():
+    simplest, bent = own_forms()
+    assert forms_of(simplest) == forms_of(bent) == (simplest, bent)
+    assert (bent.name, bent.slot, bent.order, bent.source) == ("sag", "output", 15, simplest.source)
+    assert (simplest.full_name(), bent.full_name()) == ("sag", "sag, bent")
+    assert check_effect(simplest, "own") is simplest
+
+
+def test_a_form_has_what_a_base_that_it_shares_states_before_what_the_simplest_does():
+    simplest, _ = own_forms()
+
+    class Arch(Effect):
+        source, cause = "Arches.", "An arch gives way."
+
+    @dataclass(frozen=True)
+    class Arched(Arch, simplest, of=simplest):
+        share: float = 0.02
+
+        form, cause = "arched", "It is arched."
+
+    assert (Arched.source, Arched.cause) == ("Arches.", "It is arched.")
+    assert (Arched.name, Arched.signature) == ("sag", simplest.signature)
+    third = load_effect("sensor_lag", "third order")
+    assert third.source.startswith("Filters of Bessel")
+    assert third.cause.startswith("A filter in front of a converter")
+    assert third.remedy == CATALOGUE["sensor_lag"].remedy
+
+
+def test_a_form_that_is_not_whole_is_refused_with_its_effect():
+    simplest, bent = own_forms()
+    bent.form = ""
+    with pytest.raises(InputError, match="each has the name 'sag' and a form of its own"):
+        check_effect(simplest, "own")
+    bent.form, bent.name = "bent", "sagging"
+    with pytest.raises(InputError, match="bent' of sagging; each has the name 'sag'"):
+        check_effect(simplest, "own")
+    bent.name, bent.parameters = "sag", bent.parameters[:1]
+    with pytest.raises(InputError, match="own, form 'bent' has the fields"):
+        check_effect(simplest, "own")

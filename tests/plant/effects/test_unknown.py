@@ -1,12 +1,11 @@
 """The unknown block in each of its forms: a stage like any other, found by name and not listed."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from baselines.inverses import Setting, inverse_of
-from rdpi_gym.plant import P5, Plant, PlantModel
+from rdpi_gym.plant import P5, Plant
 from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
 from rdpi_gym.plant.effects.unknown import Unknown, is_even
 from rdpi_gym.plant.effects.unknown_places import TERMS, unknown_block
@@ -23,21 +22,6 @@ def small(form, seed=0):
     rng, start = np.random.default_rng(seed), form.starts(SCALE)[0]
     own = {p.name: rng.uniform(-0.04, 0.04) for p in form.parameters if p.neutral is not None}
     return start.with_values(own)
-
-
-@over("form", FORMS)
-def test_a_form_is_a_stage_of_the_plant(form):
-    plants = [replace(P5, effects=(small(form, seed),)) for seed in range(3)]
-    commands = np.repeat(U[:, None], 3, axis=1)
-    whole = Plant(plants, TS, lanes=3).simulate(commands)
-    pieces = Plant(plants, TS, lanes=3)
-    parts = [pieces.simulate(commands[a:b]) for a, b in pairwise([0, 1, 57, len(U)])]
-    np.testing.assert_array_equal(np.concatenate(parts), whole)
-    for lane, plant in enumerate(plants):
-        alone = Plant(PlantModel.from_dict(plant.to_dict()), TS).simulate(U)
-        np.testing.assert_allclose(alone, whole[:, lane], rtol=0, atol=1e-12)
-    still = Plant(replace(P5, effects=form.starts(SCALE)[:1]), TS).simulate(U)
-    np.testing.assert_array_equal(still, Plant(P5, TS).simulate(U))
 
 
 def test_it_is_found_by_its_name_and_no_search_has_it():

@@ -1,18 +1,24 @@
-"""Trained policies among the controllers that are scored."""
+"""Controllers beside the registered ones: trained policies, and objects of a user."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import baselines
-from baselines import LEARNED, policy_of
+from baselines import CONTROLLERS, LEARNED, Controller, ControllerFactory, policy_of
+from rdpi_gym.envs import ObservationLayout
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 
 if TYPE_CHECKING:
     from baselines.learned.imitation.policy import StudentPolicy
     from baselines.learned.policy import Policy
+
 
 POLICIES = Path(baselines.__file__).parent / "learned" / "policies"
 """Where the policies of this release lie, each in a folder of its name."""
@@ -58,3 +64,47 @@ def policy_bytes(controller: str) -> bytes:
     shipped = POLICIES / name / _DESCRIPTION
     path = shipped if shipped.is_file() else Path(name) / _DESCRIPTION
     return path.read_bytes() if path.is_file() else b""
+
+
+@dataclass(frozen=True)
+class Made:
+    """A controller that was made with a belief and a layout of its own; it is scored as it is.
+
+    Parameters
+    ----------
+    controller
+        With ``predict``.
+    layout
+        What it is shown; its sampling time is the one that it is scored at.
+    """
+
+    controller: Controller
+    layout: ObservationLayout
+
+    def __call__(self, belief: PlantModel, layout: ObservationLayout) -> Controller:
+        """Return the controller; what the benchmark would have it believe does not matter."""
+        return self.controller
+
+
+def named(controllers: Sequence[Any]) -> Mapping[str, ControllerFactory]:
+    """Name callables and controllers, and return what makes each."""
+    found: dict[str, ControllerFactory] = {}
+    for each in controllers:
+        if isinstance(each, Controller) and not isinstance(each, type):
+            layout = getattr(each, "layout", None)
+            if not isinstance(layout, ObservationLayout):
+                raise InputError(
+                    f"controller {shown(each)} has no layout; give a callable (belief, layout) that makes it"
+                )
+            label, factory = f"{type(each).__name__} (made)", Made(each, layout)
+        elif callable(each):
+            label, factory = str(getattr(each, "__name__", type(each).__name__)), each
+        else:
+            raise InputError(
+                f"controller {shown(each)}: give a name, a callable (belief, layout), or a controller"
+            )
+        count = 1
+        while (name := label if count == 1 else f"{label} {count}") in {*found, *CONTROLLERS}:
+            count += 1
+        found[name] = factory
+    return found
