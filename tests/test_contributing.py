@@ -5,7 +5,8 @@ import re
 
 import pytest
 
-from tests.copied import ROOT, add, copied, failures, python
+from tests.copied import add, copied, failures, python
+from tests.plant.effects.test_new_effect import FILES as EFFECT_AND_CORE
 
 SIGNAL = '''"""Trapezoid: a triangle whose turns are cut off."""
 
@@ -49,14 +50,12 @@ class HalfRateInverse(ClassicalReferenceRate):
     def compensator_model(self, hysteresis):
         return replace(hysteresis, delta2_s=0.5 * hysteresis.delta2_s)
 '''
-CORE = (ROOT / "tests/plant/test_new_core.py").read_text(encoding="utf-8").split("'''")[1]
 JOBS = {
     "signal": {"rdpi_gym/signals/trapezoid.py": SIGNAL},
     "controller": {"baselines/half_rate_inverse.py": CONTROLLER},
-    "core": {"rdpi_gym/plant/cores/bent.py": CORE},
+    "effect and core": EFFECT_AND_CORE,
 }
 """Files that each job adds."""
-
 SENTENCE = re.compile(r'(Code\.STILL: )"[^"]*"')
 ASK = """
 import json

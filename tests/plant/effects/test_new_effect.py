@@ -5,15 +5,10 @@ the effect, and another runs the tests that range over effects or cores.
 """
 
 import json
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
+from tests.copied import add, copied, failures, python
 
 FILES = {
     "rdpi_gym/plant/effects/bend.py": '''"""Bend: a lever whose ratio changes with its angle."""
@@ -259,31 +254,17 @@ print(json.dumps(said))
 '''
 
 
-def run(home: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, *words], cwd=home, capture_output=True, text=True, encoding="utf-8",
-        env={**os.environ, "PYTHONPATH": str(home), "PYTHONIOENCODING": "utf-8"},
-    )  # fmt: skip
-
-
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
-    home = tmp_path_factory.mktemp("copy")
-    for path in ROOT.iterdir():
-        if path.is_file():
-            shutil.copy2(path, home)
-        elif path.name in ("rdpi_gym", "baselines", "benchmarks", "studies", "tests", "docs"):
-            shutil.copytree(path, home / path.name)
-    for name, text in FILES.items():
-        assert not (home / name).exists()
-        (home / name).write_text(text, encoding="utf-8")
+    home = copied(tmp_path_factory.mktemp("copy") / "home")
+    add(home, FILES)
     return home
 
 
 @pytest.fixture(scope="module")
 def said(home):
     (home / "ask.py").write_text(SCRIPT, encoding="utf-8")
-    result = run(home, "ask.py")
+    result = python(home, "ask.py")
     assert result.returncode == 0, result.stderr[-3000:]
     answer = json.loads(result.stdout.splitlines()[-1])
     assert answer["package"] == str(home / "rdpi_gym")
@@ -318,6 +299,4 @@ def test_a_compensator_that_knows_it_undoes_it(said):
 
 
 def test_every_test_that_ranges_over_effects_or_cores_passes(home):
-    words = ("-q", "-m", "not slow", "-p", "no:cacheprovider", "--no-header", *TESTS)
-    result = run(home, "-m", "pytest", *words)
-    assert result.returncode == 0, result.stdout[-6000:]
+    assert failures(home, TESTS) == []
