@@ -6,7 +6,7 @@ import re
 import pytest
 
 from tests.copied import add, copied, failures, python
-from tests.plant.effects.test_new_effect import FILES as EFFECT_AND_CORE
+from tests.plant.additions import CORE, EFFECT
 
 SIGNAL = '''"""Trapezoid: a triangle whose turns are cut off."""
 
@@ -79,9 +79,11 @@ JOBS = {
     "task": {"rdpi_gym/envs/tasks/stiff.py": TASK},
     "signal": {"rdpi_gym/signals/trapezoid.py": SIGNAL},
     "controller": {"baselines/half_rate_inverse.py": CONTROLLER},
-    "effect and core": EFFECT_AND_CORE,
+    "core": CORE,
+    "effect": EFFECT,
 }
 """Files that each job adds."""
+
 SENTENCE = re.compile(r'(Code\.STILL: )"[^"]*"')
 ASK = """
 import json
@@ -89,13 +91,14 @@ import baselines, rdpi_gym as rg
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.plant import CORES
+from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import SIGNALS
 
 scores = rg.benchmark(
     ["none", "half-rate-inverse"], plants=["P5"], references=["sine"], ts_s=[1e-3], seeds=1, jobs=1
 )
 print(json.dumps({
-    "package": rg.__file__, "signals": list(SIGNALS), "cores": list(CORES),
+    "package": rg.__file__, "signals": list(SIGNALS), "cores": list(CORES), "effects": list(CATALOGUE),
     "controllers": list(scores.ranking["controller"]), "sentence": text_of(Notice(Code.STILL)),
 }))
 """
@@ -177,6 +180,7 @@ def test_a_new_file_is_found_without_a_list(copy):
     assert said["package"].startswith(str(copy))
     assert "trapezoid" in said["signals"]
     assert "bent" in said["cores"]
+    assert "bend" in said["effects"]
     assert "half-rate-inverse" in said["controllers"]
     assert said["sentence"] == "Nothing moves."
 

@@ -14,7 +14,7 @@ from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.joint import NO_FIT
-from rdpi_gym.identification.kinds import beside, judged_way, told_apart
+from rdpi_gym.identification.kinds import beside, compare_kinds, held_out_fit
 from rdpi_gym.identification.residuals import beats
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
@@ -91,9 +91,9 @@ def fit_kinds(
 def choose(
     setting: Setting, ways: Sequence[Fitted], clockwise: bool | None, seed: int
 ) -> CoreChoice:
-    """Choose a kind by held-out error, as :func:`~rdpi_gym.identification.kinds.told_apart` does."""
+    """Choose a kind by held-out error, as :func:`~rdpi_gym.identification.kinds.compare_kinds` does."""
     fits = [way.outcome.fit for way in ways if way.outcome.fit is not None]
-    told = told_apart([judged_way(f, setting.validation) for f in fits], setting.train, seed)
+    told = compare_kinds([held_out_fit(f, setting.validation) for f in fits], setting.train, seed)
     kind = type(told.chosen.core)
     advice = _experiment(kind, [CORES[name] for name in told.alike])
     text = None if advice is None else text_of(advice)
