@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from baselines import make_controller
-from baselines.loops.bandwidth import measure_loop
 from baselines.loops.certificates import certify
 from baselines.loops.path import belief_path
 from baselines.loops.systems import LinearSystem, gain, integrator, unit_delay
@@ -17,6 +16,7 @@ from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import load_effect
 from rdpi_gym.support.errors import InputError
+from tests.baselines.loop_response import measure_loop
 
 TS = 1e-4
 STATIC = P10.with_hysteresis(P10.hysteresis.static())
