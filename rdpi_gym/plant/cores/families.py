@@ -25,6 +25,12 @@ def numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
         raise InputError(f"{name} is {shown(values)}; give a list of numbers") from None
 
 
+def set_numbers(core: Core, *names: str) -> None:
+    """Replace lists in fields of a frozen core by tuples of floats."""
+    for name in names:
+        object.__setattr__(core, name, numbers(name, getattr(core, name)))
+
+
 def check_weights(weights: Sequence[float], first: int = 0) -> None:
     """Refuse weights (µm/V) that are not finite or negative; `first` is the index of the first one."""
     for i, a in enumerate(weights, start=first):
