@@ -11,7 +11,7 @@ import numpy as np
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
-from rdpi_gym.diagnosis.words import text_of
+from rdpi_gym.diagnosis.words import template, text_of
 from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.joint import NO_FIT
 from rdpi_gym.identification.kinds import beside, compare_kinds, held_out_fit
@@ -80,7 +80,7 @@ def fit_kinds(
         try:
             fit = first_fit(setting.train, kind, own, setting.scale, setting.smoothness, least_um)
         except NO_FIT as error:
-            say(f"the core {kind.name} was left out: {error}")
+            say(template("core left out", core=kind.name, error=error))
             continue
         if fit is not None and math.isfinite(fit.train_rmse_um):
             found.append(Fitted(kind, assess(setting, "", fit)))
