@@ -157,7 +157,7 @@ class ThresholdCore(Core):
         )
         return changed  # type: ignore[no-any-return]
 
-    def _kept(self, places: Sequence[int]) -> Self:
+    def _select(self, places: Sequence[int]) -> Self:
         before, own = self._apart
         weights = (*before, *(own[i] for i in places))
         return self._with(weights, [self.thresholds_V[i] for i in places])
@@ -168,7 +168,7 @@ class ThresholdCore(Core):
         near = active.copy()
         near[1:] |= active[:-1]
         near[:-1] |= active[1:]
-        return self._kept(np.flatnonzero(near).tolist() if near.any() else [0])
+        return self._select(np.flatnonzero(near).tolist() if near.any() else [0])
 
     def on(self, whole: Self) -> Self:
         """Return the core on the thresholds of another one: each weight at the nearest of them.
@@ -186,7 +186,7 @@ class ThresholdCore(Core):
         rest = np.array(self.thresholds_V)
         if np.allclose(rest, rest[0] * np.arange(1, len(rest) + 1)):
             return self
-        return self._kept([i for i, a in enumerate(self._apart[1]) if a > 0] or [0])
+        return self._select([i for i, a in enumerate(self._apart[1]) if a > 0] or [0])
 
 
 # Length constants of a fit's starts, of half of the command's widest swing.
