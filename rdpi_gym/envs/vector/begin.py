@@ -177,7 +177,7 @@ def show_first(
         )  # fmt: skip
         for b in range(lanes):
             observation[b * size + begin + j] = encode(
-                window_um[0, ring, b], encoder[0, ZERO], encoder[0, SPAN], encoder[0, LIMIT]
+                0, window_um[0, ring, b], encoder[0, ZERO], encoder[0, SPAN], encoder[0, LIMIT]
             )
     now, newest = step % rows, (step - 1) % rows
     for b in range(lanes):
@@ -188,6 +188,6 @@ def show_first(
             column = int(encoder[i, COLUMN])
             if column >= 0:
                 observation[b * size + column] = encode(
-                    values[i], encoder[i, ZERO], encoder[i, SPAN], encoder[i, LIMIT]
+                    i, values[i], encoder[i, ZERO], encoder[i, SPAN], encoder[i, LIMIT]
                 )
     report(0, row, step % rows, work, numbers, window_um, info)
