@@ -31,7 +31,12 @@ def add(folder: Path, files: Mapping[str, str]) -> None:
 
 def python(copy: Path, *words: str, timeout_s: float = 1800.0) -> subprocess.CompletedProcess[str]:
     """Run Python in a copy, whose packages it imports."""
-    own = {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    own = {
+        "PYTHONPATH": str(copy),
+        "PYTHONIOENCODING": "utf-8",
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
     return subprocess.run(
         [sys.executable, *words],
         cwd=copy, env=os.environ | own, capture_output=True, text=True, timeout=timeout_s,

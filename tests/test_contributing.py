@@ -5,7 +5,8 @@ import re
 
 import pytest
 
-from tests.copied import ROOT, add, copied, failures, python
+from tests.copied import add, copied, failures, python
+from tests.plant.additions import CORE, EFFECT
 
 SIGNAL = '''"""Trapezoid: a triangle whose turns are cut off."""
 
@@ -49,11 +50,11 @@ class HalfRateInverse(ClassicalReferenceRate):
     def compensator_model(self, hysteresis):
         return replace(hysteresis, delta2_s=0.5 * hysteresis.delta2_s)
 '''
-CORE = (ROOT / "tests/plant/test_new_core.py").read_text(encoding="utf-8").split("'''")[1]
 JOBS = {
     "signal": {"rdpi_gym/signals/trapezoid.py": SIGNAL},
     "controller": {"baselines/half_rate_inverse.py": CONTROLLER},
-    "core": {"rdpi_gym/plant/cores/bent.py": CORE},
+    "core": CORE,
+    "effect": EFFECT,
 }
 """Files that each job adds."""
 
@@ -64,13 +65,14 @@ import baselines, rdpi_gym as rg
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.plant import CORES
+from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import SIGNALS
 
 scores = rg.benchmark(
     ["none", "half-rate-inverse"], plants=["P5"], references=["sine"], ts_s=[1e-3], seeds=1, jobs=1
 )
 print(json.dumps({
-    "package": rg.__file__, "signals": list(SIGNALS), "cores": list(CORES),
+    "package": rg.__file__, "signals": list(SIGNALS), "cores": list(CORES), "effects": list(CATALOGUE),
     "controllers": list(scores.ranking["controller"]), "sentence": text_of(Notice(Code.STILL)),
 }))
 """
@@ -101,6 +103,7 @@ def test_a_new_file_is_found_without_a_list(copy):
     assert said["package"].startswith(str(copy))
     assert "trapezoid" in said["signals"]
     assert "bent" in said["cores"]
+    assert "bend" in said["effects"]
     assert "half-rate-inverse" in said["controllers"]
     assert said["sentence"] == "Nothing moves."
 

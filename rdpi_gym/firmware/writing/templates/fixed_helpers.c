@@ -1,21 +1,14 @@
-"""C functions of the fixed-point controllers: rounding, limits and products that no int32 input overflows.
+/* Functions of the fixed-point controllers, callees first: no 32-bit input overflows them, and negative
+ * numbers are never shifted, as C99 leaves to the compiler what that does. */
 
-Negative numbers are never shifted: what that does, C99 leaves to the compiler.
-"""
 
-from __future__ import annotations
-
-import re
-
-_HELPERS = {
-    "rdpi_magnitude": """\
 /* |x|, for x above INT64_MIN. */
 static uint64_t rdpi_magnitude(int64_t x)
 {
     return (uint64_t)((x < 0) ? -x : x);
 }
-""",
-    "rdpi_rounded": """\
+
+
 /* x / 2^shift to the nearest, halves away from zero; |x| at most 2^62, shift from 1 to 62. */
 static int64_t rdpi_rounded(int64_t x, uint32_t shift)
 {
@@ -25,22 +18,22 @@ static int64_t rdpi_rounded(int64_t x, uint32_t shift)
     const int64_t whole = (int64_t)size;
     return (x < 0) ? -whole : whole;
 }
-""",
-    "rdpi_limited": """\
+
+
 static int64_t rdpi_limited(int64_t x, int64_t low, int64_t high)
 {
     return (x < low) ? low : ((x > high) ? high : x);
 }
-""",
-    "rdpi_size": """\
+
+
 /* |x| rounded, at most that of the farthest threshold. */
 static uint32_t rdpi_size(int64_t x, uint32_t shift)
 {
     const uint64_t size = rdpi_magnitude(rdpi_rounded(x, shift));
     return (size < UINT32_MAX) ? (uint32_t)size : UINT32_MAX;
 }
-""",
-    "rdpi_slid": """\
+
+
 /* A play x moved along to where it is no farther away than threshold + shift. */
 static int32_t rdpi_slid(int32_t x, int32_t along, uint32_t threshold, uint32_t shift)
 {
@@ -60,8 +53,8 @@ static int32_t rdpi_slid(int32_t x, int32_t along, uint32_t threshold, uint32_t 
     }
     return slid;
 }
-""",
-    "rdpi_part": """\
+
+
 /* x * part / 2^shift; |x| at most 2^60, part from 0 to 2^30, shift from 30 to 62. */
 static int64_t rdpi_part(int64_t x, int32_t part, uint32_t shift)
 {
@@ -74,14 +67,3 @@ static int64_t rdpi_part(int64_t x, int32_t part, uint32_t shift)
     const int64_t whole = (int64_t)product;
     return (x < 0) ? -whole : whole;
 }
-""",
-}
-
-
-def helpers_for(text: str) -> str:
-    """Return the C functions that a text calls, and those that they call, callees first."""
-    needed = [text]
-    for name, function in reversed(_HELPERS.items()):
-        if any(re.search(rf"\b{name}\b", each) for each in needed):
-            needed.insert(1, function)
-    return "\n".join(needed[1:])
