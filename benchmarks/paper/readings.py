@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from baselines.classical_inverse_kernels import classical_own_rate, pack_inverse
-from baselines.inversion_free_kernels import inversion_free_given_rate, inversion_free_own_rate
+from baselines.classical import classical_own_rate, pack_inverse
+from baselines.inversion_free import inversion_free_given_rate, inversion_free_own_rate
 from rdpi_gym.plant import RDPI, empty_state, pack
 from rdpi_gym.plant.cores.play import given_rate_block, rdpi_block
 from rdpi_gym.support.arrays import Array

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from baselines.stability import (
+from baselines.feedforward import (
     classical_polynomial,
     inversion_free_polynomial,
     spectral_radius,

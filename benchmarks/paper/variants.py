@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baselines.stability import inversion_free_polynomial, spectral_radius
+from baselines.feedforward import inversion_free_polynomial, spectral_radius
 from benchmarks.paper.cases import SECTION_V
 from benchmarks.paper.readings import READINGS, Chain, Reading
 from benchmarks.paper.tracking import PERIODS, Sine, Tracking, ensemble_factors, track

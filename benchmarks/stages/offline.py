@@ -20,8 +20,7 @@ from rdpi_gym.envs.tasks.changing import ChangingPlant
 from rdpi_gym.envs.tasks.environment import TaskEnv
 from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_json
-from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support.files import read_json, replaced_folder, settled_folder, write_json
 from rdpi_gym.support.progress import Progress, silent
 from rdpi_gym.support.words import quoted
 

@@ -16,7 +16,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.support.members import modules_of
+from rdpi_gym.support.plugins import modules_of
 
 SUITE_VERSION = 2
 SEEDS = 5

@@ -13,8 +13,7 @@ from rdpi_gym.firmware.writing.source import Source, header_text, safe, source_t
 from rdpi_gym.firmware.writing.templating import filled, template
 from rdpi_gym.firmware.writing.vectors import SAMPLES, Roundings, vectors, vectors_text
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.files import read_json, replaced_folder, write_atomic, write_json
 from rdpi_gym.support.words import some
 
 
