@@ -27,27 +27,17 @@ _RAMP_S = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A plant with its records.
+    """A plant with its records."""
 
-    Parameters
-    ----------
-    sort
-        What it has.
-    plant, fastest_1_s, numbers
-        As :class:`~studies.portraits.sorts.World` has them.
-    floors
-        What a refit of the bare model leaves of the effect, on the record to fit that shows most, in
-        noise floors.
-    dataset
-        The records.
-    """
-
-    sort: Sort
+    sort: Sort  # what it has
+    # as :class:`~studies.portraits.sorts.World` has them
     plant: Foreign
     fastest_1_s: float
     numbers: dict[str, float]
+    # what a refit of the bare model leaves of the effect, on the record to fit that shows most,
+    # in noise floors
     floors: float
-    dataset: Dataset
+    dataset: Dataset  # the records
 
     def answer(self, drive: Drive) -> Array:
         """Displacement (µm) at the samples of a command, without noise."""
