@@ -28,7 +28,7 @@ from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.face.environments import layout as usual_layout
 from rdpi_gym.plant import PLANTS, PlantModel
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import plain
 from rdpi_gym.support.progress import Progress

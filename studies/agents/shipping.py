@@ -15,8 +15,7 @@ import pandas as pd
 
 from baselines.learned.policy import DESCRIPTION, WEIGHTS, Policy
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.files import replaced_folder, write_atomic
 from studies.agents.summary import interquartile_mean
 from studies.agents.training import Training
 

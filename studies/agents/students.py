@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 from baselines.learned.imitation.rounds import Options, train
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.files import replaced_folder
 from rdpi_gym.support.progress import Progress
 
 

@@ -184,6 +184,8 @@ def show_first(
         values = field_values(
             window_um[0, newest, b], window_um[0, now, b], work[measured, b], numbers[0, COMMAND, b]
         )
+        if len(values) != len(encoder):
+            raise RuntimeError("this kernel was compiled for other fields; delete its __pycache__")
         for i in range(len(values)):
             column = int(encoder[i, COLUMN])
             if column >= 0:

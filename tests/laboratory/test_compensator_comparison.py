@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rdpi_gym as rg
-from rdpi_gym.laboratory.buying import KINDS, course, payoff
+from rdpi_gym.laboratory.compensator_comparison import KINDS, course, payoff
 from rdpi_gym.support.errors import InputError
 
 P5 = rg.plants["P5"]
