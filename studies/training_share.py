@@ -12,16 +12,14 @@ from __future__ import annotations
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from studies.agents.study import BASELINE
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results"
 LANES = 256
@@ -96,21 +94,16 @@ def as_markdown(table: pd.DataFrame) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table, and write it as CSV and Markdown."""
-    options = Options("training_share", __doc__, out=RESULTS)
-    options.add_number("--lanes", LANES, "plants side by side")
-    options.add_number("--updates", 10, "that are timed")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _files(chosen: Namespace) -> Files:
     table = pd.DataFrame([measure(case, chosen.lanes, chosen.updates) for case in CASES])
-    csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-    write_atomic(chosen.out / "training_share.csv", csv)
-    text = as_markdown(table)
-    print(text, f"written to {write_atomic(chosen.out / 'training_share.md', text)}", sep="\n")
+    return {"training_share.csv": table, "training_share.md": as_markdown(table)}
 
+
+main = Study(
+    "training_share", __doc__, _files, RESULTS,
+    numbers=(("--lanes", LANES, "plants side by side"), ("--updates", 10, "that are timed")),
+    csv="%.4g",
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -44,7 +44,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, left_over
+from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, refit_residuals
 
 _ATTEMPTS = 14
 _WANTED = (3.5, 40.0)  # noise floors, of which one is drawn for each effect
@@ -73,7 +73,7 @@ def remaining_um(
     """What a refit of the base model leaves of a difference, on the record that shows most (µm rms)."""
     every = max(1, sum(r.u_V.size for r in records) // _LOOKED_AT)
     plant, span = bench.plant.model(), bench.plant.span_V
-    return max(left_over(plant, (), span, records, differences, others, every).values())
+    return max(refit_residuals(plant, (), span, records, differences, others, every).values())
 
 
 def sized(

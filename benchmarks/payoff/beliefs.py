@@ -25,21 +25,14 @@ NOISE_UM = 0.012
 class HiddenPlant:
     """A plant and the effects that a bare belief does not know.
 
-    Parameters
-    ----------
-    hidden
-        The effects.
-    base
-        The plant without them.
-
     Examples
     --------
     >>> HIDDEN_PLANTS[2].name, HIDDEN_PLANTS[2].slug
     ('P10 with creep and sensor_lag', 'p10-creep-sensor_lag')
     """
 
-    hidden: tuple[Effect, ...]
-    base: PlantModel = P10
+    hidden: tuple[Effect, ...]  # the effects
+    base: PlantModel = P10  # the plant without them
 
     @property
     def plant(self) -> PlantModel:

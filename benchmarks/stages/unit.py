@@ -34,30 +34,16 @@ PREVIEW, WHOLE, AGAIN = "preview", "whole reference", f"{PASSES} passes"
 
 @dataclass(frozen=True)
 class Unit:
-    """What one worker does at a time; its rows are written when it is done.
+    """What one worker does at a time; its rows are written when it is done."""
 
-    Parameters
-    ----------
-    controller
-        As :func:`baselines.make_controller` takes it, or the name of the bound.
-    task
-        Short name of a task.
-    seed, draws
-        Of the test draws, and what rows say of it.
-    plants
-        Numbers of the plants.
-    stamp
-        Hash of all that the rows depend on.
-    factory
-        What makes the controller, where its name does not say.
-    """
-
-    controller: str
-    task: str
+    controller: str  # as :func:`baselines.make_controller` takes it, or the name of the bound
+    task: str  # short name of a task
+    # of the test draws, and what rows say of it
     seed: int
     draws: str
-    plants: tuple[int, ...]
-    stamp: str
+    plants: tuple[int, ...]  # numbers of the plants
+    stamp: str  # hash of all that the rows depend on
+    # what makes the controller, where its name does not say
     factory: ControllerFactory | None = None
 
     @property

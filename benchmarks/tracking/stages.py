@@ -52,26 +52,16 @@ COVERED = 1.5
 
 @dataclass(frozen=True)
 class Stage:
-    """A plant as it is scored, its sampling times, and the references' base frequency.
+    """A plant as it is scored, its sampling times, and the references' base frequency."""
 
-    Parameters
-    ----------
-    plant
-        The nominal truth: the plant with its rate band-limited and a noisy sensor.
-    ts_s
-        Sampling times (s) that the ranking is taken over.
-    base_hz
-        What the frequencies of all references but the sines are multiples of (Hz).
-    trained_ts_s
-        Further sampling times (s), at which trained policies run: they have a ranking of their own.
-    believed
-        What controllers are told of the plant; None: the plant itself.
-    """
-
+    # the nominal truth: the plant with its rate band-limited and a noisy sensor
     plant: PlantModel
-    ts_s: tuple[float, ...]
-    base_hz: float
+    ts_s: tuple[float, ...]  # sampling times (s) that the ranking is taken over
+    base_hz: float  # what the frequencies of all references but the sines are multiples of (Hz)
+    # further sampling times (s), at which trained policies run: they have a ranking of their
+    # own
     trained_ts_s: tuple[float, ...] = ()
+    # what controllers are told of the plant; None: the plant itself
     believed: PlantModel | None = None
 
     @property

@@ -22,8 +22,8 @@ from baselines.classical import (
     ClassicalLowPassed,
     ClassicalReferenceRate,
     ClassicalStatic,
+    pack_inverse,
 )
-from baselines.classical_inverse_kernels import pack_inverse
 from baselines.inversion_free import (
     InversionFree,
     InversionFreeLiteral,

@@ -13,7 +13,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
 from rdpi_gym.signals.experiments import PAUSE_S, standard_protocol
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.virtual_lab.draws import MaskedError, left_over
+from rdpi_gym.virtual_lab.draws import MaskedError, refit_residuals
 from studies.portraits.sorts import SORTS, Sort, World, drawn_numbers
 
 PROTOCOLS = ("standard", "bursts")
@@ -95,7 +95,7 @@ def _sized(found: Measured, taken: Taken, wanted: float) -> Measured:
         trial = replace(found, numbers=numbers)
         more = [trial.answer(d) - y for d, y in zip(drives, still, strict=True)]
         room = _LARGEST * 2.0 * found.plant.stroke_um / max(float(np.ptp(d)) for d in more)
-        left = left_over(model, (), taken.span_V, records, more, (), every)
+        left = refit_residuals(model, (), taken.span_V, records, more, (), every)
         found = replace(trial, floors=max(left.values()) / found.plant.noise_um)
         if wanted / _TOLERANCE < found.floors < wanted * _TOLERANCE or room < 1.01:
             break

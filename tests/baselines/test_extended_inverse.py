@@ -14,6 +14,7 @@ from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import Sine
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 TS = 5e-5
 BARE = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))
@@ -73,8 +74,8 @@ MIXED = plant_with(
 )
 
 
-@pytest.mark.parametrize("name", ["extended-inverse", "pi-extended-inverse"])
-@pytest.mark.parametrize("offset_um", [0.0, 3.0])
+@over("name", ["extended-inverse", "pi-extended-inverse"])
+@over("offset_um", [0.0, 3.0])
 def test_without_effects_it_is_the_classical_inverse(name, offset_um):
     belief = replace(BARE, offset_um=offset_um)
     layout = ObservationLayout.for_plant(belief, TS)
@@ -84,7 +85,7 @@ def test_without_effects_it_is_the_classical_inverse(name, offset_um):
     np.testing.assert_array_equal(found, expected)
 
 
-@pytest.mark.parametrize("name", ["slew_limit", "mains_hum"])
+@over("name", ["slew_limit", "mains_hum"])
 def test_what_has_no_stable_inverse_is_passed_over_and_named(name):
     belief = plant_with(BARE, **{name: {}})
     layout = ObservationLayout.for_plant(belief, TS)
@@ -130,7 +131,7 @@ def test_what_is_named_here_has_an_inverse():
     assert {*EXACT, *BY_DERIVATIVES} <= {*INVERSES, "congruency"}
 
 
-@pytest.mark.parametrize("name", EXACT)
+@over("name", EXACT)
 def test_on_a_static_plant_an_effect_without_a_pole_to_cancel_is_undone_exactly(name):
     belief = plant_with(STATIC, **{name: EXACT[name]})
     layout = whole_layout(belief)
@@ -144,7 +145,7 @@ def test_on_a_static_plant_an_effect_without_a_pole_to_cancel_is_undone_exactly(
     assert controller.warning() is None
 
 
-@pytest.mark.parametrize("name", BY_DERIVATIVES)
+@over("name", BY_DERIVATIVES)
 def test_on_a_static_plant_a_lag_falls_by_three_orders_of_magnitude(name):
     truth = plant_with(STATIC, **{name: BY_DERIVATIVES[name]})
     layout = whole_layout(truth)
@@ -180,7 +181,7 @@ FALLS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "values", "hz", "offset_um", "factor"), FALLS)
+@over("name, values, hz, offset_um, factor", FALLS)
 def test_the_error_falls_when_the_belief_knows_the_effect(name, values, hz, offset_um, factor):
     truth = plant_with(BARE, **{name: values})
     layout = whole_layout(truth)
@@ -199,7 +200,7 @@ def test_several_effects_at_once():
     assert bare / known > 30.0
 
 
-@pytest.mark.parametrize("preview", [1, 4, 40])
+@over("preview", [1, 4, 40])
 def test_samples_and_blocks_agree_and_splitting_changes_nothing(preview):
     layout = ObservationLayout.for_plant(MIXED, TS, preview=preview)
     r = np.concatenate([sine(hz, periods=hz / 25.0)[0][:1200] for hz in (50.0, 100.0)], axis=1)

@@ -8,6 +8,8 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from tests.looping import over
+
 pytest.importorskip("torch")
 
 from baselines.learned import policy as policies
@@ -132,8 +134,8 @@ def test_the_text_says_how_many_plants_are_evaluated():
     assert set(curves.COLUMNS) - {"agent", "seed"} == set(folder.COLUMNS) - {"training_reward"}
 
 
-@pytest.mark.parametrize(
-    ("by_seed", "seed"),
+@over(
+    "by_seed, seed",
     [
         ([5.0, 1.0, 3.0, 2.0, 4.0], 2),
         ([4.0, 1.0, 2.0, 3.0], 3),  # the worse of the two in the middle
