@@ -192,3 +192,29 @@ def test_flipped_bits_give_a_result_or_one_line(saved):
             said.append(str(error))
     assert all("\n" not in line and len(line) < 400 for line in said)
     assert len(said) > 100  # of an archive every member has a check sum
+
+
+def test_checks_and_findings_of_a_file_that_holds_their_sentences_are_read(
+    comparison, found, tmp_path
+):
+    path = comparison.save(tmp_path / "comparison.npz")
+    document, arrays = document_of(path)
+    document["result"]["checks"] = [check.to_dict() for check in comparison.checks]
+    old = rg.load_result(write(path, document, arrays))
+    assert [check.to_dict() for check in old.checks] == [c.to_dict() for c in comparison.checks]
+    assert repr(old) == repr(comparison)
+    path = found.save(tmp_path / "found.npz")
+    document, arrays = document_of(path)
+    document["result"]["findings"] = [finding.to_dict() for finding in found.findings]
+    old = rg.load_result(write(path, document, arrays))
+    assert [f.to_dict() for f in old.findings] == [f.to_dict() for f in found.findings]
+
+
+def test_a_statement_without_its_values_is_damage(comparison, tmp_path):
+    path = comparison.save(tmp_path / "comparison.npz")
+    document, arrays = document_of(path)
+    for damage in ({"code": "none"}, {"values": {}}):
+        changed = json.loads(json.dumps(document))
+        check = next(c for c in changed["result"]["checks"] if c["found"]["values"])
+        check["found"] |= damage
+        assert "damaged" in refused(write(path, changed, arrays))
