@@ -21,7 +21,7 @@ from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar
-from studies.agents.study import BASELINE
+from studies.agents.training import BASELINE
 
 RESULTS = Path(__file__).parent / "results" / "training_stability"
 GOAL = 1.2

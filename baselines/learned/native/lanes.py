@@ -72,7 +72,7 @@ class Lanes:
 
     @property
     def layout(self) -> ObservationLayout:
-        """What the environment shows."""
+        """Observation layout of the environment."""
         return self._env.layout
 
     def begin(self, seed: int, rows: Floats32) -> None:
