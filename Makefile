@@ -2,7 +2,8 @@
 # types and the second tier: pages, browser, other compilers, training, studies. `make docs` builds the site.
 PYTHON ?= python3
 BIN := .venv/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+# Modules are compiled where they are first imported: most of those installed never are.
+PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
 OUT ?= results/bench
 SEED ?= $(shell date +%Y%m%d)
 QUICK := tests/test_house.py tests/plant tests/signals tests/measurement tests/support tests/identification tests/baselines

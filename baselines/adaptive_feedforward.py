@@ -9,10 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from baselines.believed import ahead_by, answered, believed_inverse, hysteresis_inverse
+from baselines.core_inverse import hysteresis_inverse, inverse_command, linear_inverse, look_ahead
+from baselines.lanes import Rows, lane_products, product, shift_in
 from baselines.least_squares import ForgettingLeastSquares
-from baselines.memory import Rows, shift_in
-from baselines.products import lane_products, product
 from baselines.ringing import BAND_HZ, RingingMonitor
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -108,10 +107,10 @@ class AdaptiveFeedforward(Tunable):
         super().__init__(belief, layout, settings)
         self.inverse = hysteresis_inverse(belief, layout)
         ts, scale = layout.ts_s, layout.scale_um
-        delay, series = believed_inverse(belief, ts)
+        delay, series = linear_inverse(belief, ts)
         self.wanted_lead = round(self.settings["lead_samples"] + delay)
         self.lead = max(1, min(self.wanted_lead, layout.preview - 1 - HALF))
-        prior = np.convolve(series, ahead_by(delay - self.lead))[1:4].tolist()
+        prior = np.convolve(series, look_ahead(delay - self.lead))[1:4].tolist()
         self.thresholds_um = scale * np.array(PLAYS)
         self.slow = np.exp(-ts / np.array(SLOW_S))
         dynamics = self.settings["dynamics_s"] / ts
@@ -187,7 +186,7 @@ class AdaptiveFeedforward(Tunable):
     ) -> Array:
         """Return u(k+1) (V), ``(B,)``, for a w (µm) that may differ from :meth:`wanted_um`; the estimate is told."""
         shift_in(self.rows.of(state, "wanted"), wanted_um)
-        return answered(self.inverse, observation, wanted_um, self.rows.of(state, "inverse"))
+        return inverse_command(self.inverse, observation, wanted_um, self.rows.of(state, "inverse"))
 
     def wanted_um(
         self,

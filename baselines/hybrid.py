@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.adaptive_feedforward import AdaptiveFeedforward
+from baselines.lanes import Rows
 from baselines.loops.certificates import Certificate, certify
 from baselines.loops.path import belief_path
 from baselines.loops.systems import integrator, sampled, unit_delay
-from baselines.memory import Rows
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel

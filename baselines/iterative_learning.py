@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy import signal
 
 from baselines.adaptive_feedforward import spline_weights
-from baselines.believed import ahead_by, believed_inverse, hysteresis_inverse
+from baselines.core_inverse import hysteresis_inverse, linear_inverse, look_ahead
 from baselines.feedforward import checked_reference
 from baselines.preview import Planned
 from baselines.tuning import Knob, Settings, Tunable
@@ -82,9 +82,9 @@ class IterativeLearning(Tunable, Planned):
     ) -> None:
         super().__init__(belief, layout, settings)
         self._inverse = hysteresis_inverse(belief, layout)
-        delay, series = believed_inverse(belief, layout.ts_s)
+        delay, series = linear_inverse(belief, layout.ts_s)
         self._lead = round(delay) + _AHEAD
-        self._prior = np.convolve(series, ahead_by(delay - self._lead, _ORDER))[1:_ORDER]
+        self._prior = np.convolve(series, look_ahead(delay - self._lead, _ORDER))[1:_ORDER]
         band = min(self.settings["band_hz"] * layout.ts_s * 2.0, 0.95)
         self._low_pass = signal.butter(2, band, output="sos")
         fit_band = min(_FIT_HZ * layout.ts_s * 2.0, 0.5)

@@ -12,7 +12,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.members import classes_of
+from rdpi_gym.support.plugins import classes_of
 from rdpi_gym.support.words import guess, quoted, some
 
 BaselineFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Baseline]

@@ -1,18 +1,76 @@
-"""Cases of a study run into a store of rows, which an interrupted run continues."""
+"""Units of a benchmark or a study run into a store of rows, which an interrupted run continues."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Protocol, TypeVar
 
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
-from rdpi_gym.support.store import Row, named_rows
+from rdpi_gym.support.store import Row, RowStore, named_rows
 
 ROWS_FILE = "rows.jsonl"
+K = TypeVar("K", bound=Hashable)
+U = TypeVar("U")
+
+
+def complete(
+    store: RowStore[K],
+    units: Sequence[U],
+    run: Callable[[U], list[Row]],
+    keys: Callable[[U], Sequence[K]],
+    is_stale: Callable[[Row], bool],
+    *,
+    name: Callable[[Row], K],
+    note: Callable[[str], None],
+    stale: str,
+    stage: str = "scoring",
+    is_finished: Callable[[Row], bool] = lambda row: True,
+    jobs: int = 1,
+    progress: Progress | None = None,
+    ray_address: str | None = None,
+) -> int:
+    """Run the units whose rows a store does not have, and return the number of rows computed.
+
+    Parameters
+    ----------
+    store
+        Rows that are there are not computed again, but stale ones are set aside.
+    units, run, keys
+        What one worker does at a time, its rows, and their names.
+    is_stale, stale
+        Whether a stored row no longer holds, and the note on those set aside, with ``{}`` for the file.
+    name
+        Name of a row.
+    note
+        Called with what a reader should know, one sentence each.
+    is_finished
+        Whether a stored row need not be computed again.
+    stage, progress
+        What is said of the units that are done, of all.
+    """
+    remark = store.remark()
+    if remark is not None:
+        note(remark)
+    aside = store.set_aside(is_stale)
+    if aside is not None:
+        note(stale.format(aside))
+    finished = {k for k, row in store.rows.items() if is_finished(row)}
+    missing = [unit for unit in units if not finished.issuperset(keys(unit))]
+    done, computed = len(units) - len(missing), 0
+    if progress is not None:
+        progress(stage, done, len(units))
+    for rows in run_cases(run, missing, jobs, ray_address):
+        fresh = [row for row in rows if name(row) not in finished]
+        store.append(fresh)
+        done, computed = done + 1, computed + len(fresh)
+        if progress is not None:
+            progress(stage, done, len(units))
+    return computed
 
 
 class Keyed(Protocol):
@@ -41,24 +99,19 @@ def run_rows(
     note: Callable[[str], None] = print_note,
     ray_address: str | None = None,
 ) -> list[Row]:
-    """Compute the rows of cases that a store does not have, and return the rows of all cases."""
+    """Compute the rows of cases that a folder does not have, and return the rows of all cases."""
     store = named_rows(out / ROWS_FILE)
-    remark = store.remark()
-    if remark is not None:
-        note(remark)
-    aside = store.set_aside(lambda row: row.get("code") != code)
-    if aside is not None:
-        note(f"rows of code that has changed since were set aside in {aside}")
-    missing = [case for case in cases if case.key not in store.rows]
-    done = len(cases) - len(missing)
-    if progress is not None:
-        progress("diagnosing", done, len(cases))
-    for row in run_cases(run, missing, jobs, ray_address):
-        store.append([row])
-        done += 1
-        if progress is not None:
-            progress("diagnosing", done, len(cases))
+    complete(
+        store, cases, partial(_one_row, run=run), lambda case: [case.key],
+        lambda row: row.get("code") != code, name=lambda row: row["key"], note=note,
+        stale="rows of code that has changed since were set aside in {}", stage="diagnosing",
+        jobs=jobs, progress=progress, ray_address=ray_address,
+    )  # fmt: skip
     return [store.rows[case.key] for case in cases]
+
+
+def _one_row(case: C, run: Callable[[C], Row]) -> list[Row]:
+    return [run(case)]
 
 
 def stored_rows(cases: Sequence[Keyed], out: Path) -> list[Row]:

@@ -23,8 +23,7 @@ from typing import Any
 
 from gymnasium.envs.registration import register
 
-from rdpi_gym.support.lazy import attach
-from rdpi_gym.support.plugins import provide
+from rdpi_gym.support.plugins import attach, provide
 from rdpi_gym.support.renamed import accept_former_names
 
 accept_former_names()
@@ -39,21 +38,17 @@ register(
     max_episode_steps=2000,
 )
 
-# The tasks, by the files of `rdpi_gym.envs.tasks` that state them; a name is looked up when one is made.
-_TASKS = {
-    "one_effect": ("Bare", "Creep", "Lag", "Resonance"),
-    "whole_stage": ("Stage", "Load", "Ageing", "Rough", "Raster", "Steps"),
-    "structure": ("Measured", "Preisach", "BoucWen", "Duhem"),
-}
-# Those whose plants are numbers about one nominal plant: all lanes of one kernel.
-_VECTORED = ("Bare", "Creep", "Lag", "Resonance", "Stage", "Raster", "Steps")
-for _file, _names in _TASKS.items():
-    for _name in _names:
-        _module = f"rdpi_gym.envs.tasks.{_file}"
+# Files of tasks say in lines as `PiezoBareEnv, bare_vector = ...` which environments they have; they are
+# read here, and imported when one is made.
+for _file in sorted((Path(__file__).parent / "envs" / "tasks").glob("*.py")):
+    for _line in _file.read_text("utf-8").split("\nPiezo")[1:]:
+        _env, *_vector = _line.split(" = ", 1)[0].split(", ")
         register(
-            id=f"rdpi_gym/Piezo{_name}-v0",
-            entry_point=f"{_module}:Piezo{_name}Env",
-            vector_entry_point=f"{_module}:{_name.lower()}_vector" if _name in _VECTORED else None,
+            id=f"rdpi_gym/Piezo{_env.removesuffix('Env')}-v0",
+            entry_point=f"rdpi_gym.envs.tasks.{_file.stem}:Piezo{_env}",
+            vector_entry_point=f"rdpi_gym.envs.tasks.{_file.stem}:{_vector[0]}"
+            if _vector
+            else None,
             max_episode_steps=2500,
         )
 

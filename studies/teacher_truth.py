@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,10 +25,9 @@ from baselines.learned.imitation.student import UNIT_UM, Float32
 from baselines.learned.imitation.teacher import LoopModel, Rollout, Systems, roll_out, student_lanes
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.markdown import frame_table
 from studies.agents.training import FULL
-from studies.tables import keep_table
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "agents"
 CHANGES = ((0.0, 0.1), (1.0, 1.2))
@@ -123,18 +121,16 @@ def as_markdown(table: pd.DataFrame, plants: int) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table and write it."""
-    options = Options("teacher_truth", __doc__, out=RESULTS)
-    options.add_number("--plants", 4, "validation draws of a task")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _measure_all(chosen: Namespace) -> Files:
     torch.set_num_threads(1)
     table = pd.concat([measure(task, chosen.plants) for task, _ in FULL.taught])
-    keep_table(chosen.out, "teacher_truth", table, as_markdown(table, chosen.plants))
+    return {"teacher_truth.csv": table, "teacher_truth.md": as_markdown(table, chosen.plants)}
 
+
+main = Study(
+    "teacher_truth", __doc__, _measure_all, RESULTS,
+    numbers=(("--plants", 4, "validation draws of a task"),), csv="%.4g",
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -31,7 +31,12 @@ def add(folder: Path, files: Mapping[str, str]) -> None:
 
 def python(copy: Path, *words: str, timeout_s: float = 1800.0) -> subprocess.CompletedProcess[str]:
     """Run Python in a copy, whose packages it imports."""
-    own = {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    own = {
+        "PYTHONPATH": str(copy),
+        "PYTHONIOENCODING": "utf-8",
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
     return subprocess.run(
         [sys.executable, *words],
         cwd=copy, env=os.environ | own, capture_output=True, text=True, timeout=timeout_s,
@@ -42,7 +47,7 @@ def failures(copy: Path, paths: Sequence[str] = ("tests",), *words: str) -> list
     """Run the default tier of some paths in a copy; return the tests that fail, none if all pass."""
     own = ("-q", "-p", "no:cacheprovider", "-m", "not slow")
     run = python(copy, "-m", "pytest", *own, *words, *paths)
-    found = re.findall(r"^(?:FAILED|ERROR) (\S+)", run.stdout, re.MULTILINE)
+    found = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", run.stdout, re.MULTILINE)
     if run.returncode not in (0, 5) and not found:
         found = [f"pytest ends with {run.returncode}: {(run.stdout + run.stderr)[-1000:]}"]
     return found

@@ -5,7 +5,8 @@ import re
 
 import pytest
 
-from tests.copied import ROOT, add, copied, failures, python
+from tests.copied import add, copied, failures, python
+from tests.plant.additions import CORE, EFFECT
 
 SIGNAL = '''"""Trapezoid: a triangle whose turns are cut off."""
 
@@ -49,11 +50,37 @@ class HalfRateInverse(ClassicalReferenceRate):
     def compensator_model(self, hysteresis):
         return replace(hysteresis, delta2_s=0.5 * hysteresis.delta2_s)
 '''
-CORE = (ROOT / "tests/plant/test_new_core.py").read_text(encoding="utf-8").split("'''")[1]
+TASK = '''"""Stiff: a stage whose mode lies beyond what the references excite."""
+
+from dataclasses import replace
+
+from rdpi_gym.envs.tasks.environment import environments_of
+from rdpi_gym.envs.tasks.one_effect import LAG, MODE, stage
+from rdpi_gym.envs.tasks.task import StageTask
+
+STIFF = StageTask(
+    "Stiff",
+    "A stiff stage",
+    "A mode about 2 kHz behind an amplifier that lags.",
+    (stage("P10 stiff", LAG, replace(MODE, f0_hz=2000.0)),),
+    hidden="the memory of the plays, and the states of lag and mode",
+    rank=45,
+)
+PiezoStiffEnv, stiff_vector = environments_of(STIFF, __name__)
+'''
+FIELD = {
+    'scaling="increments"),\n)': 'scaling="increments"),\n    Field("error", "difference"),\n)',
+    "return ahead_um, measured_um, command_V\n": (
+        "return ahead_um, measured_um, command_V, now_um - measured_um\n"
+    ),
+}
+"""A field of the observation: what changes in its one file."""
 JOBS = {
+    "task": {"rdpi_gym/envs/tasks/stiff.py": TASK},
     "signal": {"rdpi_gym/signals/trapezoid.py": SIGNAL},
     "controller": {"baselines/half_rate_inverse.py": CONTROLLER},
-    "core": {"rdpi_gym/plant/cores/bent.py": CORE},
+    "core": CORE,
+    "effect": EFFECT,
 }
 """Files that each job adds."""
 
@@ -64,15 +91,60 @@ import baselines, rdpi_gym as rg
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.plant import CORES
+from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import SIGNALS
 
 scores = rg.benchmark(
     ["none", "half-rate-inverse"], plants=["P5"], references=["sine"], ts_s=[1e-3], seeds=1, jobs=1
 )
 print(json.dumps({
-    "package": rg.__file__, "signals": list(SIGNALS), "cores": list(CORES),
+    "package": rg.__file__, "signals": list(SIGNALS), "cores": list(CORES), "effects": list(CATALOGUE),
     "controllers": list(scores.ranking["controller"]), "sentence": text_of(Notice(Code.STILL)),
 }))
+"""
+
+
+OBSERVE = """
+import gymnasium as gym
+import numpy as np
+import rdpi_gym
+from baselines import make_controller
+from rdpi_gym.plant import P10 as plant
+from rdpi_gym.envs.layout import DEFAULT_FIELDS, ObservationLayout
+from rdpi_gym.envs.tasks import TASKS
+from rdpi_gym.envs.wrappers.history import HistoryObservation
+from rdpi_gym.envs.wrappers.scaling import ScaledObservation
+
+assert list(TASKS).index("Stiff") == 4
+fields = ("error", *DEFAULT_FIELDS)
+own = dict(fields=fields, noise_um=0.01)
+for name in ("rdpi_gym/PiezoTracking-v0", "rdpi_gym/PiezoStiff-v0"):
+    env, plain = (gym.make(name, **more) for more in (own, {"noise_um": 0.01}))
+    lanes = gym.make_vec(name, num_envs=3, **own)
+    seen = env.reset(seed=4)[0], plain.reset(seed=4)[0], lanes.reset(seed=4)[0]
+    for k in range(100):
+        one, other, many = seen
+        assert env.observation_space.contains(one) and len(one) == 12
+        np.testing.assert_array_equal(one[1:], other)
+        np.testing.assert_allclose(many[0], one, rtol=0, atol=2e-6)
+        np.testing.assert_allclose(one[0], one[1] - one[-2], atol=1e-6)
+        action = np.array([np.sin(0.1 * k)], dtype=np.float32)
+        seen = env.step(action)[0], plain.step(action)[0], lanes.step(np.tile(action, (3, 1)))[0]
+stacked = ScaledObservation(HistoryObservation(gym.make("rdpi_gym/PiezoTracking-v0", **own), 4))
+assert stacked.reset(seed=1)[0].shape == (12 + 4 * 4,)
+assert np.linalg.matrix_rank(stacked.scaling.matrix) == 28
+shown = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 12)).astype(np.float32)
+for name in ("pi-preview", "lqg-preview", "learned:ppo-increment", "learned:imitation-stage"):
+    for given, observations in ((fields, shown), (DEFAULT_FIELDS, shown[:, 1:])):
+        made = make_controller(name, plant, ObservationLayout.for_plant(plant, 1e-4, 8, fields=given))
+        actions, state = [], None
+        for each in observations:
+            action, state = made.predict(each, state)
+            actions.append(action)
+        if given == fields:
+            found = actions
+    np.testing.assert_array_equal(found, actions)
+print("observed")
 """
 
 
@@ -89,6 +161,13 @@ def copy(tmp_path_factory):
     ]
     text = holder.read_text(encoding="utf-8")
     holder.write_text(SENTENCE.sub(r'\1"Nothing moves."', text), encoding="utf-8")
+    layout = folder / "rdpi_gym/envs/layout.py"
+    for old, new in FIELD.items():
+        text = layout.read_text(encoding="utf-8")
+        assert text.count(old) == 1, old
+        layout.write_text(text.replace(old, new), encoding="utf-8")
+    for compiled in (folder / "rdpi_gym/envs").rglob("*.nb[ic]"):
+        compiled.unlink()
     written = python(folder, "-m", "tests.diagnosis.golden_texts")
     assert written.returncode == 0, written.stderr[-2000:]
     return folder
@@ -101,8 +180,14 @@ def test_a_new_file_is_found_without_a_list(copy):
     assert said["package"].startswith(str(copy))
     assert "trapezoid" in said["signals"]
     assert "bent" in said["cores"]
+    assert "bend" in said["effects"]
     assert "half-rate-inverse" in said["controllers"]
     assert said["sentence"] == "Nothing moves."
+
+
+def test_a_field_of_the_observation_reaches_environments_history_and_controllers(copy):
+    run = python(copy, "-c", OBSERVE)
+    assert run.stdout == "observed\n", run.stderr[-2000:]
 
 
 def test_the_default_tier_passes_after_every_job(copy):

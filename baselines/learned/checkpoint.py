@@ -22,8 +22,13 @@ from torch import nn
 from baselines.learned.policy import read_tensors
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import open_regular, read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.files import (
+    open_regular,
+    read_json,
+    replaced_folder,
+    write_atomic,
+    write_json,
+)
 from rdpi_gym.support.npz import open_npz
 from rdpi_gym.support.temporaries import clear_abandoned
 from rdpi_gym.support.words import quoted

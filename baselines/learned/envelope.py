@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.envs.layout import FIRST_RELEASE, ObservationLayout
+from rdpi_gym.envs.layout import DEFAULT_FIELDS, ObservationLayout
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
@@ -58,7 +58,7 @@ class Watch:
 
     def __init__(self, layout: ObservationLayout) -> None:
         self._forgets = 1.0 - math.exp(-layout.ts_s / AVERAGED_S)
-        self._columns = [layout.columns[name].start for name in FIRST_RELEASE]
+        self._columns = [layout.columns[name].start for name in DEFAULT_FIELDS]
 
     def start(self, lanes: int) -> Array:
         """Return the memory of loops that begin, float64[rows, B]."""

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.base import Baseline
+from baselines.lanes import Rows
 from baselines.learned.controller import controller_of
 from baselines.learned.envelope import MARGIN, QUANTITIES, Watch
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.policy import Policy
-from baselines.memory import Rows
 from baselines.registry import known_controller
 from baselines.ringing import BAND_HZ, RingingMonitor
 from rdpi_gym.envs.layout import ObservationLayout

@@ -18,8 +18,7 @@ from baselines.adaptive_feedforward import (
     SPLINE,
     AdaptiveFeedforward,
 )
-from baselines.classical import ClassicalReferenceRate
-from baselines.classical_inverse_kernels import pack_inverse
+from baselines.classical import ClassicalReferenceRate, pack_inverse
 from baselines.learned.imitation.policy import StudentController, StudentPolicy
 from baselines.learned.imitation.student import (
     CORRECTIONS,

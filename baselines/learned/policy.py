@@ -21,8 +21,14 @@ from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.envs.wrappers.scaling import Scaling
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_bytes, read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support.files import (
+    read_bytes,
+    read_json,
+    replaced_folder,
+    settled_folder,
+    write_atomic,
+    write_json,
+)
 from rdpi_gym.support.words import quoted, some
 
 DESCRIPTION = "policy.json"

@@ -35,24 +35,13 @@ _LOOP_SHARE = 0.7  # of the range, to leave room for overshoot
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """A plant with what is hidden in it, and how it is driven.
+    """A plant with what is hidden in it, and how it is driven."""
 
-    Parameters
-    ----------
-    plant
-        Without what is hidden.
-    hidden
-        In the chain's order.
-    taken
-        The experiment.
-    history_ratio
-        Where it is not zero, each record begins after a decaying motion of this reach, in spans,
-        that nobody recorded.
-    """
-
-    plant: Foreign
-    hidden: tuple[Mechanism, ...]
-    taken: Taken
+    plant: Foreign  # without what is hidden
+    hidden: tuple[Mechanism, ...]  # in the chain's order
+    taken: Taken  # the experiment
+    # where it is not zero, each record begins after a decaying motion of this reach, in spans,
+    # that nobody recorded
     history_ratio: float = 0.0
 
     def starts_s(self) -> list[float]:

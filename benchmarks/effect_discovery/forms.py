@@ -40,34 +40,21 @@ class UnfitError(InputError):
 
 @dataclass(frozen=True)
 class Scale:
-    """Size of an experiment on a plant, which effects are drawn to suit.
+    """Size of an experiment on a plant, which effects are drawn to suit."""
 
-    Parameters
-    ----------
-    centre_V, span_V, stroke_um
-        Of the command and the displacement, half of peak to peak.
-    rate_V_s
-        Fastest rate of the command.
-    ts_s, slowest_ts_s
-        Shortest and longest sampling time (s).
-    longest_s, total_s
-        Longest record, and all of them (s).
-    is_held
-        Whether a command is held between the samples.
-    is_coarse
-        Whether effects may be faster than the samples can show.
-    """
-
+    # of the command and the displacement, half of peak to peak
     centre_V: float
     span_V: float
     stroke_um: float
-    rate_V_s: float
+    rate_V_s: float  # fastest rate of the command
+    # shortest and longest sampling time (s)
     ts_s: float
     slowest_ts_s: float
+    # longest record, and all of them (s)
     longest_s: float
     total_s: float
-    is_held: bool
-    is_coarse: bool
+    is_held: bool  # whether a command is held between the samples
+    is_coarse: bool  # whether effects may be faster than the samples can show
 
     @property
     def turn_s(self) -> float:
@@ -95,42 +82,22 @@ def scale_of(taken: Taken, plant: Foreign, is_coarse: bool) -> Scale:
 
 @dataclass(frozen=True)
 class At:
-    """Where on the fine grid a mechanism works.
+    """Where on the fine grid a mechanism works."""
 
-    Parameters
-    ----------
-    t_s : float64[P]
-        Clock of the experiment at every point (s).
-    step_s
-        Step of the grid.
-    """
-
-    t_s: Array
-    step_s: float
+    t_s: Array  # float64[P]: Clock of the experiment at every point (s)
+    step_s: float  # step of the grid
 
 
 @dataclass(frozen=True)
 class Form:
-    """One form of an effect.
+    """One form of an effect."""
 
-    Parameters
-    ----------
-    effect
-        Its name in the catalogue.
-    form
-        What is unlike the catalogue's simplest.
-    place
-        In the chain; :data:`CORE` for what changes the hysteresis itself.
-    draw
-        Numbers for a scale and a size; a larger size is a larger effect.
-    apply
-        What it makes of a signal; None where it changes the hysteresis.
-    """
-
-    effect: str
-    form: str
-    place: int
+    effect: str  # its name in the catalogue
+    form: str  # what is unlike the catalogue's simplest
+    place: int  # in the chain; :data:`CORE` for what changes the hysteresis itself
+    # numbers for a scale and a size; a larger size is a larger effect
     draw: Callable[[Scale, np.random.Generator, float], dict[str, Any]]
+    # what it makes of a signal; None where it changes the hysteresis
     apply: Callable[[Array, At, Numbers], Array] | None = None
 
 

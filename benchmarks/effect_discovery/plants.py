@@ -20,35 +20,19 @@ _TIMES = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Foreign:
-    """A plant without what is hidden in it.
+    """A plant without what is hidden in it."""
 
-    Parameters
-    ----------
-    a0_um_V
-        Gain without plays (µm/V).
-    thresholds_V, weights : float64[n]
-        Of the plays (V, µm/V).
-    delta2_s
-        Growth of the thresholds with the rate (s).
-    centre_V, span_V
-        Range that is used.
-    stroke_um
-        Half of the displacement over that range.
-    noise_um
-        Of the sensor (rms).
-    colour
-        Correlation of the noise from sample to sample.
-    """
-
-    a0_um_V: float
+    a0_um_V: float  # gain without plays (µm/V)
+    # float64[n]: Of the plays (V, µm/V)
     thresholds_V: Array
     weights: Array
-    delta2_s: float
+    delta2_s: float  # growth of the thresholds with the rate (s)
+    # range that is used
     centre_V: float
     span_V: float
-    stroke_um: float
-    noise_um: float
-    colour: float
+    stroke_um: float  # half of the displacement over that range
+    noise_um: float  # of the sensor (rms)
+    colour: float  # correlation of the noise from sample to sample
 
     @property
     def gain_um_V(self) -> float:

@@ -15,28 +15,17 @@ from rdpi_gym.support.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """What drives the plant during one record.
+    """What drives the plant during one record."""
 
-    Parameters
-    ----------
-    name, role
-        Of the record.
-    ts_s
-        Sampling time (s).
-    parts
-        Points of the fine grid in a sampling time; even.
-    fine_V : float64[(T - 1) parts + 1]
-        True command (V); the k-th sample is taken at point k times `parts`.
-    cut
-        Samples at the beginning that are not recorded.
-    """
-
+    # of the record
     name: str
     role: Role
-    ts_s: float
-    parts: int
+    ts_s: float  # sampling time (s)
+    parts: int  # points of the fine grid in a sampling time; even
+    # float64[(T - 1) parts + 1]: True command (V); the k-th sample is taken at point k times
+    # `parts`
     fine_V: Array
-    cut: int = 0
+    cut: int = 0  # samples at the beginning that are not recorded
 
     @property
     def step_s(self) -> float:
@@ -86,28 +75,15 @@ _BUSY = 15_000  # samples of a record from which on its grid is coarser
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """The experiment on one plant.
+    """The experiment on one plant."""
 
-    Parameters
-    ----------
-    protocol
-        One of :data:`PROTOCOLS`.
-    drives
-        Commands of its records (V), one after the other.
-    centre_V, span_V
-        Middle and half width of the range that is used.
-    has_validation
-        Whether a record is for validation alone.
-    in_motion
-        Whether the records begin in mid-motion.
-    """
-
-    protocol: str
-    drives: tuple[Drive, ...]
+    protocol: str  # one of :data:`PROTOCOLS`
+    drives: tuple[Drive, ...]  # commands of its records (V), one after the other
+    # middle and half width of the range that is used
     centre_V: float
     span_V: float
-    has_validation: bool
-    in_motion: bool
+    has_validation: bool  # whether a record is for validation alone
+    in_motion: bool  # whether the records begin in mid-motion
 
     @property
     def samples(self) -> int:

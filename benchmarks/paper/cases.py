@@ -39,25 +39,14 @@ class Claim(Enum):
 
 @dataclass(frozen=True)
 class Case:
-    """One simulation that stands for a panel or a number of the paper.
+    """One simulation that stands for a panel or a number of the paper."""
 
-    Parameters
-    ----------
-    label
-        Figure or section.
-    claim
-        What the paper says of it.
-    reading, sine
-        What is simulated.
-    paper_value
-        The number in the paper's text, where it has one.
-    """
-
-    label: str
-    claim: Claim
+    label: str  # figure or section
+    claim: Claim  # what the paper says of it
+    # what is simulated
     reading: Reading
     sine: Sine
-    paper_value: float | None = None
+    paper_value: float | None = None  # the number in the paper's text, where it has one
 
 
 def section_iii(frequency_hz: float, ts_s: float) -> Sine:

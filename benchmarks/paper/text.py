@@ -19,18 +19,20 @@ from benchmarks.paper.cases import (
     Claim,
     section_iii,
 )
-from benchmarks.paper.gain import identified_g
-from benchmarks.paper.markdown import number, seconds, table
 from benchmarks.paper.readings import READINGS
 from benchmarks.paper.run import PLANTS, SECTIONS, PaperResults
 from benchmarks.paper.text_theory import (
     best_by_plant,
     implementation,
     no_condition,
+    number,
     right_half_plane_zero,
+    seconds,
+    table,
     why,
 )
 from benchmarks.paper.tracking import Sine, Tracking
+from benchmarks.paper.variants import identified_g
 from benchmarks.paper.verdicts import COMPLETE_PERCENT, falls, loop_opening_percent, order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import joined

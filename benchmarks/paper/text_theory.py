@@ -1,15 +1,32 @@
-"""The part of paper.md that says why: the loop of Eq. 6, its limit, the model's zero."""
+"""Sections on why the claims fail, and on what to use; numbers and tables as the page writes them."""
 
 from __future__ import annotations
 
-from baselines.stability import limiting_cutoff_hz
+from collections.abc import Iterable, Sequence
+
+from baselines.feedforward import limiting_cutoff_hz
 from benchmarks.paper.cases import SECTION_V, SWEEP_LABEL
-from benchmarks.paper.gain import identified_g
-from benchmarks.paper.implementation import Implementation
-from benchmarks.paper.markdown import number, seconds, table
 from benchmarks.paper.run import DIVERGENCE_TS_S, PLANTS, PaperResults
 from benchmarks.paper.stability import MARGIN, SLIDE_V_S
+from benchmarks.paper.variants import Implementation, identified_g
+from rdpi_gym.support import markdown, words
 from rdpi_gym.support.words import joined
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: bool = True) -> str:
+    """Write a table, its first column to the left and the others to the right, if `right`."""
+    return markdown.table(head, rows, range(1, len(head)) if right else ())
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Write a number with a few significant digits."""
+    return words.number(value, digits, "short")
+
+
+def seconds(value: float) -> str:
+    """Write a sampling time in s as a power of ten."""
+    mantissa, _, exponent = f"{value:.3e}".partition("e")
+    return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)} s"
 
 
 def why(results: PaperResults) -> str:

@@ -9,9 +9,14 @@ from functools import partial
 from pathlib import Path
 
 import benchmarks.payoff
-from benchmarks.payoff.beliefs import FOLDER, make_beliefs, stored_beliefs
+from benchmarks.payoff.beliefs import (
+    FOLDER,
+    HIDDEN_PLANTS,
+    HiddenPlant,
+    make_beliefs,
+    stored_beliefs,
+)
 from benchmarks.payoff.charts import payoff_picture
-from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
 from benchmarks.payoff.scores import ROWS_FILE, payoff_table
 from benchmarks.payoff.tables import payoff_summary, payoff_text
 from rdpi_gym.plant import PlantModel
@@ -53,14 +58,7 @@ def _compute(
             found[hidden] = own
             show("discovering", len(found), len(HIDDEN_PLANTS))
         beliefs = {hidden: found[hidden] for hidden in HIDDEN_PLANTS}
-        table = payoff_table(
-            beliefs,
-            out,
-            seed,
-            jobs,
-            show,
-            note=lambda sentence: print(sentence, file=sys.stderr),
-        )
+        table = payoff_table(beliefs, out, seed, jobs, show)
     write_atomic(
         out / "payoff.csv", table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     )

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 
 from baselines import make_controller
-from benchmarks.payoff.beliefs import BELIEFS
-from benchmarks.payoff.plants import HiddenPlant
+from benchmarks.payoff.beliefs import BELIEFS, HiddenPlant
+from benchmarks.sweep import complete, print_note
 from benchmarks.tracking.case import Case
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.fingerprint import code_fingerprint
@@ -26,7 +26,6 @@ from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10, PlantModel
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, named_rows
 
@@ -47,28 +46,15 @@ _CASE = ("plant", "reference", "frequency_hz", "seed")
 
 @dataclass(frozen=True)
 class Task:
-    """One compensator on one plant with one belief, on all references side by side.
+    """One compensator on one plant with one belief, on all references side by side."""
 
-    Parameters
-    ----------
-    hidden
-        The plant.
-    controller
-        Name of the compensator.
-    name, belief
-        What it believes of the plant, and what that is called.
-    seed
-        Of the sensor's noise and of random references.
-    kept
-        Whether its rows are, so that they carry a hash of what they depend on.
-    """
-
-    hidden: HiddenPlant
-    controller: str
+    hidden: HiddenPlant  # the plant
+    controller: str  # name of the compensator
+    # what it believes of the plant, and what that is called
     name: str
     belief: PlantModel
-    seed: int
-    kept: bool = True
+    seed: int  # of the sensor's noise and of random references
+    kept: bool = True  # whether its rows are, so that they carry a hash of what they depend on
 
     @cached_property
     def code(self) -> str:
@@ -91,7 +77,7 @@ def payoff_table(
     jobs: int = 1,
     progress: Progress | None = None,
     ray_address: str | None = None,
-    note: Callable[[str], None] | None = None,
+    note: Callable[[str], None] = print_note,
     kept: bool = True,
 ) -> pd.DataFrame:
     """Score every compensator with every belief on every plant; an interrupted run goes on."""
@@ -103,16 +89,14 @@ def payoff_table(
         for name in BELIEFS
     ]
     store = named_rows(out / ROWS_FILE)
-    remark = store.remark()
-    if remark is not None and note is not None:
-        note(remark)
     code = {task.key(case): task.code for task in tasks for case in cases}
-    store.set_aside(lambda row: code.get(row["key"], row.get("code")) != row.get("code"))
-    missing = [t for t in tasks if any(t.key(case) not in store.rows for case in cases)]
-    for done, rows in enumerate(run_cases(run_task, missing, jobs, ray_address), start=1):
-        store.append(rows)
-        if progress is not None:
-            progress("hidden effects", done, len(missing))
+    complete(
+        store, tasks, run_task, lambda task: [task.key(case) for case in cases],
+        lambda row: code.get(row["key"], row.get("code")) != row.get("code"),
+        name=lambda row: row["key"], note=note,
+        stale="rows of code that has changed since were set aside in {}", stage="hidden effects",
+        jobs=jobs, progress=progress, ray_address=ray_address,
+    )  # fmt: skip
     return _related([store.rows[key] for key in code])
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from benchmarks.payoff.beliefs import BELIEFS
-from benchmarks.payoff.plants import HIDDEN_PLANTS, NOISE_UM, HiddenPlant
+from benchmarks.payoff.beliefs import BELIEFS, HIDDEN_PLANTS, NOISE_UM, HiddenPlant
 from benchmarks.payoff.scores import PREVIEW, TS_S
 from benchmarks.tracking.scoring import DIVERGED, ERROR, words
 from benchmarks.tracking.stages import NOISE_UM as SENSOR_NOISE_UM

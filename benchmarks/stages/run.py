@@ -17,15 +17,15 @@ from baselines import (
     inverts_any_core,
 )
 from baselines.preview import PreviewInversion
+from benchmarks.rows import TASKS
 from benchmarks.stages.draws import TestSeed
-from benchmarks.stages.rows import SUITE_VERSION, key, open_rows
-from benchmarks.stages.unit import make_units, run_unit
+from benchmarks.stages.unit import SUITE_VERSION, make_units, run_unit
+from benchmarks.sweep import complete
+from benchmarks.tracking.controllers import is_learned, read_policy
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from benchmarks.tracking.learned import is_learned, read_policy
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, used_files
-from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
 
@@ -49,21 +49,11 @@ def field() -> list[str]:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run leaves.
+    """What a run leaves."""
 
-    Parameters
-    ----------
-    rows
-        Those that were asked for, the bound's among them.
-    computed
-        Number of rows that were not finished before.
-    notes
-        What a reader should know, one sentence each.
-    """
-
-    rows: list[Row]
-    computed: int
-    notes: tuple[str, ...]
+    rows: list[Row]  # those that were asked for, the bound's among them
+    computed: int  # number of rows that were not finished before
+    notes: tuple[str, ...]  # what a reader should know, one sentence each
 
 
 def run_tasks(
@@ -106,20 +96,15 @@ def run_tasks(
             _stamp(name, task, made) if kept else "", made.get(name),
         )
     ]  # fmt: skip
-    store = open_rows(out)
-    remark = store.remark()
-    notes = [] if remark is None else [remark]
+    store, notes = TASKS.open(out), list[str]()
     stamps = {k: unit.stamp for unit in units for k in unit.keys}
-    aside = store.set_aside(lambda row: stamps.get(key(row), row["stamp"]) != row["stamp"])
-    if aside is not None:
-        notes.append(f"Rows of changed code or controllers were set aside in {aside.name}.")
-    missing = [unit for unit in units if not store.rows.keys() >= set(unit.keys)]
-    computed = 0
-    for done, rows in enumerate(run_cases(run_unit, missing, jobs, ray_address), start=1):
-        store.append(rows)
-        computed += len(rows)
-        if progress is not None:
-            progress("scoring", done, len(missing))
+    computed = complete(
+        store, units, run_unit, lambda unit: unit.keys,
+        lambda row: stamps.get(TASKS.key(row), row["stamp"]) != row["stamp"],
+        name=TASKS.key, note=notes.append,
+        stale="Rows of changed code or controllers were set aside in {.name}.",
+        jobs=jobs, progress=progress, ray_address=ray_address,
+    )  # fmt: skip
     return Outcome([store.rows[k] for unit in units for k in unit.keys], computed, tuple(notes))
 
 

@@ -15,17 +15,24 @@ from pathlib import Path
 import numpy as np
 
 from baselines import policy_of
+from benchmarks.rows import TASKS, TaskKey
 from benchmarks.stages.draws import TestSeed
-from benchmarks.stages.rows import SUITE_VERSION, Key, open_rows
 from benchmarks.stages.run import run_tasks
 from benchmarks.stages.tables import TaskScores
+from benchmarks.stages.unit import SUITE_VERSION
+from benchmarks.tracking.controllers import is_learned
 from benchmarks.tracking.fingerprint import code_fingerprint
-from benchmarks.tracking.learned import is_learned
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_bytes, read_json, write_atomic, write_json
-from rdpi_gym.support.folders import check_plain, replaced_folder
+from rdpi_gym.support.files import (
+    check_plain,
+    read_bytes,
+    read_json,
+    replaced_folder,
+    write_atomic,
+    write_json,
+)
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import quoted, short
@@ -140,7 +147,7 @@ def read_submission(folder: Path) -> Submission:
         raise InputError(
             f"{folder / entry.code} is not what was submitted: its hash differs; submit it again"
         )
-    rows, wanted = open_rows(folder).rows, len(entry.tasks) * entry.plants
+    rows, wanted = TASKS.open(folder).rows, len(entry.tasks) * entry.plants
     # of any number that the file says, no more are looked for than rows are there
     missing = next((k for k in _keys(entry) if k not in rows), None)
     if missing is not None:
@@ -175,7 +182,7 @@ def score_submission(
     )
     notes = [*outcome.notes]
     if seed.is_public:
-        stated = open_rows(folder).rows
+        stated = TASKS.open(folder).rows
         differ = sum(
             not _is_same(row, stated[entry.controller, row["task"], row["draws"], row["plant"]])
             for row in outcome.rows
@@ -194,7 +201,7 @@ def score_submission(
     return TaskScores(tuple(renamed), seed.label, outcome.computed, tuple(notes))
 
 
-def _keys(entry: Submission) -> Iterator[Key]:
+def _keys(entry: Submission) -> Iterator[TaskKey]:
     label = TestSeed().label
     for task in entry.tasks:
         for plant in range(entry.plants):

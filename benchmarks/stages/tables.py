@@ -12,8 +12,13 @@ import pandas as pd
 
 from baselines import HORIZON_BOUND
 from benchmarks.stages.ranking import BOUND, rank_correlation, ranking, rivals_of
-from benchmarks.stages.rows import SUITE_VERSION
-from benchmarks.stages.unit import PASSES, SATURATED_PERCENT, SLOWEST_US, WORST_PERCENT
+from benchmarks.stages.unit import (
+    PASSES,
+    SATURATED_PERCENT,
+    SLOWEST_US,
+    SUITE_VERSION,
+    WORST_PERCENT,
+)
 from benchmarks.tracking.leaderboard import CONFIDENCE
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.files import write_atomic

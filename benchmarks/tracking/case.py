@@ -23,7 +23,7 @@ class Case:
     Parameters
     ----------
     reference
-        Its name in :data:`benchmarks.tracking.suite.REFERENCES`.
+        Its name in :data:`benchmarks.tracking.stages.REFERENCES`.
     frequency_hz
         Sine, triangle: frequency; raster: line rate; steps: levels per second; nested loops: that
         of the major loop; multisine, noise: the highest line (Hz).

@@ -20,7 +20,7 @@ from benchmarks.tracking.leaderboard import (
 from benchmarks.tracking.measured import MeasuredScores, no_scores, score_measured
 from benchmarks.tracking.run import Outcome
 from benchmarks.tracking.selection import Selection
-from benchmarks.tracking.suite import cases
+from benchmarks.tracking.stages import cases
 from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import number
 

@@ -12,8 +12,8 @@ from typing import Any
 import baselines
 from baselines import CONTROLLERS, FULL_PREVIEW, HORIZON_BOUND, LEARNED
 from baselines.tuning import TUNED
-from benchmarks.tracking.learned import is_learned, policy_bytes
-from benchmarks.tracking.suite import SUITE_VERSION
+from benchmarks.tracking.controllers import is_learned, policy_bytes
+from benchmarks.tracking.stages import SUITE_VERSION
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files, used_files
 

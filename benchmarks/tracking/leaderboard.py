@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from baselines import FULL_PREVIEW
-from benchmarks.tracking.rows import key
+from benchmarks.rows import TRACKING
 from benchmarks.tracking.scoring import tally
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.store import Row
@@ -33,10 +33,10 @@ CONFIDENCE = 0.95
 
 def score_table(rows: Sequence[Row]) -> pd.DataFrame:
     """Relate every row to the bound's on the same truth."""
-    bound = {key(row)[1:]: row for row in rows if row["controller"] == FULL_PREVIEW}
+    bound = {TRACKING.key(row)[1:]: row for row in rows if row["controller"] == FULL_PREVIEW}
     table = []
     for row in rows:
-        best = bound.get(key(row)[1:], {})
+        best = bound.get(TRACKING.key(row)[1:], {})
         table.append(
             row
             | {

@@ -1,19 +1,21 @@
-"""The leaderboard in words: what was scored, the ranking, the details, what to beware of."""
+"""Leaderboard as Markdown and as files: what was scored, the ranking, the details, the cautions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from baselines import FULL_PREVIEW
+from benchmarks.payoff.tables import payoff_part
 from benchmarks.tracking.evaluation import Evaluation
-from benchmarks.tracking.leaderboard import CONFIDENCE
+from benchmarks.tracking.leaderboard import COLUMNS, CONFIDENCE
 from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
 from benchmarks.tracking.scoring import MEANING, words
-from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, Stage
-from benchmarks.tracking.suite import SUITE_VERSION
+from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, SUITE_VERSION, Stage
+from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.words import number
 
@@ -203,3 +205,28 @@ def measured_text(measured: MeasuredScores) -> str:
         f"applied voltage. The first {MEMORY_S:g} s are not counted, in which the memory builds up. "
         "Feedback has nothing to feed back here and is left out. All rows are in `measured.csv`."
     )
+
+
+def write_tables(out: Path, evaluation: Evaluation, payoff: pd.DataFrame | None = None) -> Path:
+    """Write every table of a run into a folder; ``measured.csv`` only where it has rows."""
+    table, text = evaluation.table, leaderboard_text(evaluation)
+    if payoff is not None:
+        table = pd.concat([table, payoff[list(COLUMNS)]], ignore_index=True)
+        text += f"\n{payoff_part(payoff)}"
+    write_atomic(out / "leaderboard.csv", _csv(table))
+    write_atomic(out / "ranking.csv", _csv(_rankings(evaluation)))
+    if not evaluation.measured.table.empty:
+        write_atomic(out / "measured.csv", _csv(evaluation.measured.table))
+    return write_atomic(out / "leaderboard.md", text)
+
+
+def _rankings(evaluation: Evaluation) -> pd.DataFrame:
+    """Return the ranking and those at one sampling time; ``ts_s`` is missing for the first."""
+    parts = [(float("nan"), evaluation.ranking), *evaluation.where_trained.items()]
+    return pd.concat(
+        [part.assign(ts_s=ts)[["ts_s", *part.columns]] for ts, part in parts], ignore_index=True
+    )
+
+
+def _csv(table: pd.DataFrame) -> str:
+    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n")

@@ -11,8 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from baselines import FULL_PREVIEW, ControllerFactory, make_controller
-from benchmarks.tracking.learned import is_learned
-from benchmarks.tracking.own import Made
+from benchmarks.tracking.controllers import Made, is_learned
 from benchmarks.tracking.scoring import ERROR, one_line
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
@@ -35,22 +34,14 @@ SHOWN_S = 3.0
 
 @dataclass(frozen=True)
 class MeasuredScores:
-    """The feedforwards on measured records.
+    """The feedforwards on measured records."""
 
-    Parameters
-    ----------
-    table
-        Columns :data:`COLUMNS`: difference between command and applied voltage (V, percent of the
-        applied peak to peak), the same times the local gain (µm), and the sensor's zero (µm).
-    traces
-        Of each record, its last seconds: time (s), applied voltage and each command (V).
-    note
-        Why there are none, or how they were made.
-    """
-
+    # columns :data:`COLUMNS`: difference between command and applied voltage (V, percent of the
+    # applied peak to peak), the same times the local gain (µm), and the sensor's zero (µm)
     table: pd.DataFrame
+    # of each record, its last seconds: time (s), applied voltage and each command (V)
     traces: dict[str, dict[str, Array]]
-    note: str
+    note: str  # why there are none, or how they were made
 
 
 def score_measured(

@@ -19,11 +19,12 @@ from baselines import (
     FullPreviewInversion,
     make_controller,
 )
+from benchmarks.rows import TRACKING, TrackingKey
+from benchmarks.sweep import complete
 from benchmarks.tracking.case import Case
+from benchmarks.tracking.controllers import Made
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from benchmarks.tracking.own import Made
-from benchmarks.tracking.rows import Key, key, open_rows
 from benchmarks.tracking.scoring import ERROR, one_line, score, status, words
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
@@ -32,7 +33,6 @@ from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
 
@@ -45,48 +45,23 @@ _LENGTH_RATIO = 4.0
 
 @dataclass(frozen=True)
 class Lane:
-    """One row to be: a case and a seed.
+    """One row to be: a case and a seed."""
 
-    Parameters
-    ----------
-    case
-        The reference.
-    seed
-        Draws the truth, the sensor's noise and a random reference.
-    keep_trace
-        Whether the row carries what its page draws.
-    """
-
-    case: Case
-    seed: int
-    keep_trace: bool = False
+    case: Case  # the reference
+    seed: int  # draws the truth, the sensor's noise and a random reference
+    keep_trace: bool = False  # whether the row carries what its page draws
 
 
 @dataclass(frozen=True)
 class Task:
-    """What one worker does at a time; its rows are written when it is done.
+    """What one worker does at a time; its rows are written when it is done."""
 
-    Parameters
-    ----------
-    controller
-        A name of ``baselines.CONTROLLERS``, or ``module:attribute``.
-    stage
-        The plant.
-    ts_s
-        Sampling time (s).
-    lanes
-        The rows to be computed.
-    stamps
-        Fingerprints that go into every row.
-    factory
-        What makes the controller, where its name does not say.
-    """
-
-    controller: str
-    stage: Stage
-    ts_s: float
-    lanes: tuple[Lane, ...]
-    stamps: tuple[tuple[str, str], ...] = ()
+    controller: str  # a name of ``baselines.CONTROLLERS``, or ``module:attribute``
+    stage: Stage  # the plant
+    ts_s: float  # sampling time (s)
+    lanes: tuple[Lane, ...]  # the rows to be computed
+    stamps: tuple[tuple[str, str], ...] = ()  # fingerprints that go into every row
+    # what makes the controller, where its name does not say
     factory: ControllerFactory | None = None
 
     @property
@@ -123,9 +98,9 @@ def make_tasks(
     ]
 
 
-def row_keys(task: Task) -> list[Key]:
+def row_keys(task: Task) -> list[TrackingKey]:
     """Return the keys of a task's rows, in the order of its lanes."""
-    return [key(_row(task, lane)) for lane in task.lanes]
+    return [TRACKING.key(_row(task, lane)) for lane in task.lanes]
 
 
 def run_task(task: Task) -> list[Row]:
@@ -234,21 +209,11 @@ def _row(task: Task, lane: Lane) -> Row:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run leaves.
+    """What a run leaves."""
 
-    Parameters
-    ----------
-    rows
-        The rows that were asked for, and the bound's beside them.
-    notes
-        What a reader of the results should know, one sentence each.
-    computed
-        Number of rows that were not finished before.
-    """
-
-    rows: list[Row]
-    notes: tuple[str, ...]
-    computed: int
+    rows: list[Row]  # the rows that were asked for, and the bound's beside them
+    notes: tuple[str, ...]  # what a reader of the results should know, one sentence each
+    computed: int  # number of rows that were not finished before
 
 
 def benchmark(
@@ -280,26 +245,22 @@ def _compute(
     ray_address: str | None,
 ) -> Outcome:
     """Run what a folder does not have of tasks."""
-    store = open_rows(out)
-    remark = store.remark()
-    notes = [] if remark is None else [remark]
+    store = TRACKING.open(out)
+    notes: list[str] = []
     stamps = {k: dict(task.stamps) for task in tasks for k in row_keys(task)}
-    aside = store.set_aside(
-        lambda row: any(row.get(name) != value for name, value in stamps.get(key(row), {}).items())
-    )
-    if aside is not None:
-        notes.append(f"Rows of changed code, plants or controllers were set aside in {aside.name}.")
-    # what failed for want of a file or a package may succeed now
-    finished = {k for k, row in store.rows.items() if words([row["status"]]) != {ERROR}}
-    missing = [task for task in tasks if not finished.issuperset(row_keys(task))]
-    missing.sort(key=lambda task: -task.samples)
-    computed = 0
-    for done, rows in enumerate(run_cases(run_task, missing, jobs, ray_address), start=1):
-        fresh = [row for row in rows if key(row) not in finished]
-        store.append(fresh)
-        computed += len(fresh)
-        if progress is not None:
-            progress("scoring", done, len(missing))
+
+    def is_stale(row: Row) -> bool:
+        expected = stamps.get(TRACKING.key(row), {})
+        return any(row.get(name) != value for name, value in expected.items())
+
+    computed = complete(
+        store, sorted(tasks, key=lambda task: -task.samples), run_task, row_keys, is_stale,
+        name=TRACKING.key, note=notes.append,
+        stale="Rows of changed code, plants or controllers were set aside in {.name}.",
+        # what failed for want of a file or a package may succeed now
+        is_finished=lambda row: words([row["status"]]) != {ERROR},
+        jobs=jobs, progress=progress, ray_address=ray_address,
+    )  # fmt: skip
     return Outcome([store.rows[k] for k in _in_order(selection)], tuple(notes), computed)
 
 
@@ -325,7 +286,7 @@ def _tasks(selection: Selection, stamped: bool) -> list[Task]:
     return tasks
 
 
-def _in_order(selection: Selection) -> Iterator[Key]:
+def _in_order(selection: Selection) -> Iterator[TrackingKey]:
     for controller, one, ts in _settings(selection):
         for case in one.cases(selection.references, ts):
             for seed in selection.seeds:

@@ -22,11 +22,15 @@ from baselines import (
     needed_core,
 )
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
-from benchmarks.tracking.learned import corrected_by, is_learned, shipped_policies, trained_at_s
-from benchmarks.tracking.own import Made
+from benchmarks.tracking.controllers import (
+    Made,
+    corrected_by,
+    is_learned,
+    shipped_policies,
+    trained_at_s,
+)
 from benchmarks.tracking.scoring import one_line
-from benchmarks.tracking.stages import Stage, make_stage
-from benchmarks.tracking.suite import REFERENCES, SEEDS
+from benchmarks.tracking.stages import REFERENCES, SEEDS, Stage, make_stage
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import PLANTS, PlantModel, check_ts, find_plant
 from rdpi_gym.plant.cores.base import Core
@@ -92,33 +96,18 @@ DEFAULT_PLANTS = ("P5", "P10", "picma")
 
 @dataclass(frozen=True)
 class Selection:
-    """What is asked for.
+    """What is asked for."""
 
-    Parameters
-    ----------
-    controllers
-        Names of ``baselines.CONTROLLERS``, ``learned:`` and a policy, or ``module:attribute``.
-    stages
-        Plants, each with its sampling times.
-    references
-        Names of :data:`~benchmarks.tracking.suite.REFERENCES`.
-    seeds
-        Seeds; 0 is the nominal plant.
-    notes
-        What was left out, one sentence each.
-    trained_s
-        The sampling time (s) of each trained policy among the controllers, and of each that was made
-        already: it runs at no other.
-    factories
-        What makes a controller whose name does not say.
-    """
-
+    # names of ``baselines.CONTROLLERS``, ``learned:`` and a policy, or ``module:attribute``
     controllers: tuple[str, ...]
-    stages: tuple[Stage, ...]
-    references: tuple[str, ...]
-    seeds: tuple[int, ...]
-    notes: tuple[str, ...] = ()
+    stages: tuple[Stage, ...]  # plants, each with its sampling times
+    references: tuple[str, ...]  # names of :data:`~benchmarks.tracking.stages.REFERENCES`
+    seeds: tuple[int, ...]  # seeds; 0 is the nominal plant
+    notes: tuple[str, ...] = ()  # what was left out, one sentence each
+    # the sampling time (s) of each trained policy among the controllers, and of each that was
+    # made already: it runs at no other
     trained_s: Mapping[str, float] = field(default_factory=dict)
+    # what makes a controller whose name does not say
     factories: Mapping[str, ControllerFactory] = field(default_factory=dict)
 
     def runs_at(self, controller: str, stage: Stage, ts_s: float) -> bool:

@@ -1,20 +1,44 @@
-"""Plants as they are scored: truth and belief, sampling times, what they were identified at."""
+"""Plants and references as they are scored: truth and belief, sampling times, identified rates."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from baselines import inverts_effects
-from benchmarks.tracking.case import Case
-from benchmarks.tracking.suite import SLOW_TS_S, TS_S, cases
+from benchmarks.tracking import references as folder
+from benchmarks.tracking.case import Case, References
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.support.plugins import modules_of
+
+SUITE_VERSION = 2
+SEEDS = 5
+TS_S = (5e-5, 1e-4, 2e-4, 1e-3)
+"""Sampling times (s) of a plant that was identified at rates like those of references about 10 Hz."""
+SLOW_TS_S = (1e-3, 5e-3)
+"""Those (s) of a plant that was identified only at lower rates; references are about 1 Hz there."""
+
+
+def _found() -> References:
+    stated = [module.REFERENCES for module in modules_of(folder.__name__)]
+    return MappingProxyType({name: make for each in stated for name, make in each.items()})
+
+
+REFERENCES = _found()
+"""What makes the cases of a reference, by its name."""
+
+
+def cases(references: Sequence[str], amplitude_um: float, base_hz: float) -> tuple[Case, ...]:
+    """Build the cases of some references."""
+    return tuple(case for name in references for case in REFERENCES[name](amplitude_um, base_hz))
+
 
 RATE_BANDWIDTH_HZ = 800.0
 """Plants that score have a band-limited rate: a literal one rewards dither."""
@@ -28,26 +52,16 @@ COVERED = 1.5
 
 @dataclass(frozen=True)
 class Stage:
-    """A plant as it is scored, its sampling times, and the references' base frequency.
+    """A plant as it is scored, its sampling times, and the references' base frequency."""
 
-    Parameters
-    ----------
-    plant
-        The nominal truth: the plant with its rate band-limited and a noisy sensor.
-    ts_s
-        Sampling times (s) that the ranking is taken over.
-    base_hz
-        What the frequencies of all references but the sines are multiples of (Hz).
-    trained_ts_s
-        Further sampling times (s), at which trained policies run: they have a ranking of their own.
-    believed
-        What controllers are told of the plant; None: the plant itself.
-    """
-
+    # the nominal truth: the plant with its rate band-limited and a noisy sensor
     plant: PlantModel
-    ts_s: tuple[float, ...]
-    base_hz: float
+    ts_s: tuple[float, ...]  # sampling times (s) that the ranking is taken over
+    base_hz: float  # what the frequencies of all references but the sines are multiples of (Hz)
+    # further sampling times (s), at which trained policies run: they have a ranking of their
+    # own
     trained_ts_s: tuple[float, ...] = ()
+    # what controllers are told of the plant; None: the plant itself
     believed: PlantModel | None = None
 
     @property

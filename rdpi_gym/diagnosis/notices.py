@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
@@ -79,6 +79,28 @@ RECORDS: Mapping[Code, tuple[str, ...]] = {
 }  # fmt: skip
 """Records of the standard protocol that an advice asks for."""
 _AGAIN: Mapping[Code, float] = {Code.FASTER: 4.0, Code.CLOCKED: 1.0}
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A sentence of the table of texts by its code, with its values.
+
+    Parameters
+    ----------
+    code
+        Key of :data:`rdpi_gym.diagnosis.texts.TEXTS`.
+    values
+        What the text has fields for: numbers in base units, a value with its standard error, names
+        of records and effects, another statement.
+    """
+
+    code: str
+    values: Mapping[str, object] = field(default_factory=dict)
+
+
+def statement(code: str, **values: object) -> Statement:
+    """Return a statement."""
+    return Statement(code, values)
 
 
 @dataclass(frozen=True)

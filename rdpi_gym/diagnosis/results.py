@@ -9,11 +9,11 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
-from rdpi_gym.diagnosis.notices import Notice
+from rdpi_gym.diagnosis.notices import Notice, statement
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.diagnosis.probability import Probabilities
-from rdpi_gym.diagnosis.words import headline, request_of, sized
+from rdpi_gym.diagnosis.words import headline, request_of, sized, text_of
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
@@ -261,14 +261,16 @@ class CoreChoice:
         """Kind, how sure, and what the records cannot tell from it; empty where none was compared."""
         if self.confidence is None and not self.alike:
             return ""
-        text = f"Kind of hysteresis: {self.kind}, the {CORES[self.kind].title}"
+        parts = [statement("core/kind", core=self.kind, title=CORES[self.kind].title)]
         if self.confidence is not None:
-            text += f" (confidence {100 * self.confidence:.0f} %)"
+            parts.append(statement("core/confidence", percent=100 * self.confidence))
         if self.clockwise is not None:
-            text += f"; the loops turn {'' if self.clockwise else 'counter-'}clockwise"
+            parts.append(
+                statement("core/clockwise" if self.clockwise else "core/counter-clockwise")
+            )
         if self.alike:
-            text += f". Indistinguishable from it on these records: {joined(self.alike)}"
-        return f"{text}."
+            parts.append(statement("core/alike", cores=joined(self.alike)))
+        return f"{''.join(map(text_of, parts))}."
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the files."""

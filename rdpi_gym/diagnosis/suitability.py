@@ -11,6 +11,7 @@ from rdpi_gym.diagnosis.features.cycles import half_cycles, vary
 from rdpi_gym.diagnosis.features.noise import repeat_noise
 from rdpi_gym.diagnosis.features.rests import find_rests
 from rdpi_gym.diagnosis.notices import Code, Notice
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.plausibility import LITTLE, linear_share
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
@@ -67,9 +68,6 @@ def _of_commands(records: list[Record]) -> list[Notice]:
     return found
 
 
-TURNED = "the {output} falls where the {input} rises: its sign was turned, the model describes -y"
-
-
 def falls(records: Sequence[Record]) -> bool:
     """Whether the displacement falls where the voltage rises."""
     moments = [
@@ -90,10 +88,7 @@ def unrelated(train: Sequence[Record]) -> str | None:
     follows = linear_share(train)
     if follows >= LITTLE:
         return None
-    return (
-        f"The {{output}} hardly follows the {{input}} ({100 * max(follows, 0.0):.1f} % of its "
-        "power): check the columns and the sensor."
-    )
+    return template("unrelated", percent=100 * max(follows, 0.0))
 
 
 def one_size(records: Sequence[Record]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, get_args
@@ -29,8 +29,9 @@ class Field(NamedTuple):
     ----------
     name
         Under it the field is found, in every layout that shows it.
-    unit
-        ``um``: encoded as ``(x - centre_um) / scale_um``; ``V``: as its place in the command range.
+    scale
+        Its encoding: of a displacement (µm) ``(x - centre_um) / scale_um``, of a difference of two
+        ``x / scale_um``, of a command (V) its place in the range, -1 to 1.
     ahead
         Whether it stands for each sample from k to k + preview; otherwise for k alone.
     limited
@@ -41,24 +42,24 @@ class Field(NamedTuple):
     """
 
     name: str
-    unit: Literal["um", "V"]
+    scale: Literal["displacement", "difference", "command"]
     ahead: bool = False
     limited: bool = False
     scaling: Literal["increments", "error", "value"] = "value"
 
 
 FIELDS = (
-    Field("reference", "um", ahead=True, scaling="increments"),
-    Field("measured", "um", limited=True, scaling="error"),
-    Field("command", "V", scaling="increments"),
+    Field("reference", "displacement", ahead=True, scaling="increments"),
+    Field("measured", "displacement", limited=True, scaling="error"),
+    Field("command", "command", scaling="increments"),
 )
-"""The observation, in its order, the reference first. A field more is an entry here and a value in :func:`field_values`."""
+"""Every field that an observation may have. One more is an entry here and a value in :func:`field_values`."""
 
 NAMES = tuple(field.name for field in FIELDS)
 # Columns of the table for kernels, see `ObservationLayout.encoder`.
 COLUMN, GAIN, ZERO, SPAN, SHIFT, LIMIT = range(6)
-FIRST_RELEASE = ("reference", "measured", "command")
-"""Fields of layouts that were saved without their names."""
+DEFAULT_FIELDS = ("reference", "measured", "command")
+"""The observation of every registered id, in its order, and of layouts saved without names of fields."""
 
 
 @njit(cache=True)
@@ -95,7 +96,7 @@ class ObservationLayout:
     action_scale_V
         Command change (V) of an action of 1, for ``increment`` and ``correction``.
     fields
-        Names among :data:`FIELDS`, in the order of the observation; by default all.
+        Names among :data:`FIELDS`, in the order of the observation; the default ones among them.
 
     Raises
     ------
@@ -117,7 +118,7 @@ class ObservationLayout:
     ts_s: float
     action: ActionMode = "command"
     action_scale_V: float = 1.0
-    fields: tuple[str, ...] = NAMES
+    fields: Sequence[str] = DEFAULT_FIELDS
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ts_s", check_ts(self.ts_s))
@@ -143,10 +144,10 @@ class ObservationLayout:
             object.__setattr__(self, name, float(getattr(self, name)))
         given = self.fields if isinstance(self.fields, list | tuple) else ()
         fields = tuple(name for name in given if isinstance(name, str))
-        if not set(FIRST_RELEASE) <= set(fields) <= set(NAMES) or len(set(fields)) < len(given):
+        if not set(DEFAULT_FIELDS) <= set(fields) <= set(NAMES) or len(set(fields)) < len(given):
             raise InputError(
                 f"fields is {shown(self.fields)}; give names among {', '.join(NAMES)}, each once, "
-                f"{', '.join(FIRST_RELEASE)} among them"
+                f"{', '.join(DEFAULT_FIELDS)} among them"
             )
         object.__setattr__(self, "fields", fields)
 
@@ -161,12 +162,12 @@ class ObservationLayout:
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> ObservationLayout:
         """Layout from the dictionary of :meth:`to_dict`."""
-        return cls(**{"fields": FIRST_RELEASE, **document})
+        return cls(**{"fields": DEFAULT_FIELDS, **document})
 
     def to_dict(self) -> dict[str, Any]:
-        """Every parameter as JSON holds it, `fields` only where they are not the first release's."""
+        """Every parameter as JSON holds it, `fields` only where they are not the default ones."""
         document = asdict(self)
-        if self.fields == FIRST_RELEASE:
+        if self.fields == DEFAULT_FIELDS:
             del document["fields"]
         return document
 
@@ -219,7 +220,7 @@ class ObservationLayout:
         """Largest magnitudes of an observation whose displacements are within `range_um` of the centre."""
         bound = np.ones(self.size, dtype=np.float32)
         for field in self.shown:
-            if field.unit == "um":
+            if field.scale != "command":
                 bound[self.columns[field.name]] = range_um / self.scale_um
         return bound
 
@@ -234,18 +235,20 @@ class ObservationLayout:
         # In float32, as it is shown: the end of the range is inside it.
         limit = float(np.float32(range_um / self.scale_um))
         laws = {
-            "um": (1.0, self.centre_um, self.scale_um, 0.0),
-            "V": (2.0, low, high - low, 1.0),
+            "displacement": (1.0, self.centre_um, self.scale_um, 0.0),
+            "difference": (1.0, 0.0, self.scale_um, 0.0),
+            "command": (2.0, low, high - low, 1.0),
         }
         if reciprocal:
             laws = {
-                "um": (1.0, self.centre_um, 1.0 / self.scale_um, 0.0),
-                "V": (1.0, 0.5 * (low + high), 2.0 / (high - low), 0.0),
+                "displacement": (1.0, self.centre_um, 1.0 / self.scale_um, 0.0),
+                "difference": (1.0, 0.0, 1.0 / self.scale_um, 0.0),
+                "command": (1.0, 0.5 * (low + high), 2.0 / (high - low), 0.0),
             }
         table = np.empty((len(FIELDS), 6))
         for row, field in zip(table, FIELDS, strict=True):
             row[COLUMN] = self.columns[field.name].stop - 1 if field.name in self.fields else -1
-            row[GAIN : SHIFT + 1] = laws[field.unit]
+            row[GAIN : SHIFT + 1] = laws[field.scale]
             row[LIMIT] = limit if field.limited else math.inf
         return table
 
@@ -273,10 +276,12 @@ class ObservationLayout:
             value = known[field.name]
             if field.ahead:
                 blocks.append(shown)
-            elif field.unit == "um":
-                blocks.append(((value - self.centre_um) / self.scale_um)[None])
-            else:
+            elif field.scale == "command":
                 blocks.append((2.0 * (value - low) / (high - low) - 1.0)[None])
+            elif field.scale == "difference":
+                blocks.append((value / self.scale_um)[None])
+            else:
+                blocks.append(((value - self.centre_um) / self.scale_um)[None])
         return blocks
 
     def reference_um(

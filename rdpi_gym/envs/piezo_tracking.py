@@ -14,7 +14,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from rdpi_gym.envs.correction import Correction
-from rdpi_gym.envs.layout import ActionMode, ObservationLayout
+from rdpi_gym.envs.layout import DEFAULT_FIELDS, ActionMode, ObservationLayout
 from rdpi_gym.envs.references import (
     FrequencyChoice,
     ReferenceChoice,
@@ -142,6 +142,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
     | `amplitude_um`, `offset_um` | the plant's | amplitude and centre of references (µm), and the unit of errors |
     | `smooth_start_s` | `0.01` | smooth start of references (s) |
     | `preview` | `8` | samples of the reference shown ahead |
+    | `fields` | those above | fields of the observation in their order, names among `rdpi_gym.envs.layout.FIELDS`, the three above among them |
     | `action` | `"command"` | how actions are read |
     | `action_scale_V` | 5 % of the range | command (V) of an action of 1, for `increment` and `correction` |
     | `baseline` | `None` | controller under `correction`: name of `baselines.CONTROLLERS` or `module:attribute`; one that plans ahead knows the first 2048 samples |
@@ -192,6 +193,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         offset_um: float | None = None,
         smooth_start_s: float = 0.01,
         preview: int = 8,
+        fields: Sequence[str] = DEFAULT_FIELDS,
         action: ActionMode = "command",
         action_scale_V: float | None = None,
         baseline: str | None = None,
@@ -213,6 +215,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         centre, amplitude = self.nominal.reference_um
         self.layout = ObservationLayout(
             preview=preview,
+            fields=fields,
             centre_um=centre if offset_um is None else offset_um,
             scale_um=amplitude if amplitude_um is None else amplitude_um,
             command_range_V=(low, high),

@@ -56,6 +56,8 @@ def _show(
         quantities[3, b] = u[0, b]
         quantities[4, b] = now - y[0, b]
         values = field_values(ahead, now, measured, u[0, b])
+        if len(values) != len(encoder):
+            raise RuntimeError("this kernel was compiled for other fields; delete its __pycache__")
         for i in range(len(values)):
             column, limit = int(encoder[i, COLUMN]), encoder[i, LIMIT]
             if column >= 0:

@@ -14,13 +14,13 @@ import pandas as pd
 from baselines import Controller
 from baselines import make_controller as make_by_name
 from benchmarks.tracking import evaluation
+from benchmarks.tracking.controllers import named
 from benchmarks.tracking.markdown import (
     METHOD,
     WHERE_TRAINED,
     measured_text,
     ranking_view,
 )
-from benchmarks.tracking.own import named
 from benchmarks.tracking.run import benchmark as run_benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.envs.layout import ObservationLayout
@@ -28,7 +28,7 @@ from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.face.environments import layout as usual_layout
 from rdpi_gym.plant import PLANTS, PlantModel
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import plain
 from rdpi_gym.support.progress import Progress
@@ -189,7 +189,7 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
             The folder cannot be written.
         """
         from benchmarks.tracking.charts import leaderboard_png
-        from benchmarks.tracking.results import write_tables
+        from benchmarks.tracking.markdown import write_tables
         from rdpi_gym.support.files import write_atomic
 
         write_atomic(Path(folder) / "leaderboard.png", leaderboard_png(self))
@@ -322,8 +322,7 @@ def _payoff(
     notes: list[str],
 ) -> pd.DataFrame:
     """Score the plants with hidden effects, with the beliefs of this release."""
-    from benchmarks.payoff.beliefs import stored_beliefs
-    from benchmarks.payoff.plants import HIDDEN_PLANTS
+    from benchmarks.payoff.beliefs import HIDDEN_PLANTS, stored_beliefs
     from benchmarks.payoff.scores import payoff_table
 
     beliefs = {hidden: stored_beliefs(hidden) for hidden in HIDDEN_PLANTS}

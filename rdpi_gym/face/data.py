@@ -15,7 +15,7 @@ import numpy as np
 from rdpi_gym import measurement
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.measurement import DataOptions
-from rdpi_gym.support.checked import check_type
+from rdpi_gym.support.checks import check_type
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
 from rdpi_gym.support.words import quoted, some

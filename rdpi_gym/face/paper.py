@@ -12,7 +12,7 @@ import pandas as pd
 from benchmarks import paper
 from benchmarks.paper.cases import COMPENSATORS, SWEEP_LABEL, TABLE_TS_S
 from rdpi_gym.face.display import DisplayMixin
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
 from rdpi_gym.report.discovery_text import lines, staircase
-from rdpi_gym.support.checked import check_type, checked
+from rdpi_gym.support.checks import check_type, checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
 from rdpi_gym.support.progress import Progress

@@ -13,10 +13,9 @@ from benchmarks.stages import submission
 from benchmarks.stages.draws import read_seed
 from benchmarks.stages.run import field, run_tasks
 from benchmarks.stages.tables import TaskScores
-from benchmarks.tracking.learned import shipped_policies
-from benchmarks.tracking.own import Made, named
+from benchmarks.tracking.controllers import Made, named, shipped_policies
 from rdpi_gym.envs.tasks import TASKS
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 

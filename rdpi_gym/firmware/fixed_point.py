@@ -22,8 +22,8 @@ from baselines.classical import (
     ClassicalLowPassed,
     ClassicalReferenceRate,
     ClassicalStatic,
+    pack_inverse,
 )
-from baselines.classical_inverse_kernels import pack_inverse
 from baselines.inversion_free import (
     InversionFree,
     InversionFreeLiteral,
@@ -33,7 +33,7 @@ from baselines.inversion_free import (
 )
 from baselines.pi import PI
 from baselines.static_gain import StaticGain
-from rdpi_gym.firmware.fixed_helpers import helpers_for
+from rdpi_gym.firmware.writing.templating import helpers
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -234,7 +234,7 @@ class _Writer:
             reach=min(round(self.reach_um / self.microns * _ONE), _LARGEST),
             tables=tuple(self.tables),
             memory=tuple(self.memory),
-            functions=helpers_for(text),
+            functions="\n".join(helpers("fixed_helpers.c", text)),
             step=f"{text}\nreturn (rdpi_real)total;\n",
             notes=tuple(self.notes),
         )

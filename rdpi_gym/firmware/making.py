@@ -15,16 +15,14 @@ from numpy.typing import NDArray
 from baselines.base import Baseline
 from baselines.lookup import GUARDED, LEARNED, make_controller
 from baselines.registry import CONTROLLERS, known_controller
-from baselines.tuning import Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.fixed_point import FixedPoint, fixed_point_body
 from rdpi_gym.firmware.plants import plant_program
 from rdpi_gym.firmware.program import Memory, Program
-from rdpi_gym.firmware.tracing.arrays import Inputs, Recording, Remembered, Traced, constant
+from rdpi_gym.firmware.tracing.arrays import Inputs, Recording, Store, Tables, Traced, constant
 from rdpi_gym.firmware.tracing.functions import NUMPY
-from rdpi_gym.firmware.tracing.intercepting import Interception
-from rdpi_gym.firmware.tracing.statements import lines
-from rdpi_gym.firmware.tracing.tables import Tables, named_arrays
+from rdpi_gym.firmware.tracing.intercepting import Interception, named_arrays
+from rdpi_gym.firmware.tracing.statements import text_of
 from rdpi_gym.firmware.tracing.tape import Tape, recorded
 from rdpi_gym.firmware.translation.kernels import Functions
 from rdpi_gym.firmware.writing.package import Package
@@ -114,10 +112,9 @@ def controller_program(
     belief: PlantModel[Any],
     ts_s: float,
     preview: int | None = None,
-    settings: Mapping[str, float] | None = None,
 ) -> Program:
     """Return a controller's sample as C."""
-    made = _made(name, belief, ts_s, preview, settings)
+    made = _made(name, belief, ts_s, preview)
     if hasattr(made, "plan"):
         raise InputError(
             f"{name} plans over the whole reference, which a controller that runs sample by sample does not have"
@@ -204,7 +201,7 @@ class _Tracer:
             piece(recording)
 
         with self._interception.active():
-            return "\n".join(lines(recorded(run)))
+            return text_of(recorded(run))
 
     @property
     def inexact(self) -> list[str]:
@@ -220,38 +217,25 @@ class _Tracer:
 
 
 def _memory(recording: Recording, count: int) -> Traced:
-    return Traced(Remembered(recording, "state", count), np.arange(count, dtype=np.int64)[:, None])
+    store = Store(recording, "m->state", count, local=False)
+    return Traced(store, np.arange(count, dtype=np.int64)[:, None])
 
 
-def _made(
-    name: str,
-    belief: PlantModel[Any],
-    ts_s: float,
-    preview: int | None,
-    settings: Mapping[str, float] | None,
-) -> Baseline:
+def _made(name: str, belief: PlantModel[Any], ts_s: float, preview: int | None) -> Baseline:
+    """Return a controller with the preview, or with as much as it makes use of."""
     learned = name.startswith((LEARNED, GUARDED))
     if not learned and name not in CONTROLLERS:
         raise InputError(f"{quoted(name)} is no controller of this package; rdpi list names them")
     kind = ObservationLayout if learned else PhysicalLayout
 
     def make(samples: int) -> Baseline:
-        layout = kind.for_plant(belief, ts_s, preview=samples)
-        factory = CONTROLLERS.get(name)
-        if settings is not None:
-            if not (isinstance(factory, type) and issubclass(factory, Tunable)):
-                raise InputError(f"{name} has no settings")
-            return factory(belief, layout, settings)
-        made = make_controller(name, belief, layout)
+        made = make_controller(name, belief, kind.for_plant(belief, ts_s, preview=samples))
         assert isinstance(made, Baseline)
         return made
 
-    if preview is not None:
-        return make(preview)
-    samples = made_with = 1
-    made = make(made_with)
-    while (samples := made.needed_preview) > made_with:
-        made, made_with = make(samples), samples
+    made = make(preview or 1)
+    while preview is None and made.needed_preview > made.layout.preview:
+        made = make(made.needed_preview)
     return made
 
 

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.firmware.program import Memory, Program, Table
+from rdpi_gym.firmware.program import Block, Known, Memory, Program, Table
 from rdpi_gym.firmware.translation.kernels import Functions
-from rdpi_gym.firmware.values import Block, Known
 from rdpi_gym.plant import Plant, PlantModel, pack
 from rdpi_gym.plant.chain import ACTS_ON, CHAIN, COMMAND, DISPLACEMENT, RATE
 from rdpi_gym.plant.cores.base import check_ts

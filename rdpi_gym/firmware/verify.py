@@ -13,10 +13,9 @@ import numpy as np
 from rdpi_gym.firmware.compiling import build, compiler, run
 from rdpi_gym.firmware.making import package_again
 from rdpi_gym.firmware.writing.package import DESCRIPTION, FORMAT, VERSION, Package
-from rdpi_gym.firmware.writing.roundings import Roundings
 from rdpi_gym.firmware.writing.source import Source, header_text, source_text
 from rdpi_gym.firmware.writing.templating import template
-from rdpi_gym.firmware.writing.vectors import Vectors, unit_of, vectors
+from rdpi_gym.firmware.writing.vectors import Roundings, Vectors, unit_of, vectors
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_bytes, read_json

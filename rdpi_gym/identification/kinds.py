@@ -52,7 +52,7 @@ _SAME, _ERRORS = 1e-3, 2.0
 
 
 @dataclass(frozen=True)
-class Way:
+class KindFit:
     """A kind of hysteresis refitted to records, and what it leaves of records held out.
 
     Parameters
@@ -82,15 +82,15 @@ class Way:
         return int(np.count_nonzero(self.core.gains)) + free
 
 
-def judged_way(fit: JointFit, held_out: Sequence[Record]) -> Way:
+def held_out_fit(fit: JointFit, held_out: Sequence[Record]) -> KindFit:
     """Return a refit with what it leaves of records held out."""
     lefts = [left_by(fit.variant, record) for record in held_out]
     white = [float(np.mean(np.diff(left) ** 2)) / 2.0 if left.size > 1 else 0.0 for left in lefts]
-    return Way(fit, pieces_of(lefts), np.array(white))
+    return KindFit(fit, pieces_of(lefts), np.array(white))
 
 
 @dataclass(frozen=True)
-class Told:
+class KindComparison:
     """Comparison of kinds by their held-out errors.
 
     Parameters
@@ -107,39 +107,42 @@ class Told:
         it; None where there is none.
     """
 
-    chosen: Way
+    chosen: KindFit
     alike: tuple[str, ...]
     same: tuple[str, ...]
     confidence: float | None
 
 
-def told_apart(ways: Sequence[Way], records: Sequence[Record], seed: int = 0) -> Told:
+def compare_kinds(
+    rivals: Sequence[KindFit], records: Sequence[Record], seed: int = 0
+) -> KindComparison:
     """Compare kinds by what they leave of records held out.
 
     Every record counts alike: by what kinds leave of it over the least that any of them leaves.
     """
-    least = np.maximum(np.min([way.pieces.mean(axis=1) for way in ways], axis=0), 1e-300)
-    pieces = [way.pieces / least[:, None] for way in ways]
+    least = np.maximum(np.min([rival.pieces.mean(axis=1) for rival in rivals], axis=0), 1e-300)
+    pieces = [rival.pieces / least[:, None] for rival in rivals]
     left = [float(piece.mean()) for piece in pieces]
     best = int(np.argmin(left))
-    noise = float(np.minimum(ways[best].white_um2 / least, 1.0).mean())
+    noise = float(np.minimum(rivals[best].white_um2 / least, 1.0).mean())
     beyond = max(left[best] - noise, 0.0)
-    rng, near, alike, apart = np.random.default_rng(seed), list[Way](), list[str](), list[float]()
-    for k, way in enumerate(ways):
-        priced = max(ways[best].freedom / max(way.freedom, 1), 1.0) ** _PRICE
+    rng, near = np.random.default_rng(seed), list[KindFit]()
+    alike, apart = list[str](), list[float]()
+    for k, rival in enumerate(rivals):
+        priced = max(rivals[best].freedom / max(rival.freedom, 1), 1.0) ** _PRICE
         if left[k] <= _ALIKE**2 * priced * left[best]:
-            near.append(way)
+            near.append(rival)
             continue
         sure = beats(pieces[k], pieces[best], rng)
         if sure < _BETTER or left[k] - noise < _BEYOND * beyond:
-            alike.append(way.core.name)
+            alike.append(rival.core.name)
         else:
             apart.append(sure)
-    chosen = min(near, key=lambda way: way.freedom)
+    chosen = min(near, key=lambda rival: rival.freedom)
     same = same_models(chosen.core, records, chosen.fit.shape_errors)
-    alike = [way.core.name for way in near if way is not chosen] + alike
+    alike = [rival.core.name for rival in near if rival is not chosen] + alike
     alike += [name for name in same if name not in alike]
-    return Told(chosen, tuple(alike), same, min(apart) if apart else None)
+    return KindComparison(chosen, tuple(alike), same, min(apart) if apart else None)
 
 
 def same_models(
@@ -162,13 +165,13 @@ def _stands_at(
     records: Sequence[Record],
     errors: Mapping[str, float | None],
 ) -> bool:
-    told = {}
+    changed = {}
     for name, value in numbers.items():
         error = errors.get(name, 0.0)
         if error is None or abs(getattr(core, name) - value) > _ERRORS * error:
-            told[name] = value
+            changed[name] = value
     try:
-        there = replace(core, **told)  # type: ignore[type-var]
+        there = replace(core, **changed)  # type: ignore[type-var]
     except InputError:  # what the other numbers do not allow
         return False
     moves = changes = 0.0
@@ -250,8 +253,8 @@ def choose_kind(
     every, train, validation = train, from_rest(train), from_rest(validation)
     refused: dict[str, str] = {}
 
-    def begun(present: Mapping[str, Sequence[Effect]], records: Sequence[Record]) -> list[Way]:
-        ways = []
+    def begun(present: Mapping[str, Sequence[Effect]], records: Sequence[Record]) -> list[KindFit]:
+        rivals = []
         for done, (kind, effects) in enumerate(present.items()):
             report("kinds of hysteresis", done, len(present))
             try:
@@ -260,44 +263,44 @@ def choose_kind(
                 refused[kind] = str(error)
                 continue
             if fit is not None and math.isfinite(fit.train_rmse_um):
-                ways.append(judged_way(fit, validation))
+                rivals.append(held_out_fit(fit, validation))
         report("kinds of hysteresis", len(present), len(present))
-        return ways
+        return rivals
 
-    ways = begun(dict.fromkeys(CORES, beside(scale)), train)
-    if not ways:
+    rivals = begun(dict.fromkeys(CORES, beside(scale)), train)
+    if not rivals:
         raise InputError(next(iter(refused.values())))
-    best = min(ways, key=_left)
+    best = min(rivals, key=_left)
     if _left(best) > _MUCH * float(best.white_um2.mean()):
-        wider = _near(ways, _HOPEFUL)
-        for done, way in enumerate(wider):
+        wider = _near(rivals, _HOPEFUL)
+        for done, rival in enumerate(wider):
             report("kinds with an effect more", done, len(wider))
             tried = (
-                or_none(partial(with_one_more, train, way.fit, CATALOGUE[name], scale))
+                or_none(partial(with_one_more, train, rival.fit, CATALOGUE[name], scale))
                 for name in _BESIDES
             )
-            fits = [judged_way(fit, validation) for fit in tried if fit is not None]
-            more = min(fits, key=_left, default=way)
-            if _left(more) < (1.0 - _TAKES) * _left(way):
-                ways[ways.index(way)] = more
-    told = explained(train, [way.fit for way in ways])
-    if len(told) < len(train):
-        hopeful = {w.core.name: w.fit.variant.effects for w in _near(ways, _HOPEFUL)}
-        ways = begun(hopeful, told)
-    near = _near(ways, _NEAR)
-    for done, way in enumerate(near):
+            fits = [held_out_fit(fit, validation) for fit in tried if fit is not None]
+            more = min(fits, key=_left, default=rival)
+            if _left(more) < (1.0 - _TAKES) * _left(rival):
+                rivals[rivals.index(rival)] = more
+    explainable = explained(train, [rival.fit for rival in rivals])
+    if len(explainable) < len(train):
+        hopeful = {w.core.name: w.fit.variant.effects for w in _near(rivals, _HOPEFUL)}
+        rivals = begun(hopeful, explainable)
+    near = _near(rivals, _NEAR)
+    for done, rival in enumerate(near):
         report("kinds that come near", done, len(near))
-        variant = way.fit.variant
+        variant = rival.fit.variant
         core, effects = variant.hysteresis, variant.effects
-        fit = or_none(partial(fit_joint, told, core, effects, _PASSES, samples=_SAMPLES))
+        fit = or_none(partial(fit_joint, explainable, core, effects, _PASSES, samples=_SAMPLES))
         if fit is not None:
-            ways[ways.index(way)] = judged_way(fit, validation)
-    found = told_apart(ways, told)
+            rivals[rivals.index(rival)] = held_out_fit(fit, validation)
+    found = compare_kinds(rivals, explainable)
     stated = {
-        way.core.name: stating(
-            judged(_as_core_fit(way.fit, told, name), validation), dataset.quantities
+        rival.core.name: stating(
+            judged(_as_core_fit(rival.fit, explainable, name), validation), dataset.quantities
         )
-        for way in ways
+        for rival in rivals
     }
     return KindChoice(
         tuple(sorted(stated.values(), key=_held_out)),
@@ -306,7 +309,7 @@ def choose_kind(
         orientation(every),
         refused,
         found.same,
-        tuple(record.name for record in every if record not in told),
+        tuple(record.name for record in every if record not in explainable),
     )
 
 
@@ -334,14 +337,14 @@ def _rms(left: Array) -> float:
     return math.sqrt(float(np.mean(left**2)))
 
 
-def _near(ways: Sequence[Way], times: float) -> list[Way]:
+def _near(rivals: Sequence[KindFit], times: float) -> list[KindFit]:
     """Return the kinds that leave at most so many times what the best one leaves held out (rms)."""
-    least = min(map(_left, ways))
-    return [way for way in ways if _left(way) <= times**2 * least]
+    least = min(map(_left, rivals))
+    return [rival for rival in rivals if _left(rival) <= times**2 * least]
 
 
-def _left(way: Way) -> float:
-    return float(way.pieces.mean())
+def _left(rival: KindFit) -> float:
+    return float(rival.pieces.mean())
 
 
 def beside(scale: DataScale) -> tuple[Effect, ...]:

@@ -18,8 +18,7 @@ from benchmarks.tracking.case import Case
 from benchmarks.tracking.episode import record
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
 from benchmarks.tracking.scoring import ERROR, Score, one_line, score, status, words
-from benchmarks.tracking.stages import NOISE_UM, Stage, largest_rate_V_s, make_stage
-from benchmarks.tracking.suite import cases
+from benchmarks.tracking.stages import NOISE_UM, Stage, cases, largest_rate_V_s, make_stage
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.envs.truth import randomise_effects, randomise_plant

@@ -17,8 +17,7 @@ from baselines.learned.imitation.rounds import Options, measured_envelope, train
 from baselines.learned.options import TrainingOptions
 from baselines.learned.policy import DESCRIPTION, WEIGHTS, Policy
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import parse_json, read_utf8, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.files import parse_json, read_utf8, replaced_folder, write_atomic, write_json
 from rdpi_gym.support.progress import Progress
 from studies.agents.tables import interquartile_mean
 from studies.agents.training import Study, Training

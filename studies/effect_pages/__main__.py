@@ -11,9 +11,9 @@ import studies.effect_pages
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import progress_bar
+from studies.effect_pages.panels import panels_of
 from studies.effect_pages.picture import effect_picture
-from studies.effect_pages.shown import SHOWN
-from studies.effect_pages.study import bare_records, study_effect
+from studies.effect_pages.study import PICTURES, bare_records, study_effect
 from studies.effect_pages.text import page_texts
 from studies.effect_pages.tracking import TABLE, tracking_table
 from studies.png import small_png
@@ -41,11 +41,11 @@ def _run(options: Namespace) -> None:
         return
     without = bare_records()
     with progress_bar() as show:
-        for number, (name, shown) in enumerate(SHOWN.items()):
-            show("drawing", number, len(SHOWN))
-            panels = shown.panels(study_effect(name, shown.values, without))
+        for number, (name, picture) in enumerate(PICTURES.items()):
+            show("drawing", number, len(PICTURES))
+            panels = panels_of(picture, study_effect(name, picture.values, without))
             write_atomic(options.out / f"{name}.png", small_png(effect_picture(panels)))
-    print(f"{len(SHOWN)} effects: {options.out}")
+    print(f"{len(PICTURES)} effects: {options.out}")
 
 
 if __name__ == "__main__":

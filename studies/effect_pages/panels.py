@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from rdpi_gym.plant.effects import Picture
 from rdpi_gym.signals import Constant
 from rdpi_gym.signals.experiments import Experiment, polyline
 from rdpi_gym.support.arrays import Array
@@ -156,3 +157,10 @@ PANELS: dict[str, Callable[..., Panel]] = {
     )
 }
 """By the name that an effect's picture gives."""
+
+
+def panels_of(picture: Picture, study: Study) -> tuple[Panel, Panel]:
+    """Return the left and the right half of an effect's picture, of a study of the effect."""
+    looks = picture.left, picture.right
+    left, right = (PANELS[look.kind](study, look.title, *look.arguments) for look in looks)
+    return left, right

@@ -10,13 +10,25 @@ import numpy as np
 from rdpi_gym.identification import fit
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import Plant, named_plant
-from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.plant.effects import CATALOGUE, Effect, Look, Picture
 from rdpi_gym.signals.experiments import Experiment
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.virtual_lab import Truth, simulate_dataset
+from rdpi_gym.virtual_lab import HIDEABLE, Truth, simulate_dataset
 from rdpi_gym.virtual_lab.dataset import plant_displacement
 
 PLANT = "P10"
+_ANY = Picture(
+    {},
+    Look("loops", "A large sine of 10 Hz", "sine-10hz"),
+    Look("left_over_command", "What a refit leaves of it", "sine-10hz"),
+)
+PICTURES: Mapping[str, Picture] = {
+    name: kind.picture or _ANY
+    for name, kind in CATALOGUE.items()
+    if kind.__module__.startswith("rdpi_gym.") and name in HIDEABLE
+}
+"""The effects of the package that the virtual laboratory can simulate, by name, as their files
+declare their pictures."""
 # Half as many samples as in the protocol show the same.
 _TS_FACTOR = 2.0
 

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.plant.effects.description import PLACES, page
 from rdpi_gym.support.markdown import table
-from studies.effect_pages.shown import SHOWN
-from studies.effect_pages.study import PLANT
+from studies.effect_pages.study import PICTURES, PLANT
 from studies.effect_pages.tracking import CONTROLLER, tracking_text
 
 INDEX = "README.md"
@@ -19,8 +18,8 @@ _REMEDY = "**What to do:**"
 
 def page_texts() -> dict[str, str]:
     """Return the text of every page by its file name: one for each effect, and the index."""
-    kinds = {name: kind for name, kind in CATALOGUE.items() if name in SHOWN}
-    pages = {f"{name}.md": effect_text(kind, SHOWN[name].values) for name, kind in kinds.items()}
+    kinds = {name: kind for name, kind in CATALOGUE.items() if name in PICTURES}
+    pages = {f"{name}.md": effect_text(kind, PICTURES[name].values) for name, kind in kinds.items()}
     return {**pages, INDEX: index_text(kinds)}
 
 

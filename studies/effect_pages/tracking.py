@@ -17,7 +17,7 @@ from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.markdown import table
-from studies.effect_pages.shown import SHOWN
+from studies.effect_pages.study import PICTURES
 
 CONTROLLER = "extended-inverse"
 TABLE = Path(__file__).parents[1] / "results" / "effect_tracking.csv"
@@ -126,8 +126,8 @@ def tracking_table() -> pd.DataFrame:
     """Return a row for each effect and reference, columns as :class:`Tracked`."""
     rows = [
         astuple(row)
-        for name, shown in SHOWN.items()
-        for row in tracked(CATALOGUE[name]().with_values(shown.values))
+        for name, picture in PICTURES.items()
+        for row in tracked(CATALOGUE[name]().with_values(picture.values))
     ]
     return pd.DataFrame(rows, columns=list(Tracked.__dataclass_fields__))
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from baselines import make_controller
 from baselines.inverses.delay import LinearUndo
 from baselines.pi import gains_within_margin, simc_gains
-from baselines.preview_inversion import SMOOTHING_HZ, learning_recursion
+from baselines.preview import SMOOTHING_HZ, learning_recursion
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from baselines import make_controller
-from baselines.classical_inverse_kernels import pack_inverse
-from baselines.inversion_free_kernels import inversion_free_given_rate
+from baselines.classical import pack_inverse
+from baselines.inversion_free import inversion_free_given_rate
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import P5, P10, Plant, empty_state, pack
 from rdpi_gym.plant.cores.play import given_rate_block

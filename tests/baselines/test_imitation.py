@@ -23,9 +23,9 @@ from baselines.learned.imitation.student import ERRORS, UNIT_UM, WEIGHTED, Stude
 from baselines.learned.imitation.teacher import roll_out, student_lanes
 from benchmarks.stages.unit import Unit, run_unit
 from rdpi_gym.cli import main
-from rdpi_gym.envs.tasks import STAGE
 from rdpi_gym.envs.tasks.one_effect import RESONANCE_TASK
 from rdpi_gym.envs.tasks.structure import structure_belief, structure_truth
+from rdpi_gym.envs.tasks.whole_stage import STAGE
 from rdpi_gym.support.errors import InputError
 
 TASK = replace(STAGE, samples=101, first=51, references=("sine",))

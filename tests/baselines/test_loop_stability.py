@@ -10,16 +10,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from baselines import FEEDFORWARDS, make_controller
-from baselines.classical_inverse_kernels import classical_own_rate, pack_inverse
-from baselines.inversion_free_kernels import inversion_free_own_rate
-from baselines.preview_inversion import learning_recursion
-from baselines.stability import (
+from baselines.classical import classical_own_rate, pack_inverse
+from baselines.feedforward import (
     classical_polynomial,
     inversion_free_polynomial,
     limiting_cutoff_hz,
     nyquist_gain,
     spectral_radius,
 )
+from baselines.inversion_free import inversion_free_own_rate
+from baselines.preview import learning_recursion
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import P5, P10, RDPI, empty_state, pack
 

@@ -21,7 +21,7 @@ from baselines.learned.imitation.teacher import student_lanes
 from baselines.learned.onnx_export import controller_on, export_student
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout
-from rdpi_gym.envs.tasks import STAGE
+from rdpi_gym.envs.tasks.whole_stage import STAGE
 from rdpi_gym.plant import PlantModel, Sensor, named_plant
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.onnx_metadata import METADATA

@@ -41,6 +41,7 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import named_rows
 from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError
+from tests.looping import over
 
 THRESHOLDS, WEIGHTS = np.array([0.7, 2.1, 5.0, 9.3]), np.array([0.2, 0.3, 0.1, 0.15])
 
@@ -69,7 +70,7 @@ def steps(samples=3000, seed=0):
 # --- the other formulation is the same physics where the forms are the same ---
 
 
-@pytest.mark.parametrize("history", [(), (15.0, -8.0), (-19.0, 10.0, -3.0, 1.0)])
+@over("history", [(), (15.0, -8.0), (-19.0, 10.0, -3.0, 1.0)])
 def test_plays_from_turning_points_are_plays(history):
     u = np.random.default_rng(1).normal(1.0, 9.0, 4000)
     by_turns = plays_by_turning_points(u, THRESHOLDS, WEIGHTS, history)
@@ -82,14 +83,14 @@ def test_plays_from_turning_points_are_plays(history):
     )
 
 
-@pytest.mark.parametrize("delta2_s", [0.0, 2e-4])
+@over("delta2_s", [0.0, 2e-4])
 def test_a_held_command_moves_the_plant_as_the_sampled_model_says(delta2_s):
     u = steps()
     (y,) = bench(held(u, 8), 1e-3, 8, delta2_s=delta2_s).displacements()
     np.testing.assert_allclose(y, package(u, 1e-3, delta2_s=delta2_s), atol=1e-11)
 
 
-@pytest.mark.parametrize("delta2_s", [0.0, 5e-4])
+@over("delta2_s", [0.0, 5e-4])
 def test_a_smooth_command_differs_by_its_turns_between_the_samples_alone(delta2_s):
     def curve(t):
         return 18.0 * np.sin(2.0 * math.pi * 3.0 * t) * np.exp(-0.4 * t)
@@ -183,7 +184,7 @@ def test_a_foreign_case_is_always_the_same_and_another_seed_is_another_plant():
         np.testing.assert_array_equal(a.y_um, b.y_um)
 
 
-@pytest.mark.parametrize("subject", [("saturation",), ("mains_hum", "delay")])
+@over("subject", [("saturation",), ("mains_hum", "delay")])
 def test_what_is_hidden_shows_and_the_noise_is_what_is_stated(subject):
     study = "single" if len(subject) == 1 else "double"
     made = foreign.prepare(Case(study, subject, 5))
@@ -205,7 +206,7 @@ def test_a_protocol_keeps_to_its_range_and_its_size():
                 assert drive.parts % 2 == 0, (protocol, seed)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@over("kind", KINDS)
 def test_a_degradation_keeps_what_is_true_beside_its_record(kind):
     t = np.arange(4000) * 1e-3
     u = 10.0 * np.sin(6.0 * t)
@@ -594,9 +595,8 @@ def test_the_second_study_runs_in_parts_and_its_tables_are_written_without_a_run
         assert (tmp_path / name).read_bytes() == content, name
 
 
-@pytest.mark.parametrize(
-    ("command", "folder", "seed"),
-    [(hidden_effects, "hidden", "0"), (foreign_effects, "foreign", "2027")],
+@over(
+    "command, folder, seed", [(hidden_effects, "hidden", "0"), (foreign_effects, "foreign", "2027")]
 )
 def test_committed_tables_are_those_of_the_committed_rows(command, folder, seed, tmp_path):
     committed = Path(hidden_effects.__file__).parents[1] / "studies" / "results" / folder

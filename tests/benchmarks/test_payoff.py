@@ -12,9 +12,14 @@ import pytest
 
 from benchmarks.payoff import __main__ as command
 from benchmarks.payoff import beliefs, scores
-from benchmarks.payoff.beliefs import BELIEFS, make_beliefs, stored_beliefs
+from benchmarks.payoff.beliefs import (
+    BELIEFS,
+    HIDDEN_PLANTS,
+    HiddenPlant,
+    make_beliefs,
+    stored_beliefs,
+)
 from benchmarks.payoff.charts import payoff_picture, payoff_section
-from benchmarks.payoff.plants import HIDDEN_PLANTS, HiddenPlant
 from benchmarks.payoff.tables import payoff_part, payoff_summary, payoff_text, summary_view
 from benchmarks.tracking import selection
 from benchmarks.tracking.leaderboard import COLUMNS
@@ -23,12 +28,13 @@ from rdpi_gym.face import benchmarking
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 LAG = HIDDEN_PLANTS[2]
 TABLES = Path(__file__).parents[2] / "studies" / "results" / "payoff"
 
 
-@pytest.mark.parametrize("hidden", HIDDEN_PLANTS, ids=lambda hidden: hidden.slug)
+@over("hidden", HIDDEN_PLANTS)
 def test_the_beliefs_of_this_release_name_what_is_hidden(hidden):
     found = stored_beliefs(hidden)
     assert tuple(found) == BELIEFS
@@ -185,8 +191,8 @@ class _Records:
         self.records = truth.experiments()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
+@over(
+    "arguments, said",
     [
         (["--seed", "-1"], "--seed is -1; give 0 or more"),
         (["--jobs", "0"], "--jobs is 0; give the number of processes"),

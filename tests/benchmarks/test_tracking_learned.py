@@ -11,7 +11,7 @@ pytest.importorskip("torch")
 import torch
 
 from baselines.learned.policy import SHIPPED, Network, Policy
-from benchmarks.tracking import learned
+from benchmarks.tracking import controllers as learned
 from benchmarks.tracking.evaluation import evaluate
 from benchmarks.tracking.fingerprint import task_fingerprint
 from benchmarks.tracking.run import benchmark

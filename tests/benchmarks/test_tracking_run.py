@@ -9,16 +9,17 @@ import pytest
 
 import baselines
 import rdpi_gym as rg
+from benchmarks.rows import TRACKING
 from benchmarks.tracking import fingerprint, run
 from benchmarks.tracking.evaluation import evaluate
 from benchmarks.tracking.leaderboard import COLUMNS
-from benchmarks.tracking.results import write_tables
-from benchmarks.tracking.rows import FORMAT, ROWS_FILE, key
+from benchmarks.tracking.markdown import write_tables
 from benchmarks.tracking.run import row_keys
 from benchmarks.tracking.selection import select
 from rdpi_gym.plant import P5
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import RowStore
+from tests.looping import over
 
 MINE = """
 import numpy as np
@@ -114,7 +115,7 @@ def test_an_interrupted_run_continues_where_it_stopped(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         run.benchmark(small(), tmp_path / "cut", jobs=1, progress=interrupt)
     finished = len(calls)
-    kept = RowStore(tmp_path / "cut" / ROWS_FILE, FORMAT, key).rows
+    kept = RowStore(tmp_path / "cut" / TRACKING.file, TRACKING.name, TRACKING.key).rows
     assert 0 < len(kept) < len(whole.rows)
 
     outcome = run.benchmark(small(), tmp_path / "cut", jobs=1)
@@ -127,7 +128,7 @@ def test_an_interrupted_run_continues_where_it_stopped(tmp_path, monkeypatch):
 
 def test_a_torn_line_costs_its_row_only(tmp_path):
     whole = run.benchmark(small(), tmp_path, jobs=1)
-    path = tmp_path / ROWS_FILE
+    path = tmp_path / TRACKING.file
     path.write_bytes(path.read_bytes()[:-30])
     outcome = run.benchmark(small(), tmp_path, jobs=1)
     assert outcome.computed == 1
@@ -141,8 +142,8 @@ def test_rows_of_changed_code_are_set_aside(tmp_path, monkeypatch):
     second = run.benchmark(small(), tmp_path, jobs=1)
     assert second.computed == len(first.rows)
     assert "set aside in rows-stale-1.jsonl" in second.notes[0]
-    aside = RowStore(tmp_path / "rows-stale-1.jsonl", FORMAT, key).rows
-    assert set(aside) == {key(row) for row in first.rows}
+    aside = RowStore(tmp_path / "rows-stale-1.jsonl", TRACKING.name, TRACKING.key).rows
+    assert set(aside) == {TRACKING.key(row) for row in first.rows}
 
 
 def test_only_the_rows_of_a_changed_controller_are_set_aside(tmp_path, mine):
@@ -235,8 +236,8 @@ def test_a_controller_of_ones_own_scores_as_the_same_baseline(tmp_path, mine):
     assert rmse[f"{mine}:static"] == rmse["classical-static"]
 
 
-@pytest.mark.parametrize(
-    ("name", "reason"),
+@over(
+    "name, reason",
     [
         ("Raises", "error: RuntimeError: out of ideas, sorry"),
         ("NaN", "error: the controller's action at sample 22 is not finite"),
@@ -304,8 +305,8 @@ def test_noise_free_static_inverse_is_exact_on_a_static_plant(tmp_path):
     assert all(row["max_um"] < 1e-5 for row in outcome.rows)
 
 
-@pytest.mark.parametrize(
-    ("asked", "said"),
+@over(
+    "asked, said",
     [
         ({"controllers": ["clasical-static"]}, "did you mean 'classical-static'"),
         ({"plants": ["P10-statik"]}, "did you mean 'P10-static'"),

@@ -6,7 +6,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from rdpi_gym.cli.effects import effects
+from rdpi_gym.cli.models import effects
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
 

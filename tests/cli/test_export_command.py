@@ -4,7 +4,7 @@ import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.cli import main
-from tests.firmware.hand_made import needs_compiler
+from tests.firmware.programs import needs_compiler
 
 
 @pytest.fixture(autouse=True)

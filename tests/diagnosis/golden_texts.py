@@ -16,8 +16,7 @@ from benchmarks.tracking.scoring import Caution
 from rdpi_gym.diagnosis import words
 from rdpi_gym.diagnosis.comparison.compare import compare
 from rdpi_gym.diagnosis.notices import Code, Notice
-from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
-from rdpi_gym.diagnosis.portrait.sentences import experiment_for, sentences_of
+from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value, experiment_for, sentences_of
 from rdpi_gym.diagnosis.preprocessing import inspection
 from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.diagnosis.results import Candidate, CoreChoice, Errors
@@ -25,10 +24,9 @@ from rdpi_gym.diagnosis.search import core_choice, record_clocks, record_starts,
 from rdpi_gym.diagnosis.search.separability import next_experiment, what_to_measure
 from rdpi_gym.diagnosis.search.verdict import NumericalFloor
 from rdpi_gym.diagnosis.suitability import limits, unrelated
-from rdpi_gym.diagnosis.telling import told
-from rdpi_gym.diagnosis.words import headline, sized
+from rdpi_gym.diagnosis.words import headline, in_words, sized
 from rdpi_gym.identification.scale import data_scale
-from rdpi_gym.laboratory import buying
+from rdpi_gym.laboratory import compensator_comparison
 from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import CORES, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
@@ -141,7 +139,8 @@ def _findings(q: Quantities) -> Iterator[tuple[str, Any]]:
         for k, finding in enumerate(inspection._clocks(moved, masks, set())):
             made[f"clock {shift} {k}"] = finding
     for name, finding in made.items():
-        yield f"finding {name}", [finding.kind, finding.sentence, finding.next_step]
+        said = replace(finding, quantities=q)
+        yield f"finding {name}", [said.kind, said.sentence, said.next_step]
         yield f"experiment of finding {name}", _advised(q, (), [finding])
 
 
@@ -167,7 +166,11 @@ def _reservations(q: Quantities) -> Iterator[tuple[str, Any]]:
         found = verdict._by_floor("unexplained", floor, 0.05)
         yield (
             f"reservation {name}",
-            [_text(found.sampling, q), found.rest, *_played(found.again, q)],
+            [
+                _text(found.sampling, q),
+                words.template(f"rest/{found.rest}"),
+                *_played(found.again, q),
+            ],
         )
     for effect, values in (("resonance", {"f0_hz": 900.0}), ("delay", {"delay_s": 1e-5})):
         own = CATALOGUE[effect](**values)
@@ -223,8 +226,8 @@ def _portraits(q: Quantities) -> Iterator[tuple[str, Any]]:
     }  # fmt: skip
     for name, changed in changes.items():
         drawn = replace(plain, **changed)
-        drawn = replace(drawn, experiment=experiment_for(drawn))
-        yield f"portrait {name}", [drawn.experiment, *sentences_of(drawn)]
+        best = experiment_for(drawn)
+        yield f"portrait {name}", [words.template(best.code, **best.values), *sentences_of(drawn)]
 
 
 def _results(q: Quantities) -> Iterator[tuple[str, Any]]:
@@ -262,7 +265,7 @@ _CAUTIONS = (
 def _cautions(q: Quantities) -> Iterator[tuple[str, Any]]:
     for (i, blind), (k, knowing) in product(enumerate(_CAUTIONS), enumerate(_CAUTIONS)):
         said = [[Caution(*each) for each in part] for part in (blind, knowing)]
-        yield f"cautions {i} {k}", list(buying._warnings(*said))
+        yield f"cautions {i} {k}", list(compensator_comparison._warnings(*said))
 
 
 CHOSEN = (_limits, _findings, _advice, _reservations)
@@ -273,7 +276,7 @@ PARTS = (*CHOSEN, _headlines, _effects, _portraits, _results, _comparisons, _cau
 def texts(quantities: Quantities = STANDARD, parts: Sequence[Any] = PARTS) -> dict[str, Any]:
     """Return every text by what it is of."""
     found = {key: text for part in parts for key, text in part(quantities)}
-    return told(found, quantities)
+    return in_words(found, quantities)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from rdpi_gym import plan_experiment
+from rdpi_gym.diagnosis import texts as table
 from rdpi_gym.diagnosis import words
 from rdpi_gym.diagnosis.comparison.compare import compare
 from rdpi_gym.diagnosis.notices import RECORDS, Code, Notice
@@ -113,8 +114,8 @@ def experiments():
 def test_other_words_change_no_experiment(monkeypatch):
     own = experiments()
     assert sum(map(bool, own.values())) > 20
-    monkeypatch.setattr(words, "_TEXTS", dict.fromkeys(Code, "Four words, reworded: nothing."))
-    monkeypatch.setattr(words, "_REQUESTS", dict.fromkeys(words._REQUESTS, ("More", "less")))
+    monkeypatch.setattr(table, "NOTICES", dict.fromkeys(Code, "Four words, reworded: nothing."))
+    monkeypatch.setattr(table, "REQUESTS", dict.fromkeys(table.REQUESTS, ("More", "less")))
     assert texts(parts=CHOSEN)["standard protocol"][0] == "Four words, reworded: nothing."
     assert experiments() == own
 
@@ -124,7 +125,7 @@ def test_other_words_change_no_planned_command(monkeypatch):
     asked = [Notice(code, ("rdpi", "stop")) for code in RECORDS]
     asked += [Notice(Code.FASTER), Notice(Code.EFFECTS_APART, ("stairs", "creep", "delay"))]
     own = [plan_experiment(each, data, "P5") for each in asked]
-    monkeypatch.setattr(words, "_TEXTS", dict.fromkeys(Code, "Other words."))
+    monkeypatch.setattr(table, "NOTICES", dict.fromkeys(Code, "Other words."))
     for each, before in zip(asked, own, strict=True):
         planned = plan_experiment(each, data, "P5")
         assert (planned.title, planned.advice) == (before.title, "Other words.")
@@ -137,7 +138,7 @@ def test_a_notice_is_the_same_in_a_file_and_its_text_is_known_without_one(code):
     assert Notice.from_fields(Fields(json.loads(json.dumps(notice.to_dict())), "file")) == notice
     fixed = words.notice_of(words.text_of(notice))
     assert fixed is None or fixed.code is code
-    assert (fixed is None) == ("{" in words._TEXTS[code])
+    assert (fixed is None) == ("{" in table.NOTICES[code])
 
 
 def test_a_code_that_nobody_knows_is_one_line():

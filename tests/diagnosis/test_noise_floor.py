@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from rdpi_gym.diagnosis.features.noise import noise_floor, quiet_noise, repeat_noise, rough_part
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Record
 
 TS = 1e-3
@@ -66,7 +67,7 @@ def test_floor_is_the_smallest_that_is_said():
     bad_model = white(8000, 3) + 0.5 * np.sin(np.arange(8000))
     floor, origin = noise_floor([quiet(white(8000, 1))], [], [bad_model])
     assert floor == pytest.approx(NOISE_UM, rel=0.04)
-    assert "the quiet record rest" in origin
+    assert "the quiet record rest" in text_of(origin)
 
 
 @pytest.mark.parametrize("still", [True, False])
@@ -81,4 +82,4 @@ def test_slow_noise_is_not_taken_for_little_noise(still):
 def test_too_short_records_say_so():
     floor, origin = noise_floor([], [], [np.zeros(10)])
     assert floor == 0.0
-    assert "too short" in origin
+    assert "too short" in text_of(origin)

@@ -8,11 +8,10 @@ import pytest
 from benchmarks.effect_discovery.plants import Foreign
 from benchmarks.effect_discovery.protocols import Drive
 from rdpi_gym.diagnosis.portrait.drawing import draw
-from rdpi_gym.diagnosis.portrait.portrait import Portrait
-from rdpi_gym.diagnosis.portrait.sentences import sentences_of
+from rdpi_gym.diagnosis.portrait.portrait import Portrait, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.search.candidates import Setting
-from rdpi_gym.diagnosis.telling import told
+from rdpi_gym.diagnosis.words import in_words
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Quantities, Record
@@ -48,7 +47,7 @@ def drawn(found):
     core = fit_joint(train, RDPI.comb(setting.scale)).variant.hysteresis.pruned()
     kin = {"asymmetry": CATALOGUE["asymmetry"]()}
     forms = learn_forms(setting, core, (), Unknown, lambda *_: None)
-    return told(draw(setting, core, (), forms, kin, 0, lambda *_: None), Quantities())
+    return in_words(draw(setting, core, (), forms, kin, 0, lambda *_: None), Quantities())
 
 
 @pytest.fixture(scope="module")

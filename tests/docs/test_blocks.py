@@ -20,6 +20,7 @@ import pytest
 import typer
 
 from rdpi_gym.cli import app
+from tests.looping import over
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -253,7 +254,7 @@ def test_no_page_indents_commands_in_place_of_a_block():
         assert not found, f"{page.name}: {found}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=[p.relative_to(ROOT).as_posix() for p in PAGES])
+@over("page", PAGES)
 def test_commands_that_a_page_shows_or_mentions_exist(page):
     group = typer.main.get_command(app)
     context = group.make_context("rdpi", [], resilient_parsing=True)
@@ -279,7 +280,7 @@ def runnable(module):
     return path.with_suffix(".py").is_file() or (path / "__main__.py").is_file()
 
 
-@pytest.mark.parametrize("page", PAGES, ids=[p.relative_to(ROOT).as_posix() for p in PAGES])
+@over("page", PAGES)
 def test_links_lead_somewhere(page):
     for link in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8")):
         if link.startswith("gallery/"):  # made when the site is built

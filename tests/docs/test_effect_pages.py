@@ -11,10 +11,11 @@ from rdpi_gym.plant.effects.linear import lag_step
 from rdpi_gym.virtual_lab import HIDEABLE
 from studies.effect_pages import __main__ as command
 from studies.effect_pages import panels
-from studies.effect_pages.shown import SHOWN
-from studies.effect_pages.study import bare_records, study_effect
+from studies.effect_pages.panels import panels_of
+from studies.effect_pages.study import PICTURES, bare_records, study_effect
 from studies.effect_pages.text import page_texts
 from studies.effect_pages.tracking import stored_rows, tracked
+from tests.looping import over
 
 PAGES = Path(__file__).parents[2] / "docs" / "effects"
 MAKE = "run python -m studies.effect_pages"
@@ -27,16 +28,16 @@ def without():
 
 def test_every_effect_has_a_page():
     own = {name for name, kind in CATALOGUE.items() if kind.__module__.startswith("rdpi_gym.")}
-    assert set(SHOWN) == own & set(HIDEABLE)
+    assert set(PICTURES) == own & set(HIDEABLE)
 
 
-@pytest.mark.parametrize("name", list(page_texts()))
+@over("name", list(page_texts()))
 def test_committed_page_is_what_the_command_makes(name):
     assert (PAGES / name).read_text(encoding="utf-8") == page_texts()[name], MAKE
 
 
 def test_pictures_are_small_and_no_file_is_left_over():
-    pictures = {f"{name}.png" for name in SHOWN}
+    pictures = {f"{name}.png" for name in PICTURES}
     assert {path.name for path in PAGES.iterdir()} == pictures | set(page_texts())
     for name in pictures:
         content = (PAGES / name).read_bytes()
@@ -44,7 +45,7 @@ def test_pictures_are_small_and_no_file_is_left_over():
         assert len(content) < 40_000, name
 
 
-@pytest.mark.parametrize("name", list(SHOWN))
+@over("name", list(PICTURES))
 def test_a_page_says_all_that_its_file_declares(name):
     kind, text = CATALOGUE[name], (PAGES / f"{name}.md").read_text(encoding="utf-8")
     said = (kind.equation, kind.source, kind.signature, kind.experiment)
@@ -60,9 +61,9 @@ def test_a_page_says_all_that_its_file_declares(name):
         assert f"[`{other}`]({other}.md)" in text
 
 
-@pytest.mark.parametrize("name", ["creep", "slew_limit"])
+@over("name", ["creep", "slew_limit"])
 def test_committed_tracking_errors_are_what_the_command_computes(name):
-    computed = list(tracked(CATALOGUE[name]().with_values(SHOWN[name].values)))
+    computed = list(tracked(CATALOGUE[name]().with_values(PICTURES[name].values)))
     for ours, stored in zip(computed, stored_rows(name), strict=True):
         assert (ours.effect, ours.reference, ours.warning) == (
             stored.effect, stored.reference, stored.warning,
@@ -73,7 +74,7 @@ def test_committed_tracking_errors_are_what_the_command_computes(name):
 
 def test_what_an_inverse_knows_it_takes_out():
     """Save for effects without an inverse, knowing an effect leaves at most half of what it costs."""
-    for name in SHOWN:
+    for name in PICTURES:
         worst = max(stored_rows(name), key=lambda row: row.unknown_um - row.without_um)
         if "passed over" in worst.warning:
             assert worst.known_um == worst.unknown_um
@@ -83,7 +84,7 @@ def test_what_an_inverse_knows_it_takes_out():
 
 
 def test_delay_turns_the_phase_and_keeps_the_gain(without):
-    study = study_effect("delay", SHOWN["delay"].values, without)
+    study = study_effect("delay", PICTURES["delay"].values, without)
     bare, turned = panels.phase(study, "").lines
     np.testing.assert_allclose(bare.y, 0.0, atol=1e-6)
     np.testing.assert_allclose(
@@ -94,7 +95,7 @@ def test_delay_turns_the_phase_and_keeps_the_gain(without):
 
 
 def test_sensor_lag_lowers_the_gain(without):
-    study = study_effect("sensor_lag", SHOWN["sensor_lag"].values, without)
+    study = study_effect("sensor_lag", PICTURES["sensor_lag"].values, without)
     bare, lower = panels.gain(study, "").lines
     ts_s, tau_s = study.having["multisine-small"].ts_s, study.effect.values["time_constant_s"]
     # a first-order lag behind a command that is linear between samples
@@ -105,7 +106,7 @@ def test_sensor_lag_lowers_the_gain(without):
 
 
 def test_gain_drift_shows_in_a_repeat(without):
-    study = study_effect("gain_drift", SHOWN["gain_drift"].values, without)
+    study = study_effect("gain_drift", PICTURES["gain_drift"].values, without)
     panel = panels.repeats(study, "", "triangle-slow", "triangle-slow-again")
     bare, drifted = panel.lines
     np.testing.assert_allclose(bare.y, 0.0, atol=1e-9)
@@ -118,14 +119,14 @@ def test_gain_drift_shows_in_a_repeat(without):
 def test_every_picture_shows_its_effect(without):
     """Each line with the effect is told from the one without it, and labels carry units."""
     for name in ("backlash", "mains_hum"):
-        for panel in SHOWN[name].panels(study_effect(name, SHOWN[name].values, without)):
+        for panel in panels_of(PICTURES[name], study_effect(name, PICTURES[name].values, without)):
             assert panel.x_label.endswith(")")
             assert panel.y_label.endswith(")")
             assert max(np.nanmax(np.abs(line.y)) for line in panel.lines) > 0.02
 
 
 def test_the_command_writes_pages_and_pictures(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(command, "SHOWN", {"delay": SHOWN["delay"]})
+    monkeypatch.setattr(command, "PICTURES", {"delay": PICTURES["delay"]})
     monkeypatch.setattr(command, "TABLE", tmp_path / "table.csv")
     monkeypatch.setattr(command, "tracking_table", lambda: pd.DataFrame({"effect": ["delay"]}))
     assert command.main(["--out", str(tmp_path / "new")]) == 0

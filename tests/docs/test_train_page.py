@@ -35,6 +35,7 @@ from studies.agents.page import (
 from studies.agents.scores import GROUPS, LITERAL, TS_S
 from studies.agents.tables import gap_summary, summarise
 from studies.agents.training import FULL, QUICK
+from tests.looping import over
 
 ROOT = Path(__file__).parents[2]
 TRAIN, AGENTS = (TEMPLATES[name].read_text(encoding="utf-8") for name in (WALK, "agents"))
@@ -155,8 +156,8 @@ def test_what_cannot_be_told_apart_is_said_so(tmp_path):
     assert "**lag**: not to be told from the best" in facts["findings"]["standing"]
 
 
-@pytest.mark.parametrize(
-    ("group", "errors", "said"),
+@over(
+    "group, errors, said",
     [
         ("bare", (1.2, 0.5, 0.4), "verdicts.bare is ahead, the prose says = behind"),
         ("all", (2.2, 1.5, 0.5), "best_kinds.all is feedback"),
@@ -168,7 +169,7 @@ def test_tables_that_contradict_the_prose_are_refused(tmp_path, group, errors, s
         page_texts(FULL, write_results(tmp_path, ERRORS | {group: errors}))
 
 
-@pytest.mark.parametrize("name", ["summary.csv", "gap.csv", "curves.csv", "shipped.csv", FILE])
+@over("name", ["summary.csv", "gap.csv", "curves.csv", "shipped.csv", FILE])
 def test_a_missing_result_is_named(tmp_path, name):
     (write_results(tmp_path) / name).unlink()
     with pytest.raises(InputError, match=re.escape(name)):
@@ -197,7 +198,7 @@ def test_a_quick_walk_trains_for_a_few_steps():
     assert f"--timesteps {QUICK.timesteps} --out {RUN}\n" in walk_template(QUICK)
 
 
-@pytest.mark.parametrize("command", sorted(set(commands(TRAIN))))
+@over("command", sorted(set(commands(TRAIN))))
 def test_every_command_is_understood(command):
     _, name, *words = shlex.split(command)
     group = typer.main.get_command(app)

@@ -12,9 +12,14 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from rdpi_gym.support import folders
-from rdpi_gym.support.files import read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support import files
+from rdpi_gym.support.files import (
+    read_json,
+    replaced_folder,
+    settled_folder,
+    write_atomic,
+    write_json,
+)
 from rdpi_gym.support.store import named_rows
 from tests.faults.injection import Job, disturb, without_waiting
 
@@ -58,8 +63,8 @@ def whole_folder(exchange: bool) -> Job:
         return {path.name: path.read_text() for path in place.iterdir()}
 
     def work(folder: Path) -> None:
-        own = folders._exchange if exchange else lambda one, other: False
-        with patch.object(folders, "_exchange", own):
+        own = files._exchange if exchange else lambda one, other: False
+        with patch.object(files, "_exchange", own):
             write(folder, "new")
 
     name = f"folder, {'one step' if exchange else 'two renames'}"
@@ -147,7 +152,7 @@ def candidates() -> Job:
 
 def benchmark() -> Job:
     """`rdpi bench` of two controllers on one reference, row by row and its table."""
-    from benchmarks.tracking.rows import open_rows
+    from benchmarks.rows import TRACKING
     from benchmarks.tracking.run import benchmark as run
     from benchmarks.tracking.selection import select
 
@@ -160,7 +165,7 @@ def benchmark() -> Job:
         write_atomic(folder / "out" / "table.json", json.dumps(lines))
 
     def read(folder: Path) -> Any:
-        scores = open_rows(folder / "out").rows
+        scores = TRACKING.open(folder / "out").rows
         found = {key: [row[name] for name in columns] for key, row in scores.items()}
         table = folder / "out" / "table.json"
         return found | ({"table": json.loads(table.read_text())} if table.exists() else {})

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.tracking.rows import FORMAT, key
+from benchmarks.rows import TRACKING
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import RowStore, named_rows
 
@@ -20,7 +20,7 @@ SCORED = [
 
 
 def scored(path):
-    return RowStore(path, FORMAT, key)
+    return RowStore(path, TRACKING.name, TRACKING.key)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,5 @@
-import shutil
+"""Fixed point: the codes follow the controller in double, and no input overflows."""
+
 import subprocess
 from dataclasses import replace
 
@@ -10,20 +11,9 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.fixed_point import TOLERANCE, fixed_point_body
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
+from tests.firmware.programs import needs_gcc
 
-COMPILER = shutil.which("gcc")
-needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no gcc to compile fixed point with")
-STRICT = [
-    "-std=c99",
-    "-O1",
-    "-Wall",
-    "-Wextra",
-    "-Wpedantic",
-    "-Wconversion",
-    "-Wsign-conversion",
-    "-Wshadow",
-    "-Werror",
-]
+STRICT = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"]  # fmt: skip
 SANITIZED = ["-fsanitize=undefined", "-fno-sanitize-recover=all"]
 # Each where its own loop decays: where it does not, neither does rounding.
 CASES = [
@@ -90,10 +80,10 @@ def harness(body):
     )  # fmt: skip
 
 
-def built(body, folder, flags=SANITIZED):
+def built(body, folder):
     source, program = folder / "fixed.c", folder / "fixed"
     source.write_text(harness(body))
-    command = [COMPILER, *STRICT, *flags, str(source), "-o", str(program)]
+    command = ["gcc", *STRICT, *SANITIZED, str(source), "-o", str(program)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return program
@@ -138,65 +128,57 @@ def commands_V(controller, reference, measured):
     return u
 
 
-@needs_compiler
-@pytest.mark.parametrize(("plant", "name", "ts_s"), CASES)
-def test_codes_follow_the_controller_in_double(plant, name, ts_s, tmp_path):
-    controller = controller_of(plant, name, ts_s)
-    assert controller.warning() is None or name.startswith("pi")
-    body = fixed_point_body(controller)
-    program = built(body, tmp_path)
-    reference, measured = record(controller.layout, 10_000, 12, seed=1)
+def followed(controller, body, program, samples, lanes, seed):
+    """Largest difference of the codes from the controller in double, as share of the range."""
+    reference, measured = record(controller.layout, samples, lanes, seed)
     wanted = commands_V(controller, reference, measured)
+    away = 0.0
+    for lane in range(lanes):
+        codes = [body.displacement_codes(each[:, lane]) for each in (reference, measured)]
+        found = body.commands_V(answered(program, *codes))
+        away = max(away, float(np.abs(found - wanted[:, lane]).max()))
     low, high = controller.limits[:2]
-    for lane in range(reference.shape[1]):
-        codes = answered(
-            program,
-            body.displacement_codes(reference[:, lane]),
-            body.displacement_codes(measured[:, lane]),
-        )
-        away = np.abs(body.commands_V(codes) - wanted[:, lane]).max() / (high - low)
-        assert away < TOLERANCE, f"{away:.3g}"
+    return away / (high - low)
 
 
-@needs_compiler
-@pytest.mark.parametrize(
-    ("plant", "name", "ts_s"), [*CASES, ("P10", "inversion-free-literal", 5e-5)]
-)
-def test_no_input_overflows_or_leaves_the_range(plant, name, ts_s, tmp_path):
-    body = fixed_point_body(controller_of(plant, name, ts_s))
-    program = built(body, tmp_path)
-    draw = np.random.default_rng(2)
-    whole = draw.integers(-(2**31), 2**31, (40_001, 2))
-    ends = draw.choice([-(2**31), 2**31 - 1, 0, body.reach, -body.reach], (40_001, 2))
-    for values in (whole, ends, np.where(draw.random((40_001, 2)) < 0.9, ends, whole)):
-        codes = answered(program, values[:, 0], values[1:, 1])
-        assert len(codes) == 40_000
-        assert codes.min() >= body.low
-        assert codes.max() <= body.high
+@needs_gcc
+def test_codes_follow_the_controller_and_no_input_overflows_or_leaves_the_range(tmp_path):
+    for plant, name, ts_s in [*CASES, ("P10", "inversion-free-literal", 5e-5)]:
+        controller = controller_of(plant, name, ts_s)
+        body = fixed_point_body(controller)
+        program = built(body, tmp_path)
+        if (plant, name, ts_s) in CASES:
+            assert controller.warning() is None or name.startswith("pi")
+            assert followed(controller, body, program, 10_000, 12, seed=1) < TOLERANCE, name
+        draw = np.random.default_rng(2)
+        whole = draw.integers(-(2**31), 2**31, (40_001, 2))
+        ends = draw.choice([-(2**31), 2**31 - 1, 0, body.reach, -body.reach], (40_001, 2))
+        for values in (whole, ends, np.where(draw.random((40_001, 2)) < 0.9, ends, whole)):
+            codes = answered(program, values[:, 0], values[1:, 1])
+            assert len(codes) == 40_000, name
+            assert body.low <= codes.min() <= codes.max() <= body.high, name
 
 
-@needs_compiler
-@pytest.mark.parametrize(
-    "name", ["pi-classical-low-passed", "inversion-free-reference-rate", "none"]
-)
-def test_a_stage_that_is_pushed_one_way_follows_too(name, tmp_path):
+@needs_gcc
+def test_a_stage_that_is_pushed_one_way_and_increments_follow_too(tmp_path):
     pushed = replace(
         named_plant("P10"), command_range_V=(10.0, 100.0), reference_um=(60.0, 35.0), offset_um=-7.0
     )
     layout = ObservationLayout.for_plant(pushed, ts_s=5e-5, preview=1)
-    controller = make_controller(name, pushed, layout)
-    body = fixed_point_body(controller)
-    program = built(body, tmp_path)
-    assert body.commands_V([body.low, body.rest, body.high]) == pytest.approx([10.0, 10.0, 100.0])
-    reference, measured = record(layout, 20_000, 1, seed=4)
-    codes = answered(
-        program, body.displacement_codes(reference[:, 0]), body.displacement_codes(measured[:, 0])
-    )
-    wanted = commands_V(controller, reference, measured)[:, 0]
-    assert np.abs(body.commands_V(codes) - wanted).max() < TOLERANCE * 90.0
+    for name in ("pi-classical-low-passed", "inversion-free-reference-rate", "none"):
+        controller = make_controller(name, pushed, layout)
+        body = fixed_point_body(controller)
+        ends = body.commands_V([body.low, body.rest, body.high])
+        assert ends == pytest.approx([10.0, 10.0, 100.0]), name
+        program = built(body, tmp_path)
+        assert followed(controller, body, program, 20_000, 1, seed=4) < TOLERANCE, name
+        stepped = controller_of("P10", name, 5e-5, action="increment", action_scale_V=0.05)
+        body = fixed_point_body(stepped)
+        program = built(body, tmp_path)
+        assert followed(stepped, body, program, 4000, 1, seed=3) < 1e-5, name
 
 
-@needs_compiler
+@needs_gcc
 def test_beyond_the_ends_a_command_stays_at_them(tmp_path):
     body = fixed_point_body(controller_of("P10", "classical-reference-rate", 5e-5))
     program = built(body, tmp_path)
@@ -209,7 +191,7 @@ def test_beyond_the_ends_a_command_stays_at_them(tmp_path):
     )
 
 
-@needs_compiler
+@needs_gcc
 def test_the_integral_does_not_drift_or_wind_up(tmp_path):
     controller = controller_of("P10", "pi", 5e-5)
     body = fixed_point_body(controller)
@@ -228,23 +210,6 @@ def test_the_integral_does_not_drift_or_wind_up(tmp_path):
     assert wound[100_001] < body.high
 
 
-@needs_compiler
-@pytest.mark.parametrize(
-    "name", ["none", "pi-classical-low-passed", "inversion-free-reference-rate"]
-)
-def test_increments_limit_the_change(name, tmp_path):
-    controller = controller_of("P10", name, 5e-5, action="increment", action_scale_V=0.05)
-    body = fixed_point_body(controller)
-    program = built(body, tmp_path)
-    reference, measured = record(controller.layout, 4000, 1, seed=3)
-    codes = answered(
-        program, body.displacement_codes(reference[:, 0]), body.displacement_codes(measured[:, 0])
-    )
-    wanted = commands_V(controller, reference, measured)[:, 0]
-    low, high = controller.limits[:2]
-    assert np.abs(body.commands_V(codes) - wanted).max() < 1e-5 * (high - low)
-
-
 def test_codes_and_back():
     body = fixed_point_body(controller_of("P10", "none", 5e-5))
     centre, amplitude = named_plant("P10").reference_um
@@ -254,15 +219,13 @@ def test_codes_and_back():
     assert body.displacements_um(body.displacement_codes(shown)) == pytest.approx(shown, abs=1e-7)
 
 
-def test_what_has_none_is_named():
-    with pytest.raises(InputError, match="no fixed point for core-inverse: there is one for none"):
-        fixed_point_body(controller_of("P10", "core-inverse", 5e-5))
-    with pytest.raises(InputError, match="no fixed point for pi"):
-        fixed_point_body(controller_of("P10", "pi-core-inverse", 5e-5))
-    with pytest.raises(InputError, match="what the rate adds to the thresholds is"):
-        fixed_point_body(controller_of("P10", "classical-literal", 1e-9))
-
-
-def test_a_loop_that_does_not_decay_is_said():
+def test_controllers_without_a_form_are_refused_and_slow_decay_is_noted():
+    for name, ts_s, words in (
+        ("core-inverse", 5e-5, "no fixed point for core-inverse: there is one for none"),
+        ("pi-core-inverse", 5e-5, "no fixed point for pi"),
+        ("classical-literal", 1e-9, "what the rate adds to the thresholds is"),
+    ):
+        with pytest.raises(InputError, match=words):
+            fixed_point_body(controller_of("P10", name, ts_s))
     body = fixed_point_body(controller_of("P10", "inversion-free-literal", 5e-5))
     assert "pole magnitude 5.2" in body.notes[0]

@@ -497,7 +497,7 @@ def signal(stack: ExitStack) -> Reader:
 def result(stack: ExitStack) -> Reader:
     """Saved results of every kind, one of each made of its annotations."""
     import rdpi_gym as rg
-    from rdpi_gym.face.results import _kinds
+    from rdpi_gym.face.saving import _kinds
 
     found = []
     with tempfile.TemporaryDirectory() as name:
@@ -578,18 +578,18 @@ def rows_document(name: str, store: RowStore[Any]) -> Document:
 @reader("runs", "tracking rows", structured=30)
 def tracking_rows(stack: ExitStack) -> Reader:
     """Rows of `rdpi bench`, read by the run that goes on from them."""
+    from benchmarks.rows import TRACKING
     from benchmarks.tracking.evaluation import evaluate
-    from benchmarks.tracking.rows import open_rows
     from benchmarks.tracking.run import benchmark
     from benchmarks.tracking.selection import select
 
     chosen = select(["none", "classical-static"], ["P5"], ["sine"], [1e-2], [0])
     with tempfile.TemporaryDirectory() as name:
         done = benchmark(chosen, Path(name), jobs=1).rows
-        document = rows_document("rows.jsonl", open_rows(Path(name)))
+        document = rows_document("rows.jsonl", TRACKING.open(Path(name)))
 
     def read(folder: Path) -> Any:
-        with patch("benchmarks.tracking.run.run_cases", lambda *_: [done]):
+        with patch("benchmarks.sweep.run_cases", lambda *_: [done]):
             return evaluate(chosen, benchmark(chosen, folder, jobs=1)).order
 
     return Reader([document], read)
@@ -598,16 +598,16 @@ def tracking_rows(stack: ExitStack) -> Reader:
 @reader("runs", "task rows", structured=30)
 def task_rows(stack: ExitStack) -> Reader:
     """Rows of the tasks, read by the run that goes on from them."""
-    from benchmarks.stages.rows import open_rows
+    from benchmarks.rows import TASKS
     from benchmarks.stages.run import run_tasks
     from benchmarks.stages.tables import TaskScores
 
     with tempfile.TemporaryDirectory() as name:
         done = run_tasks(["none"], ["Bare"], 1, Path(name), jobs=1).rows
-        document = rows_document("task-rows.jsonl", open_rows(Path(name)))
+        document = rows_document("task-rows.jsonl", TASKS.open(Path(name)))
 
     def read(folder: Path) -> Any:
-        with patch("benchmarks.stages.run.run_cases", lambda *_: [done]):
+        with patch("benchmarks.sweep.run_cases", lambda *_: [done]):
             found = run_tasks(["none"], ["Bare"], 1, folder, jobs=1)
         return repr(TaskScores(tuple(found.rows), "public seed 2026", found.computed, found.notes))
 
@@ -747,7 +747,7 @@ def journal(stack: ExitStack) -> Reader:
 
 def read_journal(folder: Path) -> Any:
     from rdpi_gym.laboratory.session import Session
-    from rdpi_gym.laboratory.telling import state_of
+    from rdpi_gym.laboratory.session_json import state_of
 
     session = Session(folder)
     return json.dumps(state_of(session, None, None, {}), allow_nan=False)
@@ -766,7 +766,7 @@ def session_data(stack: ExitStack) -> Reader:
 
     def read(folder: Path) -> Any:
         """Tell the state, change a setting, take one file and all into another session."""
-        from rdpi_gym.laboratory.bringing import copy_in, write_settings
+        from rdpi_gym.laboratory.data_import import copy_in, write_settings
 
         def tried(action: Callable[[], Any]) -> str:
             try:

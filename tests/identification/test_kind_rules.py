@@ -8,7 +8,7 @@ import numpy as np
 
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import JointFit
-from rdpi_gym.identification.kinds import Told, Way, explained, told_apart
+from rdpi_gym.identification.kinds import KindComparison, KindFit, compare_kinds, explained
 from rdpi_gym.identification.residuals import PIECES
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import CORES, RDPI
@@ -22,42 +22,44 @@ MANY = RDPI((1.0, *(0.1,) * 30), tuple(np.arange(0.2, 6.1, 0.2)), 0.0)  # type: 
 OTHER = LuGre(1.0, 0.1, 0.1, 4.0, 1.3, 10.0)
 
 
-def way(core: Any, *left: float, noise: float = 1.0) -> Way:
+def rival(core: Any, *left: float, noise: float = 1.0) -> KindFit:
     pieces = np.repeat(np.array(left)[:, None], PIECES, axis=1)
     fit = JointFit(Variant(core, ()), 1.0, (), {}, 1, True)
-    return Way(fit, pieces, np.full(len(left), noise))
+    return KindFit(fit, pieces, np.full(len(left), noise))
 
 
-def told(*ways: Way) -> Told:
-    return told_apart(ways, [RECORD])
+def compared(*rivals: KindFit) -> KindComparison:
+    return compare_kinds(rivals, [RECORD])
 
 
 def test_the_kind_that_leaves_least_is_chosen_and_the_others_are_told_from_it():
-    found = told(way(FEW, 5.0), way(MANY, 1.0), way(OTHER, 9.0))
+    found = compared(rival(FEW, 5.0), rival(MANY, 1.0), rival(OTHER, 9.0))
     assert found.chosen.core is MANY
     assert found.confidence == 1.0
     assert not {"bouc_wen", "lugre"} & set(found.alike)
 
 
 def test_a_kind_of_many_numbers_has_to_leave_less():
-    assert told(way(FEW, 1.2), way(MANY, 1.0)).chosen.core is FEW
-    assert told(way(FEW, 1.2), way(OTHER, 1.0)).chosen.core is OTHER
-    assert told(way(FEW, 1.5), way(MANY, 1.0)).chosen.core is MANY
+    assert compared(rival(FEW, 1.2), rival(MANY, 1.0)).chosen.core is FEW
+    assert compared(rival(FEW, 1.2), rival(OTHER, 1.0)).chosen.core is OTHER
+    assert compared(rival(FEW, 1.5), rival(MANY, 1.0)).chosen.core is MANY
 
 
 def test_where_something_else_is_missing_a_little_less_tells_nothing():
-    assert "lugre" in told(way(FEW, 10.0), way(OTHER, 25.0)).alike
-    assert "lugre" not in told(way(FEW, 10.0, noise=10.0), way(OTHER, 25.0, noise=10.0)).alike
+    assert "lugre" in compared(rival(FEW, 10.0), rival(OTHER, 25.0)).alike
+    assert (
+        "lugre" not in compared(rival(FEW, 10.0, noise=10.0), rival(OTHER, 25.0, noise=10.0)).alike
+    )
 
 
 def test_each_record_counts_alike():
     # what no kind explains in a large record does not hide what tells them apart in a small one
-    found = told(way(FEW, 1000.0, 9.0), way(OTHER, 990.0, 90.0))
+    found = compared(rival(FEW, 1000.0, 9.0), rival(OTHER, 990.0, 90.0))
     assert found.chosen.core is FEW
 
 
 def test_kinds_that_are_one_model_at_the_numbers_found_are_alike():
-    found = told(way(CORES["duhem"](1.0, 0.7, 4.0), 1.0), way(MANY, 50.0))  # type: ignore[call-arg]
+    found = compared(rival(CORES["duhem"](1.0, 0.7, 4.0), 1.0), rival(MANY, 50.0))  # type: ignore[call-arg]
     assert set(found.same) == {"bouc_wen", "asymmetric_bouc_wen"} <= set(found.alike)
 
 

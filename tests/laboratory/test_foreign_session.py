@@ -9,11 +9,11 @@ import socket
 import pytest
 
 import rdpi_gym as rg
-from rdpi_gym.laboratory.events import Events
+from rdpi_gym.laboratory.downloads import notebook_of
 from rdpi_gym.laboratory.lab import Lab
 from rdpi_gym.laboratory.opening import session_folder
 from rdpi_gym.laboratory.session import JOURNAL, Session, Step
-from rdpi_gym.laboratory.taking import notebook_of
+from rdpi_gym.laboratory.session_jobs import Events
 from tests.laboratory.test_lab import Played
 
 SECRET = "what the user has elsewhere"
@@ -100,7 +100,7 @@ def test_a_session_with_a_link_or_a_special_file_is_refused(session, elsewhere, 
 def test_a_link_that_comes_while_it_is_open_is_not_followed(
     session, elsewhere, kind, act, monkeypatch
 ):
-    monkeypatch.setattr("rdpi_gym.laboratory.desk.Workers", Played)
+    monkeypatch.setattr("rdpi_gym.laboratory.session_jobs.Workers", Played)
 
     async def write(path):
         path.write_bytes(b"foreign")
@@ -195,7 +195,7 @@ BAD_SETTINGS = {
 @pytest.mark.parametrize("as_folder", [True, False])
 @pytest.mark.parametrize("kind", BAD_SETTINGS)
 def test_bad_settings_beside_a_record_are_one_line(session, tmp_path, kind, as_folder, monkeypatch):
-    monkeypatch.setattr("rdpi_gym.laboratory.desk.Workers", Played)
+    monkeypatch.setattr("rdpi_gym.laboratory.session_jobs.Workers", Played)
     rig = tmp_path / "rig"
     rig.mkdir()
     (rig / "run.csv").write_text("t,u,y\n" + "".join(f"{k},{k % 9},{k}\n" for k in range(40)))

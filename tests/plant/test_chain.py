@@ -6,6 +6,9 @@ from typing import get_args
 
 import numpy as np
 
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.vector.chain import run_chain
+from rdpi_gym.envs.vector.core import CoreLanes
 from rdpi_gym.envs.vector.effects import EffectStages
 from rdpi_gym.envs.vector.lanes import WORK, make_lanes
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
@@ -14,7 +17,6 @@ from rdpi_gym.plant import P10, Plant, empty_state, pack
 from rdpi_gym.plant.chain import ACTS_ON, BEHIND, CHAIN, FRONT, in_order, walk
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import SLOTS, Slot
-from tests.looping import over
 
 EVERY = replace(P10, effects=tuple(kind() for kind in CATALOGUE.values()))
 TS_S = 1e-4
@@ -43,28 +45,23 @@ def test_the_jacobian_simulates_what_the_plant_does():
     np.testing.assert_array_equal(own, Plant(EVERY, TS_S).simulate(U))
 
 
-@over("compiled", [False, True])
-def test_the_vector_environment_runs_what_the_plant_does(compiled):
-    """Its fused kernel is a twin of the list; what runs from Python walks it."""
-    from rdpi_gym.envs.vector.chain import run_chain
-
+def test_the_vector_environment_runs_what_the_plant_does():
+    """Its compiled walk is a twin of the list."""
     plant = replace(EVERY, effects=tuple(e for e in EVERY.effects if e.slot != "memory"))
-    stages = EffectStages(plant, TS_S, 0.0)
+    stages, core = EffectStages(plant, TS_S, 0.0), CoreLanes(plant, TS_S).kernel
+    layout = ObservationLayout.for_plant(plant, TS_S, preview=1)
     p = pack([plant.hysteresis], TS_S, [0.0])
     rows = (len(p), len(empty_state(plant.hysteresis.n, 1)), *stages.rows)
-    lanes = make_lanes((1, 32), rows, preview=1)
+    lanes = make_lanes((1, 32), rows, layout)
     lanes.p[0], lanes.stage_p[0] = p, stages.column(plant)[:, None]
     lanes.state[:, 0], lanes.stage_state[:] = np.nan, np.nan
     work, y = np.zeros((WORK, 32)), np.empty_like(U)
     for k, u in enumerate(U):
         work[0] = u
-        if compiled:
-            row = run_chain(
-                0, lanes.p[0], lanes.state[0], stages.table, lanes.stage_p[0], lanes.stage_state[0],
-                TS_S, work,
-            )  # fmt: skip
-        else:
-            row = stages.run(lanes, 0, work)
+        row = run_chain(
+            core, lanes.p[0], lanes.state[0], stages.table, lanes.stage_p[0], lanes.stage_state[0],
+            TS_S, work,
+        )  # fmt: skip
         y[k] = work[row, 7]
     np.testing.assert_allclose(y, Plant(plant, TS_S).simulate(U), rtol=0, atol=1e-11)
 

@@ -380,7 +380,7 @@ def test_spectrum_of_noise_is_its_floor(made_discovery):
 
 def test_codes_stand_beside_their_texts_in_a_file_and_a_file_without_them_is_read(made_discovery):
     missed = Notice(Code.MOTION_BETWEEN, ("one",), (20000.0, 5000.0, 4.0, 0.02))
-    loose = Finding.of("spikes", "one", 3, "3 samples stand alone.", Notice(Code.CONTACTS))
+    loose = Finding("spikes", "one", 3, "3 samples stand alone.", Notice(Code.CONTACTS))
     found = made_discovery(
         sampling=text_of(missed),
         reservation=missed,

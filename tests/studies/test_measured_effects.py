@@ -2,11 +2,10 @@
 
 from dataclasses import replace
 
-import pytest
-
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step
 from rdpi_gym.plant import P5
 from studies.measured_effects import summary
+from tests.looping import over
 
 BASE, AFTER = Errors(0.3, 0.4, 2.0, {}), Errors(0.1, 0.2, 1.0, {})
 CREEP = Candidate("creep", AFTER, {}, {}, 0.9, 0.5, (), "the holds creep")
@@ -46,8 +45,8 @@ def test_errors_step_by_step():
     assert "- creep: confidence 90 %, no remark" in text
 
 
-@pytest.mark.parametrize(
-    ("experiment", "end"),
+@over(
+    "experiment, end",
     [
         ("Record steps.", "\n\nNext experiment: Record steps."),
         (None, "- creep: confidence 90 %, no remark"),

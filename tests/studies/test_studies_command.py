@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from studies.__main__ import main, studies
+from tests.looping import over
 
 HERE = Path(__file__).parents[2] / "studies"
 
@@ -17,7 +18,7 @@ def test_every_study_is_listed_with_a_line(capsys):
     assert all(line for line in listed.values())
 
 
-@pytest.mark.parametrize("name", studies())
+@over("name", studies())
 def test_bad_options_are_one_line_before_anything_is_measured(name, tmp_path, capsys):
     (tmp_path / "taken").write_text("kept")
     for words, said in (

@@ -2,8 +2,7 @@
 
 import pytest
 
-from benchmarks.stages.rows import open_rows as open_task_rows
-from benchmarks.tracking.rows import open_rows
+from benchmarks.rows import TASKS, TRACKING
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import named_rows
 
@@ -31,8 +30,8 @@ def written(opened, folder, row):
      {"seed": float("inf")}, {"frequency_hz": {}}],
 )  # fmt: skip
 def test_a_score_that_no_run_writes_is_no_row(change, tmp_path):
-    assert len(written(open_rows, tmp_path, SCORED).rows) == 1
-    store = written(open_rows, tmp_path, {**SCORED, **change})
+    assert len(written(TRACKING.open, tmp_path, SCORED).rows) == 1
+    store = written(TRACKING.open, tmp_path, {**SCORED, **change})
     assert (store.rows, store.damaged) == ({}, 1)
 
 
@@ -41,8 +40,8 @@ def test_a_score_that_no_run_writes_is_no_row(change, tmp_path):
     [{"plant": 0.5}, {"stamp": 3}, {"failure": None}, {"certificate": 0.5}, {"tuning_samples": []}],
 )
 def test_a_task_that_no_run_writes_is_no_row(change, tmp_path):
-    assert len(written(open_task_rows, tmp_path, TASK).rows) == 1
-    store = written(open_task_rows, tmp_path, {**TASK, **change})
+    assert len(written(TASKS.open, tmp_path, TASK).rows) == 1
+    store = written(TASKS.open, tmp_path, {**TASK, **change})
     assert (store.rows, store.damaged) == ({}, 1)
 
 

@@ -11,9 +11,8 @@ import pytest
 from benchmarks.effect_discovery.cases import Case
 from benchmarks.effect_discovery.independent import INDEPENDENT
 from benchmarks.effect_discovery.row import run_case, study_fingerprint
-from benchmarks.stages.rows import open_rows as task_rows
+from benchmarks.rows import TASKS, TRACKING
 from benchmarks.sweep import ROWS_FILE, run_rows
-from benchmarks.tracking.rows import open_rows as tracking_rows
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
@@ -58,7 +57,7 @@ def second(cluster):
 
 BENCHES = {
     "references": (
-        tracking_rows,
+        TRACKING.open,
         [
             "--controllers",
             "classical-static",
@@ -74,7 +73,7 @@ BENCHES = {
         4,
     ),
     "tasks": (
-        task_rows,
+        TASKS.open,
         ["--controllers", "classical-static", "--task", "Bare", "--draws", "2"],
         4,
     ),

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from benchmarks.tracking.rows import key, open_rows
+from benchmarks.rows import TRACKING
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import named_rows
 
@@ -21,7 +21,7 @@ def case(number, value=1.0, **more):
 
 
 def scores(path):
-    return open_rows(path.parent)
+    return TRACKING.open(path.parent)
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def path(tmp_path):
 
 both = pytest.mark.parametrize(
     ("opened", "row", "name"),
-    [(scores, score, key), (named_rows, case, lambda row: row["key"])],
+    [(scores, score, TRACKING.key), (named_rows, case, lambda row: row["key"])],
     ids=["tracking", "named"],
 )
 

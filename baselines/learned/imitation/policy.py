@@ -38,8 +38,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_bytes, read_json
-from rdpi_gym.support.folders import settled_folder
+from rdpi_gym.support.files import read_bytes, read_json, settled_folder
 from rdpi_gym.support.npz import open_npz
 from rdpi_gym.support.words import quoted
 

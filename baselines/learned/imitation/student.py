@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baselines.adaptive_dual_loop import CorrectedAdaptive
 from baselines.adaptive_feedforward import PLAYS, SLOW_S, SPLINE, spline_weights
-from baselines.products import lane_products, product
+from baselines.lanes import lane_products, product
 from baselines.tuning import Settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel

@@ -9,7 +9,7 @@ import numpy as np
 
 from baselines.adaptive_dual_loop import AdaptiveDualLoop
 from baselines.adaptive_feedforward import HALF, AdaptiveFeedforward
-from baselines.classical_inverse_kernels import pack_inverse
+from baselines.classical import pack_inverse
 from baselines.feedforward import Feedforward
 from baselines.learned.envelope import EnvelopeRecorder
 from baselines.learned.imitation.policy import StudentController, StudentPolicy

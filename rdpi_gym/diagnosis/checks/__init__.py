@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rdpi_gym.diagnosis.checks.branches import initial_memory, saturation
@@ -14,7 +16,6 @@ from rdpi_gym.diagnosis.checks.steady_periods import half_wave, small_signal
 from rdpi_gym.diagnosis.features.cycles import half_cycles, steady_periods
 from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.diagnosis.features.rests import find_rests
-from rdpi_gym.diagnosis.telling import told
 from rdpi_gym.measurement import Dataset, Record, longest_counted
 
 __all__ = ["Check", "Zone", "run_checks"]
@@ -51,7 +52,7 @@ def run_checks(dataset: Dataset) -> tuple[Check, ...]:
         *repeats(records, stretches),
         mains_hum(rests, records, noise_um, stroke_um),
     )
-    return told(found, dataset.quantities)
+    return tuple(replace(check, quantities=dataset.quantities) for check in found)
 
 
 def _counted(record: Record) -> Record | None:

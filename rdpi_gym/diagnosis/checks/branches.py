@@ -9,11 +9,10 @@ import numpy as np
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
 from rdpi_gym.diagnosis.features.cycles import HalfCycles
 from rdpi_gym.diagnosis.features.noise import rough_part
+from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits
 
-SATURATION = "saturation"
 SATURATION_PERCENT = 0.5
 """Fall of the gain from the inner fifths of a branch to its last (%)."""
 _WIDE = 0.7  # of the widest swing: branches that count
@@ -21,7 +20,6 @@ _FIFTHS = 5
 _FEWEST = 8  # samples in a fifth
 _BACK, _NOISY = 0.01, 8.0  # of the way; times the roughness of a measured command
 _AS_LONG = 0.9  # of the time of an earlier fifth: the last is no faster
-_TRIANGLES = "Take a slow triangle over the full range, and over a half of it."
 
 
 def saturation(records: Sequence[tuple[Record, HalfCycles]], span_V: float) -> Check:
@@ -37,33 +35,18 @@ def saturation(records: Sequence[tuple[Record, HalfCycles]], span_V: float) -> C
         if found is not None and (best is None or found[0] < best[0]):
             best = (*found, record.name)
     if best is None or not np.any(best[1][2:4]):
-        return cannot_tell(
-            SATURATION,
-            "No record goes up and down over most of the range, so the gain cannot be followed "
-            "along a branch.",
-            _TRIANGLES,
-        )
+        return cannot_tell("saturation", "saturation/none", "slow triangles")
     _, slope, error, name = best
     inner = int(np.argmax(np.abs(slope[2:4]))) + 2
     change = 100.0 * (slope[4] / slope[inner] - 1.0)
     uncertain = 100.0 * float(np.hypot(error[4], error[inner])) / abs(slope[inner])
     zone = zone_of(change, uncertain, SATURATION_PERCENT)
-    where = (
-        f"Along the wide branches of {name} the gain changes by {digits(change)} % towards the end"
-    )
-    if zone == "yes" and change < 0:
-        text = f"{where}: a play model's gain only grows along a branch, so the actuator saturates."
-    elif zone == "no":
-        text = f"{where}: no saturation."
-    elif change > 0:
-        zone = "cannot tell"
-        text = f"{where}: plays may grow so, and a weak saturation could hide under it."
-    else:
-        zone = "cannot tell"
-        text = f"{where}, not safely more than its noise."
-    step = _TRIANGLES if zone == "cannot tell" else ""
+    kind = zone if zone == "no" or (zone == "yes" and change < 0) else "cannot tell"
+    way = "grows" if kind == "cannot tell" and change > 0 else "falls"
+    text = statement(f"saturation/{kind}/{way}", record=name, percent=change)
+    advice = statement("slow triangles") if kind == "cannot tell" else None
     return Check(
-        SATURATION, float(change), SATURATION_PERCENT, "%", zone, text, step, ("saturation",)
+        "saturation", float(change), SATURATION_PERCENT, "%", kind, text, advice, ("saturation",)
     )
 
 
@@ -121,7 +104,6 @@ def _by_fifth(u: Array, y: Array) -> tuple[Array, Array] | None:
     return slope, inverse
 
 
-MEMORY = "initial memory"
 MEMORY_PERCENT = 5.0
 """Distance of a record's start from where it should be (% of half the loop's opening)."""
 _ROUGH_PERCENT = 15.0  # the same, where the stage comes from 0 V, far from the loop's middle
@@ -132,7 +114,6 @@ _FROM_AFAR = 0.45  # of the swing: so far from 0 V the stage comes along a whole
 _SLOW = 0.1  # of the fastest rate: lags shift the start of faster records
 _NOISE = 200.0  # per cent: of one sample and of the loop's middle, with some hum
 _CLOSED = 1e-6  # of the displacement: a loop that does not open
-_WIPE_OUT = "Begin each record with a decaying sine: it wipes out what came before."
 
 
 def initial_memory(records: Sequence[tuple[Record, HalfCycles]]) -> Check:
@@ -150,27 +131,13 @@ def initial_memory(records: Sequence[tuple[Record, HalfCycles]]) -> Check:
         if place is not None:
             found.append((*place, record.name))
     if not found:
-        return cannot_tell(
-            MEMORY,
-            "No record begins in the middle of a loop that it goes through later, so what the "
-            "plays remembered when it began cannot be seen.",
-            _WIPE_OUT,
-        )
+        return cannot_tell("initial memory", "initial memory/none", "decaying sine")
     sure = [entry for entry in found if entry[1] < entry[2]]
     value, error, threshold, name = max(sure or found, key=lambda e: abs(e[0]) / e[2])
     zone = zone_of(value, error, threshold)
-    facts = (
-        f"{name} begins {digits(abs(value))} % of half its loop's opening away from where a stage "
-        "that had rested at 0 {input_unit} would"
-    )
-    if zone == "yes":
-        text = f"{facts}: the plays remember an excursion from before the record."
-    elif zone == "no":
-        text = f"{name} begins where a stage that had rested at 0 {{input_unit}} would: no memory from before."
-    else:
-        text = f"{facts}, not safely more than the noise."
-    step = "" if zone == "no" else _WIPE_OUT
-    return Check(MEMORY, value, threshold, "%", zone, text, step, ("initial_memory",))
+    text = statement(f"initial memory/{zone}", record=name, percent=abs(value))
+    advice = None if zone == "no" else statement("decaying sine")
+    return Check("initial memory", value, threshold, "%", zone, text, advice, ("initial_memory",))
 
 
 def _place(record: Record, cycles: HalfCycles) -> tuple[float, float, float] | None:

@@ -1,10 +1,14 @@
-"""What a check says: a number, its threshold, one of three zones, a sentence, the next step."""
+"""A test of a data set without a model: a number, its threshold, one of three zones, the next step."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
+
+from rdpi_gym.diagnosis.notices import Statement, statement
+from rdpi_gym.diagnosis.words import text_of
+from rdpi_gym.measurement import Quantities
 
 Zone = Literal["yes", "no", "cannot tell"]
 
@@ -22,27 +26,45 @@ class Check:
         What is looked for: an effect, or a weakness of the data.
     value, threshold
         What was measured, and from where on its size counts; None where nothing could be measured.
-    unit
-        Of both, in print: ``%``, ``µs``, or empty.
+    base_unit
+        Of both, in print: ``%``, ``µs``, ``µm``, or empty.
     zone
         ``yes``: it is there. ``no``: the data would show it and do not. ``cannot tell``: the data
         do not hold what the test needs, or the value is too uncertain.
-    sentence
-        What was found, for a reader of the report.
-    next_step
-        The experiment or the action that would help; empty where none is needed.
+    found
+        What was found.
+    advice
+        The experiment or the action that would help; None where none is needed.
     suggests
         Names of effects that a ``yes`` speaks for, the likeliest first.
+    quantities
+        What was measured: sentences use its words and units.
     """
 
     name: str
     value: float | None
     threshold: float | None
-    unit: str
+    base_unit: str
     zone: Zone
-    sentence: str
-    next_step: str = ""
+    found: Statement
+    advice: Statement | None = None
     suggests: tuple[str, ...] = ()
+    quantities: Quantities = field(default_factory=Quantities)
+
+    @property
+    def unit(self) -> str:
+        """Unit of value and threshold, in print."""
+        return self.quantities.unit(self.base_unit)
+
+    @property
+    def sentence(self) -> str:
+        """The finding, for a reader of the report."""
+        return text_of(self.found, self.quantities)
+
+    @property
+    def next_step(self) -> str:
+        """The advice in words; empty where none is needed."""
+        return "" if self.advice is None else text_of(self.advice, self.quantities)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the check as a JSON object."""
@@ -58,9 +80,9 @@ class Check:
         }
 
 
-def cannot_tell(name: str, sentence: str, next_step: str) -> Check:
+def cannot_tell(name: str, code: str, advice: str, **values: object) -> Check:
     """Return a check for which the data do not hold what it needs."""
-    return Check(name, None, None, "", "cannot tell", sentence, next_step)
+    return Check(name, None, None, "", "cannot tell", statement(code, **values), statement(advice))
 
 
 def zone_of(value: float, error: float, threshold: float) -> Zone:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,9 +12,9 @@ from rdpi_gym.diagnosis.checks.check import Check, Zone, cannot_tell, zone_of
 from rdpi_gym.diagnosis.features.cycles import Periods
 from rdpi_gym.diagnosis.features.recurrence import same_command, wiped_from
 from rdpi_gym.diagnosis.features.rests import Rest
+from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits, pm
 
 _BINS = 24
 _EARLIER = 0.2  # of a rest
@@ -204,12 +204,6 @@ DRIFT_S = 1.0
 _GOES_ON = 0.5  # of the creep: so much of it is there in the later part of the rests
 _LEAK = 0.25  # of the other's contribution: what may be mistaken for a drift
 _CREEP_LEAK = 0.08  # a minute, of the creep of a decade
-_STAIRS = (
-    "Take a stair of steps up and down with holds from 0.05 to 50 s: creep goes on in the "
-    "direction of the last step, drift does not."
-)
-_LONG = "Record a minute or more at constant command, after a long rest."
-_AGAIN = "Repeat the first record at the end."
 _NAMES = ("creep", "drift in holds", "gain drift in holds")
 
 
@@ -222,8 +216,7 @@ def holds(rests: Sequence[Rest], stroke_um: float) -> tuple[Check, Check, Check]
     """
     found = fit_rests(rests)
     if found is None or stroke_um == 0.0:
-        text = "The command never rests, so creep and drift cannot be watched at constant command."
-        creep, drift, gain = (cannot_tell(name, text, _STAIRS) for name in _NAMES)
+        creep, drift, gain = (cannot_tell(name, "holds/none", "stair of holds") for name in _NAMES)
         return creep, drift, gain
     return _creep(found, fit_rests(later(rests))), _drift(found, stroke_um), _gain_drift(found)
 
@@ -233,23 +226,15 @@ def _creep(found: RestFit, late: RestFit | None) -> Check:
     zone = zone_of(value, error, CREEP_PERCENT)
     if zone == "yes" and value < 0:
         zone = "cannot tell"
-    where = _where(found)
-    if zone == "yes" and (value > MOST_CREEP_PERCENT or not _goes_on(found, late)):
-        text = (
-            f"{where}, of up to {digits(found.longest_s)} s, the {{output}} goes on by "
-            f"{digits(value)} % of each step a decade of time, but not as creep does: a lag that is "
-            "not over when the command stops."
-        )
-        return _check(0, value, CREEP_PERCENT, "%/decade", "cannot tell", text, _STAIRS, "creep")
-    text = {
-        "yes": f"{where} the {{output}} goes on by {digits(value)} % of each step a decade of "
-        "time, in the step's direction: creep.",
-        "no": f"{where} nothing follows the last step (under {CREEP_PERCENT:g} % of it a decade): "
-        "no creep.",
-        "cannot tell": f"{where} creep would be {pm(value, error)} % of a step a decade: too "
-        "uncertain, or against the step.",
-    }[zone]
-    return _check(0, value, CREEP_PERCENT, "%/decade", zone, text, _STAIRS, "creep")
+    lags = zone == "yes" and (value > MOST_CREEP_PERCENT or not _goes_on(found, late))
+    text = statement(
+        "creep/lag" if lags else f"creep/{zone}", rests=found.rests, longest=found.longest_s,
+        percent=value, creep=(value, error), least=CREEP_PERCENT,
+    )  # fmt: skip
+    zone = "cannot tell" if lags else zone
+    advice = statement("stair of holds") if zone == "cannot tell" else None
+    known = value if math.isfinite(value) else None
+    return Check(_NAMES[0], known, CREEP_PERCENT, "%/decade", zone, text, advice, ("creep",))
 
 
 def _goes_on(found: RestFit, late: RestFit | None) -> bool:
@@ -266,18 +251,14 @@ def _drift(found: RestFit, stroke_um: float) -> Check:
     leak = _LEAK * scale * abs(found.gain_drift_per_s[0]) * found.level_um
     zone = _beyond(zone_of(value, error, DRIFT_PERCENT_MIN), value, leak, found)
     alone = not math.isfinite(found.gain_drift_per_s[1])
-    facts = (
-        f"{_where(found)} the {{output}} moves by {pm(value, error)} % of the stroke a minute"
-        f"{'' if alone else ' whatever the command did'}"
-    )
-    text = {
-        "yes": f"{facts}: drift.",
-        "no": f"{_where(found)} nothing moves whatever the command did (under "
-        f"{DRIFT_PERCENT_MIN:g} % of the stroke a minute): no drift.",
-        "cannot tell": f"{facts}: too uncertain, or too little beside the rest, to call it drift.",
-    }[zone]
+    text = statement(
+        f"drift in holds/{zone}/{'alone' if alone else 'of two'}", rests=found.rests,
+        drift=(value, error), least=DRIFT_PERCENT_MIN,
+    )  # fmt: skip
+    advice = statement("quiet minute") if zone == "cannot tell" else None
     effects = ("thermal_drift", "gain_drift") if alone else ("thermal_drift",)
-    return _check(1, value, DRIFT_PERCENT_MIN, "%/min", zone, text, _LONG, *effects)
+    known = value if math.isfinite(value) else None
+    return Check(_NAMES[1], known, DRIFT_PERCENT_MIN, "%/min", zone, text, advice, effects)
 
 
 def _gain_drift(found: RestFit) -> Check:
@@ -285,15 +266,14 @@ def _gain_drift(found: RestFit) -> Check:
     level_um = max(found.level_um, 1e-300)
     leak = _LEAK * 6000.0 * abs(found.drift_um_s[0]) / level_um
     zone = _beyond(zone_of(value, error, GAIN_DRIFT_PERCENT_MIN), value, leak, found)
-    facts = f"{_where(found)} the {{output}} grows by {pm(value, error)} % of itself a minute"
-    text = {
-        "yes": f"{facts}: the gain drifts.",
-        "no": f"{_where(found)} the {{output}} keeps its size (within "
-        f"{GAIN_DRIFT_PERCENT_MIN:g} % a minute): the gain does not drift.",
-        "cannot tell": f"{facts}: too uncertain, or too little beside the rest, to call it a drift "
-        "of the gain.",
-    }[zone]
-    return _check(2, value, GAIN_DRIFT_PERCENT_MIN, "%/min", zone, text, _AGAIN, "gain_drift")
+    text = statement(
+        f"gain drift in holds/{zone}", rests=found.rests, drift=(value, error),
+        least=GAIN_DRIFT_PERCENT_MIN,
+    )  # fmt: skip
+    advice = statement("repeat at the end") if zone == "cannot tell" else None
+    known = value if math.isfinite(value) else None
+    effects = ("gain_drift",)
+    return Check(_NAMES[2], known, GAIN_DRIFT_PERCENT_MIN, "%/min", zone, text, advice, effects)
 
 
 def _beyond(zone: Zone, value: float, leak: float, found: RestFit) -> Zone:
@@ -307,26 +287,12 @@ def _beyond(zone: Zone, value: float, leak: float, found: RestFit) -> Zone:
     return "cannot tell" if zone == "yes" and abs(value) < leak + creep else zone
 
 
-def _check(
-    which: int, value: float, threshold: float, unit: str, zone: Zone, text: str, step: str,
-    *effects: str,
-) -> Check:  # fmt: skip
-    known = value if math.isfinite(value) else None
-    needed = step if zone == "cannot tell" else ""
-    return Check(_NAMES[which], known, threshold, unit, zone, text, needed, effects)
-
-
-def _where(found: RestFit) -> str:
-    return f"Over {found.rests} rest{'s' if found.rests > 1 else ''} of the command"
-
-
 GAIN_PERCENT = 0.1
 """Change of the gain (%)."""
 OFFSET_PERCENT = 0.05
 """Shift of the displacement (% of its peak to peak)."""
 _BLOCKS = 40
 _FEWEST_PERIODS = 6
-_AT_THE_END = "Repeat the first record at the end of the experiment."
 
 
 @dataclass(frozen=True)
@@ -335,8 +301,8 @@ class Repeat:
 
     Parameters
     ----------
-    first, second
-        What was compared, in words.
+    pair
+        What was compared.
     apart_s
         Time between the two (s).
     gain
@@ -347,8 +313,7 @@ class Repeat:
         Peak to peak of the displacement (µm).
     """
 
-    first: str
-    second: str
+    pair: Statement
     apart_s: float
     gain: tuple[float, float]
     offset_um: tuple[float, float]
@@ -358,52 +323,32 @@ class Repeat:
 def repeats(records: Sequence[Record], stretches: Sequence[Periods]) -> tuple[Check, Check]:
     """Drift and gain drift from records with the same command, or from the periods of one."""
     found = _between_records(records) or _between_periods(stretches)
+    names = ("drift between repeats", "gain drift between repeats")
     if found is None:
-        nothing = "No command was run twice with time in between, so a change of offset or gain over the experiment cannot be seen."
-        return (
-            cannot_tell("drift between repeats", nothing, _AT_THE_END),
-            cannot_tell("gain drift between repeats", nothing, _AT_THE_END),
+        drift, gain = (
+            cannot_tell(name, "repeats/none", "repeat at the very end") for name in names
         )
-    value, error = (100.0 * number / found.span_um for number in found.offset_um)
-    return _offset(found, value, error), _gain(found)
-
-
-def _offset(found: Repeat, value: float, error: float) -> Check:
-    zone = zone_of(value, error, OFFSET_PERCENT)
-    where = f"From {found.first} to {found.second}, {digits(found.apart_s, 3)} s later,"
-    if zone == "yes":
-        text = f"{where} the {{output}} has shifted by {digits(value)} % of its peak to peak ({digits(found.offset_um[0])} {{output_unit}}): drift, or creep that still goes on."
-    elif zone == "no":
-        text = f"{where} the {{output}} has come back to within {OFFSET_PERCENT:g} % of its peak to peak: no drift."
-    else:
-        text = f"{where} the {{output}} has shifted by {pm(value, error)} % of its peak to peak: too uncertain."
-    step = _AT_THE_END if zone == "cannot tell" else ""
-    return Check(
-        "drift between repeats",
-        value,
-        OFFSET_PERCENT,
-        "%",
-        zone,
-        text,
-        step,
-        ("thermal_drift", "creep"),
-    )
-
-
-def _gain(found: Repeat) -> Check:
+        return drift, gain
+    offset, its_error = (100.0 * number / found.span_um for number in found.offset_um)
     value, error = (100.0 * number for number in found.gain)
-    zone = zone_of(value, error, GAIN_PERCENT)
-    where = f"From {found.first} to {found.second}, {digits(found.apart_s, 3)} s later,"
-    if zone == "yes":
-        text = f"{where} the stroke has changed by {digits(value)} %: the gain drifts."
-    elif zone == "no":
-        text = f"{where} the stroke is the same within {GAIN_PERCENT:g} %: the gain does not drift."
-    else:
-        text = f"{where} the stroke has changed by {pm(value, error)} %: too uncertain."
-    step = _AT_THE_END if zone == "cannot tell" else ""
-    return Check(
-        "gain drift between repeats", value, GAIN_PERCENT, "%", zone, text, step, ("gain_drift",)
+    shift = {"least": OFFSET_PERCENT, "shift": found.offset_um[0]}
+    return (
+        _changed(names[0], found, (offset, its_error), shift, ("thermal_drift", "creep")),
+        _changed(names[1], found, (value, error), {"least": GAIN_PERCENT}, ("gain_drift",)),
     )
+
+
+def _changed(
+    name: str, found: Repeat, change: tuple[float, float], values: Mapping[str, float],
+    effects: tuple[str, ...],
+) -> Check:  # fmt: skip
+    zone = zone_of(*change, values["least"])
+    text = statement(
+        f"{name}/{zone}", pair=found.pair, apart=found.apart_s, percent=change[0], change=change,
+        **values,
+    )  # fmt: skip
+    advice = statement("repeat at the very end") if zone == "cannot tell" else None
+    return Check(name, change[0], values["least"], "%", zone, text, advice, effects)
 
 
 def _between_records(records: Sequence[Record]) -> Repeat | None:
@@ -413,9 +358,8 @@ def _between_records(records: Sequence[Record]) -> Repeat | None:
     a, b = max(pairs, key=lambda pair: float(pair[1].t_s[0] - pair[0].t_s[0]))
     size = min(a.u_V.size, b.u_V.size)
     known = slice(wiped_from(a.u_V), size)
-    return _compare(
-        a.name, b.name, float(b.t_s[0] - a.t_s[0]), a.y_um[known], b.y_um[known], zero_um(a)
-    )
+    pair = statement("two records", first=a.name, second=b.name)
+    return _compare(pair, float(b.t_s[0] - a.t_s[0]), a.y_um[known], b.y_um[known], zero_um(a))
 
 
 def _between_periods(stretches: Sequence[Periods]) -> Repeat | None:
@@ -426,16 +370,12 @@ def _between_periods(stretches: Sequence[Periods]) -> Repeat | None:
     rows = periods.folded(periods.record.y_um)
     few = max(1, (periods.count - 1) // 6)
     first, last = rows[1 : 1 + few].ravel(), rows[-few:].ravel()
-    name = periods.record.name
-    return _compare(
-        f"the first periods of {name}", "the last", (periods.count - 1 - few) / periods.frequency_hz,
-        first, last, float(first.mean()),
-    )  # fmt: skip
+    apart_s = (periods.count - 1 - few) / periods.frequency_hz
+    pair = statement("two periods", record=periods.record.name)
+    return _compare(pair, apart_s, first, last, float(first.mean()))
 
 
-def _compare(
-    first: str, second: str, apart_s: float, a: Array, b: Array, zero: float
-) -> Repeat | None:
+def _compare(pair: Statement, apart_s: float, a: Array, b: Array, zero: float) -> Repeat | None:
     if a.size < 2 * _BLOCKS or np.ptp(a) == 0.0:
         return None
     rows = np.column_stack([np.ones(a.size), a - zero, np.linspace(-0.5, 0.5, a.size)])
@@ -448,6 +388,6 @@ def _compare(
     )
     error = np.sqrt(np.diag(inverse @ (scores.T @ scores) @ inverse))
     return Repeat(
-        first, second, apart_s, (float(solution[1]), float(error[1])),
+        pair, apart_s, (float(solution[1]), float(error[1])),
         (float(solution[0]), float(error[0])), float(np.ptp(a)),
     )  # fmt: skip

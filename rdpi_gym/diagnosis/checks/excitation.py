@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -10,8 +11,8 @@ from rdpi_gym.diagnosis.checks.check import Check
 from rdpi_gym.diagnosis.features.cycles import HalfCycles, Periods
 from rdpi_gym.diagnosis.features.recurrence import same_command
 from rdpi_gym.diagnosis.features.rests import Rest
+from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.measurement import Record
-from rdpi_gym.support.words import digits
 
 AMPLITUDE_RATIO = 3.0
 """Largest over smallest amplitude that the data should have."""
@@ -35,78 +36,57 @@ def excitation(
     reversals = sum(c.edges.size - 2 for _, c in records)
     return (
         _reversals(reversals),
-        _range(
-            "few amplitudes", amplitude, AMPLITUDE_RATIO, "{input_unit}",
-            "thresholds and weights are known at these amplitudes only, and a gain that changes "
-            "with amplitude cannot be seen",
-            "Add a slow triangle whose amplitude decays from the full range to nothing.",
-        ),
-        _range(
-            "few frequencies", frequency, FREQUENCY_RATIO, "Hz",
-            "delay, lags, the rate law and δ2 cannot be told apart",
-            "Add sines at four frequencies over a decade or more, and pairs of the same largest "
-            "rate (A at f, A/4 at 4 f).",
-        ),
+        _range("few amplitudes", amplitude, AMPLITUDE_RATIO),
+        _range("few frequencies", frequency, FREQUENCY_RATIO),
         _holds(rests),
         _repetitions([r for r, _ in records], stretches),
-    )  # fmt: skip
+    )
 
 
 def _reversals(count: int) -> Check:
     few = count < REVERSALS
-    text = f"The command reverses {count} times" + (
-        f"; with fewer than {REVERSALS} reversals the loops are hardly seen." if few else "."
-    )
-    step = (
-        "Add a slow triangle whose amplitude decays from the full range to nothing." if few else ""
-    )
-    return Check(
-        "few reversals", float(count), float(REVERSALS), "", "yes" if few else "no", text, step
-    )
+    found = statement(f"few reversals/{_yes(few)}", count=count, least=REVERSALS)
+    advice = statement("fading triangle") if few else None
+    return Check("few reversals", float(count), float(REVERSALS), "", _yes(few), found, advice)
+
+
+def _yes(condition: bool) -> Literal["yes", "no"]:
+    return "yes" if condition else "no"
 
 
 def _range(
-    name: str, values: np.ndarray, wanted: float, unit: str, lost: str, experiment: str
+    name: Literal["few amplitudes", "few frequencies"], values: np.ndarray, wanted: float
 ) -> Check:
+    advice = statement("fading triangle" if name == "few amplitudes" else "four frequencies")
     if not values.size:
-        text = f"No stretch of the command runs from one reversal to the next: {lost}."
-        return Check(name, None, wanted, "", "yes", text, experiment)
+        return Check(name, None, wanted, "", "yes", statement(f"{name}/none"), advice)
     low, high = np.percentile(values, [_TAIL, 100.0 - _TAIL])
     ratio = float(high / low)
-    facts = (
-        f"Stretches from reversal to reversal cover {digits(low, 3)} to {digits(high, 3)} {unit}"
-    )
-    if ratio < wanted:
-        return Check(name, ratio, wanted, "", "yes", f"{facts}: {lost}.", experiment)
-    return Check(name, ratio, wanted, "", "no", f"{facts}.")
+    few = ratio < wanted
+    found = statement(f"{name}/{_yes(few)}", low=low, high=high)
+    return Check(name, ratio, wanted, "", _yes(few), found, advice if few else None)
 
 
 def _holds(rests: Sequence[Rest]) -> Check:
     steps = [rest for rest in rests if rest.move_V != 0.0]
     longest = max((rest.duration_s for rest in steps), default=0.0)
-    if longest >= HOLD_S:
-        text = f"After a move the command rests for up to {digits(longest, 3)} s."
-        return Check("no long holds", longest, HOLD_S, "s", "no", text)
-    text = (
-        f"The longest rest after a move takes {digits(longest, 3)} s: creep and drift show over tens of "
-        "seconds."
-    )
-    step = "Add steps up and down with holds from 0.05 to 50 s."
-    return Check("no long holds", longest, HOLD_S, "s", "yes", text, step)
+    short = longest < HOLD_S
+    found = statement(f"no long holds/{_yes(short)}", longest=longest)
+    advice = statement("add holds") if short else None
+    return Check("no long holds", longest, HOLD_S, "s", _yes(short), found, advice)
 
 
 def _repetitions(records: Sequence[Record], stretches: Sequence[Periods]) -> Check:
     again = same_command(records)
     noted = [r.name for r in records if r.period is not None and np.unique(r.period).size > 1]
     count = float(len(again) + len(stretches) + len(noted))
+    advice = None
     if again:
-        first, second = again[0]
-        text = f"{second.name} has the command of {first.name}: noise and drift can be told from the actuator."
+        found = statement("no repetition/record", first=again[0][0].name, second=again[0][1].name)
     elif stretches or noted:
         name = stretches[0].record.name if stretches else noted[0]
-        text = f"{name} repeats its period: noise can be told from the actuator."
+        found = statement("no repetition/period", record=name)
     else:
-        text = "No command is repeated: noise, drift and what the actuator does cannot be told apart without a model."
-        step = "Repeat the first record at the end."
-        return Check("no repetition", count, 1.0, "", "yes", text, step)
-    return Check("no repetition", count, 1.0, "", "no", text)
+        found, advice = statement("no repetition/yes"), statement("repeat at the end")
+    zone = _yes(advice is not None)
+    return Check("no repetition", count, 1.0, "", zone, found, advice)

@@ -11,17 +11,15 @@ import numpy as np
 from rdpi_gym.diagnosis.checks.check import Check, Zone, cannot_tell, zone_of
 from rdpi_gym.diagnosis.features.cycles import HalfCycles
 from rdpi_gym.diagnosis.features.noise import rough_part
+from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits, pm
 
-CONGRUENCY = "congruency"
 CONGRUENCY_PERCENT = 0.4
 """Change of a loop's height from the middle of the range to its sides (%)."""
 _ALIKE = 0.03  # of the span: two commands are the same
 _RATE_ALIKE = 0.1
 _BIASES_APART = 0.3  # of the span: two biases differ
-_MINOR_LOOPS = "Take minor loops of one span at three biases, three times each, at one slow rate."
 
 
 @dataclass(frozen=True)
@@ -43,32 +41,19 @@ def congruency(loops: Sequence[Loop]) -> Check:
     """Change of the height of same-span loops with their bias."""
     groups = _groups(loops)
     if not groups:
-        return cannot_tell(
-            CONGRUENCY,
-            "There are no closed loops of one span at three biases, so it cannot be seen whether "
-            "the gain depends on where a loop stands.",
-            _MINOR_LOOPS,
-        )
+        return cannot_tell("congruency", "congruency/none", "minor loops")
     values = [_curvature(group) for group in groups]
     best = min(range(len(values)), key=lambda i: values[i][1])
     (value, error), group = values[best], groups[best]
     zone = zone_of(value, error, CONGRUENCY_PERCENT)
-    where = f"Loops of {digits(group[0].span_V, 3)} {{input_unit}} in {group[0].record}"
-    facts = f"{where} are {digits(abs(value))} % {'higher' if value > 0 else 'lower'} at the sides of the range than in its middle"
-    effects: tuple[str, ...] = ("congruency",)
-    if zone == "yes" and value > 0:
-        text = f"{facts}: to play operators they would be the same."
-    elif zone == "yes":
-        text = f"{facts}: to play operators they would be the same; a gain that falls outwards is saturation."
-        effects = ("saturation", "congruency")
-    elif zone == "no":
-        text = (
-            f"{where} have the same height in the middle of the range and at its sides: congruent."
-        )
-    else:
-        text = f"{facts}, not safely more than the noise."
-    step = _MINOR_LOOPS if zone == "cannot tell" else ""
-    return Check(CONGRUENCY, value, CONGRUENCY_PERCENT, "%", zone, text, step, effects)
+    side = "higher" if value > 0 else "lower"
+    found = statement(
+        f"congruency/{zone}/{side}", span=group[0].span_V, record=group[0].record,
+        percent=abs(value),
+    )  # fmt: skip
+    effects = ("saturation", "congruency") if zone == "yes" and value <= 0 else ("congruency",)
+    advice = statement("minor loops") if zone == "cannot tell" else None
+    return Check("congruency", value, CONGRUENCY_PERCENT, "%", zone, found, advice, effects)
 
 
 def closed_loops(record: Record, cycles: HalfCycles) -> list[Loop]:
@@ -134,7 +119,6 @@ def _curvature(group: Sequence[Loop]) -> tuple[float, float]:
     )
 
 
-GAIN = "gain over amplitude"
 GAIN_PERCENT = 0.5
 """Fall of the gain from a smaller to a larger loop (%)."""
 _LARGER = 1.2
@@ -142,10 +126,6 @@ _RATE_SLACK = 1.05
 _SLOW = 0.1  # of the fastest loop: lags, resonances and slew limits are far
 _FREQUENCY = 3.0  # times: so much may the loops' frequencies differ
 _MOST = 80
-_FOUR_AMPLITUDES = (
-    "Take sines at four amplitudes up to the full range, the frequency lower in proportion as the "
-    "amplitude is larger."
-)
 
 
 def gain_over_amplitude(loops: Sequence[Loop]) -> Check:
@@ -171,13 +151,9 @@ def gain_over_amplitude(loops: Sequence[Loop]) -> Check:
         and small.gain_um_V > 0.0
         and small.rate_V_s / small.span_V < _FREQUENCY * large.rate_V_s / large.span_V
     ]
+    name = "gain over amplitude"
     if not changes:
-        return cannot_tell(
-            GAIN,
-            "There are no closed loops of two sizes at one rate, so it cannot be seen whether the "
-            "gain falls with amplitude.",
-            _FOUR_AMPLITUDES,
-        )
+        return cannot_tell(name, "gain over amplitude/none", "four amplitudes")
     # the deepest fall that is sure; without one, the widest comparison
     falls = [c for c in changes if c[0] < 0.0 and zone_of(c[0], c[1], GAIN_PERCENT) == "yes"]
     change, error, small, large = (
@@ -185,18 +161,20 @@ def gain_over_amplitude(loops: Sequence[Loop]) -> Check:
         if falls
         else max(changes, key=lambda c: c[3].span_V / c[2].span_V)
     )
-    where = f"From loops of {digits(small.span_V, 3)} {{input_unit}} ({small.record}) to {digits(large.span_V, 3)} {{input_unit}} ({large.record})"
-    if falls:
-        text = f"{where} the gain falls by {digits(-change)} %: with plays it only grows, so the actuator saturates."
-        return Check(GAIN, change, GAIN_PERCENT, "%", "yes", text, "", ("saturation",))
-    if change > GAIN_PERCENT:
-        text = f"{where} the gain grows by {digits(change)} %, as plays have it; a weak saturation could hide under it."
-        return Check(GAIN, change, GAIN_PERCENT, "%", "cannot tell", text, _FOUR_AMPLITUDES)
     zone: Zone = "no" if zone_of(change, error, GAIN_PERCENT) == "no" else "cannot tell"
-    text = f"{where} the gain stays ({pm(change, error)} %): {'no saturation' if zone == 'no' else 'too uncertain'}."
-    return Check(
-        GAIN, change, GAIN_PERCENT, "%", zone, text, "" if zone == "no" else _FOUR_AMPLITUDES
-    )
+    if falls:
+        zone, kind = "yes", "falls"
+    elif change > GAIN_PERCENT:
+        zone, kind = "cannot tell", "grows"
+    else:
+        kind = "uncertain" if zone == "cannot tell" else "same"
+    found = statement(
+        f"gain over amplitude/{kind}", small=small.span_V, first=small.record, large=large.span_V,
+        second=large.record, percent=abs(change), change=(change, error),
+    )  # fmt: skip
+    advice = statement("four amplitudes") if zone == "cannot tell" else None
+    effects = ("saturation",) if falls else ()
+    return Check(name, change, GAIN_PERCENT, "%", zone, found, advice, effects)
 
 
 def _error(small: Loop, large: Loop) -> float:
@@ -204,7 +182,6 @@ def _error(small: Loop, large: Loop) -> float:
     return 100.0 * math.hypot(of_small, of_large)
 
 
-RATE_LAW = "rate law"
 EXPONENT = 0.15
 """Distance of the exponent from 1."""
 _WIDE = 0.9  # of the widest swing: loops that are compared
@@ -212,7 +189,6 @@ _APART = 3.0  # times: two rates differ
 _GROWTH = 0.02  # of the opening at rest: a rate dependence worth an exponent
 _SYSTEMATIC = 1e-4  # of the stroke: creep opens loops by as much more at one rate than at another
 _EXPONENTS = np.linspace(0.1, 4.0, 391)
-_FOUR_RATES = "Take sines of the full amplitude at four frequencies over a decade or more, and a slow triangle."
 
 
 @dataclass(frozen=True)
@@ -234,32 +210,21 @@ def rate_law(records: Sequence[tuple[Record, HalfCycles]], span_V: float) -> Che
     openings = [o for r, c in records for o in _openings(r, c, _WIDE * span_V)]
     levels = _levels(openings)
     if len(levels) < 3:
-        return cannot_tell(
-            RATE_LAW,
-            "Loops over the full range are there at fewer than three rates, so it cannot be seen "
-            "how thresholds grow with the rate.",
-            _FOUR_RATES,
-        )
+        return cannot_tell("rate law", "rate law/none", "four rates")
     rate = np.array([level.rate_V_s for level in levels])
     half = np.array([level.half_um for level in levels])
     stroke_um = max(float(np.ptp(r.y_um)) for r, _ in records)
     error = np.array([np.hypot(level.error_um, _SYSTEMATIC * stroke_um) for level in levels])
     growth = abs(half[-1] - half[0])
     if growth < max(_GROWTH * abs(half[0]), 10.0 * float(np.hypot(error[0], error[-1]))):
-        text = f"Loops open as far at {digits(rate[-1])} {{input_unit}}/s as at {digits(rate[0])} {{input_unit}}/s: nothing depends on the rate."
-        return Check(RATE_LAW, None, EXPONENT, "", "no", text)
+        same = statement("rate law/same", low=rate[0], high=rate[-1])
+        return Check("rate law", None, EXPONENT, "", "no", same)
     value, uncertain = _exponent(rate, half, error)
     zone = zone_of(value - 1.0, uncertain, EXPONENT)
-    facts = f"From {digits(rate[0])} to {digits(rate[-1])} {{input_unit}}/s the loops' opening grows with the power {pm(value, uncertain)} of the rate"
-    if zone == "yes":
-        text = f"{facts}; δ2 |v|, a delay or a lag would give 1."
-    elif zone == "no":
-        text = f"{facts}, as δ2 |v|, a delay or a lag has it."
-    else:
-        text = f"{facts}: too uncertain."
+    found = statement(f"rate law/{zone}", low=rate[0], high=rate[-1], exponent=(value, uncertain))
     effects = ("slew_limit", "rate_law") if value > 1.0 else ("rate_law",)
-    step = _FOUR_RATES if zone == "cannot tell" else ""
-    return Check(RATE_LAW, value, EXPONENT, "", zone, text, step, effects)
+    advice = statement("four rates") if zone == "cannot tell" else None
+    return Check("rate law", value, EXPONENT, "", zone, found, advice, effects)
 
 
 def _exponent(rate: Array, half: Array, error: Array) -> tuple[float, float]:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
+from rdpi_gym.diagnosis.checks.check import Check, Zone, cannot_tell, zone_of
 from rdpi_gym.diagnosis.features.cycles import Periods
 from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.diagnosis.features.rests import Rest
+from rdpi_gym.diagnosis.features.samples import smallest_step
+from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.measurement import Record
-from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits, pm
 
 CLIPPED_SAMPLES = 5
 """Samples at one extreme value in a row, while the command moves."""
@@ -36,19 +36,20 @@ _FEWEST_PERIODS = 6
 
 def clipping(records: Sequence[Record]) -> Check:
     """Displacement that stands at its largest or smallest value while the command moves."""
-    name = "clipping"
-    worst, where = 0, ""
+    worst, values = 0, dict[str, object]()
     for record in records:
         for extreme in (record.y_um.max(), record.y_um.min()):
             length = _longest_stand(record, float(extreme))
             if length > worst:
-                worst, where = length, f"{record.name} near {extreme:.5g} {{output_unit}}"
+                worst = length
+                values = {"record": record.name, "extreme": extreme, "count": length}
+    least = float(CLIPPED_SAMPLES)
     if worst >= CLIPPED_SAMPLES:
-        text = f"In {where} the {{output}} stands still for {worst} samples while the command moves: the sensor or the recorder clips."
-        step = "Measure again with a wider range, or leave these samples out (mask_s)."
-        return Check(name, float(worst), float(CLIPPED_SAMPLES), "samples", "yes", text, step)
-    text = "The {output} never stands at its extreme while the command moves: no clipping."
-    return Check(name, float(worst), float(CLIPPED_SAMPLES), "samples", "no", text)
+        found = statement("clipping/yes", **values)
+        return Check(
+            "clipping", float(worst), least, "samples", "yes", found, statement("widen range")
+        )
+    return Check("clipping", float(worst), least, "samples", "no", statement("clipping/no"))
 
 
 def _longest_stand(record: Record, extreme: float) -> int:
@@ -71,23 +72,20 @@ def resolution(records: Sequence[Record]) -> Check:
         steps = np.abs(np.diff(record.y_um))
         if np.count_nonzero(steps == 0.0) < 0.02 * steps.size:
             continue
-        moved = steps[steps > 1e-9 * max(float(np.ptp(record.y_um)), 1e-300)]
-        if not moved.size:
+        smallest = smallest_step(record.y_um)
+        if smallest == 0.0:
             continue
-        smallest = float(moved.min())
         ratio = smallest / max(rough_part(record.y_um), 0.29 * smallest)
         if ratio > worst[0]:
             worst = (ratio, smallest, record.name)
     ratio, smallest, where = worst
     if ratio >= STEP_RATIO:
-        text = f"{where} moves in steps of {in_output(smallest)}, more than its noise: errors below a third of a step cannot be judged."
-        return Check(name, ratio, STEP_RATIO, "", "yes", text, "Use a finer range of the recorder.")
-    text = (
-        f"The smallest step of the {{output}} ({in_output(smallest)} in {where}) is lost in its noise."
-        if where
-        else "The {output} shows no steps."
+        found = statement("coarse resolution/yes", record=where, step=smallest)
+        return Check(name, ratio, STEP_RATIO, "", "yes", found, statement("finer range"))
+    lost = statement("coarse resolution/no", record=where, step=smallest)
+    return Check(
+        name, ratio, STEP_RATIO, "", "no", lost if where else statement("coarse resolution/none")
     )
-    return Check(name, ratio, STEP_RATIO, "", "no", text)
 
 
 def feedback(records: Sequence[Record]) -> Check:
@@ -107,18 +105,13 @@ def feedback(records: Sequence[Record]) -> Check:
         if found is not None and (worst is None or found[0] > worst[0]):
             worst = (*found, record.name)
     if worst is None:
-        text = (
-            "The commands are free of noise: they were computed beforehand, so the loop was open."
-        )
-        return Check(name, 0.0, FEEDBACK, "", "no", text)
+        return Check(name, 0.0, FEEDBACK, "", "no", statement("closed loop/noiseless"))
     value, error, where = worst
-    zone = zone_of(value, error, FEEDBACK)
-    if zone == "yes":
-        text = f"In {where} the command's noise follows the {{output}} (correlation {digits(value)}): the loop was closed, and noise of the sensor is part of the command."
-        step = "Record with the loop open, or give the {input} at the stack with less noise."
-        return Check(name, value, FEEDBACK, "", zone, text, step)
-    text = f"The command's noise does not follow the {{output}} (correlation {value:.1g} in {where}): the loop was open."
-    return Check(name, value, FEEDBACK, "", "no", text)
+    if zone_of(value, error, FEEDBACK) == "yes":
+        closed = statement("closed loop/yes", record=where, correlation=value)
+        return Check(name, value, FEEDBACK, "", "yes", closed, statement("open the loop"))
+    opened = statement("closed loop/no", record=where, correlation=value)
+    return Check(name, value, FEEDBACK, "", "no", opened)
 
 
 def _follows(u: Array, y: Array) -> tuple[float, float] | None:
@@ -157,24 +150,16 @@ def clocks(stretches: Sequence[Periods]) -> Check:
     name = "two clocks"
     found = [skew for p in stretches if p.count >= _FEWEST_PERIODS and (skew := _skew(p))]
     if not found:
-        return cannot_tell(
-            name,
-            "No record holds six steady periods, so it cannot be seen whether command and "
-            "{output} were sampled by one clock.",
-            "Record twenty periods or more of a sine.",
-        )
+        return cannot_tell(name, "two clocks/none", "twenty periods")
     value, error, where = min(found, key=lambda entry: entry[1])
     zone = zone_of(value, error, SKEW_PPM)
-    if zone == "yes":
-        text = f"In {where} the lag of the {{output}} changes by {digits(value, 3)} µs a second: command and {{output}} were sampled by two clocks, or their times are wrong."
-        return Check(
-            name, value, SKEW_PPM, "µs/s", zone, text, "Sample both channels by one clock."
-        )
-    said = "stays the same" if zone == "no" else f"changes by {pm(value, error)} µs a second"
-    end = "one clock." if zone == "no" else "too uncertain."
-    text = f"In {where} the lag of the {{output}} {said}: {end}"
-    step = "" if zone == "no" else "Record twenty periods or more of a sine."
-    return Check(name, value, SKEW_PPM, "µs/s", zone, text, step)
+    text = statement(f"two clocks/{zone}", record=where, skew=value, measured=(value, error))
+    advice = {
+        "yes": statement("one clock"),
+        "no": None,
+        "cannot tell": statement("twenty periods"),
+    }[zone]
+    return Check(name, value, SKEW_PPM, "µs/s", zone, text, advice)
 
 
 def _skew(periods: Periods) -> tuple[float, float, str] | None:
@@ -196,7 +181,6 @@ def _skew(periods: Periods) -> tuple[float, float, str] | None:
     return -scale * slope, scale * error, periods.record.name
 
 
-HUM = "mains hum"
 HUM_SHARE = 0.25
 """Amplitude of a line over the roughness of the displacement (rms)."""
 _MAINS_HZ = (50.0, 60.0)
@@ -207,7 +191,6 @@ _CHANCE = 2.6  # times the median: what noise reaches in one line of a hundred
 _SMALLEST = 1e-6  # of the stroke
 _CYCLES = 20  # of the mains that a stretch must hold
 _MOST_SAMPLES = 100_000
-_TWO_SECONDS = "Record two seconds at constant command, sampled at 500 Hz or more."
 
 
 @dataclass(frozen=True)
@@ -217,7 +200,7 @@ class Line:
     frequency_hz: float
     amplitude_um: float
     around_um: float
-    where: str
+    where: Statement
 
 
 def mains_hum(
@@ -226,27 +209,22 @@ def mains_hum(
     """Look for lines of the mains in rests, or else in moving records beside their neighbours."""
     lines = _lines_at_rest(rests) or [line for r in records for line in _lines_in_motion(r)]
     if not lines:
-        return cannot_tell(
-            HUM,
-            "No stretch is sampled fast and long enough to show a line at 50 or 60 Hz.",
-            _TWO_SECONDS,
-        )
+        return cannot_tell("mains hum", "mains hum/none", "two quiet seconds")
     threshold = max(HUM_SHARE * noise_um, _SMALLEST * stroke_um)
     best = max(lines, key=lambda line: line.amplitude_um / max(line.around_um, 1e-300))
     clear = best.amplitude_um > _ABOVE * best.around_um
-    amplitude = in_output(best.amplitude_um)
+    zone: Zone = "cannot tell"
     if clear and best.amplitude_um >= threshold:
-        text = f"In {best.where} there is a line of {amplitude} at {best.frequency_hz:.4g} Hz, while frequencies around it have {in_output(best.around_um)} at most: mains hum."
-        return Check(
-            HUM, best.amplitude_um, threshold, "{output_unit}", "yes", text, "", ("mains_hum",)
-        )
-    if clear or max(line.around_um for line in lines if line.where == best.where) < threshold:
-        text = f"In {best.where} no line at 50 or 60 Hz or their harmonics stands out of the noise: no mains hum."
-        return Check(HUM, best.amplitude_um, threshold, "{output_unit}", "no", text)
-    text = f"In {best.where} a line at {best.frequency_hz:.4g} Hz has {amplitude}, which other frequencies nearby have too: nothing can be said about mains hum."
-    return Check(
-        HUM, best.amplitude_um, threshold, "{output_unit}", "cannot tell", text, _TWO_SECONDS
-    )
+        zone = "yes"
+    elif clear or max(line.around_um for line in lines if line.where == best.where) < threshold:
+        zone = "no"
+    found = statement(
+        f"mains hum/{zone}", where=best.where, amplitude=best.amplitude_um,
+        frequency_hz=best.frequency_hz, around=best.around_um,
+    )  # fmt: skip
+    advice = statement("two quiet seconds") if zone == "cannot tell" else None
+    effects = ("mains_hum",) if zone == "yes" else ()
+    return Check("mains hum", best.amplitude_um, threshold, "µm", zone, found, advice, effects)
 
 
 def _lines_at_rest(rests: Sequence[Rest]) -> list[Line]:
@@ -257,7 +235,7 @@ def _lines_at_rest(rests: Sequence[Rest]) -> list[Line]:
     rest = max(fast, key=lambda each: min(each.last - each.first, 20_000) / each.record.ts_s**0.2)
     record = rest.record
     skip = min(rest.first + (rest.last - rest.first) // 10, rest.last - 2) if rest.first else 0
-    where = f"the quiet record {record.name}" if record.is_quiet else f"a rest of {record.name}"
+    where = statement("the quiet record" if record.is_quiet else "a rest", record=record.name)
     return _lines(record.y_um[skip : rest.last], record.ts_s, where, noise_only=True)
 
 
@@ -265,16 +243,17 @@ def _lines_in_motion(record: Record) -> list[Line]:
     """Lines that the displacement has and the command has not."""
     if record.ts_s * _MAINS_HZ[1] >= 0.45 or record.u_V.size * record.ts_s * _MAINS_HZ[0] < _CYCLES:
         return []
-    of_u = {line.frequency_hz: line for line in _lines(record.u_V, record.ts_s, record.name)}
+    where = statement("a name", record=record.name)
+    of_u = {line.frequency_hz: line for line in _lines(record.u_V, record.ts_s, where)}
     return [
         line
-        for line in _lines(record.y_um, record.ts_s, record.name)
+        for line in _lines(record.y_um, record.ts_s, where)
         if (excited := of_u.get(line.frequency_hz)) is None
         or excited.amplitude_um < 2.0 * excited.around_um
     ]
 
 
-def _lines(x: Array, ts_s: float, where: str, noise_only: bool = False) -> list[Line]:
+def _lines(x: Array, ts_s: float, where: Statement, noise_only: bool = False) -> list[Line]:
     x = x[:_MOST_SAMPLES]
     t = np.linspace(-1.0, 1.0, x.size)
     flat = x - np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, x, 3))

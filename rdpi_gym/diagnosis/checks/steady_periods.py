@@ -9,18 +9,13 @@ import numpy as np
 
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
 from rdpi_gym.diagnosis.features.cycles import Complexes, Periods, harmonics, orders_off_mains
+from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits, pm
 
-ASYMMETRY = "asymmetry"
 EVEN_PERCENT = 0.15
 """Even part over the rest (rms): a quadratic distortion of 1 % of the stroke leaves 0.5 %."""
 _LARGE = 0.5  # of the largest swing: records that count
 _MOST_ORDERS = 400
-_SLOW_SINE = (
-    "Take five periods or more of a slow sine or triangle about the middle of the range, at full "
-    "and at half amplitude."
-)
 
 
 def half_wave(stretches: Sequence[Periods]) -> Check:
@@ -38,29 +33,15 @@ def half_wave(stretches: Sequence[Periods]) -> Check:
                 swing = float(np.ptp(periods.record.u_V[periods.part]))
                 found.append((swing, *even, periods))
     if not found:
-        return cannot_tell(
-            ASYMMETRY,
-            "No record holds three steady periods of a half-wave symmetric command, so even "
-            "harmonics of the {output} cannot be laid to the actuator.",
-            _SLOW_SINE,
-        )
+        return cannot_tell("asymmetry", "asymmetry/none", "slow sine")
     widest = max(swing for swing, *_ in found)
     large = [entry for entry in found if entry[0] > _LARGE * widest]
     # a record whose second harmonic is free of the mains goes before one where it is not
     _, value, error, periods = max(large, key=lambda e: (_second_is_clear(e[3]), e[0], -e[2]))
     zone = zone_of(value, error, EVEN_PERCENT)
-    facts = (
-        f"Under the half-wave symmetric command of {periods.record.name} the {{output}} has even "
-        f"harmonics of {digits(value)} % of the odd ones (rms)"
-    )
-    if zone == "yes":
-        text = f"{facts}: play operators leave none, so the actuator is not symmetric."
-    elif zone == "no":
-        text = f"{facts}: no asymmetry."
-    else:
-        text = f"{facts}, not safely more than its noise."
-    step = "" if zone != "cannot tell" else _SLOW_SINE
-    return Check(ASYMMETRY, value, EVEN_PERCENT, "%", zone, text, step, ("asymmetry",))
+    text = statement(f"asymmetry/{zone}", record=periods.record.name, percent=value)
+    advice = None if zone != "cannot tell" else statement("slow sine")
+    return Check("asymmetry", value, EVEN_PERCENT, "%", zone, text, advice, ("asymmetry",))
 
 
 def _second_is_clear(periods: Periods) -> bool:
@@ -92,11 +73,6 @@ _FAR = 1.2  # of ln G: the band in which the series is used
 _NEAR = 0.15  # of ln G: no higher terms are needed
 _KIND = 0.3  # of τ²
 _BEYOND = 3  # times the highest line: where distortion is looked for
-_EXPERIMENT = (
-    "Take an odd random-phase multisine with an amplitude below the first threshold, up to a fifth "
-    "of the sampling rate, in eight periods or more."
-)
-_SMALLER = "Repeat the small multisine at a third of its amplitude: plays stop, backlash grows."
 _NAMES = ("lag at small signals", "resonance at small signals", "motion at small signals")
 
 
@@ -136,108 +112,87 @@ def small_signal(
     small = [p for p in stretches if np.ptp(p.record.u_V[p.part]) <= SMALL * span_V]
     found = [response for p in small if (response := _response(p)) is not None]
     still = [p.record.name for p in small if _still(p, gain_um_V)]
-    if not found and still:
-        text = f"In {still[0]} nothing moves at the command's frequencies, so there is no phase."
-        lag, resonance = (cannot_tell(name, text, _EXPERIMENT) for name in _NAMES[:2])
-        text = f"In {still[0]} the {{output}} does not follow the command at all: motion is lost, as in a gap."
-        motion = Check(_NAMES[2], 100.0, DISTORTION_PERCENT, "%", "yes", text, "", ("backlash",))
+    if not found and not still:
+        lag, resonance, motion = (
+            cannot_tell(name, "small signals/none", "small multisine") for name in _NAMES
+        )
         return lag, resonance, motion
     if not found:
-        text = (
-            "No periodic record stays below a tenth of the command's widest swing, so lag, delay, "
-            "resonance and the rate law cannot be told apart by small signals."
-        )
-        lag, resonance, motion = (cannot_tell(name, text, _EXPERIMENT) for name in _NAMES)
-        return lag, resonance, motion
-    best = min(found, key=lambda r: r.lag_s[1])
-    motion = _motion(best)
-    if motion.zone == "yes":
-        text = (
-            f"In {best.record} the {{output}} is not proportional to the command, so its phase is "
-            "not that of a lag alone."
-        )
-        return (
-            cannot_tell(_NAMES[0], text, _EXPERIMENT),
-            cannot_tell(_NAMES[1], text, _EXPERIMENT),
-            motion,
-        )
-    return _lag(best), _resonance(best), motion
+        code, record = "small signals/still", still[0]
+        lost = statement("motion at small signals/lost", record=record)
+        motion = Check(_NAMES[2], 100.0, DISTORTION_PERCENT, "%", "yes", lost, None, ("backlash",))
+    else:
+        best = min(found, key=lambda r: r.lag_s[1])
+        motion = _motion(best)
+        if motion.zone != "yes":
+            return _lag(best), _resonance(best), motion
+        code, record = "small signals/nonlinear", best.record
+    lag, resonance = (
+        cannot_tell(name, code, "small multisine", record=record) for name in _NAMES[:2]
+    )
+    return lag, resonance, motion
 
 
 def _motion(found: SmallSignal) -> Check:
     value, error = (100.0 * number for number in found.distortion)
     zone = zone_of(value, error, DISTORTION_PERCENT)
-    facts = (
-        f"In {found.record} {digits(value)} % of the {{output}} is not what a linear path would "
-        "make of the command"
-    )
-    text = {
-        "yes": f"{facts}: the first threshold lies below this command, or there is backlash or a "
-        "slew limit.",
-        "no": f"{facts}: every play sticks, and there is no backlash.",
-        "cannot tell": f"{facts}: too uncertain to say whether every play sticks.",
-    }[zone]
-    step = "" if zone == "no" else _SMALLER
+    text = statement(f"motion at small signals/{zone}", record=found.record, percent=value)
+    advice = None if zone == "no" else statement("smaller multisine")
     effects = ("backlash", "slew_limit")
-    return Check(_NAMES[2], value, DISTORTION_PERCENT, "%", zone, text, step, effects)
+    return Check(_NAMES[2], value, DISTORTION_PERCENT, "%", zone, text, advice, effects)
 
 
 def _lag(found: SmallSignal) -> Check:
     value, error = (1e6 * number for number in found.lag_s)
     threshold = 1e6 * PHASE_RAD / (2.0 * np.pi * found.highest_hz)
     zone = zone_of(value, error, threshold)
-    where = f"In {found.record}, up to {digits(found.highest_hz, 3)} Hz,"
+    values: dict[str, object] = {"record": found.record, "highest_hz": found.highest_hz}
     if zone == "yes" and value > 0:
-        kind, effects = _kind(found)
-        text = (
-            f"{where} the {{output}} lags by {digits(value, 3)} µs at amplitudes where no play "
-            f"moves: {kind}."
-        )
-        return Check(_NAMES[0], value, threshold, "µs", zone, text, "", effects)
-    facts = f"{where} the lag is {pm(value, error)} µs"
+        nature, effects = _kind(found)
+        text = statement(f"lag at small signals/{nature}", lag_us=value, **values)
+        return Check(_NAMES[0], value, threshold, "µs", zone, text, None, effects)
+    kind = {"no": "none", "cannot tell": "uncertain", "yes": "leads"}[zone]
+    text = statement(f"lag at small signals/{kind}", lag_us=(value, error), **values)
     if zone == "no":
-        return Check(_NAMES[0], value, threshold, "µs", zone, f"{facts}: none.")
-    why = "too uncertain" if zone == "cannot tell" else "check the times of the two channels"
-    text = f"{facts}: {why}."
-    return Check(_NAMES[0], value, threshold, "µs", "cannot tell", text, _EXPERIMENT)
+        return Check(_NAMES[0], value, threshold, "µs", zone, text)
+    return Check(
+        _NAMES[0], value, threshold, "µs", "cannot tell", text, statement("small multisine")
+    )
 
 
-def _kind(found: SmallSignal) -> tuple[str, tuple[str, ...]]:
+def _kind(
+    found: SmallSignal,
+) -> tuple[str, tuple[str, ...]]:
+    """Return the kind of a lag, and the effects that it speaks for."""
     square = found.lag_s[0] ** 2
     kappa, error = found.kappa_s2
     # a delay by a part of a sample is the mean of two samples, which looks like a lag
     blur = 0.25 * found.ts_s**2
     if kappa > _KIND * square + 3.0 * error:
-        return "the gain rises with it, as of a resonance", ("resonance",)
+        return "resonance", ("resonance",)
     if kappa + 3.0 * error < -_KIND * square - blur:
-        return "the gain falls with it, as of a first-order lag", ("sensor_lag", "actuator_lag")
+        return "first order", ("sensor_lag", "actuator_lag")
     if kappa - 3.0 * error > -(1.0 - _KIND) * square:
-        return "the gain stays, as of a delay", ("delay",)
-    return "too little to tell a delay from a first-order lag", (
-        "delay",
-        "sensor_lag",
-        "actuator_lag",
-    )
+        return "delay", ("delay",)
+    return "open", ("delay", "sensor_lag", "actuator_lag")
 
 
 def _resonance(found: SmallSignal) -> Check:
     scale = 50.0 * (2.0 * np.pi * found.highest_hz) ** 2
     value, error = (scale * number for number in found.kappa_s2)
     zone = zone_of(value, error, GAIN_PERCENT)
-    where = f"In {found.record} the gain at {digits(found.highest_hz, 3)} Hz"
+    values: dict[str, object] = {"record": found.record, "highest_hz": found.highest_hz}
     if zone == "yes" and value > 0:
         f0 = np.sqrt(2.0 / found.kappa_s2[0]) / (2.0 * np.pi)
-        text = f"{where} has risen by {digits(value)} %: a resonance near {digits(f0, 3)} Hz."
+        text = statement("resonance at small signals/yes", percent=value, f0_hz=f0, **values)
     elif zone == "cannot tell":
-        text = f"{where} has changed by {pm(value, error)} %: too uncertain."
+        text = statement("resonance at small signals/cannot tell", change=(value, error), **values)
     else:
-        fallen = (
-            f"has fallen by {digits(-value)} %" if zone == "yes" else "is that of low frequencies"
-        )
+        fallen = statement("resonance at small signals/falls", percent=-value, **values)
+        text = fallen if zone == "yes" else statement("resonance at small signals/no", **values)
         zone = "no"
-        text = f"{where} {fallen}: no resonance in reach."
-    step = _EXPERIMENT if zone == "cannot tell" else ""
-    return Check(_NAMES[1], value, GAIN_PERCENT, "%", zone, text, step, ("resonance",))
+    advice = statement("small multisine") if zone == "cannot tell" else None
+    return Check(_NAMES[1], value, GAIN_PERCENT, "%", zone, text, advice, ("resonance",))
 
 
 def _still(periods: Periods, gain_um_V: float) -> bool:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -29,14 +29,12 @@ from rdpi_gym.diagnosis.comparison.spectrum import (
 )
 from rdpi_gym.diagnosis.comparison.traces import Trace, fitted_extremum_V, trace
 from rdpi_gym.diagnosis.features.noise import noise_floor
-from rdpi_gym.diagnosis.preprocessing.finding import Finding
+from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.diagnosis.preprocessing.inspection import Inspected, inspect
-from rdpi_gym.diagnosis.telling import told
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Dataset, Quantities, Record, stated_quantities
-from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.words import joined
 
 FORMAT, VERSION = "rdpi-compare", 1
 
@@ -226,7 +224,8 @@ def _compared(
         findings.rms_over(rows) if len(rows := table[table["role"] == role]) else None
         for role in ("train", "validation")
     )
-    sentences = {
+    say = partial(text_of, quantities=dataset.quantities)
+    found = {
         "far": findings.far_away(table),
         "range": findings.out_of_range(samples, model.command_range_V, model.name),
         "overall": findings.errors(table, train, validation, origin),
@@ -236,14 +235,14 @@ def _compared(
         "since_rest": since_rest_finding(rests, floor),
         "largest": findings.largest(traces),
         "gain": findings.gain(table),
-        "by_frequency": findings.trend(frequency, "frequency_hz", "Hz", "frequency"),
-        "by_amplitude": findings.trend(amplitude, "amplitude_V", "{input_unit}", "amplitude"),
+        "by_frequency": findings.trend(frequency, "frequency_hz"),
+        "by_amplitude": findings.trend(amplitude, "amplitude_V"),
         "by_direction": findings.direction(directions, command, rmse_um),
         "distortion": distortion_finding(distortion, floor),
         "spectrum": spectrum_finding(spectrum),
         "plane": findings.command_and_rate(plane),
     }
-    found = Comparison(
+    return Comparison(
         title=dataset.title,
         model=model,
         traces=traces,
@@ -258,47 +257,40 @@ def _compared(
         since_rest=rests,
         clock=clock,
         noise_floor_um=floor,
-        noise_origin=origin,
+        noise_origin=say(origin),
         checks=checks,
         left_out=(
-            *_left_out(dataset, samples, plane),
-            *_of_hygiene(inspected.findings),
-            *_remembered(counting, model),
+            *map(say, _left_out(dataset, samples, plane)),
+            # an opening of unknown history counts all the same
+            *(f.sentence for f in inspected.findings if f.kind != "in motion"),
+            *map(say, _remembered(counting, model)),
         ),
-        findings={key: text for key, text in sentences.items() if text is not None},
+        findings={key: say(found) for key, found in found.items() if found is not None},
         quantities=dataset.quantities,
     )
-    return told(found, dataset.quantities)
 
 
-def _left_out(dataset: Dataset, samples: pd.DataFrame, plane: Plane) -> tuple[str, ...]:
+def _left_out(dataset: Dataset, samples: pd.DataFrame, plane: Plane) -> list[Statement]:
     say = partial(dataset.quantities.said, keep=[record.name for record in dataset.records])
-    lines = [f"{r.name}: {say(remark)}" for r in dataset.records for remark in r.remarks]
-    lines += [f"{r.name}: constant {{input}}, no part of the comparison" for r in dataset.quiet]
-    lines += map(say, dataset.remarks)
+    found = [
+        statement("left out/remark", record=r.name, remark=say(remark))
+        for r in dataset.records
+        for remark in r.remarks
+    ]
+    found += [statement("left out/quiet", record=r.name) for r in dataset.quiet]
+    found += [statement("remark", text=say(remark)) for remark in dataset.remarks]
     without = int(samples["frequency_hz"].isna().sum())
     if without:
-        lines.append(
-            f"{without} of {len(samples)} samples lie before the first or after the last reversal "
-            "of their record, or where the command mostly rests: they have no frequency and no "
-            "amplitude, and count everywhere else"
-        )
+        found.append(statement("left out/reversals", count=without, whole=len(samples)))
     if plane.outside:
-        lines.append(
-            f"{plane.outside} samples at the largest rates are off the plane of command and rate"
-        )
-    return tuple(lines)
+        found.append(statement("left out/fast", count=plane.outside))
+    return found
 
 
-def _of_hygiene(findings: Sequence[Finding]) -> list[str]:
-    # an opening of unknown history counts all the same
-    return [finding.sentence for finding in findings if finding.kind != "in motion"]
-
-
-def _remembered(records: Sequence[Record], model: PlantModel) -> list[str]:
+def _remembered(records: Sequence[Record], model: PlantModel) -> list[Statement]:
     extrema_V = {record.name: fitted_extremum_V(model, record.name) for record in records}
     return [
-        f"{name}: simulated from the memory that the fit found, a turn at {extremum_V:.4g} {{input_unit}}"
+        statement("left out/memory", record=name, extremum=extremum_V)
         for name, extremum_V in extrema_V.items()
         if extremum_V is not None
     ]
@@ -497,14 +489,14 @@ def compare_several(dataset: Dataset, models: Mapping[str, PlantModel]) -> Model
     comparisons = compare_each(dataset, list(models.values()))
     names = tuple(models)
     bare = ModelComparison(names, comparisons, {}, dataset.quantities)
-    said = {
+    found = {
         "overall": _overall(bare),
         "records": _on_records(bare),
-        "by_frequency": _where(bare.by_frequency, "frequency_hz", "Hz", "frequency"),
-        "by_amplitude": _where(bare.by_amplitude, "amplitude_V", "{input_unit}", "amplitude"),
+        "by_frequency": _where(bare.by_frequency, "frequency_hz"),
+        "by_amplitude": _where(bare.by_amplitude, "amplitude_V"),
     }
-    findings = {k: dataset.quantities.fill(t) for k, t in said.items() if t is not None}
-    return ModelComparison(names, comparisons, findings, dataset.quantities)
+    texts = {k: text_of(s, dataset.quantities) for k, s in found.items() if s is not None}
+    return ModelComparison(names, comparisons, texts, dataset.quantities)
 
 
 def _check_quantities(name: str, model: PlantModel, measured: Quantities) -> None:
@@ -517,42 +509,48 @@ def _check_quantities(name: str, model: PlantModel, measured: Quantities) -> Non
         )
 
 
-def _overall(found: ModelComparison) -> str:
+def _overall(found: ModelComparison) -> Statement:
     role = "validation" if found.rmse_um("validation")[found.names[0]] is not None else None
     errors = {n: e for n, e in found.rmse_um(role).items() if e is not None}
     order = sorted(errors, key=lambda name: errors[name])
     near = [name for name in order if errors[name] <= (1.0 + _AS_GOOD) * errors[order[0]]]
-    where = "held out" if role else "on all records"
-    rest = [f"{name} {in_output(errors[name])}" for name in order if name not in near]
-    best = f"{joined(near)} {'is' if len(near) == 1 else 'are'} nearest"
-    others = f"; {joined(rest)}" if rest else ""
-    floor = in_output(found.noise_floor_um)
-    return f"{best} with {in_output(errors[order[0]])} rms {where}{others}. The noise floor is {floor}."
+    rest = [statement("models/error", model=n, error=errors[n]) for n in order if n not in near]
+    kind = "one" if len(near) == 1 else "several"
+    return statement(
+        f"models/nearest/{kind}/{'held out' if role else 'all'}/{'others' if rest else 'alone'}",
+        models=tuple(near), error=errors[order[0]], others=tuple(rest), noise=found.noise_floor_um,
+    )  # fmt: skip
 
 
-def _on_records(found: ModelComparison) -> str | None:
+def _on_records(found: ModelComparison) -> Statement | None:
     count = len(found.comparisons[0].records)
     if count < 2:
         return None
     wins = found.near(found.records[:count]).sum().to_dict()
-    said = [f"{name} on {wins[name]}" for name in sorted(wins, key=lambda n: -wins[n])]
-    return f"Of {count} records, least error or as good as that: {joined(said)}."
+    order = sorted(wins, key=lambda n: -wins[n])
+    each = tuple(statement("models/wins", model=name, count=wins[name]) for name in order)
+    return statement("models/records", count=count, wins=each)
 
 
-def _where(table: pd.DataFrame, column: str, unit: str, word: str) -> str | None:
+def _where(table: pd.DataFrame, column: Literal["frequency_hz", "amplitude_V"]) -> Statement | None:
     rows = table[table["half_cycles"] >= FEW_HALF_CYCLES]
     if not len(rows):
         return None
-    first, last = rows[column].iloc[0], rows[column].iloc[-1]
-    if rows["best"].nunique() == 1:
-        single = f"{first:.3g} {unit}" if len(rows) == 1 else f"{first:.3g} to {last:.3g} {unit}"
-        return f"By {word}: {rows['best'].iloc[0]} throughout ({single})."
-    said, runs = [], _runs(rows["best"].tolist())
-    for start, stop in runs:
-        low, high = rows[column].iloc[start], rows[column].iloc[stop]
-        at = f"at {low:.3g}" if start == stop else f"from {low:.3g} to {high:.3g}"
-        said.append(f"{rows['best'].iloc[start]} {at} {unit}")
-    return f"By {word}: {'; '.join(said)}."
+    by = column.partition("_")[0]
+    unit, values, best = statement(f"trend/unit/{by}"), rows[column].tolist(), rows["best"].tolist()
+
+    def between(start: int, stop: int) -> Statement:
+        kind = "value" if start == stop else "range"
+        return statement(f"models/place/{kind}", low=values[start], high=values[stop], unit=unit)
+
+    if len(set(best)) == 1:
+        places = between(0, len(rows) - 1)
+        return statement(f"models/throughout/{by}", models=best[0], places=places)
+    parts = [
+        statement("models/at" if a == b else "models/from", models=best[a], places=between(a, b))
+        for a, b in _runs(best)
+    ]
+    return statement(f"models/by {by}", parts=parts)
 
 
 def _runs(labels: Sequence[str]) -> list[tuple[int, int]]:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from rdpi_gym.diagnosis.comparison.breakdown import Plane
 from rdpi_gym.diagnosis.comparison.traces import Trace
-from rdpi_gym.measurement.quantities import in_output
-from rdpi_gym.support.words import digits
+from rdpi_gym.diagnosis.notices import Statement, statement
 
 Row: TypeAlias = dict[Any, Any]
 
@@ -31,14 +30,12 @@ FEW_HALF_CYCLES = 4
 _FEW_SAMPLES = 20
 
 
-def far_away(records: pd.DataFrame) -> str | None:
+def far_away(records: pd.DataFrame) -> Statement | None:
     """Say that model and measurement are different things, where they are."""
     rows = _rows(records)
     still = [row["name"] for row in rows if row["measured_peak_to_peak_um"] == 0]
     if still:
-        return (
-            f"The measured {{output}} of {still[0]} never changes; check its column and the sensor."
-        )
+        return statement("far/still", record=still[0])
     # where little more than noise is off, a held-out rest for one, model and data do not disagree
     rows = [row for row in rows if row["systematic_percent"] > _FAR_SYSTEMATIC_PERCENT]
     if not rows:
@@ -48,65 +45,43 @@ def far_away(records: pd.DataFrame) -> str | None:
     wrong_gain = gain < 0 or not 1 / _FAR_GAIN < abs(gain) < _FAR_GAIN
     if not worst["nrmse_percent"] > (_NEAR_PERCENT if wrong_gain else _FAR_PERCENT):
         return None
-    start = (
-        f"The model is far away from {worst['name']}: its RMS error is "
-        f"{worst['nrmse_percent']:.3g} % of the measured peak to peak"
-    )
+    values = {"record": worst["name"], "percent": worst["nrmse_percent"], "gain": gain}
     if gain < 0:
-        return (
-            f"{start}, and it moves the other way; check the sign of y, the columns, or whether "
-            "this model belongs to this actuator."
-        )
-    if wrong_gain and gain > 0:
-        power = round(math.log10(gain))
-        exact = power % 3 == 0 and power != 0 and abs(math.log10(gain) - power) < 0.35
-        unit = f" (close to 10^{power}, as between m, mm, µm and nm, or V and mV)" if exact else ""
-        return (
-            f"{start}, and the measured stroke is about {gain:.4g} times the model's{unit}; check "
-            "--units, or whether this model belongs to this actuator. The figures below mostly "
-            "show this."
-        )
+        return statement("far/turned", **values)
+    if not (wrong_gain and gain > 0):
+        return statement("far/other", **values)
+    power = round(math.log10(gain))
+    exact = power % 3 == 0 and power != 0 and abs(math.log10(gain) - power) < 0.35
     return (
-        f"{start}; check the columns, or whether this model belongs to this actuator. "
-        "The figures below mostly show this."
+        statement("far/unit", power=power, **values) if exact else statement("far/gain", **values)
     )
 
 
 def out_of_range(
     samples: pd.DataFrame, command_range_V: tuple[float, float], name: str
-) -> str | None:
+) -> Statement | None:
     """Say that commands were used for which the model was not made."""
     low, high = command_range_V
     least, most = float(samples["command_V"].min()), float(samples["command_V"].max())
     slack = 0.01 * (high - low)
     if least >= low - slack and most <= high + slack:
         return None
-    return (
-        f"Commands from {least:.4g} to {most:.4g} {{input_unit}} go beyond the range of {low:.4g} to "
-        f"{high:.4g} {{input_unit}} that {name} states: what the model says there is extrapolated."
-    )
+    return statement("range", least=least, most=most, low=low, high=high, model=name)
 
 
 def errors(
-    records: pd.DataFrame, train_um: float | None, validation_um: float | None, noise: str
-) -> str:
+    records: pd.DataFrame, train_um: float | None, validation_um: float | None, noise: Statement
+) -> Statement:
     """Say how large the error is, and how much of it is more than noise."""
-    parts = []
-    if train_um is not None:
-        parts.append(f"{in_output(train_um)} on the training records")
-    if validation_um is not None:
-        parts.append(f"{in_output(validation_um)} on the validation records")
-    if not parts:
-        parts.append(f"{in_output(rms_over(records))} on the test records")
-    text = f"Error {' and '.join(parts)}, rms with one offset free in each record; {noise}."
+    roles = {"train": train_um, "validation": validation_um}
+    kinds = [role for role, error_um in roles.items() if error_um is not None] or ["test"]
+    sizes = statement(
+        f"error/{'+'.join(kinds)}", train=train_um, validation=validation_um,
+        test=rms_over(records), noise=noise,
+    )  # fmt: skip
     share = systematic_share(records)
-    if share < _ALL_NOISE:
-        return f"{text} The error is hardly more than noise."
-    if share > 0.99:
-        return (
-            f"{text} Nearly all of the squared error is systematic: a better model could take it."
-        )
-    return f"{text} About {100 * share:.0f} % of the squared error is systematic: a better model could take it."
+    kind = "noise" if share < _ALL_NOISE else "systematic" if share > 0.99 else "mixed"
+    return statement(f"overall/{kind}", sizes=sizes, percent=100 * share)
 
 
 def systematic_share(records: pd.DataFrame) -> float:
@@ -116,45 +91,44 @@ def systematic_share(records: pd.DataFrame) -> float:
     return float(systematic.sum()) / (100.0 * squares) if squares > 0 else 0.0
 
 
-def record_spread(records: pd.DataFrame) -> str:
+def record_spread(records: pd.DataFrame) -> Statement:
     """Say which record is worst."""
     rows = _rows(records)
     if len(rows) == 1:
-        return "There is one record only, so nothing can be said about how the error differs between records."
+        return statement("records/one")
     worst, best = (pick(rows, key=lambda row: row["rmse_um"]) for pick in (max, min))
     twice = records["name"].duplicated().any()
 
     def label(row: Row) -> str:
         return f"{row['name']} ({row['role']})" if twice else str(row["name"])
 
-    text = (
-        f"The error is largest on {label(worst)} ({in_output(worst['rmse_um'])}) and smallest on "
-        f"{label(best)} ({in_output(best['rmse_um'])})"
-    )
     ratio = worst["rmse_um"] / best["rmse_um"] if best["rmse_um"] > 0 else math.inf
-    return f"{text}; the records are alike." if ratio < 1.1 else f"{text}."
+    return statement(
+        "records/alike" if ratio < 1.1 else "records/differ", worst=label(worst),
+        largest=worst["rmse_um"], best=label(best), smallest=best["rmse_um"],
+    )  # fmt: skip
 
 
-def gain(records: pd.DataFrame) -> str:
+def gain(records: pd.DataFrame) -> Statement:
     """Say whether the measured stroke is larger than the model's."""
     rows = [row for row in _rows(records) if math.isfinite(row["gain_ratio"])]
     if not rows:
-        return "The model does not move where samples count, so there is no gain to compare."
+        return statement("gain/still")
     worst = max(rows, key=lambda row: abs(row["gain_ratio"] - 1.0))
     ratio = worst["gain_ratio"]
-    if not 1 / _FAR_GAIN < ratio < _FAR_GAIN:
-        return f"On {worst['name']} the measured stroke is {ratio:.4g} times the model's (slope of measured over model)."
     percent = 100.0 * (ratio - 1.0)
-    if abs(percent) < _GAIN_PERCENT:
-        return f"The mean gain fits: measured and modelled stroke agree within {_GAIN_PERCENT:g} % in every record."
-    more = "larger" if percent > 0 else "smaller"
-    return (
-        f"On {worst['name']} the measured stroke is {abs(percent):.2g} % {more} than the model's "
-        "(slope of measured over model)."
+    if not 1 / _FAR_GAIN < ratio < _FAR_GAIN:
+        kind = "far"
+    elif abs(percent) < _GAIN_PERCENT:
+        kind = "fits"
+    else:
+        kind = "larger" if percent > 0 else "smaller"
+    return statement(
+        f"gain/{kind}", record=worst["name"], ratio=ratio, percent=abs(percent), least=_GAIN_PERCENT
     )
 
 
-def drift(traces: Sequence[Trace], rmse_um: float) -> str:
+def drift(traces: Sequence[Trace], rmse_um: float) -> Statement:
     """Say whether the residual moves from the first to the last quarter of a record's loops."""
     moves = []
     for each in traces:
@@ -175,66 +149,42 @@ def drift(traces: Sequence[Trace], rmse_um: float) -> str:
         move = float(residual[last].mean() - residual[first].mean())
         moves.append((move, each.name, bool(change < _ALIKE * np.ptp(command))))
     if not moves:
-        return "The records have too few periods to tell a slow drift."
+        return statement("drift/few")
     move, name, same_command = max(moves, key=lambda found: abs(found[0]))
-    facts = (
-        f"From the first to the last quarter of {name} the mean of measured minus model moves by "
-        f"{in_output(move)}"
-    )
+    kind = "same" if same_command else "other"
     if abs(move) < MARKED * rmse_um:
-        return f"{facts}: no marked slow drift."
-    if not same_command:
-        return f"{facts}; the command differs between the two, so this need not be creep or drift."
-    return f"{facts}, which suggests creep, drift, or a memory from before the record."
+        kind = "little"
+    return statement(f"drift/{kind}", record=name, move=move)
 
 
-def largest(traces: Sequence[Trace]) -> str:
+def largest(traces: Sequence[Trace]) -> Statement:
     """Say where the largest difference stands."""
     peaks = [np.where(each.counted, np.abs(each.residual_um), -1.0) for each in traces]
     which = max(range(len(traces)), key=lambda i: float(peaks[i].max()))
     each, sample = traces[which], int(np.argmax(peaks[which]))
     way = "rising" if each.cycles.by_sample(each.cycles.rising)[sample] else "falling"
-    text = (
-        f"The largest difference is {in_output(float(peaks[which][sample]))}, in {each.name} "
-        f"at t = {each.t_s[sample]:.6g} s ({each.u_V[sample]:.3g} {{input_unit}}, {way})"
-    )
-    if sample < each.cycles.edges[1]:
-        return (
-            f"{text}, before the first reversal: there the model does not know the actuator's past."
-        )
-    return f"{text}."
+    early = sample < each.cycles.edges[1]
+    return statement(
+        f"largest/{way}/{'early' if early else 'later'}", size=float(peaks[which][sample]),
+        record=each.name, time=each.t_s[sample], command=each.u_V[sample],
+    )  # fmt: skip
 
 
-def direction(table: pd.DataFrame, by_command: pd.DataFrame, rmse_um: float) -> str:
+def direction(table: pd.DataFrame, by_command: pd.DataFrame, rmse_um: float) -> Statement:
     """Say whether rising and falling commands are wrong in opposite ways, and where most."""
     mean = {row["direction"]: row["mean_um"] for row in _rows(table)}
     if len(mean) < 2:
-        only = "rises" if "rising" in mean else "falls"
-        return f"The command only {only}: the width of the loop cannot be compared."
-    facts = (
-        f"Measured minus model is {in_output(mean['rising'])} on average while the command "
-        f"rises and {in_output(mean['falling'])} while it falls"
-    )
+        return statement("direction/rises" if "rising" in mean else "direction/falls")
     gap = mean["rising"] - mean["falling"]
-    if abs(gap) < MARKED * rmse_um:
-        text = f"{facts}: the mean width of the loop is about right."
-    else:
-        text = (
-            f"{facts}: the measured loop is on average about {in_output(abs(gap))} "
-            f"{_width(gap)} than the model's, which suggests weights or thresholds that are off "
-            "(or, where it changes with frequency, a lag or the rate law)."
-        )
+    side = "right" if abs(gap) < MARKED * rmse_um else "narrower" if gap > 0 else "wider"
+    width = statement(
+        f"direction/{side}", rising=mean["rising"], falling=mean["falling"], gap=abs(gap)
+    )
     place, widest = _widest_gap(by_command)
     if abs(widest) < max(rmse_um, 1.5 * abs(gap)):
-        return text
-    return (
-        f"{text} Near {place:.3g} {{input_unit}} it is {in_output(abs(widest))} {_width(widest)}: the loop's "
-        "shape differs along the command."
-    )
-
-
-def _width(gap_um: float) -> str:
-    return "narrower" if gap_um > 0 else "wider"
+        return width
+    way = "narrower" if widest > 0 else "wider"
+    return statement(f"direction/near/{way}", width=width, place=place, gap=abs(widest))
 
 
 def _widest_gap(by_command: pd.DataFrame) -> tuple[float, float]:
@@ -249,65 +199,47 @@ def _widest_gap(by_command: pd.DataFrame) -> tuple[float, float]:
     return max(gaps, key=lambda found: abs(found[1]), default=(0.0, 0.0))
 
 
-def trend(table: pd.DataFrame, column: str, unit: str, name: str) -> str:
+def trend(table: pd.DataFrame, column: Literal["frequency_hz", "amplitude_V"]) -> Statement:
     """Say how the error changes from the lowest to the highest frequency or amplitude."""
     rows = [
         row
         for row in _rows(table)
         if row["samples"] >= _FEW_SAMPLES and row["half_cycles"] >= FEW_HALF_CYCLES
     ]
+    by = column.partition("_")[0]
+    unit = statement(f"trend/unit/{by}")
     if not rows:
-        return (
-            f"Fewer than {FEW_HALF_CYCLES} stretches of one {name} run from reversal to "
-            f"reversal: these records cannot tell how the error depends on {name}."
-        )
+        return statement(f"trend/{by}/none", count=FEW_HALF_CYCLES)
     low, high = rows[0], rows[-1]
     if len(rows) == 1:
-        return (
-            f"All stretches have about the same {name} ({digits(low[column], 3)} {unit}): these records "
-            f"cannot tell how the error depends on {name}."
-        )
-    facts = f"from {digits(low[column], 3)} to {digits(high[column], 3)} {unit} the RMS error"
-    ends = f"{in_output(low['rmse_um'])} to {in_output(high['rmse_um'])}"
+        return statement(f"trend/{by}/one", value=low[column], unit=unit)
     factor = high["rmse_um"] / low["rmse_um"] if low["rmse_um"] > 0 else math.inf
     peak = max(rows, key=lambda row: row["rmse_um"])
+    kind = "grows" if factor >= GROWTH else "falls" if factor <= 1 / GROWTH else "stays"
     if peak["rmse_um"] > GROWTH * max(low["rmse_um"], high["rmse_um"]):
-        text = (
-            f"The error is largest in between, {in_output(peak['rmse_um'])} near "
-            f"{digits(peak[column], 3)} {unit}; {facts} goes from {ends}"
-        )
-    elif factor >= GROWTH:
-        text = f"The error grows with {name}: {facts} goes from {ends}"
-    elif factor <= 1 / GROWTH:
-        text = f"The error falls with {name}: {facts} goes from {ends}"
-    else:
-        text = f"The error changes little with {name}: {facts} goes from {ends}"
-    relative = f" ({digits(low['relative_percent'])} and {digits(high['relative_percent'])} % of the stroke there)"
-    return f"{text}{relative}.{_confounded(rows, column)}"
+        kind = "peaks"
+    return statement(
+        f"trend/{by}/{kind}/{'confounded' if _confounded(rows, column) else 'alone'}", unit=unit,
+        low=low[column], high=high[column], first=low["rmse_um"], last=high["rmse_um"],
+        peak=peak["rmse_um"], place=peak[column], first_percent=low["relative_percent"],
+        last_percent=high["relative_percent"],
+    )  # fmt: skip
 
 
-def _confounded(rows: list[Row], column: str) -> str:
+def _confounded(rows: list[Row], column: str) -> bool:
+    """Whether amplitude changes with frequency in the rows, or frequency with amplitude."""
     other = "amplitude_V" if column == "frequency_hz" else "frequency_hz"
-    word = "amplitude" if other == "amplitude_V" else "frequency"
     low, high = min(row[other] for row in rows), max(row[other] for row in rows)
-    if high < GROWTH * low:
-        return ""
-    return f" The {word} changes too between these rows, so part of this may be its doing."
+    return not high < GROWTH * low
 
 
-def command_and_rate(found: Plane) -> str:
+def command_and_rate(found: Plane) -> Statement:
     """Say how much of the error follows from command and rate alone."""
     share = found.explained_percent
     if share is None:
-        return "There are too few samples, or passes through the same command at the same rate, to tell how much of the error follows from command and rate alone."
-    text = (
-        f"Command and rate alone account for {share:.0f} % of the residual's variance (cell means)"
-    )
-    if share >= 50:
-        return f"{text}: most of the error is a repeatable function of the two."
-    if share >= 15:
-        return f"{text}; the rest depends on the past of the command, on time, or is noise."
-    return f"{text}: what is left depends on the past of the command, on time, or is noise."
+        return statement("plane/few")
+    kind = "most" if share >= 50 else "part" if share >= 15 else "little"
+    return statement(f"plane/{kind}", percent=share)
 
 
 def rms_over(records: pd.DataFrame, column: str = "rmse_um") -> float:

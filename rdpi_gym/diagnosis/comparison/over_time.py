@@ -10,10 +10,9 @@ import pandas as pd
 
 from rdpi_gym.diagnosis.comparison.traces import Trace
 from rdpi_gym.diagnosis.features.rests import Rest, find_rests
+from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.measurement import Record
-from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits
 
 _BINS_A_DECADE = 4.0
 _NET = 0.02  # of the widest swing: a move that has a direction
@@ -108,37 +107,33 @@ def _rows(state: str, time_s: Array, residual_um: Array, moved_um: Array) -> pd.
     )
 
 
-def since_rest_finding(table: pd.DataFrame, noise_um: float) -> str:
+def since_rest_finding(table: pd.DataFrame, noise_um: float) -> Statement:
     """Say whether the error goes on while the command rests."""
     rows = table[
         (table["state"] == "resting") & (table["samples"] >= _FEW) & table["moved_um"].notna()
     ]
     if len(rows) < 3:
-        return (
-            "The command does not rest for long enough after a move to another place: these "
-            "records cannot tell whether creep is missing."
-        )
+        return statement("since_rest/none")
     decades = np.log10(rows["time_s"].to_numpy())
     moved = rows["moved_um"].to_numpy()
     slope = float(np.polyfit(decades, moved, 1)[0])
     way = slope * float(np.ptp(decades))
-    facts = (
-        f"From {digits(float(rows['time_s'].iloc[0]))} to {digits(float(rows['time_s'].iloc[-1]))} s "
-        f"after a move measured minus model goes {'on' if way > 0 else 'back'} by "
-        f"{in_output(abs(way))}"
-    )
     error_um = float(np.sqrt(np.average(rows["rmse_um"] ** 2, weights=rows["samples"])))
-    if abs(way) < max(_GOES_ON * error_um, noise_um):
-        return f"{facts}: no marked creep is missing."
     half = len(moved) // 2
     later = (
         float(np.polyfit(decades[half:], moved[half:], 1)[0]) if len(moved) - half > 1 else slope
     )
-    if way > 0 and later < _STEADY * slope:
-        return f"{facts}, but hardly any more in the later half of that: a lag that is not over when the command stops, rather than creep."
-    if way > 0:
-        return f"{facts} in the direction of the move ({in_output(abs(slope))} a decade): creep is missing."
-    return f"{facts}, against the direction of the move: the model creeps too much, or something drifts."
+    kind = "on" if way > 0 else "back"
+    if abs(way) < max(_GOES_ON * error_um, noise_um):
+        kind += " little"
+    elif way > 0 and later < _STEADY * slope:
+        kind += " lag"
+    else:
+        kind += " far"
+    return statement(
+        f"since_rest/{kind}", first=float(rows["time_s"].iloc[0]),
+        last=float(rows["time_s"].iloc[-1]), move=abs(way), slope=abs(slope),
+    )  # fmt: skip
 
 
 def clock_table(traces: Sequence[Trace]) -> pd.DataFrame:
@@ -177,13 +172,13 @@ def has_common_clock(traces: Sequence[Trace]) -> bool:
     return all(later[0] > earlier[1] for earlier, later in pairwise(order))
 
 
-def clock_finding(table: pd.DataFrame, rmse_um: float) -> str:
+def clock_finding(table: pd.DataFrame, rmse_um: float) -> Statement:
     """Say whether the error drifts with the experiment's clock."""
     several = table["name"].nunique() > 1
     if several and not bool(table["common_clock"].iloc[0]):
-        return "The records' times overlap, so there is no common clock: a drift from record to record cannot be seen."
+        return statement("clock/overlap")
     if len(table) < 4:
-        return "There are too few samples to tell a drift over the experiment."
+        return statement("clock/few")
     t, mean = table["t_s"].to_numpy(), table["mean_um"].to_numpy()
     weight = np.sqrt(table["samples"].to_numpy())
     slope, _ = np.polyfit(t, mean, 1, w=weight)
@@ -193,17 +188,17 @@ def clock_finding(table: pd.DataFrame, rmse_um: float) -> str:
     power = float(np.sum((weight * centred) ** 2))
     share = float(np.sum((weight * fitted) ** 2)) / power if power > 0.0 else 0.0
     sure = _sureness(t, mean, table["command_V"].to_numpy(), weight)
-    facts = (
-        f"Over the {digits(float(np.ptp(t)), 3)} s of the experiment the mean of measured minus model "
-        f"{'rises' if way > 0 else 'falls'} by {in_output(abs(way))}"
-    )
+    kind = "several" if several else "one"
     if abs(way) < _MARKED * rmse_um:
-        return f"{facts}: no marked drift."
-    if not several and (sure < _SURE or share < _STRAIGHT):
-        return f"{facts}, which is not safely more than what it moves by from piece to piece and with the command: a drift cannot be told."
-    if share < _STRAIGHT:
-        return f"{facts}, but jumps from record to record more than that: offsets that differ, or memory from before a record, rather than drift."
-    return f"{facts}, with {100 * share:.0f} % of its moves on a straight line: {'' if several else 'creep that still goes on, or '}drift."
+        kind = "little"
+    elif not several and (sure < _SURE or share < _STRAIGHT):
+        kind = "unsure"
+    elif share < _STRAIGHT:
+        kind = "jumps"
+    return statement(
+        f"clock/{'rises' if way > 0 else 'falls'}/{kind}", seconds=float(np.ptp(t)), move=abs(way),
+        percent=100 * share,
+    )  # fmt: skip
 
 
 def _sureness(t: Array, mean: Array, command: Array, weight: Array) -> float:

@@ -17,10 +17,9 @@ from rdpi_gym.diagnosis.features.cycles import (
     harmonics,
     steady_periods,
 )
+from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.measurement import Record
-from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits
 
 _SEGMENTS = 8  # of a record, half of each shared with its neighbour
 _SHORTEST = 32
@@ -127,40 +126,27 @@ def _spectra(x: Array, length: int) -> Complexes:
     return np.asarray(np.fft.rfft(segments, axis=1) * scale, dtype=np.complex128)
 
 
-def spectrum_finding(table: pd.DataFrame) -> str:
+def spectrum_finding(table: pd.DataFrame) -> Statement:
     """Say where in frequency the error is more than noise, and whether it follows linearly."""
     power = table["residual_um"].to_numpy() ** 2
     if not len(table) or power.sum() == 0.0:
-        return "The records are too short for a spectrum of the error."
+        return statement("spectrum/short")
     excess = np.clip(power - table["noise_um"].to_numpy() ** 2, 0.0, None)
     above = table["residual_um"].to_numpy() > _ABOVE * table["noise_um"].to_numpy()
     if not above.any():
-        return "In no band of frequencies is the error much more than noise."
+        return statement("spectrum/noise")
     middle = np.cumsum(excess) / max(float(excess.sum()), 1e-300)
     low = float(table["low_hz"].iloc[int(np.argmax(middle >= 0.1))])
     high = float(table["high_hz"].iloc[int(np.argmax(middle >= 0.9))])
     share = float((table["coherent_percent"].to_numpy() * power).sum() / power.sum())
     worst = int(np.argmax(power))
     if worst == 0:
-        edge = float(table["high_hz"].iloc[0])
-        return (
-            f"Most of what is more than noise lies below {digits(edge)} Hz, slower than a spectrum "
-            "of these records resolves: what of it follows the command cannot be told from it."
-        )
-    facts = (
-        f"Most of what is more than noise lies between {digits(low)} and {digits(high)} Hz, the most "
-        f"near {digits(float(table['frequency_hz'].iloc[worst]))} Hz "
-        f"({in_output(float(np.sqrt(power[worst])))} rms). {share:.0f} % of the squared error is "
-        "coherent with the command"
-    )
-    if share >= _MUCH:
-        return (
-            f"{facts}: most of it could be taken by a linear filter, such as a gain, a delay, a lag, "
-            "a resonance or creep."
-        )
-    if share >= _LITTLE:
-        return f"{facts}; the rest is shape of the loops, drift, disturbance or noise."
-    return f"{facts}: it does not follow linearly from the command; it is shape of the loops, drift, disturbance or noise."
+        return statement("spectrum/slow", edge_hz=float(table["high_hz"].iloc[0]))
+    kind = "most" if share >= _MUCH else "part" if share >= _LITTLE else "little"
+    return statement(
+        f"spectrum/coherent/{kind}", low=low, high=high, percent=share, size=float(np.sqrt(power[worst])),
+        frequency_hz=float(table["frequency_hz"].iloc[worst]),
+    )  # fmt: skip
 
 
 PARTS = ("gain_um", "width_um", "odd_um", "even_um", "other_um")
@@ -169,15 +155,6 @@ _EXCITED = 0.02  # of the command's strongest line
 _MARKED = 2.0  # times the noise
 EVEN_PERCENT = 0.15
 """Even harmonics count from this share of the displacement on (%), of a command that has none."""
-_MEANING = {
-    "gain_um": "at the command's frequencies and in step with the model: a gain that is off",
-    "width_um": "at the command's frequencies and a quarter of a period out of step: the loop's "
-    "width, a lag, a delay or the rate law",
-    "odd_um": "in odd harmonics: the loop's shape, that is thresholds and weights, saturation or a "
-    "slew limit",
-    "even_um": "in even harmonics, which no play operator gives: asymmetry",
-    "other_um": "not periodic: noise, drift or a disturbance",
-}
 
 
 def distortion_table(traces: Sequence[Trace]) -> pd.DataFrame:
@@ -238,26 +215,22 @@ def _rms(coefficients: Array) -> float:
     return float(np.sqrt(2.0 * np.sum(coefficients**2)))
 
 
-def distortion_finding(table: pd.DataFrame, noise_um: float) -> str:
+def distortion_finding(table: pd.DataFrame, noise_um: float) -> Statement:
     """Say what the periodic error mostly is."""
     if not len(table):
-        return "No record holds three steady periods, so the error cannot be split into harmonics."
+        return statement("distortion/none")
     square = (table[list(PARTS)] ** 2).sum(axis=1).to_numpy()
     row = table.iloc[int(np.argmax(square))]
     total = float(square.max())
     if total <= (_MARKED * noise_um) ** 2:
-        return "Under steady periods the error is not much more than noise in any record."
+        return statement("distortion/noise")
     part = max(PARTS, key=lambda name: float(row[name]))
-    share = 100.0 * float(row[part]) ** 2 / total
-    meaning = _MEANING[part]
+    kind = part.removesuffix("_um")
     if part == "even_um" and not row["odd_command"]:
-        meaning = "in even harmonics, which the command has too: that need not be asymmetry"
+        kind = "even command"
     elif part == "even_um" and row["even_um"] < EVEN_PERCENT / 100.0 * row["measured_um"]:
-        meaning = (
-            f"in even harmonics, less than {EVEN_PERCENT:g} % of the {{output}}: too little to "
-            "lay it to the actuator"
-        )
-    return (
-        f"In {row['name']} ({digits(float(row['frequency_hz']), 3)} Hz) {share:.0f} % of the squared "
-        f"error ({in_output(float(row[part]))} rms) is {meaning}."
-    )
+        kind = "little even"
+    return statement(
+        f"distortion/{kind}", record=row["name"], frequency_hz=float(row["frequency_hz"]),
+        percent=100.0 * float(row[part]) ** 2 / total, size=float(row[part]), least=EVEN_PERCENT,
+    )  # fmt: skip

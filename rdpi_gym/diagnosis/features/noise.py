@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.features.cycles import half_cycles, steady_periods
+from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.measurement import Record, longest_counted
 from rdpi_gym.support.arrays import Array
 
@@ -180,15 +181,17 @@ def noise_floor(
     records: Sequence[Record],
     residuals: Sequence[Array],
     colour: float | None = None,
-) -> tuple[float, str]:
+) -> tuple[float, Statement]:
     """Noise of a data set (µm, rms) and where the figure comes from."""
     still = [(flattened(r), r.name) for r in quiet if len(r.y_um) >= _FEWEST]
     spreads = [(spread, r.name) for r in records if (spread := _spread(r)) is not None]
     found = [
-        _Level(float(np.std(noise, ddof=4)), noise.size, f"the quiet record {name}")
+        _Level(float(np.std(noise, ddof=4)), noise.size, statement("noise/quiet", record=name))
         for noise, name in still
     ]
-    found += [_Level(_rms(s), s.size, f"the repetitions in {name}") for s, name in spreads]
+    found += [
+        _Level(_rms(s), s.size, statement("noise/repetitions", record=name)) for s, name in spreads
+    ]
     colours = [_slowness(noise) for noise, _ in still]
     colours = colours or [_slowness(spread.ravel()) for spread, _ in spreads]
     # what is many times slower than white is motion that comes now and then, and no noise
@@ -199,13 +202,13 @@ def noise_floor(
         colour = slowness(residuals)
     rough = [(rough_part(e), len(e)) for e in residuals if len(e) >= _FEWEST]
     if rough:
-        origin = "the part of the residual that changes from sample to sample"
+        origin = statement("noise/rough")
         if colour > _COLOURED:
-            origin += f" (times {colour:.2g}: the noise is slower than white)"
+            origin = statement("noise/coloured", colour=colour)
         typical = colour * float(np.median([value for value, _ in rough]))
         found.append(_Level(typical, sum(size for _, size in rough), origin))
     if not found:
-        return 0.0, "noise floor unknown: every record is too short"
+        return 0.0, statement("noise/unknown")
     smallest = min(found, key=lambda level: level.value_um)
     # what agrees with the smallest is averaged, so that chance does not choose
     alike = [level for level in found if level.value_um <= _ALIKE * smallest.value_um]
@@ -214,14 +217,14 @@ def noise_floor(
         / sum(level.samples for level in alike)
     )
     most = max(alike, key=lambda level: level.samples)
-    return floor, f"noise floor {floor:.4g} {{output_unit}} rms, from {most.origin}"
+    return floor, statement("noise", floor=floor, origin=most.origin)
 
 
 @dataclass(frozen=True)
 class _Level:
     value_um: float
     samples: int
-    origin: str
+    origin: Statement
 
 
 def _rms(spread: Array) -> float:

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
-from rdpi_gym.diagnosis.portrait.sentences import experiment_for, sentences_of
+from rdpi_gym.diagnosis.notices import statement
+from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value, experiment_for, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import SAMPLES, Tried, learn, shares, try_all
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
@@ -128,21 +129,18 @@ class Character:
 
     def differs(self, other: Character) -> str:
         """Say in what another one differs."""
-        said = []
+        ways = []
         if other.clocked and not self.clocked:
-            said.append("goes by the clock")
-        if None not in (self.place, other.place) and self.place != other.place:
-            said.append(f"stands {other.place} the hysteresis")
+            ways.append(statement("kin/clocked"))
+        if other.place is not None and self.place not in (None, other.place):
+            ways.append(statement(f"kin/{other.place}"))
         if None not in (self.memory, other.memory) and self.memory != other.memory:
-            said.append("has a memory" if other.memory else "has no memory")
+            ways.append(statement("kin/memory" if other.memory else "kin/no memory"))
         if None not in (self.rated, other.rated) and self.rated != other.rated:
-            said.append("goes by the rate" if other.rated else "does not go by the rate")
+            ways.append(statement("kin/rated" if other.rated else "kin/not rated"))
         if {self.parity, other.parity} == {"even", "odd"}:
-            said.append(f"is {other.parity}")
-        if not said:
-            return "it differs in its form alone"
-        *most, last = said
-        return f"it {', '.join(most)} and {last}" if most else f"it {last}"
+            ways.append(statement(f"kin/{other.parity}"))
+        return template("kin", ways=tuple(ways)) if ways else template("kin/form")
 
 
 def character(effect: Effect, span_V: float, longest_s: float) -> Character:
@@ -243,7 +241,8 @@ def draw(
         experiment="",
         sentences=(),
     )
-    drawn = replace(drawn, experiment=experiment_for(drawn))
+    advice = experiment_for(drawn)
+    drawn = replace(drawn, experiment=template(advice.code, **advice.values))
     return replace(drawn, sentences=sentences_of(drawn))
 
 

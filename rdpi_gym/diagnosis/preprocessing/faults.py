@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.diagnosis.features.noise import rough_part
-from rdpi_gym.diagnosis.preprocessing.finding import (
+from rdpi_gym.diagnosis.features.samples import (
     BoolArray,
     bridged,
     gain,

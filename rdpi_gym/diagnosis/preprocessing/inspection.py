@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
 from rdpi_gym.diagnosis.features.cycles import half_cycles, steady_periods
 from rdpi_gym.diagnosis.features.noise import rough_part
-from rdpi_gym.diagnosis.notices import Code, Notice
+from rdpi_gym.diagnosis.features.samples import BoolArray, bridged, widened
+from rdpi_gym.diagnosis.notices import Code, Notice, statement
 from rdpi_gym.diagnosis.preprocessing.command import lag, late_by, leads_by, moved, rebuilt_command
 from rdpi_gym.diagnosis.preprocessing.faults import (
     MARGIN,
@@ -19,17 +21,10 @@ from rdpi_gym.diagnosis.preprocessing.faults import (
     silent,
     spikes,
 )
-from rdpi_gym.diagnosis.preprocessing.finding import (
-    BoolArray,
-    Finding,
-    bridged,
-    counted,
-    joined_records,
-    widened,
-)
-from rdpi_gym.diagnosis.telling import told
+from rdpi_gym.diagnosis.preprocessing.finding import Finding, joined_records, of_record
 from rdpi_gym.measurement import MIN_SAMPLES, Dataset, Record
-from rdpi_gym.support.words import digits
+
+Silence = Literal["dropout", "frozen"]
 
 _FEWEST = 64  # samples of a record that can be judged
 _MOST = 0.9  # of the samples that count: a record that loses more is left as it is
@@ -80,13 +75,14 @@ def inspect(dataset: Dataset) -> Inspected:
             bad[record.name] = bad[record.name] | clipped
     for name, record in tuple(records.items()):
         lost, stuck = (widened(at, MARGIN) if at.any() else at for at in silent(record, bad[name]))
-        for kind, at in (("dropout", lost), ("frozen", stuck)):
+        silences: Mapping[Silence, BoolArray] = {"dropout": lost, "frozen": stuck}
+        for kind, at in silences.items():
             new = at & ~bad[name]
             if new.any() and _may_lose(record, new | bad[name]):
                 findings.append(_silent(record, kind, new))
                 bad[name] = bad[name] | new
                 records[name] = replace(
-                    records[name], y_um=bridged(records[name].y_um, at & ~_scored_out(record))
+                    records[name], y_um=bridged(records[name].y_um, at & record.error_mask)
                 )
     uncertain = set()
     for record in [r for r in records.values() if not r.is_quiet]:
@@ -117,7 +113,7 @@ def inspect(dataset: Dataset) -> Inspected:
     }
     return Inspected(
         replace(dataset, records=tuple(done.get(r.name, r) for r in dataset.records)),
-        told(tuple(findings), dataset.quantities),
+        tuple(replace(each, quantities=dataset.quantities) for each in findings),
         openings,
     )
 
@@ -128,64 +124,36 @@ def _may_lose(record: Record, bad: BoolArray) -> bool:
     return left >= max(MIN_SAMPLES, (1.0 - _MOST) * counts)
 
 
-def _scored_out(record: Record) -> BoolArray:
-    return np.asarray(~record.error_mask)
-
-
 def _spikes(record: Record, at: BoolArray, farthest: float) -> Finding:
     number = int(at.sum())
-    stand = "stand alone" if number > 1 else "stands alone"
-    their = "their" if number > 1 else "its"
-    sentence = (
-        f"{counted(number, record)} {stand}, up to {digits(farthest)} times the noise from {their} "
-        f"neighbours: outlier{'s' if number > 1 else ''}, left out."
-    )
-    return Finding.of("spikes", record.name, number, sentence, Notice(Code.CONTACTS))
+    kind = "spikes/one" if number == 1 else "spikes/several"
+    text = of_record(kind, number, record, times=farthest)
+    return Finding("spikes", record.name, number, text, Notice(Code.CONTACTS))
 
 
 def _clipped(record: Record, at: BoolArray) -> Finding:
-    sentence = (
-        f"{counted(int(at.sum()), record)} stand at the end of the {{output}}'s range without "
-        "any noise: the sensor or its converter clips, left out."
-    )
-    step = Notice(Code.SENSOR_RANGE)
-    return Finding.of("clipped output", record.name, int(at.sum()), sentence, step)
+    number = int(at.sum())
+    text = of_record("clipped output", number, record)
+    return Finding("clipped output", record.name, number, text, Notice(Code.SENSOR_RANGE))
 
 
-def _silent(record: Record, kind: str, at: BoolArray) -> Finding:
-    what = {
-        "dropout": "jump to one value and stay there: the sensor dropped out, left out.",
-        "frozen": "repeat one value exactly: the {output} was frozen, left out.",
-    }[kind]
-    sentence = f"{counted(int(at.sum()), record)} {what}"
-    return Finding.of(kind, record.name, int(at.sum()), sentence, Notice(Code.SENSOR))
+def _silent(record: Record, kind: Silence, at: BoolArray) -> Finding:
+    number = int(at.sum())
+    text = of_record(f"silent/{kind}", number, record)
+    return Finding(kind, record.name, number, text, Notice(Code.SENSOR))
 
 
 def _clipped_command(record: Record, at: BoolArray, missed_V: float | None) -> Finding:
-    sentence = (
-        f"{counted(int(at.sum()), record)} show a command that stands at its extreme while the "
-        "{output} goes on and comes back: the recorded command is clipped, left out; "
-    )
-    if missed_V is None:
-        sentence += (
-            "what was really commanded there is unknown, and the memory after it is uncertain."
-        )
-    else:
-        sentence += (
-            "what was commanded there was rebuilt from the {output}, which tells the rest of "
-            f"the command to {digits(missed_V)} {{input_unit}} rms."
-        )
-    step = Notice(Code.COMMAND_RANGE)
-    return Finding.of("clipped input", record.name, int(at.sum()), sentence, step)
+    number = int(at.sum())
+    kind = "clipped input/unknown" if missed_V is None else "clipped input/rebuilt"
+    text = of_record(kind, number, record, missed=missed_V)
+    return Finding("clipped input", record.name, number, text, Notice(Code.COMMAND_RANGE))
 
 
 def _in_motion(record: Record, start: BoolArray) -> Finding:
-    sentence = (
-        f"{counted(int(start.sum()), record)} lie before the command has passed both of its "
-        "extremes: the record begins in motion, and what came before it is unknown."
-    )
-    step = Notice(Code.BEGIN_AT_REST)
-    return Finding.of("in motion", record.name, int(start.sum()), sentence, step)
+    number = int(start.sum())
+    text = of_record("in motion", number, record)
+    return Finding("in motion", record.name, number, text, Notice(Code.BEGIN_AT_REST))
 
 
 def _clocks(
@@ -205,23 +173,16 @@ def _clocks(
     groups: dict[float, list[str]] = {}
     for name, samples in leads.items():
         groups.setdefault(samples, []).append(name)
+    advice = Notice(Code.ONE_CLOCK)
     for samples, names in groups.items():
-        many = "sample" if samples == 1.0 else "samples"
-        sentence = (
-            f"{digits(samples, 3)} {many}: by so much the {{output}} of {joined_records(names)} "
-            "leads its command, which no plant does; it was moved later by that."
-        )
+        kind = "clock/lead by one" if samples == 1.0 else "clock/lead"
+        text = statement(kind, samples=samples, records=joined_records(names))
         size = sum(records[name].t_s.size for name in names)
-        label = names[0] if len(names) == 1 else ""
-        found.append(Finding.of("clock", label, size, sentence, Notice(Code.ONE_CLOCK)))
+        found.append(Finding("clock", names[0] if len(names) == 1 else "", size, text, advice))
     late = late_by(lags)
     if late > 0.0:
         size = sum(r.t_s.size for r in moving)
-        sentence = (
-            f"{digits(late, 2)} samples: at least by so much the {{output}} is late in every "
-            "record, whatever its sampling time: a shift of the channels, and no delay of the plant."
-        )
-        found.append(Finding.of("clock", "", size, sentence, Notice(Code.ONE_CLOCK)))
+        found.append(Finding("clock", "", size, statement("clock/late", samples=late), advice))
     return found
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.results import Errors
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.cores import FIRST_SAMPLES
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import (
@@ -209,7 +210,7 @@ def attempt(
 def _without_fit(effect: str, form: str, reason: str) -> Outcome:
     nowhere = Errors(math.inf, math.inf, math.inf, {})
     return Outcome(
-        effect, None, nowhere, np.zeros((0, PIECES)), f"did not converge: {reason}", form
+        effect, None, nowhere, np.zeros((0, PIECES)), template("not converged", reason=reason), form
     )
 
 
@@ -253,7 +254,7 @@ def _refit(
         places = [_own(fit.variant, kind.name) for fit in begun(places, 0)[:_RACED]]
     first = begun(places, 0 if held else _FIRST_STEPS)
     if not first:
-        return _without_fit(kind.name, kind.form, (*troubles, "the error is not finite")[0])
+        return _without_fit(kind.name, kind.form, (*troubles, template("not finite"))[0])
     variant, hopeful = first[0].variant, first[0].train_rmse_um < least_um
     if held:
         best = setting.fit(variant.hysteresis, variant.effects, AS_IT_IS, held, SEARCH_SAMPLES)

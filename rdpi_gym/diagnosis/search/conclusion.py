@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.diagnosis.notices import Code, Notice
+from rdpi_gym.diagnosis.notices import Code, Notice, statement
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.probability import Probabilities, probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, Left, SearchResult, View, steps_of
@@ -25,8 +25,7 @@ from rdpi_gym.diagnosis.search.residual_share import FOUND, remainder
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects, what_to_measure
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
 from rdpi_gym.diagnosis.search.vetoes import capped
-from rdpi_gym.diagnosis.telling import told
-from rdpi_gym.diagnosis.words import text_of
+from rdpi_gym.diagnosis.words import in_words, template, text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.plausibility import plausibility_warnings
@@ -35,7 +34,6 @@ from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import kin_of
 from rdpi_gym.plant.effects.unknown import Unknown
-from rdpi_gym.support.words import joined
 
 Groups = tuple[tuple[str, ...], ...]
 
@@ -119,7 +117,7 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
         rounds=tuple(tuple(r.candidate for r in ranked) for ranked in history.rounds),
         removed=history.removed,
         noise_floor_um=search.noise_um,
-        noise_origin=search.noise_origin,
+        noise_origin=say(search.noise_origin),
         numerical_floor_um=numerical.total_um,
         base=history.base.outcome.errors,
         final=end.outcome.errors,
@@ -135,7 +133,9 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
         next_experiment=None if advice is None else say(advice),
         advice=advice,
         indistinguishable=groups,
-        findings=(*search.findings, *clocks),
+        findings=tuple(
+            replace(each, quantities=dataset.quantities) for each in (*search.findings, *clocks)
+        ),
         limits=tuple(map(say, search.limits)),
         limit_notices=search.limits,
         probabilities=chances,
@@ -152,7 +152,7 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
         quantities=dataset.quantities,
         core=search.core,
     )
-    return told(found, dataset.quantities)
+    return in_words(found, dataset.quantities)
 
 
 def _probabilities(
@@ -184,11 +184,11 @@ def _remainder(
 ) -> tuple[str, Left | None]:
     """Say whether what is left follows from the input, and how surely."""
     if judgement.verdict != "unexplained":
-        return f"What is left is {judgement.rest}.", None
+        return template("left", rest=statement(f"rest/{judgement.rest}")), None
     clocks = search.clocks(state)
     if clocks:
-        late = joined([finding.record for finding in clocks])
-        return f"What is left cannot be judged before the clock of {late} is right.", None
+        late = tuple(finding.record for finding in clocks)
+        return template("left/clock", records=late), None
     setting = search.searched
     variant, noise_um = state.fit.variant, search.noise_um
     others = other_inputs(variant, setting.train, setting.validation, noise_um)

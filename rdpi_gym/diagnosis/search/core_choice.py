@@ -11,10 +11,10 @@ import numpy as np
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
-from rdpi_gym.diagnosis.words import text_of
+from rdpi_gym.diagnosis.words import template, text_of
 from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.joint import NO_FIT
-from rdpi_gym.identification.kinds import beside, judged_way, told_apart
+from rdpi_gym.identification.kinds import beside, compare_kinds, held_out_fit
 from rdpi_gym.identification.residuals import beats
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
@@ -80,7 +80,7 @@ def fit_kinds(
         try:
             fit = first_fit(setting.train, kind, own, setting.scale, setting.smoothness, least_um)
         except NO_FIT as error:
-            say(f"the core {kind.name} was left out: {error}")
+            say(template("core left out", core=kind.name, error=error))
             continue
         if fit is not None and math.isfinite(fit.train_rmse_um):
             found.append(Fitted(kind, assess(setting, "", fit)))
@@ -91,9 +91,9 @@ def fit_kinds(
 def choose(
     setting: Setting, ways: Sequence[Fitted], clockwise: bool | None, seed: int
 ) -> CoreChoice:
-    """Choose a kind by held-out error, as :func:`~rdpi_gym.identification.kinds.told_apart` does."""
+    """Choose a kind by held-out error, as :func:`~rdpi_gym.identification.kinds.compare_kinds` does."""
     fits = [way.outcome.fit for way in ways if way.outcome.fit is not None]
-    told = told_apart([judged_way(f, setting.validation) for f in fits], setting.train, seed)
+    told = compare_kinds([held_out_fit(f, setting.validation) for f in fits], setting.train, seed)
     kind = type(told.chosen.core)
     advice = _experiment(kind, [CORES[name] for name in told.alike])
     text = None if advice is None else text_of(advice)

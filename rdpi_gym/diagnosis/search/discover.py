@@ -16,7 +16,7 @@ from rdpi_gym.diagnosis.search.model_search import ModelSearch
 from rdpi_gym.diagnosis.search.plants import OnCandidate
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.diagnosis.search.refitting import State
-from rdpi_gym.diagnosis.telling import told
+from rdpi_gym.diagnosis.words import in_words, template
 from rdpi_gym.identification.joint import NO_FIT
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import RDPI, PlantModel
@@ -147,7 +147,7 @@ def _starting_on(fresh: ModelSearch, core: CoreChoice, search: ModelSearch) -> S
     try:
         base = fresh.base_of(core)
     except NO_FIT as error:
-        search.say(f"the core {core.kind} was left out: {error}")
+        search.say(template("core left out", core=core.kind, error=error))
         return None
     return SearchState(base, base)
 
@@ -311,7 +311,7 @@ def add_effect(
     state = search.after(base, ranked[:1])
     state, notes = search.on_law(state, given)
     if not ranked[0].earned:
-        notes = (f"{kind.name} was added on request; these records do not earn it", *notes)
+        notes = (template("on request", effect=kind.name), *notes)
     candidate = replace(ranked[0].candidate, errors=state.outcome.errors)
     history = History(
         began,
@@ -341,7 +341,7 @@ def portray(
     search = ModelSearch(dataset, CATALOGUE, 1, seed, progress, None)
     base = search.base(given)
     drawn = search.portrait(base, nearest_of(ranked, base.effects))
-    return told(drawn, dataset.quantities)
+    return in_words(drawn, dataset.quantities)
 
 
 def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> SearchResult:

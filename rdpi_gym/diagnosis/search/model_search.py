@@ -32,6 +32,7 @@ from rdpi_gym.diagnosis.search.record_starts import leaving_out, misleading, mis
 from rdpi_gym.diagnosis.search.refitting import State, setting_of
 from rdpi_gym.diagnosis.search.rounds import Rounds, of_class
 from rdpi_gym.diagnosis.search.separability import typical_effects
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.joint import NO_FIT
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects.base import Effect, forms_of, in_chain_order
@@ -116,7 +117,7 @@ class Pruning(Rounds):
             self.setting, state.outcome, state.hysteresis, self.noise_um,
             lambda done, total: self._progress("simpler forms", done, total),
         )  # fmt: skip
-        notes = [f"{name} does not need the form {form!r}" for name, form in given_up.items()]
+        notes = [template("simpler", effect=n, form=repr(form)) for n, form in given_up.items()]
         return State(outcome), tuple(notes)
 
     def settle(
@@ -242,8 +243,13 @@ class ModelSearch(Pruning):
                 continue
             with_um, without_um = (s.outcome.errors.validation_rmse_um for s in (state, without))
             notes.append(
-                f"{name} was taken out again, as it is {100.0 * chances[least]:.0f} % probable: the "
-                f"validation error is {with_um:.4g} {{output_unit}} with it and {without_um:.4g} {{output_unit}} without"
+                template(
+                    "improbable",
+                    effect=name,
+                    percent=100.0 * chances[least],
+                    with_it=with_um,
+                    without=without_um,
+                )
             )
             state, removed = without, [*removed, name]
             del kept[least]
@@ -293,9 +299,7 @@ class ModelSearch(Pruning):
             return ()
         here = replace(self._whole, smoothness=self.setting.smoothness)
         whole_um = assess(here, "", state.fit).errors.validation_rmse_um
-        return (
-            f"with the beginnings that were left out the validation error is {whole_um:.4g} {{output_unit}}",
-        )
+        return (template("all beginnings", error=whole_um),)
 
     def final_noise(self, state: State) -> None:
         """Take the noise's colour from the model that is saved."""
@@ -307,7 +311,7 @@ class ModelSearch(Pruning):
         try:
             return self._drawn(state, nearest)
         except NO_FIT as error:
-            self.say(f"no portrait of what is missing could be drawn: {error}")
+            self.say(template("no portrait", error=error))
             return None
 
     def _drawn(self, state: State, nearest: Sequence[Candidate]) -> Portrait | None:

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rdpi_gym.diagnosis.notices import statement
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
-from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import joined
@@ -111,10 +112,13 @@ def said_of(found: Sequence[OtherInput]) -> str:
     """Say of all inputs that were tested what matters: what explains most, and each alone."""
     if not found:
         return ""
-    alone = [f"{x.names[0]} {100 * x.share:.0f} %" for x in found if len(x.names) == 1]
     if not found[0].explains or len(found[0].names) == 1:
         return found[0].sentence
-    return f"{found[0].sentence} Alone: {', '.join(alone)}."
+    single = [each for each in found if len(each.names) == 1]
+    shares = ", ".join(
+        template("input share", name=x.names[0], share=100 * x.share) for x in single
+    )
+    return template("inputs alone", together=found[0].sentence, shares=shares)
 
 
 def _names(records: Sequence[Record]) -> tuple[str, ...]:
@@ -261,18 +265,13 @@ def _sentence(
     names: tuple[str, ...], share: float, low: float, high: float, before: float, after: float
 ) -> str:
     inputs = [name for name in names if name != TEMPERATURE]
-    said = [f"the input{'s'[: len(inputs) != 1]} {joined(inputs)}"] if inputs else []
-    said += ["the temperature"] if TEMPERATURE in names else []
-    what = joined(said)
-    what = what[:1].upper() + what[1:]
-    verb = "explain" if len(names) > 1 else "explains"
-    together = " together" if len(names) > 1 else ""
+    kinds = ["one" if len(inputs) == 1 else "several"] if inputs else []
+    kinds += [TEMPERATURE] if TEMPERATURE in names else []
+    what = statement(f"inputs/{'+'.join(kinds)}", inputs=joined(inputs))
+    kind = "together" if len(names) > 1 else "alone" if inputs else TEMPERATURE
     if low < EXPLAINS:
-        return f"{what}{together} {verb} little or nothing of what is left ({100 * high:.0f} % at most)."
-    advice = "give all inputs to a model, or hold the others still"
-    if not inputs:
-        advice = "hold it still, or give it to a model as an input"
-    return (
-        f"{what}{together} {verb} {100 * share:.0f} % of what is left ({100 * low:.0f} to "
-        f"{100 * high:.0f} %; {in_output(before)} to {in_output(after)}): {advice}."
-    )
+        kind = f"{'together' if len(names) > 1 else 'alone'} little"
+    return template(
+        f"explains/{kind}", what=what, share=100 * share, low=100 * low, high=100 * high,
+        before=before, after=after,
+    )  # fmt: skip

@@ -9,8 +9,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.diagnosis.results import Errors
 from rdpi_gym.diagnosis.search.candidates import SEARCH_SAMPLES, Outcome, Setting, assess, attempt
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.measurement.quantities import template_of, unit_template
@@ -53,7 +55,9 @@ def _said(core: Core) -> str:
         for p, v in shape
     ]
     used = sum(gain != 0.0 for gain in core.gains)
-    return "; ".join([f"core {core.name}: {used} gains that are not zero", *numbers])
+    return template(
+        "core numbers", parts=[statement("core gains", core=core.name, used=used), *numbers]
+    )
 
 
 def _to_threshold_law(
@@ -69,20 +73,14 @@ def _to_threshold_law(
 
     law = attempt(found)
     if law.fit is None:
-        return outcome, f"the thresholds stay those of the comb: that of Eq. 8 {law.remark}"
+        return outcome, template("law/none", remark=law.remark)
     plays = law.fit.variant.hysteresis.n
     cost = law.mean_square - outcome.mean_square
     allowed = _COST * (noise_um**2 + outcome.mean_square)
     before, after = outcome.errors.validation_rmse_um, law.errors.validation_rmse_um
     if cost <= allowed:
-        return law, (
-            f"thresholds of Eq. 8 with {plays} plays: validation error {after:.4g} {{output_unit}}, "
-            f"{before:.4g} {{output_unit}} on the comb of the diagnosis"
-        )
-    return outcome, (
-        f"the thresholds stay those of the comb ({before:.4g} {{output_unit}}): Eq. 8 with {plays} plays would "
-        f"leave {after:.4g} {{output_unit}} on validation records"
-    )
+        return law, template("law/kept", plays=plays, before=before, after=after)
+    return outcome, template("law/comb", plays=plays, before=before, after=after)
 
 
 def plant_of(setting: Setting, outcome: Outcome, given: PlantModel[Any] | None) -> PlantModel[Any]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import AS_IT_IS, Outcome, Setting, assess, attempt
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.joint import JointFit, fit_joint
 from rdpi_gym.identification.residuals import beats
 from rdpi_gym.measurement import Record, hold_out_blocks
@@ -99,12 +100,14 @@ def rank(
         same = [o.effect for o in rivals if abs(o.mean_square - outcome.mean_square) <= close]
         others = [o for o in rivals if o.effect not in same]
         confidence = _confidence(current, outcome, others, rng)
-        remarks = [f"{name} at its bound" for name in outcome.fit.at_bound] if outcome.fit else []
+        remarks = (
+            [template("at bound", parameter=n) for n in outcome.fit.at_bound] if outcome.fit else []
+        )
         worse = _worse_records(current, outcome, gain, variance)
-        remarks += [f"{name} becomes worse" for name in worse]
+        remarks += [template("worse", record=name) for name in worse]
         if outcome.fit and not outcome.fit.converged:
             ended = outcome.fit.passes > AS_IT_IS
-            remarks.append("the search did not end" if ended else "its first steps take nothing")
+            remarks.append(template("not ended" if ended else "no first steps"))
         share = gain / excess if excess > 0 else 0.0
         enough = gain > max(LEAST_GAIN * variance, LEAST_SHARE * excess)
         helps = beats(current.pieces, outcome.pieces, rng) >= LEAST_CONFIDENCE
@@ -192,12 +195,12 @@ def _evidence(current: Outcome, outcome: Outcome, share: float, signature: str) 
         name: before.by_record_um[name] - after.by_record_um[name] for name in after.by_record_um
     }
     most = max(falls, key=lambda name: falls[name])
-    return (
-        f"With {outcome.effect} refitted the validation error goes from "
-        f"{before.validation_rmse_um:.4g} to {after.validation_rmse_um:.4g} {{output_unit}} "
-        f"({100 * share:.0f} % of the excess over the noise), most on {most} "
-        f"({before.by_record_um[most]:.4g} to {after.by_record_um[most]:.4g} {{output_unit}}). {template_of(signature)}"
-    )
+    return template(
+        "evidence", effect=outcome.effect, before=before.validation_rmse_um,
+        after=after.validation_rmse_um, percent=100 * share, record=most,
+        most_before=before.by_record_um[most], most_after=after.by_record_um[most],
+        signature=template_of(signature),
+    )  # fmt: skip
 
 
 def _failed(outcome: Outcome) -> Candidate:
@@ -218,12 +221,6 @@ def _failed(outcome: Outcome) -> Candidate:
 _SAMPLES, _PASSES = 8_000, 6
 # Of a record, the part at its beginning that one split leaves out of the fit.
 _OPENING = 8
-WITHIN = (
-    "the records to validate on do not show what those to fit ask for, as a drift of a later record "
-    "cannot be told from an earlier one: a quarter of every record, in blocks, is held out from "
-    "here on"
-)
-"""Said where an effect is judged within the records."""
 LEAST_STABLE = 0.5
 """Share of the splits below which an effect is not kept."""
 

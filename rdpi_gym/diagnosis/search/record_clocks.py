@@ -9,14 +9,13 @@ from typing import Literal
 
 import numpy as np
 
-from rdpi_gym.diagnosis.notices import Code, Notice
+from rdpi_gym.diagnosis.notices import Code, Notice, statement
 from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import NO_FIT, fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.words import digits
 
 # Of a record's mean square over the floor, what its own clock has to take; and the floors from
 # which on its error is looked at.
@@ -237,21 +236,17 @@ def _said(record: Record, wishes: dict[Kind, Wish]) -> Finding:
         is_octave = abs(abs(scale.value) - math.log(2.0)) < _OCTAVE
         if is_octave and scale.mean_square < (1.0 + _AS_GOOD) * wishes[kind].mean_square:
             kind = "scale"
-    value = wishes[kind].value
+    value, ts_s = wishes[kind].value, record.ts_s
     if kind == "scale":
-        factor = digits(math.exp(-value), 2 if abs(value) > _PLAIN else 3)
-        text = (
-            f"{record.name} seems to be written with {factor} times its time step: the model, "
-            f"right for the other records, fits it when {digits(record.ts_s * math.exp(value), 3)} s "
-            f"pass between its samples, not {digits(record.ts_s, 3)} s; nothing was changed."
-        )
+        factor = math.exp(-value)
+        text = statement(
+            "clock/scale" if abs(value) > _PLAIN else "clock/slight scale", record=record.name,
+            factor=factor, right=ts_s * math.exp(value), written=ts_s,
+        )  # fmt: skip
         step = Notice(Code.SAMPLING_TIME, (record.name,))
     else:
-        way = "lags" if value > 0.0 else "leads"
-        text = (
-            f"{record.name} {way} the other records by {digits(1e3 * abs(value), 2)} ms "
-            f"({digits(abs(value) / record.ts_s, 2)} samples): its {{output}} fits when it is "
-            "moved by that; nothing was changed."
-        )
+        way = "clock/record lags" if value > 0.0 else "clock/record leads"
+        shift = abs(value)
+        text = statement(way, record=record.name, shift_ms=1e3 * shift, samples=shift / ts_s)
         step = Notice(Code.TRIGGER, (record.name,))
-    return Finding.of("clock", record.name, record.t_s.size, text, step)
+    return Finding("clock", record.name, record.t_s.size, text, step)

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.notices import Code, Notice
-from rdpi_gym.diagnosis.preprocessing.finding import BoolArray, Finding, joined_records
+from rdpi_gym.diagnosis.features.samples import BoolArray
+from rdpi_gym.diagnosis.notices import Code, Notice, statement
+from rdpi_gym.diagnosis.preprocessing.finding import Finding, joined_records
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, refit
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.measurement import MIN_SAMPLES, Record
@@ -67,22 +68,17 @@ def unknown_past(openings: Mapping[str, BoolArray]) -> Finding:
     """Say which openings were left out, and why."""
     samples = sum(int(mask.sum()) for mask in openings.values())
     whole = sum(mask.size for mask in openings.values())
-    sentence = (
-        f"{samples} of {whole} samples at the beginning of {joined_records(list(openings))} left "
-        "out: they hang on a history that nobody recorded."
-    )
-    step = Notice(Code.BEGIN_AFTER_CYCLE)
-    name = next(iter(openings)) if len(openings) == 1 else ""
-    return Finding.of("in motion", name, samples, sentence, step)
+    names = list(openings)
+    text = statement("unknown past", samples=samples, whole=whole, records=joined_records(names))
+    name = names[0] if len(names) == 1 else ""
+    return Finding("in motion", name, samples, text, Notice(Code.BEGIN_AFTER_CYCLE))
 
 
 def outliers_left(name: str, mask: BoolArray) -> Finding:
     """Say how many samples of a record stand out from what a model leaves."""
     number = int(mask.sum())
-    sentence = (
-        f"{number} more of {name} stand alone beside what the model leaves: outliers, left out."
-    )
-    return Finding.of("spikes", name, number, sentence, Notice(Code.CONTACTS))
+    text = statement("more outliers", samples=number, record=name)
+    return Finding("spikes", name, number, text, Notice(Code.CONTACTS))
 
 
 def _spared(record: Record, openings: Mapping[str, BoolArray]) -> Record:

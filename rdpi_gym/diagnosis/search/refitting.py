@@ -12,8 +12,10 @@ import numpy as np
 
 from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
+from rdpi_gym.diagnosis.features.samples import BoolArray
+from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.diagnosis.preprocessing.faults import spikes
-from rdpi_gym.diagnosis.preprocessing.finding import BoolArray, Finding
+from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.diagnosis.preprocessing.inspection import inspect
 from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.candidates import (
@@ -49,7 +51,8 @@ from rdpi_gym.diagnosis.search.record_starts import (
 from rdpi_gym.diagnosis.search.separability import RATE, separability, typical_effects
 from rdpi_gym.diagnosis.search.thinning import close_up, thinned
 from rdpi_gym.diagnosis.search.verdict import EXPLAINED, NumericalFloor, numerical_floor
-from rdpi_gym.diagnosis.suitability import TURNED, falls, limits, one_size, turned, unrelated
+from rdpi_gym.diagnosis.suitability import falls, limits, one_size, turned, unrelated
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.kinds import orientation
@@ -132,7 +135,7 @@ class Refitting:
         reversed_sign = falls((*train, *validation))
         if reversed_sign:
             dataset = turned(dataset)
-        self.orientation: tuple[str, ...] = (TURNED,) if reversed_sign else ()
+        self.orientation: tuple[str, ...] = (template("turned"),) if reversed_sign else ()
         inspected = inspect(dataset)
         dataset, self._openings = inspected.dataset, inspected.openings
         self.findings = inspected.findings
@@ -154,7 +157,7 @@ class Refitting:
             self._close_up = close_up(setting_of(inspected.dataset).validation)
         self._is_within = False
         self._spared: dict[str, BoolArray] = {}
-        self.noise_um, self.noise_origin = math.nan, ""
+        self.noise_um, self.noise_origin = math.nan, statement("noise/unknown")
         self._least, self._colour = math.inf, 1.0
         self._whitest: tuple[float, tuple[Record, ...], list[Array]] | None = None
         self._jobs, self._seed = jobs, seed
@@ -214,7 +217,7 @@ class Refitting:
         """Return a refit of a model, or where there is none the model as it stands, with a remark."""
         if outcome.fit is not None:
             return State(outcome)
-        self.say(f"a refit of the model {outcome.remark}; it stays where it was")
+        self.say(template("no refit", remark=outcome.remark))
         return State(assess(self.setting, "", state.fit))
 
     def say(self, remark: str) -> None:
@@ -422,10 +425,7 @@ class Refitting:
     def left_by(self, core: CoreChoice, state: State, other: State) -> str:
         """Say what a search with another core left, which did not take the place of this one."""
         own_um, its_um = (s.outcome.errors.validation_rmse_um for s in (state, other))
-        return (
-            f"the core {core.kind} with its own effects leaves {its_um:.4g} {{output_unit}} held out, {RDPI.name} "
-            f"{own_um:.4g} {{output_unit}}: --core {core.kind} shows it"
-        )
+        return template("other core", core=core.kind, its=its_um, own_core=RDPI.name, own=own_um)
 
     def base_of(self, core: CoreChoice) -> State:
         """Refit the base model with a core that was chosen, without effects."""

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from rdpi_gym.diagnosis.features.cycles import half_cycles
 from rdpi_gym.diagnosis.features.noise import flattened
 from rdpi_gym.diagnosis.features.recurrence import Recurrence, Trace, recurrence, unrepeated_um2
+from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.diagnosis.results import Left
 from rdpi_gym.diagnosis.search.learner import HeldOut, Part, learn_across, memory_features
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
-from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.support.arrays import Array
@@ -109,7 +110,9 @@ def remainder(
     repeats = None if found is None else _repeats(found, noise_um)
     if excess <= 0.0:
         hidden_um = math.sqrt(most)
-        return Remainder(0.0, 0.0, 1.0, repeats, hidden_um, 0.0, "What is left is the noise.")
+        return Remainder(
+            0.0, 0.0, 1.0, repeats, hidden_um, 0.0, template("left", rest=statement("rest/noise"))
+        )
     learned, learned_low = _learned(held_out, draws, counts, excesses, excess, numerical_um**2)
     again, again_low = 0.0, 0.0
     if found is not None and not _have_other_inputs(records):
@@ -251,10 +254,10 @@ def _disturbed(
 
     The excess is given with the upper end of its interval (µm²).
     """
-    tests = [(unrepeated_um2(traces), "repetitions of the same input differ")]
+    tests = [(unrepeated_um2(traces), "repetitions")]
     still = [flattened(record) for record in quiet if len(record.y_um) >= _FEWEST_QUIET]
     pieces = [float(np.mean(p**2)) for y in still for p in np.array_split(y, _QUIET_PIECES)]
-    tests.append((np.array(pieces), "the stage moves while the input rests"))
+    tests.append((np.array(pieces), "stage"))
     excess, most = excess_um2
     noise_um2 *= _DOUBT**2
     surely = [(0.0, "")]
@@ -279,38 +282,26 @@ def _mean(pieces: Array) -> tuple[float, float]:
 
 def _sentence(found: Remainder, learned: float, little: bool, origin: str) -> str:
     if little:
-        return "What is left is the noise."
-    left = f"what is left ({in_output(found.left_um)} rms over the noise)"
-    seen = f"a learner with memory predicts {_percent(learned)} % of it on data it has not seen"
-    if found.low < FOUND and learned > found.low + _UNSURE:
-        seen += f", too unevenly to be sure of more than {_percent(found.low)} %"
+        return template("left", rest=statement("rest/noise"))
+
+    def percent(share: float) -> float:
+        return 100.0 * min(max(share, 0.0), 1.0)
+
+    values = {"left": found.left_um, "hidden": found.hidden_um, "low": percent(found.low)}
+    kind = "uneven" if found.low < FOUND and learned > found.low + _UNSURE else "even"
     if found.repeats is not None:
-        seen += (
-            f", and {_percent(found.repeats)} % of the error beyond the noise repeats where the "
-            "input's history does"
-        )
+        kind += " repeats"
+        values["repeats"] = percent(found.repeats)
+    seen = statement(f"seen/{kind}", learned=percent(learned), **values)
     disturbed = (
-        f"at least {_percent(1.0 - found.high)} % is a disturbance: {origin} by more than the noise"
+        statement(f"disturbed/{origin}", percent=percent(1.0 - found.high)) if origin else ""
     )
+    shown = found.high < 1.0 - FOUND
     if found.low >= FOUND:
-        text = f"At least {_percent(found.low)} % of {left} follows from the input: {seen}."
-        if found.low >= FOLLOWS:
-            text += " The model lacks an effect, or has one or the hysteresis in another form."
-        return text + (f" {_capital(disturbed)}." if found.high < 1.0 - FOUND else "")
-    hides = f"an effect of less than {in_output(found.hidden_um)} rms could hide"
-    if found.high <= FOLLOWS and (found.repeats or 0.0) < FOLLOWS:
-        return f"Nothing was found that follows from the input; {hides}. Of {left} {disturbed}."
-    if found.high < 1.0 - FOUND:
-        return f"Of {left} {disturbed}. These records cannot tell whether the rest follows from the input: {seen}; {hides}."
-    return (
-        f"These records cannot tell whether {left} follows from the input: {seen}, and neither "
-        f"repetitions nor quiet records show a disturbance; {hides}."
-    )
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * min(max(share, 0.0), 1.0):.0f}"
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]
+        kind = "lacks" if found.low >= FOLLOWS else "follows"
+        kind += " disturbed" if shown else ""
+    elif found.high <= FOLLOWS and (found.repeats or 0.0) < FOLLOWS:
+        kind = "nothing"
+    else:
+        kind = "open disturbed" if shown else "open"
+    return template(f"residual/{kind}", seen=seen, disturbed=disturbed, **values)

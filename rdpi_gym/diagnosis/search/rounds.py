@@ -25,7 +25,6 @@ from rdpi_gym.diagnosis.search.forms import better_forms, further_forms, in_best
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
-    WITHIN,
     Ranked,
     exchanged,
     in_blocks,
@@ -37,6 +36,7 @@ from rdpi_gym.diagnosis.search.ranking import (
 from rdpi_gym.diagnosis.search.record_starts import missed
 from rdpi_gym.diagnosis.search.refitting import Refitting, State
 from rdpi_gym.diagnosis.search.vetoes import hear
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.cores import FIRST_SAMPLES
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import NO_FIT, FirstSteps, JointFit
@@ -80,7 +80,7 @@ class Rounds(Refitting):
         try:
             begun = self.setting.first_steps(self._plays(state), state.effects, 0)
         except NO_FIT as error:
-            self.say(f"nothing was tried beside the model: its own refit failed ({error})")
+            self.say(template("nothing tried", error=error))
             return []
         least_um = self._least_um(begun)
         simple = self._refit(state, [*new, *better_forms(state.effects, scale)], task, least_um)
@@ -266,7 +266,7 @@ class Rounds(Refitting):
         if not self._heard([best]):
             return []
         self.setting, self._whole, self._is_within = here, in_blocks(self._whole), True
-        self.say(WITHIN)
+        self.say(template("within records"))
         return [best]
 
     def _asked_within(self, ranked: Sequence[Ranked]) -> set[str]:
@@ -314,7 +314,7 @@ class Rounds(Refitting):
             if veto is None:
                 left.append(r)
             else:
-                self.say(f"{name} vetoed: {veto}")
+                self.say(veto)
         return left
 
     def _pair(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
@@ -363,7 +363,7 @@ def _bounds_hit(ranked: Ranked) -> int:
 def _lags(ranked: Ranked, alike: Sequence[str]) -> Ranked:
     """Return a candidate that records of one rate cannot tell from others that lag."""
     candidate = of_class(ranked.candidate, alike)
-    remark = "one class with them and with δ2: all rates are alike"
+    remark = template("one class")
     return replace(ranked, candidate=replace(candidate, remarks=(*candidate.remarks, remark)))
 
 

@@ -14,8 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.preprocessing.finding import BoolArray, joined_records
+from rdpi_gym.diagnosis.features.samples import BoolArray
+from rdpi_gym.diagnosis.preprocessing.finding import joined_records
 from rdpi_gym.diagnosis.suitability import comb
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import MOST_SAMPLES, fit_joint, kept_samples
 from rdpi_gym.measurement import Dataset, Record
@@ -204,19 +206,14 @@ def _sentence(ways: Mapping[tuple[int, int], list[str]], dataset: Dataset, total
     parts = []
     for (step, size), names in ways.items():
         if size:
-            each = "each of " if len(names) > 1 else ""
-            what = (
-                f"a stretch of {size:,} samples{f', one in {step},' if step > 1 else ''} of {each}"
-            )
+            kind = f"read/stretch/{'each' if len(names) > 1 else 'one'}/{'fewer' if step > 1 else 'all'}"
         else:
-            what = f"one sample in {step} of "
-        parts.append(what + joined_records(names))
+            kind = "read/step"
+        parts.append(template(kind, size=size, step=step, records=joined_records(names)))
     fitted = [r for r in dataset.train if r.error_mask.any()]
     kept = sum(map(len, kept_samples(fitted, None)))
     step = max(1, round(sum(int(r.error_mask.sum()) for r in fitted) / kept))
-    squares = f" (one in {step} of those to fit enters the squares)" if step > 1 else ""
-    return (
-        f"the search read {' and '.join(parts)}: candidates, their shares and the steps between are "
-        f"of these; the model is refitted over all {total:,} samples{squares}, and its errors, the "
-        "noise floor and the verdict are of all of them"
+    read = " and ".join(parts)
+    return template(
+        "fewer" if step > 1 else "fewer, all squares", read=read, total=total, step=step
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -224,8 +225,11 @@ _CORRECTIONS, _LEAST_SHARE = 3, 0.1
 # records show more than that it is there.
 _HIGHEST_SHARE, _FEWEST_SAMPLES = 0.1, 2.0
 
+Rest = Literal["noise", "between", "uneven", "numerical"]
+"""What is left of the error, by its code in the texts."""
+
 _FASTER = Notice(Code.FASTER)
-_BETWEEN = "motion between the samples"
+_BETWEEN: Rest = "between"
 
 
 @dataclass(frozen=True)
@@ -247,7 +251,7 @@ class Judgement:
 
     verdict: Verdict
     sampling: Notice | None = None
-    rest: str = "the noise"
+    rest: Rest = "noise"
     again: Notice = _FASTER
 
 
@@ -288,7 +292,7 @@ def judge(
     if matters and rmse_um <= EXPLAINED * math.hypot(noise_um, numerical.borne_um):
         return _by_floor(good, numerical, noise_um)
     if rmse_um <= min(EXPLAINED * math.hypot(noise_um, numerical.total_um), _CLOSE * noise_um):
-        return Judgement(good, rest="the noise, and what a simulation of these records leaves open")
+        return Judgement(good, rest="numerical")
     if matters and numerical.borne_um**2 > _DOMINATES * (rmse_um**2 - noise_um**2):
         return _by_floor("unexplained", numerical, noise_um)
     if not added or numerical.total_um <= _MATTERS * noise_um:
@@ -301,7 +305,7 @@ def _by_floor(verdict: Verdict, numerical: NumericalFloor, noise_um: float) -> J
     if numerical.jittered_um <= numerical.sampled_um:
         return Judgement(verdict, _faster(numerical, noise_um), _BETWEEN)
     uneven = Notice(Code.STAMPS_UNEVEN, numbers=(numerical.off_s, numerical.jittered_um))
-    rest = "what uneven sampling times change"
+    rest: Rest = "uneven"
     return Judgement(verdict, uneven, rest, Notice(Code.CLOCKED))
 
 

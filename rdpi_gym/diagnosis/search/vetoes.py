@@ -9,6 +9,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.checks import Check, run_checks
 from rdpi_gym.diagnosis.results import Candidate
+from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant.cores.base import Core
@@ -34,10 +35,8 @@ def capped(
     tests = [said[name] for name in (kind.seen_by if kind else ()) if name in said]
     if not tests or candidate.confidence <= MOST_UNSEEN or any(map(_sees, tests)):
         return candidate
-    reason = tests[0].sentence.rstrip(".")
-    remark = (
-        f"at most {100.0 * MOST_UNSEEN:g} %, as no test without a model sees {candidate.effect} "
-        f"here: {reason[:1].lower()}{reason[1:]}"
+    remark = template(
+        "unseen", percent=100.0 * MOST_UNSEEN, effect=candidate.effect, reason=tests[0].found
     )
     return replace(candidate, confidence=MOST_UNSEEN, remarks=(*candidate.remarks, remark))
 
@@ -82,4 +81,4 @@ def hear(
     agreed = [c for c in own if said[c.name].zone == "yes"]
     if not denied or agreed:
         return None
-    return f"a test without a model denies it: {said[denied[0].name].sentence}"
+    return template("vetoed", effect=effect, reason=said[denied[0].name].found)

@@ -1,7 +1,6 @@
 """The registered tasks: stages from easy to hard, each with its references, belief and protocol.
 
-What a task is stands in :mod:`rdpi_gym.envs.tasks.task`; the tasks themselves, a family a file, in
-``one_effect``, ``whole_stage`` and ``structure``. ``gymnasium.make("rdpi_gym/PiezoStage-v0")`` makes the
+What a task is stands in :mod:`rdpi_gym.envs.tasks.task`; the tasks themselves, a family a file, beside it. ``gymnasium.make("rdpi_gym/PiezoStage-v0")`` makes the
 environment of one; its docstring is its page.
 """
 
@@ -10,11 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from rdpi_gym.envs.tasks.one_effect import BARE, CREEP_TASK, LAG_TASK, RESONANCE_TASK
-from rdpi_gym.envs.tasks.structure import BOUC_WEN, DUHEM, MEASURED, PREISACH
 from rdpi_gym.envs.tasks.task import PUBLIC_SEED, Draw, Lanes, Split, StageTask
-from rdpi_gym.envs.tasks.whole_stage import AGEING, LOAD, RASTER, ROUGH, STAGE, STEPS
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.plugins import modules_of
 from rdpi_gym.support.words import guess, quoted
 
 __all__ = [
@@ -27,15 +24,15 @@ __all__ = [
     "named_task",
 ]
 
+_FOUND = {
+    value.name: value
+    for module in modules_of(__name__)
+    for value in vars(module).values()
+    if isinstance(value, StageTask)
+}
 TASKS: Mapping[str, StageTask] = MappingProxyType(
-    {
-        task.name: task
-        for task in (
-            BARE, CREEP_TASK, LAG_TASK, RESONANCE_TASK, STAGE, LOAD, AGEING, ROUGH, RASTER, STEPS,
-            MEASURED, PREISACH, BOUC_WEN, DUHEM,
-        )
-    }
-)  # fmt: skip
+    dict(sorted(_FOUND.items(), key=lambda item: item[1].rank))
+)
 """Every task by its short name, from easy to hard."""
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -136,6 +137,13 @@ def environment_of(task: StageTask, module: str) -> type[TaskEnv]:
     """Return the class of a task's environment, whose docstring is the task's page."""
     name = f"Piezo{task.name}Env"
     return type(name, (TaskEnv,), {"__doc__": page_of(task), "__module__": module, "task": task})
+
+
+def environments_of(
+    task: StageTask, module: str
+) -> tuple[type[TaskEnv], Callable[..., VectorHistoryObservation | PiezoTrackingVectorEnv]]:
+    """Return the environment of a task and its vector environment: see :func:`vector_of`."""
+    return environment_of(task, module), partial(vector_of, task)
 
 
 def vector_of(

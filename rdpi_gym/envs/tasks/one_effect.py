@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
-from rdpi_gym.envs.tasks.environment import environment_of, vector_of
+from rdpi_gym.envs.tasks.environment import environments_of
 from rdpi_gym.envs.tasks.task import StageTask
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10, PlantModel, Sensor
@@ -35,6 +34,7 @@ BARE = StageTask(
     "says nothing about a stage that rings.",
     (stage("P10"),),
     hidden="the memory of the plays",
+    rank=10,
 )
 CREEP_TASK = StageTask(
     "Creep",
@@ -43,6 +43,7 @@ CREEP_TASK = StageTask(
     "feedback removes it, an inverse of the hysteresis alone does not.",
     (stage("P10 with creep", CREEP),),
     hidden="the memory of the plays and of the creep",
+    rank=20,
 )
 LAG_TASK = StageTask(
     "Lag",
@@ -52,6 +53,7 @@ LAG_TASK = StageTask(
     (stage("P10 with lag", LAG),),
     hidden="the memory of the plays and the lag's state",
     history=32,
+    rank=30,
 )
 RESONANCE_TASK = StageTask(
     "Resonance",
@@ -61,13 +63,10 @@ RESONANCE_TASK = StageTask(
     (stage("P10 with resonance", MODE),),
     hidden="the memory of the plays, and the mode's frequency and velocity",
     history=32,
+    rank=40,
 )
 
-PiezoBareEnv = environment_of(BARE, __name__)
-PiezoCreepEnv = environment_of(CREEP_TASK, __name__)
-PiezoLagEnv = environment_of(LAG_TASK, __name__)
-PiezoResonanceEnv = environment_of(RESONANCE_TASK, __name__)
-bare_vector = partial(vector_of, BARE)
-creep_vector = partial(vector_of, CREEP_TASK)
-lag_vector = partial(vector_of, LAG_TASK)
-resonance_vector = partial(vector_of, RESONANCE_TASK)
+PiezoBareEnv, bare_vector = environments_of(BARE, __name__)
+PiezoCreepEnv, creep_vector = environments_of(CREEP_TASK, __name__)
+PiezoLagEnv, lag_vector = environments_of(LAG_TASK, __name__)
+PiezoResonanceEnv, resonance_vector = environments_of(RESONANCE_TASK, __name__)

@@ -38,7 +38,7 @@ def _measured(kind: str) -> PlantModel:
     return replace(plant, sensor=Sensor(noise_um=NOISE_UM), identification={})
 
 
-def _structure(kind: str, name: str, people: str) -> StageTask:
+def _structure(kind: str, name: str, people: str, rank: int) -> StageTask:
     return StageTask(
         name,
         f"A stage whose hysteresis is {people}'s",
@@ -49,6 +49,7 @@ def _structure(kind: str, name: str, people: str) -> StageTask:
         beliefs=(structure_belief(kind),),
         hidden="the memory of the hysteresis, and the states of lag, creep and mode",
         history=32,
+        rank=rank,
     )
 
 
@@ -74,10 +75,11 @@ MEASURED = StageTask(
     amplitude_share=0.6,
     ts_s=1e-3,
     smooth_start_s=0.5,
+    rank=110,
 )
-PREISACH = _structure("preisach", "Preisach", "Preisach")
-BOUC_WEN = _structure("bouc_wen", "BoucWen", "Bouc-Wen")
-DUHEM = _structure("duhem", "Duhem", "Duhem")
+PREISACH = _structure("preisach", "Preisach", "Preisach", 120)
+BOUC_WEN = _structure("bouc_wen", "BoucWen", "Bouc-Wen", 130)
+DUHEM = _structure("duhem", "Duhem", "Duhem", 140)
 
 PiezoMeasuredEnv = environment_of(MEASURED, __name__)
 PiezoPreisachEnv = environment_of(PREISACH, __name__)

@@ -122,6 +122,8 @@ class StageTask:
         What a life does to a plant; each draw has lived a share of it, drawn uniformly.
     schedule
         What happens within an episode.
+    rank
+        Place in :data:`~rdpi_gym.envs.tasks.TASKS`, from easy to hard.
 
     Examples
     --------
@@ -152,6 +154,7 @@ class StageTask:
     command_bits: int | None = None
     ageing: Ageing | None = None
     schedule: Schedule | None = None
+    rank: int = 1000
 
     @property
     def id(self) -> str:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from rdpi_gym.envs.tasks.changing import BLOCK
-from rdpi_gym.envs.tasks.environment import environment_of, vector_of
+from rdpi_gym.envs.tasks.environment import environment_of, environments_of
 from rdpi_gym.envs.tasks.noise import NoiseLaw
 from rdpi_gym.envs.tasks.one_effect import CREEP, LAG, MODE, NOISE_UM, stage
 from rdpi_gym.envs.tasks.task import FIRST, StageTask
@@ -88,6 +87,7 @@ STAGE = StageTask(
     (_QUANTISED,),
     hidden=_HIDDEN,
     history=HISTORY,
+    rank=50,
 )
 LOAD = StageTask(
     "Load",
@@ -99,6 +99,7 @@ LOAD = StageTask(
     hidden=f"{_HIDDEN}, and when the load comes",
     history=HISTORY,
     schedule=load,
+    rank=60,
 )
 AGEING = StageTask(
     "Ageing",
@@ -110,6 +111,7 @@ AGEING = StageTask(
     hidden=f"{_HIDDEN}, and the age",
     history=HISTORY,
     ageing=ageing,
+    rank=70,
 )
 ROUGH = StageTask(
     "Rough",
@@ -122,6 +124,7 @@ ROUGH = StageTask(
     history=HISTORY,
     noise=NoiseLaw(white=1.0, wander=2.0, corner_hz=5.0, hum=3.0),
     command_bits=16,
+    rank=80,
 )
 RASTER = StageTask(
     "Raster",
@@ -142,6 +145,7 @@ RASTER = StageTask(
             "turnaround_fraction": 0.15,
         },
     ),
+    rank=90,
 )
 STEPS = StageTask(
     "Steps",
@@ -157,14 +161,12 @@ STEPS = StageTask(
         {"signal": "random-steps", "hold_s": 0.025, "rise_s": 0.005},
         {"signal": "steps", "hold_s": 0.025, "rise_s": 0.002},
     ),
+    rank=100,
 )
 
-PiezoStageEnv = environment_of(STAGE, __name__)
+PiezoStageEnv, stage_vector = environments_of(STAGE, __name__)
 PiezoLoadEnv = environment_of(LOAD, __name__)
 PiezoAgeingEnv = environment_of(AGEING, __name__)
 PiezoRoughEnv = environment_of(ROUGH, __name__)
-PiezoRasterEnv = environment_of(RASTER, __name__)
-PiezoStepsEnv = environment_of(STEPS, __name__)
-stage_vector = partial(vector_of, STAGE)
-raster_vector = partial(vector_of, RASTER)
-steps_vector = partial(vector_of, STEPS)
+PiezoRasterEnv, raster_vector = environments_of(RASTER, __name__)
+PiezoStepsEnv, steps_vector = environments_of(STEPS, __name__)

@@ -177,17 +177,19 @@ def show_first(
         )  # fmt: skip
         for b in range(lanes):
             observation[b * size + begin + j] = encode(
-                window_um[0, ring, b], encoder[0, ZERO], encoder[0, SPAN], encoder[0, LIMIT]
+                0, window_um[0, ring, b], encoder[0, ZERO], encoder[0, SPAN], encoder[0, LIMIT]
             )
     now, newest = step % rows, (step - 1) % rows
     for b in range(lanes):
         values = field_values(
             window_um[0, newest, b], window_um[0, now, b], work[measured, b], numbers[0, COMMAND, b]
         )
+        if len(values) != len(encoder):
+            raise RuntimeError("this kernel was compiled for other fields; delete its __pycache__")
         for i in range(len(values)):
             column = int(encoder[i, COLUMN])
             if column >= 0:
                 observation[b * size + column] = encode(
-                    values[i], encoder[i, ZERO], encoder[i, SPAN], encoder[i, LIMIT]
+                    i, values[i], encoder[i, ZERO], encoder[i, SPAN], encoder[i, LIMIT]
                 )
     report(0, row, step % rows, work, numbers, window_um, info)

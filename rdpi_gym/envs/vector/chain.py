@@ -1,109 +1,84 @@
-"""The plant's chain over one block of lanes and one sample, by the stage kernels of the plant."""
+"""The plant's chain over one block of lanes and one sample, by the kernels that effects and cores declare.
+
+Compiled code calls a kernel by its address: one compiled step serves every effect and every core, a
+user's own too, and each kernel is compiled and cached once, by itself.
+"""
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.core import cgutils
+from numba.core.dispatcher import Dispatcher
+from numba.core.errors import NumbaError
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from rdpi_gym.plant.cores.base import CoreBlock
-from rdpi_gym.plant.cores.bouc_wen_kernel import bouc_wen_block
-from rdpi_gym.plant.cores.dahl import dahl_block
-from rdpi_gym.plant.cores.duhem import duhem_block
-from rdpi_gym.plant.cores.generalised import generalised_block
-from rdpi_gym.plant.cores.lugre import lugre_block
-from rdpi_gym.plant.cores.pinched_stop import pinched_block
-from rdpi_gym.plant.cores.play import given_rate_block
-from rdpi_gym.plant.cores.preisach import preisach_block
-from rdpi_gym.plant.effects.asymmetry import asymmetry_block
-from rdpi_gym.plant.effects.backlash import backlash_block
-from rdpi_gym.plant.effects.base import SLOTS, Block
-from rdpi_gym.plant.effects.congruency import congruency_block
-from rdpi_gym.plant.effects.creep import creep_block
-from rdpi_gym.plant.effects.delay import delay_block
-from rdpi_gym.plant.effects.gain_drift import gain_drift_block
-from rdpi_gym.plant.effects.linear import linear_block
-from rdpi_gym.plant.effects.mains_hum import mains_hum_block
-from rdpi_gym.plant.effects.rate_law import rate_law_block
-from rdpi_gym.plant.effects.saturation import saturation_block
-from rdpi_gym.plant.effects.slew_limit import slew_limit_block
-from rdpi_gym.plant.effects.thermal_drift import thermal_drift_block
-from rdpi_gym.plant.effects.unknown_places import unknown_block
+from rdpi_gym.plant.effects.base import SLOTS
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
 
 Table: TypeAlias = NDArray[np.int64]
-"""One row a stage, in the chain's order: number of its kernel, slot, first row and end of its
+"""One row a stage, in the chain's order: address of its kernel, slot, first row and end of its
 parameters, first row and end of its state."""
 
-KERNELS: tuple[Block, ...] = (
-    linear_block, creep_block, delay_block, saturation_block, slew_limit_block, rate_law_block,
-    congruency_block, asymmetry_block, backlash_block, gain_drift_block, thermal_drift_block,
-    mains_hum_block, unknown_block,
-)  # fmt: skip
-"""The catalogue's kernels by their number. A stage with another kernel runs through Python."""
-
-CORE_KERNELS: tuple[CoreBlock, ...] = (
-    given_rate_block, generalised_block, pinched_block, preisach_block, bouc_wen_block, duhem_block,
-    dahl_block, lugre_block,
-)  # fmt: skip
-"""The cores' kernels by their number; a core with another one runs through Python, too."""
-
 _INPUT, _RATE = SLOTS.index("input"), SLOTS.index("rate")
+_ROWS, _NUMBER = types.float64[:, ::1], types.float64
+_STAGE = (_ROWS, _ROWS, _ROWS, _ROWS, _NUMBER, _ROWS)  # x, u, p, state, ts, y
+_CORE = (_ROWS, _ROWS, _ROWS, _ROWS, _ROWS)  # u, v, p, state, y
 
 
-@njit(inline="always")
+def stage_address(block: Callable[..., None], name: str) -> int:
+    """Address of an effect's kernel in this process."""
+    return _address(block, _STAGE, name)
+
+
+def core_address(block: Callable[..., None], name: str) -> int:
+    """Address of a core's kernel in this process."""
+    return _address(block, _CORE, name)
+
+
+def _address(block: Callable[..., None], arguments: tuple[Any, ...], name: str) -> int:
+    kernel: Any = block if isinstance(block, Dispatcher) else njit(block)
+    try:
+        compiled = kernel.get_compile_result(types.none(*arguments))
+    except NumbaError as error:
+        raise InputError(
+            f"the kernel of {name} cannot be compiled: {str(error).splitlines()[-1]}"
+        ) from None
+    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
+def _call(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    """Code that calls the function at the address, with the other arguments."""
+    convention, arguments = context.call_conv, signature.args[1:]
+    kind = convention.get_function_type(types.none, arguments)
+    kernel = builder.inttoptr(values[0], kind.as_pointer())
+    status, _ = convention.call_function(builder, kernel, types.none, arguments, values[1:])
+    with cgutils.if_unlikely(builder, status.is_error):
+        convention.return_status_propagate(builder, status)
+    return context.get_dummy_value()
+
+
+@intrinsic
 def _run_kernel(
-    number: int, x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
-) -> None:
-    # Called by number, all kernels compile into one function that never returns to Python.
-    if number == 0:
-        linear_block(x, u, p, state, ts, y)
-    elif number == 1:
-        creep_block(x, u, p, state, ts, y)
-    elif number == 2:
-        delay_block(x, u, p, state, ts, y)
-    elif number == 3:
-        saturation_block(x, u, p, state, ts, y)
-    elif number == 4:
-        slew_limit_block(x, u, p, state, ts, y)
-    elif number == 5:
-        rate_law_block(x, u, p, state, ts, y)
-    elif number == 6:
-        congruency_block(x, u, p, state, ts, y)
-    elif number == 7:
-        asymmetry_block(x, u, p, state, ts, y)
-    elif number == 8:
-        backlash_block(x, u, p, state, ts, y)
-    elif number == 9:
-        gain_drift_block(x, u, p, state, ts, y)
-    elif number == 10:
-        thermal_drift_block(x, u, p, state, ts, y)
-    elif number == 11:
-        mains_hum_block(x, u, p, state, ts, y)
-    else:
-        unknown_block(x, u, p, state, ts, y)
+    typing: Any, address: Any, x: Any, u: Any, p: Any, state: Any, ts: Any, y: Any
+) -> tuple[Any, Any]:
+    """Call of an effect's kernel at an address."""
+    assert (x, u, p, state, ts, y) == _STAGE
+    return types.none(types.int64, *_STAGE), _call
 
 
-@njit(inline="always")
-def _run_core(number: int, u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
-    if number == 0:
-        given_rate_block(u, v, p, state, y)
-    elif number == 1:
-        generalised_block(u, v, p, state, y)
-    elif number == 2:
-        pinched_block(u, v, p, state, y)
-    elif number == 3:
-        preisach_block(u, v, p, state, y)
-    elif number == 4:
-        bouc_wen_block(u, v, p, state, y)
-    elif number == 5:
-        duhem_block(u, v, p, state, y)
-    elif number == 6:
-        dahl_block(u, v, p, state, y)
-    else:
-        lugre_block(u, v, p, state, y)
+@intrinsic
+def _run_core(
+    typing: Any, address: Any, u: Any, v: Any, p: Any, state: Any, y: Any
+) -> tuple[Any, Any]:
+    """Call of a core's kernel at an address."""
+    assert (u, v, p, state, y) == _CORE
+    return types.none(types.int64, *_CORE), _call
 
 
 @njit(cache=True)
@@ -140,7 +115,7 @@ def run_chain(
     ts: float,
     work: Array,
 ) -> int:
-    """Advance the plants of a block by one sample, as ``Plant.step`` does."""
+    """Advance the plants of a block by one sample, as ``Plant.step`` does; `core` is an address."""
     u, i = 0, 0
     while i < len(stages) and stages[i, 1] == _INPUT:
         _run_stage(stages[i], u, u, 1 - u, stage_p, stage_state, ts, work)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rdpi_gym.envs.vector.begin import scale_packed, settle_plays
-from rdpi_gym.envs.vector.chain import CORE_KERNELS
+from rdpi_gym.envs.vector.chain import core_address
 from rdpi_gym.envs.vector.lanes import Lanes
 from rdpi_gym.plant import PlantModel, pack
 from rdpi_gym.plant.cores.base import Core
@@ -28,9 +28,6 @@ class CoreLanes:
     ----------
     factors : int
         Number of factors that a drawn core takes.
-    kernel : int
-        Number of its kernel among :data:`rdpi_gym.envs.vector.chain.CORE_KERNELS`; -1: none of
-        them, and it runs through Python.
     rows : tuple of int
         Rows of its parameters and of its state.
     """
@@ -39,9 +36,12 @@ class CoreLanes:
         self._nominal: Core = model.hysteresis
         self._ts_s = ts_s
         self.factors, self._gaps_V = self._nominal.factors, self._nominal.gaps_V
-        block = type(self._nominal).block
-        self.kernel = CORE_KERNELS.index(block) if block in CORE_KERNELS else -1
         self.rows = (len(pack([self._nominal], ts_s, [0.0])), 2 + self._nominal.n)
+
+    @property
+    def kernel(self) -> int:
+        """Address of its kernel in this process."""
+        return core_address(type(self._nominal).block, self._nominal.name)
 
     def column(self, model: PlantModel, offset_um: float) -> Array:
         """Return the parameters of a plant with the same kind of core, float64[P]."""

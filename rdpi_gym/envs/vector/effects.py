@@ -10,20 +10,16 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.envs.truth import EFFECT_LEVELS, drawn_parameters, effect_at
-from rdpi_gym.envs.vector.chain import KERNELS, Table
+from rdpi_gym.envs.vector.chain import Table, stage_address
 from rdpi_gym.envs.vector.core import LaneCores
 from rdpi_gym.envs.vector.lanes import Flags, Integers, Lanes
 from rdpi_gym.plant import RDPI, PlantModel
-from rdpi_gym.plant.chain import ACTS_ON, COMMAND, DISPLACEMENT, RATE, Link, Place, in_order, walk
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import SLOTS
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
-# Rows of a block's work in which command, rate and displacement begin.
-_ROWS = (0, 2, 4)
 # Drawn parameters of an effect whose columns are kept at all levels: a thousand of them.
 _FEW = 2
 
@@ -122,8 +118,6 @@ class EffectStages:
         As :data:`rdpi_gym.envs.vector.chain.Table`.
     rows : tuple of int
         Rows of the parameters and of the states of all stages.
-    compiled : bool
-        Whether every kernel is one of the catalogue, so that steps need not return to Python.
     reads_hysteresis : bool
         Whether a stage's parameters follow from those of the core too.
     """
@@ -131,7 +125,6 @@ class EffectStages:
     def __init__(self, model: PlantModel, ts_s: float, half_width: float) -> None:
         self._ts_s, self._half_width = ts_s, half_width
         self._effects = model.effects
-        self._core_block = type(model.hysteresis).block
         self._stages = [i for i, e in enumerate(model.effects) if e.slot != "memory"]
         self._counts = [len(drawn_parameters(effect)) for effect in model.effects]
         self._at: dict[tuple[int, ...], tuple[Effect, list[float]]] = {}
@@ -144,14 +137,12 @@ class EffectStages:
             if watched.read:
                 self._reading.add(i)
             states = self._state_rows(effect, model.hysteresis)
-            block = type(effect).block
-            kernel = KERNELS.index(block) if block in KERNELS else -1
             ends = (p_row, p_row + size, state_row, state_row + states)
-            rows.append((kernel, SLOTS.index(effect.slot), *ends))
+            rows.append((0, SLOTS.index(effect.slot), *ends))
             p_row, state_row = p_row + size, state_row + states
         self.table: Table = np.array(rows, dtype=np.int64).reshape(-1, 6)
+        self.find_kernels()
         self.rows = (p_row, state_row)
-        self.compiled = all(row[0] >= 0 for row in rows)
         self.reads_hysteresis = bool(self._reading)
         self.levels = sum(self._counts) if half_width > 0.0 else 0
         # Kernels pick columns alone where each stage's follow from its own few levels.
@@ -159,6 +150,12 @@ class EffectStages:
         few = all(self._counts[i] <= _FEW for i in self._stages)
         if self.levels and few and not self._reading and len(self._stages) == len(self._effects):
             self._kept = KeptColumns(self._counts, self.table[:, 2:4])
+
+    def find_kernels(self) -> None:
+        """Write the addresses of the kernels, which hold in one process alone, into the table."""
+        for i, row in zip(self._stages, self.table, strict=True):
+            effect = type(self._effects[i])
+            row[0] = stage_address(effect.block, effect.name)
 
     def column(self, model: PlantModel) -> Array:
         """Return the stages' parameters of a plant with the same effects, float64[P']."""
@@ -201,44 +198,6 @@ class EffectStages:
                 if effect.slot == "memory":
                     turns_V[:, lane] = effect.turns_from(rest_V)
         return turns_V
-
-    def run(self, lanes: Lanes, n: int, work: Array) -> int:
-        """Advance block `n` as :func:`rdpi_gym.envs.vector.chain.run_chain`, any kernel, from Python."""
-        p, state = lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n]
-        stage_p = lanes.stage_p[min(n, len(lanes.stage_p) - 1)]
-        ts = self._ts_s
-
-        def at(row: int) -> Array:
-            one: Array = work[row : row + 1]
-            return one
-
-        def derivative(rows: Sequence[int]) -> int:
-            rate_block(at(rows[COMMAND]), p, state, ts, at(_ROWS[RATE]))
-            return _ROWS[RATE]
-
-        def core(rows: Sequence[int]) -> int:
-            u, v, y = rows[COMMAND], rows[RATE], _ROWS[DISPLACEMENT]
-            self._core_block(at(u), at(v), p, state, at(y))
-            return y
-
-        def stage(effect: Effect, row: Sequence[int]) -> Link:
-            def link(rows: Sequence[int]) -> int:
-                x = rows[ACTS_ON[effect.slot]]
-                other = x ^ 1  # each signal has two rows, which take turns
-                type(effect).block(
-                    at(x), at(rows[COMMAND]), stage_p[row[2] : row[3]],
-                    lanes.stage_state[n, row[4] : row[5]], ts, at(other),
-                )  # fmt: skip
-                return other
-
-            return link
-
-        links: dict[Place, list[Link]] = {"derivative": [derivative], "core": [core]}
-        for i, row in zip(self._stages, self.table.tolist(), strict=True):
-            effect = self._effects[i]
-            links.setdefault(effect.slot, []).append(stage(effect, row))
-        last: int = walk(in_order(links), list(_ROWS))[DISPLACEMENT]
-        return last
 
     def _at_levels(self, levels: Sequence[int]) -> tuple[list[Effect], list[list[float]]]:
         effects, columns, begin = [], [], 0

@@ -41,6 +41,7 @@ from rdpi_gym.envs.vector.waves import sample_ahead
 from rdpi_gym.support.arrays import Array
 
 _FIELDS = len(FIELDS)
+_LIMITED = tuple(field.limited for field in FIELDS)
 # Where the fields of each part of a record begin, one after the other.
 _SOURCES = len(Lanes._fields)
 _SHOWN = _SOURCES + len(Sources._fields)
@@ -48,11 +49,13 @@ _LAW = _SHOWN + len(Shown._fields)
 
 
 @njit(cache=True)
-def encode(value: float, zero: float, span: float, limit: float) -> np.float32:
-    """Encoded value of a field, by the reciprocal table of an ObservationLayout."""
+def encode(i: int, value: float, zero: float, span: float, limit: float) -> np.float32:
+    """Encoded value of field i, by the reciprocal table of an ObservationLayout."""
     place = (value - zero) * span
-    place = place if place < limit else limit
-    return np.float32(place if place > -limit else -limit)
+    if _LIMITED[i]:
+        place = place if place < limit else limit
+        place = place if place > -limit else -limit
+    return np.float32(place)
 
 
 @njit(cache=True)
@@ -115,7 +118,7 @@ def _observe(
             column = int(columns[i])
             if column >= 0:
                 observed[n, at + b * size + column] = encode(
-                    values[i], zeros[i], spans[i], limits[i]
+                    i, values[i], zeros[i], spans[i], limits[i]
                 )
 
 

@@ -92,7 +92,7 @@ class Law(NamedTuple):
     hold: int  # samples that the converter holds
     sensed: bool  # a sensor has noise or a resolution
     max_steps: int
-    core: int  # number of the core's kernel
+    core: int  # address of the core's kernel
     share: int  # blocks of lanes that a thread has, the last perhaps fewer
 
 

@@ -23,10 +23,9 @@ from rdpi_gym.envs.vector.begin import (
     show_first,
 )
 from rdpi_gym.envs.vector.chain import run_chain
-from rdpi_gym.envs.vector.commands import command_block
 from rdpi_gym.envs.vector.core import CoreLanes
 from rdpi_gym.envs.vector.effects import EffectStages
-from rdpi_gym.envs.vector.kernels import advance, advance_parallel, show_block
+from rdpi_gym.envs.vector.kernels import advance, advance_parallel
 from rdpi_gym.envs.vector.lanes import (
     NEVER,
     SLIDE,
@@ -36,7 +35,6 @@ from rdpi_gym.envs.vector.lanes import (
     Integers,
     Lanes,
     Law,
-    Record,
     Shown,
     Sources,
     aligned,
@@ -173,7 +171,6 @@ class VectorTask:
             core=self._core.kernel,
             share=share,
         )
-        self._compiled = self._effects.compiled and self._core.kernel >= 0
         self._rows = (*self._core.rows, *self._effects.rows)
         shared = (truths.half_width == 0.0, not self._draws_effects)
         self._lanes = make_lanes(shape, self._rows, layout, shared)
@@ -247,7 +244,10 @@ class VectorTask:
         else:
             begin_signals(0, count, waves, noise)
         sources = self._current_sources()._replace(ahead_um=waves[-1], noise=noise[-1])
-        row = self._run_chain(fresh, 0, work)
+        row = run_chain(
+            self._law.core, fresh.p[0], fresh.state[0], self._effects.table, fresh.stage_p[0],
+            fresh.stage_state[0], self._layout.ts_s, work,
+        )  # fmt: skip
         size = self._layout.size
         shown = Shown(
             room(count * size, np.float32), np.empty(0), np.empty(0, bool), np.empty((5, count))
@@ -286,28 +286,16 @@ class VectorTask:
             np.empty((5, lanes)),
         )
         blocks = len(self._lanes.state)
-        if self._compiled:
-            run = advance_parallel if self.threads > 1 else advance
-            # Flat: a call that hands named tuples over takes twice as long to find its kernel.
-            fields = (*self._lanes, *self._sources, *out, *self._law)
-            run(blocks, self.step, actions, base_V, self._work, fields)
-            return out
-        record = Record(self._lanes, self._sources, out, self._law)
-        work = self._work[0]
-        for n in range(blocks):
-            command_block(n, self.step, actions, base_V, self._law, work, self._lanes.numbers)
-            show_block(n, self.step, self._effects.run(self._lanes, n, work), work, record)
+        run = advance_parallel if self.threads > 1 else advance
+        # Flat: a call that hands named tuples over takes twice as long to find its kernel.
+        fields = (*self._lanes, *self._sources, *out, *self._law)
+        run(blocks, self.step, actions, base_V, self._work, fields)
         return out
 
-    def _run_chain(self, lanes: Any, n: int, work: Array) -> int:
-        if not self._compiled:
-            return self._effects.run(lanes, n, work)
-        row: int = run_chain(
-            self._core.kernel, lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n], self._effects.table,
-            lanes.stage_p[min(n, len(lanes.stage_p) - 1)], lanes.stage_state[n],
-            self._layout.ts_s, work,
-        )  # fmt: skip
-        return row
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__ |= state
+        self._effects.find_kernels()
+        self._law = self._law._replace(core=self._core.kernel)
 
     def _fresh_block(self, count: int) -> tuple[Lanes, Array]:
         """Return a block for lanes that begin, and its work; the last one where it is as wide."""

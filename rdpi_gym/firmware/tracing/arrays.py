@@ -9,18 +9,28 @@ reshaping are done by NumPy itself, on the places of the elements.
 
 from __future__ import annotations
 
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.firmware.tracing.tables import Tables
+from rdpi_gym.firmware.program import (
+    C_KEYWORDS,
+    C_TYPES,
+    Block,
+    Kind,
+    Known,
+    Number,
+    Table,
+    Value,
+    literal,
+)
 from rdpi_gym.firmware.tracing.tape import Tape, placed
-from rdpi_gym.firmware.values import C_TYPES, Block, Kind, Known, Number, Value, literal
 from rdpi_gym.support.errors import InputError
 
 Places: TypeAlias = NDArray[np.int64]
@@ -31,31 +41,105 @@ _TYPES: dict[Kind, np.dtype[Any]] = {
     "int": np.dtype(np.int64),
     "bool": np.dtype(np.bool_),
 }
+# Words that cannot name a field of a struct, in C or where C++ reads the header.
+_WORDS = C_KEYWORDS | frozenset(
+    [
+        "and",
+        "bool",
+        "catch",
+        "class",
+        "delete",
+        "explicit",
+        "export",
+        "false",
+        "friend",
+        "mutable",
+        "namespace",
+        "new",
+        "not",
+        "operator",
+        "or",
+        "private",
+        "protected",
+        "public",
+        "template",
+        "this",
+        "throw",
+        "true",
+        "try",
+        "typename",
+        "using",
+        "virtual",
+        "xor",
+    ]
+)
 _INDICES = "ijk"
 # Elements that are written one by one where no loop finds them.
 _MOST_SINGLE = 64
 
 
-class Library(Protocol):
-    """What NumPy's functions do with traced arrays; :data:`~rdpi_gym.firmware.tracing.functions.NUMPY`.
-
-    Attributes
-    ----------
-    functions, methods
-        By the function, and by the name of an array's method.
-    """
+class Library(NamedTuple):
+    """NumPy's functions for traced arrays, by function and by the name of a method, and elementwise ones."""
 
     functions: Mapping[Callable[..., Any], Callable[..., Any]]
     methods: Mapping[str, Callable[..., Any]]
+    ufunc: Callable[[np.ufunc, str, Sequence[Any], dict[str, Any]], Traced]
 
-    def ufunc(
-        self, ufunc: np.ufunc, method: str, inputs: Sequence[Any], options: dict[str, Any]
-    ) -> Traced:
-        """Write an elementwise function."""
+
+class Tables:
+    """Constant arrays of the generated code, each once.
+
+    Parameters
+    ----------
+    names
+        Arrays that have a name, with it.
+
+    Examples
+    --------
+    >>> tables = Tables([("_rest_V", np.array([1.0, 2.0]))])
+    >>> tables.named(np.array([[1.0], [2.0]])), tables.named(np.array([3.0]))
+    ('rest_v', 'table_1')
+    >>> [table.values.tolist() for table in tables.all]
+    [[1.0, 2.0], [3.0]]
+    """
+
+    def __init__(self, names: Sequence[tuple[str, NDArray[Any]]] = ()) -> None:
+        self._wanted: dict[bytes, str] = {}
+        for name, array in names:
+            self._wanted.setdefault(_content(array), name)
+        self._found: dict[bytes, Table] = {}
+
+    @property
+    def all(self) -> list[Table]:
+        """The tables in the order of their first use."""
+        return list(self._found.values())
+
+    def named(self, array: NDArray[Any]) -> str:
+        """Return the name of the table of an array's numbers, row by row."""
+        content = _content(array)
+        if content not in self._found:
+            name = _identifier(self._wanted.get(content, ""))
+            taken = {table.name for table in self._found.values()}
+            if not name:
+                name = f"table_{len(self._found)}"
+            while name in taken:
+                name += f"_{len(self._found)}"
+            values = np.ascontiguousarray(array, dtype=np.float64).ravel()
+            self._found[content] = Table(name, values.copy())
+        return self._found[content].name
+
+
+def _content(array: NDArray[Any]) -> bytes:
+    return np.ascontiguousarray(array, dtype=np.float64).tobytes()
+
+
+def _identifier(name: str) -> str:
+    plain = re.sub(r"\W", "_", name.strip("_").lower(), flags=re.ASCII)
+    return plain if re.fullmatch(r"[a-z]\w*", plain) and plain not in _WORDS else ""
 
 
 class Recording:
-    """All that one run of a trace shares: the tape, the tables, what it is not exact in.
+    """The tape and the tables of one run of a trace, and reasons for which it is not exact.
 
     Parameters
     ----------
@@ -64,7 +148,7 @@ class Recording:
     tables
         Constant arrays.
     library
-        What NumPy's functions do.
+        NumPy's functions.
     """
 
     def __init__(self, tape: Tape, tables: Tables, library: Library) -> None:
@@ -85,7 +169,20 @@ class Recording:
     def array(self, shape: Sequence[int], kind: Kind = "real") -> Traced:
         """Return a new array, not filled."""
         size = int(np.prod(shape, dtype=int))
-        return Traced(Local(self, self.local(kind, size), size, kind), _counted(shape))
+        return Traced(Store(self, self.local(kind, size), size, kind), _counted(shape))
+
+    def scalar(
+        self,
+        kind: Kind,
+        text: str,
+        shape: Sequence[int] = (),
+        writes: Sequence[str] = (),
+        keeps: bool = False,
+    ) -> Traced:
+        """Return a new number of one expression, in a shape of one element."""
+        name = self.tape.fresh()
+        self.tape.write(f"{C_TYPES[kind]} {name} = {text};", name, (name, *writes), keeps)
+        return Traced(Store(self, name, 1, kind), np.zeros(shape, dtype=np.int64))
 
     def uses(self, function: str) -> str:
         """Return the macro of a function of the mathematics, and note that it is called."""
@@ -98,104 +195,46 @@ class Recording:
 
 
 class Store:
-    """Numbers in C that arrays are views of.
+    """Numbers in C that arrays are views of: a local variable, or else a field of the memory.
 
     Attributes
     ----------
-    kind
-        Of its elements.
+    names : tuple of str
+        The local variable, if it is one.
     """
 
-    kind: Kind = "real"
     writable: ClassVar[bool] = True
 
-    def __init__(self, recording: Recording) -> None:
-        self.recording = recording
+    def __init__(
+        self, recording: Recording, text: str, size: int, kind: Kind = "real", local: bool = True
+    ) -> None:
+        self.recording, self.text, self.size, self.kind = recording, text, size, kind
+        self.names: tuple[str, ...] = (text,) if local else ()
 
     def element(self, place: int) -> str:
         """Return the text of one element."""
-        raise NotImplementedError
+        return self.text if self.names and self.size == 1 else f"{self.text}[{place}]"
 
     def indexed(self, first: int, last: int, index: Callable[[int], str]) -> str | None:
-        """Return the text of an element by an index that runs, between two places.
+        """Return the text of an element by an index that runs between two places.
 
-        `index` writes the index where place 0 of the array that is indexed is that place. None: these
+        `index` writes the index from the place where the array that is indexed begins. None: these
         places are not one array.
         """
-        raise NotImplementedError
+        return f"{self.text}[{index(0)}]"
 
     def pointer(self, place: int) -> str:
-        """Return the text of a pointer to an element that what follows it lies behind."""
-        raise NotImplementedError
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The local variable that it is, if it is one."""
-        return ()
-
-
-class Local(Store):
-    """A local variable: a number, or an array of them."""
-
-    def __init__(self, recording: Recording, name: str, size: int, kind: Kind = "real") -> None:
-        super().__init__(recording)
-        self.name, self.size, self.kind = name, size, kind
-
-    def element(self, place: int) -> str:
-        """See :meth:`Store.element`."""
-        return self.name if self.size == 1 else f"{self.name}[{place}]"
-
-    def indexed(self, first: int, last: int, index: Callable[[int], str]) -> str | None:
-        """See :meth:`Store.indexed`."""
-        return f"{self.name}[{index(0)}]"
-
-    def pointer(self, place: int) -> str:
-        """See :meth:`Store.pointer`."""
-        if self.size == 1:
-            return f"&{self.name}"
-        return f"&{self.name}[{place}]" if place else self.name
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Its name."""
-        return (self.name,)
-
-
-class Remembered(Store):
-    """A field of the struct of memory."""
-
-    def __init__(self, recording: Recording, field: str, size: int) -> None:
-        super().__init__(recording)
-        self.field, self.size = field, size
-
-    def element(self, place: int) -> str:
-        """See :meth:`Store.element`."""
-        return f"m->{self.field}[{place}]"
-
-    def indexed(self, first: int, last: int, index: Callable[[int], str]) -> str | None:
-        """See :meth:`Store.indexed`."""
-        return f"m->{self.field}[{index(0)}]"
-
-    def pointer(self, place: int) -> str:
-        """See :meth:`Store.pointer`."""
-        return f"&m->{self.field}[{place}]" if place else f"m->{self.field}"
+        """Return the text of a pointer to an element."""
+        element = self.element(place)
+        return self.text if not place and element != self.text else f"&{element}"
 
 
 class Inputs(Store):
-    """What a step is given: names of scalars, and one array of the reference ahead, in this order.
-
-    Parameters
-    ----------
-    recording
-        Where it is read.
-    parts
-        Names, each with its number of elements; those with None are scalars.
-    """
+    """The inputs of a step: names of scalars (None) and arrays with their numbers of elements."""
 
     writable = False
 
     def __init__(self, recording: Recording, parts: Sequence[tuple[str, int | None]]) -> None:
-        super().__init__(recording)
         self._texts: list[str] = []
         self._arrays: list[tuple[str, int, int]] = []
         for name, count in parts:
@@ -205,9 +244,7 @@ class Inputs(Store):
             else:
                 self._texts += [f"{name}[{i}]" for i in range(count)]
                 self._arrays.append((name, first, first + count))
-
-    def __len__(self) -> int:
-        return len(self._texts)
+        super().__init__(recording, "", len(self._texts), local=False)
 
     def element(self, place: int) -> str:
         """See :meth:`Store.element`."""
@@ -238,7 +275,8 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
     >>> from rdpi_gym.firmware.tracing.functions import NUMPY
     >>> def run(tape):
     ...     recording = Recording(tape, Tables(), NUMPY)
-    ...     memory = Traced(Remembered(recording, "state", 3), np.arange(3)[:, None])
+    ...     state = Store(recording, "m->state", 3, local=False)
+    ...     memory = Traced(state, np.arange(3)[:, None])
     ...     memory[1:] += 2.0 * np.abs(memory[0])
     >>> print("\n".join(lines(recorded(run))))
     rdpi_real t0 = RDPI_C(2.0) * rdpi_abs(m->state[0]);
@@ -405,14 +443,7 @@ def copy_of(array: Traced) -> Traced:
 
 def recording_of(*operands: Any) -> Recording:
     """Return the recording that operands belong to."""
-    for each in operands:
-        if isinstance(each, Traced):
-            return each.recording
-        if isinstance(each, (list, tuple)):
-            for inner in each:
-                if isinstance(inner, Traced):
-                    return inner.recording
-    raise TypeError("no traced array")
+    return next(each.recording for each in operands if isinstance(each, Traced))
 
 
 def shape_of(operand: Operand) -> tuple[int, ...]:
@@ -433,10 +464,7 @@ def compute(
     if out is None:
         if int(np.prod(shape, dtype=int)) == 1:
             texts = [_one(each, recording, cast) for each in operands]
-            name = recording.tape.fresh()
-            text = f"{C_TYPES[kind]} {name} = {expression(*texts)};"
-            recording.tape.write(text, declares=name, writes=(name,))
-            return Traced(Local(recording, name, 1, kind), np.zeros(shape, dtype=np.int64))
+            return recording.scalar(kind, expression(*texts), shape)
         out = recording.array(shape, kind)
     elif out.kind != kind and not (out.kind == "real" and cast):
         raise InputError(f"{here()} puts numbers of one kind into an array of another")
@@ -454,7 +482,12 @@ def assign(target: Traced, value: Operand) -> None:
         value = np.asarray(value, dtype=np.bool_ if target.kind == "bool" else None)
     if value.ndim > target.ndim:  # leading axes of one
         value = value.reshape(value.shape[value.ndim - target.ndim :])
-    if target.size and not _is_same(target, value):
+    is_itself = (
+        isinstance(value, Traced)
+        and value.store is target.store
+        and np.array_equal(value.places, target.places)
+    )
+    if target.size and not is_itself:
         compute(target.kind, lambda x: x, value, out=target, cast=target.kind == "real")
 
 
@@ -466,13 +499,6 @@ def _overlaps(out: Traced, operands: Sequence[Operand]) -> bool:
             if not np.array_equal(places, out.places) and np.isin(places, out.places).any():
                 return True
     return False
-
-
-def _is_same(target: Traced, value: Operand) -> bool:
-    """Whether a value is the target itself, as an operation in place leaves it."""
-    if not isinstance(value, Traced) or value.store is not target.store:
-        return False
-    return np.array_equal(value.places, target.places)
 
 
 def _counted(shape: Sequence[int]) -> Places:
@@ -522,12 +548,7 @@ def _loop(
     writes, keeps = out.store.names, not out.store.names
     reads = [_read(each, out.shape, recording, cast) for each in operands]
     target = _Read(lambda at: out.store.element(int(at)), out.store.indexed, out.places)
-    if out.size == 1:
-        texts = [read.text(read.places.ravel()[0]) for read in reads]
-        at = target.text(out.places.ravel()[0])
-        tape.write(f"{at} = {expression(*texts)};", writes=writes, keeps=keeps)
-        return
-    written = _written_loop(target, reads, expression)
+    written = _written_loop(target, reads, expression) if out.size > 1 else None
     if written is None and out.size > _MOST_SINGLE:
         raise InputError(f"{here()} picks {out.size} elements in an order that no loop of C has")
     if written is not None:
@@ -548,17 +569,13 @@ def read_by_loops(
     texts = []
     for operand, shape in operands:
         read = _read(operand, shape_of(operand), recording, cast)
-        text = _stepping(replace(read, places=read.places.reshape(shape)), range(3))
+        read = replace(read, places=read.places.reshape(shape))
+        steps = _steps(read.places, range(3))
+        text = None if steps is None else _stepped(read, steps)
         if text is None:
             return None
         texts.append(text)
     return texts
-
-
-def _stepping(read: _Read, axes: Sequence[int]) -> str | None:
-    """Return the text of an element by the indices of loops over axes."""
-    steps = _steps(read.places, axes)
-    return None if steps is None else _stepped(read, steps)
 
 
 def _stepped(read: _Read, steps: Sequence[int]) -> str | None:
@@ -686,7 +703,7 @@ def _collapsed(
 
 
 def here() -> str:
-    """Return file and line of the traced code that runs, for errors."""
+    """Return file and line of the traced code."""
     return placed(reversed(list(traceback.walk_stack(sys._getframe(1)))))
 
 

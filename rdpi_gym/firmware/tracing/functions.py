@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from rdpi_gym.firmware.program import Kind
 from rdpi_gym.firmware.tracing.arrays import (
-    Local,
+    Library,
     Operand,
     Recording,
+    Store,
     Traced,
     assign,
     compute,
@@ -21,7 +23,6 @@ from rdpi_gym.firmware.tracing.arrays import (
     recording_of,
     shape_of,
 )
-from rdpi_gym.firmware.values import Kind
 from rdpi_gym.support.errors import InputError
 
 _ANOTHER_ORDER = "sums of a matrix product or of np.sum are taken in another order by NumPy"
@@ -46,31 +47,20 @@ _LOGICAL: dict[np.ufunc, str] = {
 }
 _CALLS: dict[np.ufunc, str] = {
     np.absolute: "rdpi_abs({})",
-    np.fabs: "rdpi_abs({})",
     np.negative: "-{}",
-    np.positive: "{}",
-    np.square: "{0} * {0}",
     np.minimum: "rdpi_min({}, {})",
     np.maximum: "rdpi_max({}, {})",
-    np.fmin: "rdpi_min({}, {})",
-    np.fmax: "rdpi_max({}, {})",
-    np.copysign: "rdpi_copysign({}, {})",
     np.sign: "({0} > RDPI_C(0.0)) ? RDPI_C(1.0) : (({0} < RDPI_C(0.0)) ? RDPI_C(-1.0) : {0})",
 }
 _TESTS: dict[np.ufunc, str] = {
     np.isnan: "rdpi_is_nan({})",
     np.isfinite: "rdpi_abs({}) < RDPI_INFINITY",
 }
-_EXACT_FUNCTIONS = {np.sqrt: "SQRT", np.floor: "FLOOR", np.ceil: "CEIL"}
-_FUNCTIONS = {
-    np.exp: "EXP",
-    np.expm1: "EXPM1",
-    np.log: "LOG",
-    np.log1p: "LOG1P",
-    np.sin: "SIN",
-    np.cos: "COS",
-    np.tanh: "TANH",
-}
+_FUNCTIONS = {np.exp: "EXP", np.sin: "SIN", np.cos: "COS", np.tanh: "TANH", np.sqrt: "SQRT"}
+_AREA_SINE = (
+    "rdpi_copysign({log1p}(rdpi_abs({x}) + {x} * {x} / "
+    "(RDPI_C(1.0) + {root}(RDPI_C(1.0) + {x} * {x}))), {x})"
+)
 
 
 def apply_ufunc(
@@ -82,12 +72,6 @@ def apply_ufunc(
     options.pop("dtype", None)
     options.pop("casting", None)
     target = out[0] if isinstance(out, tuple) else out
-    if method == "reduce" and ufunc is np.add:
-        return _sum(inputs[0], **options)
-    if method == "accumulate" and ufunc is np.add:
-        return _cumsum(inputs[0], **options)
-    if method == "outer" and ufunc is np.multiply:
-        return _outer(*inputs)
     if method != "__call__" or options:
         raise InputError(f"{here()}: np.{ufunc.__name__}.{method} has no C")
     if target is not None and not isinstance(target, Traced):
@@ -139,44 +123,24 @@ def _expression(
         if number is not None and (number == number.flat[0]).all():
             return "real", lambda x, y: f"RDPI_OVER({x}, {y})", True
         return "real", lambda x, y: f"{x} / {y}", True
-    if ufunc in _EXACT_FUNCTIONS:
-        macro = recording.uses(_EXACT_FUNCTIONS[ufunc])
-        return "real", lambda x: f"{macro}({x})", True
-    if ufunc is np.power or ufunc is np.float_power:
-        return _power(inputs, recording)
-    if ufunc in _FUNCTIONS:
+    if ufunc is np.power:
+        if not isinstance(inputs[1], Traced) and np.array_equal(inputs[1], 2.0):
+            return "real", lambda x, y: f"{x} * {x}", True
+        recording.is_inexact(_OWN_FUNCTIONS.format("powers"))
+        macro = recording.uses("POW")
+        return "real", lambda x, y: f"{macro}({x}, {y})", True
+    if ufunc not in {*_FUNCTIONS, np.arctanh, np.arcsinh}:
+        raise InputError(f"{here()}: np.{ufunc.__name__} has no C")
+    if ufunc is not np.sqrt:
         recording.is_inexact(_OWN_FUNCTIONS.format(ufunc.__name__))
+    if ufunc in _FUNCTIONS:
         macro = recording.uses(_FUNCTIONS[ufunc])
         return "real", lambda x: f"{macro}({x})", True
+    log1p = recording.uses("LOG1P")
     if ufunc is np.arctanh:
-        recording.is_inexact(_OWN_FUNCTIONS.format(ufunc.__name__))
-        log1p = recording.uses("LOG1P")
         return "real", lambda x: f"RDPI_C(0.5) * ({log1p}({x}) - {log1p}(-{x}))", True
-    if ufunc is np.arcsinh:
-        recording.is_inexact(_OWN_FUNCTIONS.format(ufunc.__name__))
-        log1p, root = recording.uses("LOG1P"), recording.uses("SQRT")
-        text = (
-            "rdpi_copysign({log1p}(rdpi_abs({x}) + {x} * {x} / "
-            "(RDPI_C(1.0) + {root}(RDPI_C(1.0) + {x} * {x}))), {x})"
-        )
-        return "real", lambda x: text.format(x=x, log1p=log1p, root=root), True
-    raise InputError(f"{here()}: np.{ufunc.__name__} has no C")
-
-
-def _power(inputs: Sequence[Any], recording: Recording) -> tuple[Kind, Callable[..., str], bool]:
-    exponent = inputs[1]
-    if not isinstance(exponent, Traced) and np.size(exponent) == 1:
-        number = float(np.asarray(exponent).ravel()[0])
-        if number == 2.0:
-            return "real", lambda x, y: f"{x} * {x}", True
-        if number == 1.0:
-            return "real", lambda x, y: x, True
-        if number == 0.5:
-            root = recording.uses("SQRT")
-            return "real", lambda x, y: f"{root}({x})", True
-    recording.is_inexact(_OWN_FUNCTIONS.format("powers"))
-    macro = recording.uses("POW")
-    return "real", lambda x, y: f"{macro}({x}, {y})", True
+    root = recording.uses("SQRT")
+    return "real", lambda x: _AREA_SINE.format(x=x, log1p=log1p, root=root), True
 
 
 def _kind(operand: Operand) -> Kind:
@@ -212,18 +176,7 @@ def _where(condition: Operand, one: Operand, other: Operand) -> Traced:
     )
 
 
-def _clip(
-    a: Operand,
-    a_min: Operand | None = None,
-    a_max: Operand | None = None,
-    out: Traced | None = None,
-    **named: Any,
-) -> Traced:
-    low, high = named.pop("min", a_min), named.pop("max", a_max)
-    if low is None or high is None:
-        ufunc, bound = (np.minimum, high) if low is None else (np.maximum, low)
-        assert bound is not None
-        return apply_ufunc(ufunc, "__call__", (a, bound), {"out": out})
+def _clip(a: Operand, low: Operand, high: Operand, out: Traced | None = None) -> Traced:
     return compute(
         "real", lambda x, y, z: f"rdpi_min(rdpi_max({x}, {y}), {z})", a, low, high, out=out
     )
@@ -257,8 +210,7 @@ def _products(recording: Recording, rows: Any, columns: Any | None) -> Traced:
         assign(nothing, 0.0)
         return nothing
     if height == width == 1:
-        name = recording.tape.fresh()
-        out = Traced(Local(recording, name, 1), np.zeros((1, 1), dtype=np.int64))
+        out = Traced(Store(recording, recording.tape.fresh(), 1), np.zeros((1, 1), dtype=np.int64))
     else:
         out = recording.array((height, width))
     if not _write_products(out, rows, columns):
@@ -296,35 +248,20 @@ def _write_products(out: Traced, rows: Any, columns: Any | None) -> bool:
     return True
 
 
-def _einsum(subscripts: str, *operands: Any, **_: Any) -> Traced:
-    if subscripts.replace(" ", "") != "fb,fb->b" or len(operands) != 2:
-        raise InputError(f"{here()}: np.einsum of {subscripts!r} has no C; only of 'fb,fb->b'")
-    one, other = operands
-    if shape_of(one)[1] != 1:
-        raise InputError(f"{here()}: np.einsum over several lanes has no C")
-    recording = recording_of(one, other)
-    recording.is_inexact(_ANOTHER_ORDER)
-    return _products(recording, one.T, other).reshape(1)
-
-
 def _axis(array: Any, axis: int | None) -> tuple[Any, int]:
     if axis is None:
         return array.reshape(-1), 0
     return array, axis % array.ndim
 
 
-def _sum(a: Traced, axis: int | None = None, keepdims: bool = False, **_: Any) -> Traced:
+def _sum(a: Traced, axis: int | None = None, **_: Any) -> Traced:
     array, axis = _axis(a, axis)
     count = array.shape[axis]
     if axis == array.ndim - 1 and count > 1:
         a.recording.is_inexact(_ANOTHER_ORDER)
     rows = array.transpose(*[i for i in range(array.ndim) if i != axis], axis)
     shape = rows.shape[:-1]
-    sums = _products(a.recording, _real(rows).reshape(-1, count), None)
-    found = sums.reshape(shape)
-    if keepdims:
-        found = found.reshape(tuple(1 if i == axis else n for i, n in enumerate(array.shape)))
-    return found
+    return _products(a.recording, _real(rows).reshape(-1, count), None).reshape(shape)
 
 
 def _real(array: Traced) -> Traced:
@@ -344,26 +281,14 @@ def _moved_first(array: Traced, axis: int) -> Traced:
     return array.view(np.moveaxis(array.places, axis, 0))
 
 
-def _diff(
-    a: Operand, n: int = 1, axis: int = -1, prepend: Operand | None = None, append: Any = None
-) -> Traced:
-    if n != 1 or append is not None:
-        raise InputError(f"{here()}: np.diff of this kind has no C")
-    if prepend is not None:
-        shape = list(shape_of(a))
-        shape[axis] = 1
-        first = prepend if isinstance(prepend, Traced) else np.broadcast_to(prepend, shape)
-        a = _concatenate([first, a], axis=axis)
-    assert isinstance(a, Traced)
-    along = a.view(np.moveaxis(a.places, axis, 0))
+def _diff(a: Traced, axis: int = -1) -> Traced:
+    along = _moved_first(a, axis)
     found: Traced = along[1:] - along[:-1]
     return found.view(np.moveaxis(found.places, 0, axis))
 
 
-def _concatenate(arrays: Sequence[Any], axis: int | None = 0, **_: Any) -> Traced:
+def _concatenate(arrays: Sequence[Any], axis: int = 0, **_: Any) -> Traced:
     parts = [each if isinstance(each, Traced) else np.asarray(each) for each in arrays]
-    if axis is None:
-        parts, axis = [part.reshape(-1) for part in parts], 0
     kinds = {_kind(part) for part in parts}
     kind: Kind = kinds.pop() if len(kinds) == 1 else "real"
     shape = list(parts[0].shape)
@@ -394,10 +319,6 @@ def _vstack(arrays: Sequence[Any], **_: Any) -> Traced:
     return _concatenate([_at_least(each, 2) for each in arrays])
 
 
-def _hstack(arrays: Sequence[Any], **_: Any) -> Traced:
-    return _concatenate(arrays, axis=0 if len(shape_of(arrays[0])) == 1 else 1)
-
-
 def _at_least(array: Any, ndim: int) -> Any:
     array = array if isinstance(array, Traced) else np.asarray(array)
     return array.reshape((1,) * max(ndim - array.ndim, 0) + array.shape)
@@ -407,14 +328,6 @@ def _outer(a: Operand, b: Operand, out: Traced | None = None) -> Traced:
     column = a.reshape(-1, 1) if isinstance(a, Traced) else np.asarray(a).reshape(-1, 1)
     row = b.reshape(1, -1) if isinstance(b, Traced) else np.asarray(b).reshape(1, -1)
     return compute("real", lambda x, y: f"{x} * {y}", column, row, out=out)
-
-
-def _repeat(a: Traced, repeats: int, axis: int | None = None) -> Traced:
-    return copy_of(a.view(np.repeat(a.places, repeats, axis=axis)))
-
-
-def _tile(a: Traced, reps: Any) -> Traced:
-    return copy_of(a.view(np.tile(a.places, reps)))
 
 
 def _split(ary: Traced, indices_or_sections: Any, axis: int = 0) -> list[Traced]:
@@ -465,98 +378,100 @@ def _reduced(array: Traced, one: str) -> Traced:
         "}",
     ]
     recording.tape.write("\n".join(lines), writes=[name])
-    return Traced(Local(recording, name, 1, kind), np.zeros((), dtype=np.int64))
-
-
-_any, _all = _folded("{} || {}", True), _folded("{} && {}", True)
-_max, _min = _folded("rdpi_max({}, {})", False), _folded("rdpi_min({}, {})", False)
+    return Traced(Store(recording, name, 1, kind), np.zeros((), dtype=np.int64))
 
 
 def _nan_to_num(x: Traced, nan: float = 0.0, **_: Any) -> Traced:
     return _where(np.isnan(x), nan, x)
 
 
-def _flatnonzero(a: Traced) -> Any:
-    if a.size != 1:
-        raise InputError(f"{here()} looks up where of several something holds, as it runs")
-    return np.arange(1 if bool(a) else 0)
-
-
-def _mean(a: Traced, axis: int | None = None, **_: Any) -> Traced:
-    count = a.size if axis is None else a.shape[axis]
-    found: Traced = _sum(a, axis) / float(count)
-    return found
-
-
 FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
     np.where: _where,
     np.clip: _clip,
     np.sum: _sum,
-    np.mean: _mean,
     np.cumsum: _cumsum,
     np.diff: _diff,
-    np.einsum: _einsum,
-    np.dot: _matmul,
     np.outer: _outer,
     np.concatenate: _concatenate,
     np.stack: _stack,
     np.vstack: _vstack,
-    np.hstack: _hstack,
-    np.repeat: _repeat,
-    np.tile: _tile,
     np.split: _split,
-    np.any: _any,
-    np.all: _all,
-    np.max: _max,
-    np.min: _min,
-    np.amax: _max,
-    np.amin: _min,
+    np.tile: lambda a, reps: copy_of(a.view(np.tile(a.places, reps))),
+    np.repeat: lambda a, repeats, axis=None: copy_of(
+        a.view(np.repeat(a.places, repeats, axis=axis))
+    ),
     np.nan_to_num: _nan_to_num,
-    np.flatnonzero: _flatnonzero,
-    np.copy: lambda a, **_: copy_of(a),
     np.empty_like: lambda a, dtype=None, shape=None, **_: _like(a, None, dtype, shape),
     np.zeros_like: lambda a, dtype=None, shape=None, **_: _like(a, 0, dtype, shape),
     np.ones_like: lambda a, dtype=None, shape=None, **_: _like(a, 1, dtype, shape),
     np.full_like: lambda a, value, dtype=None, shape=None, **_: _like(a, value, dtype, shape),
     np.broadcast_to: lambda a, shape, **_: a.view(np.broadcast_to(a.places, shape)),
-    np.atleast_1d: lambda a: _at_least(a, 1),
-    np.atleast_2d: lambda a: _at_least(a, 2),
-    np.ravel: lambda a, **_: a.ravel(),
-    np.reshape: lambda a, shape, **_: a.reshape(shape),
-    np.transpose: lambda a, axes=None: a.transpose(*(axes or ())),
-    np.moveaxis: lambda a, x, y: a.view(np.moveaxis(a.places, x, y)),
-    np.expand_dims: lambda a, axis: a.view(np.expand_dims(a.places, axis)),
-    np.squeeze: lambda a, axis=None: a.view(np.squeeze(a.places, axis)),
-    np.flip: lambda a, axis=None: a.view(np.flip(a.places, axis)),
     np.shape: lambda a: a.shape,
     np.ndim: lambda a: a.ndim,
-    np.size: lambda a, axis=None: a.size if axis is None else a.shape[axis],
 }
-"""What NumPy's functions do with traced arrays; its elementwise ones go to :func:`apply_ufunc`."""
-
 METHODS: dict[str, Callable[..., Any]] = {
     "sum": _sum,
-    "mean": _mean,
     "cumsum": _cumsum,
-    "any": _any,
-    "all": _all,
-    "max": _max,
-    "min": _min,
+    "any": _folded("{} || {}", True),
+    "all": _folded("{} && {}", True),
+    "max": _folded("rdpi_max({}, {})", False),
+    "min": _folded("rdpi_min({}, {})", False),
     "clip": _clip,
     "copy": copy_of,
-    "repeat": _repeat,
-    "dot": _matmul,
     "fill": assign,
-    "squeeze": lambda a, axis=None: a.view(np.squeeze(a.places, axis)),
 }
-"""Methods of arrays that are functions too."""
+NUMPY = Library(FUNCTIONS, METHODS, apply_ufunc)
+"""NumPy's functions for :class:`~rdpi_gym.firmware.tracing.arrays.Recording`."""
 
 
-class _NumPy:
-    functions: Mapping[Callable[..., Any], Callable[..., Any]] = FUNCTIONS
-    methods: Mapping[str, Callable[..., Any]] = METHODS
-    ufunc = staticmethod(apply_ufunc)
+class TracedTensor:
+    """A tensor whose numbers are known only as the code runs; PyTorch's modules run on it.
+
+    Parameters
+    ----------
+    array
+        Its numbers, ``(B, size)``.
+    """
+
+    def __init__(self, array: Traced) -> None:
+        self.array = array
+
+    def numpy(self) -> Traced:
+        """Return its numbers."""
+        return self.array
+
+    @classmethod
+    def __torch_function__(
+        cls,
+        function: Callable[..., Any],
+        types: Any,
+        given: tuple[Any, ...] = (),
+        options: Mapping[str, Any] | None = None,
+    ) -> TracedTensor:
+        known = _TORCH.get(function.__name__)
+        if known is None:
+            raise InputError(f"{here()}: torch.{function.__name__} has no C")
+        return cls(known(*(x.array if isinstance(x, cls) else x for x in given), **(options or {})))
 
 
-NUMPY = _NumPy()
-"""All of it, for :class:`~rdpi_gym.firmware.tracing.arrays.Recording`."""
+def _linear(x: Traced, weight: Any, bias: Any = None) -> Traced:
+    found: Traced = x @ weight.detach().numpy().astype(np.float64).T
+    return found if bias is None else found + bias.detach().numpy().astype(np.float64)
+
+
+def _elu(x: Traced, alpha: float = 1.0, **_: Any) -> Traced:
+    below = x.recording.uses("EXPM1")
+    return compute(
+        "real", lambda v, a: f"({v} > RDPI_C(0.0)) ? {v} : ({a} * {below}({v}))", x, alpha
+    )
+
+
+# By their names: torch itself is imported only where a policy is.
+_TORCH: dict[str, Callable[..., Traced]] = {
+    "linear": _linear,
+    "tanh": lambda x: np.tanh(x),
+    "relu": lambda x, **_: np.maximum(x, 0.0),
+    "elu": _elu,
+    "silu": lambda x, **_: x / (1.0 + np.exp(-x)),
+    "hardtanh": lambda x, min_val=-1.0, max_val=1.0, **_: _clip(x, min_val, max_val),
+}

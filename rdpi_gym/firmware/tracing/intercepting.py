@@ -7,10 +7,9 @@ threads, and calls without a traced array, get what was there before. All of it 
 
 from __future__ import annotations
 
-import inspect
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
@@ -18,10 +17,12 @@ from typing import Any
 import numpy as np
 from numba.core.errors import NumbaError
 from numba.core.registry import CPUDispatcher
+from numpy.typing import NDArray
 
+from rdpi_gym.firmware.program import Block, Kind, Known, Number, Value
 from rdpi_gym.firmware.tracing.arrays import (
-    Local,
     Recording,
+    Store,
     Traced,
     assign,
     copy_of,
@@ -29,10 +30,8 @@ from rdpi_gym.firmware.tracing.arrays import (
     kind_of,
     known_value,
 )
-from rdpi_gym.firmware.tracing.functions import _at_least
-from rdpi_gym.firmware.tracing.tables import ROOMS, attributes
+from rdpi_gym.firmware.tracing.functions import TracedTensor
 from rdpi_gym.firmware.translation.kernels import Functions
-from rdpi_gym.firmware.values import C_TYPES, Block, Kind, Known, Number, Value
 from rdpi_gym.support.errors import InputError
 
 # One trace at a time: it changes what modules see.
@@ -99,7 +98,7 @@ class Interception:
             put(values[which])
 
     def _collect(self, root: object) -> None:
-        rooms = {*ROOMS, *(kind.__module__.split(".")[0] for kind in type(root).__mro__[:-2])}
+        rooms = {*_ROOMS, *(kind.__module__.split(".")[0] for kind in type(root).__mro__[:-2])}
         numpy, making, torch = _NumPy(self), _ArrayMaking(self), _Torch(self)
         for name, module in list(sys.modules.items()):
             if name.split(".")[0] not in rooms or name.startswith("rdpi_gym.firmware"):
@@ -115,7 +114,7 @@ class Interception:
                     self._swap(module, attribute, value, torch)
                 elif isinstance(value, type) and value.__module__ == name:
                     self._collect_class(value)
-        for holder, attribute, value in attributes(root):
+        for holder, attribute, value in _attributes(root):
             if isinstance(value, CPUDispatcher):
                 self._swap_item(vars(holder), attribute, value, self.recorder(value))
 
@@ -138,12 +137,8 @@ class Recorder:
     def __init__(self, interception: Interception, kernel: Any) -> None:
         self._interception, self._kernel = interception, kernel
 
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
+    def __call__(self, *arguments: Any) -> Any:
         """Write the call, or run the kernel itself."""
-        if named:
-            bound = inspect.signature(self._kernel.py_func).bind(*arguments, **named)
-            bound.apply_defaults()
-            arguments = bound.args
         interception = self._interception
         if interception.records(arguments):
             return self._recorded(arguments)
@@ -158,12 +153,6 @@ class Recorder:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._kernel, name)
-
-    def __eq__(self, other: object) -> bool:
-        return other is self or other is self._kernel
-
-    def __hash__(self) -> int:
-        return hash(self._kernel)
 
     def _recorded(self, arguments: Sequence[Any]) -> Any:
         interception = self._interception
@@ -200,12 +189,9 @@ class Recorder:
         if isinstance(called.value, Block):
             name, kind, size = locals_[called.value.text]
             places = np.arange(size, dtype=np.int64).reshape(called.value.shape)
-            answer = Traced(Local(recording, name, size, kind), places)
+            answer = Traced(Store(recording, name, size, kind), places)
         elif isinstance(called.value, Number):
-            name, kind = recording.tape.fresh(), called.value.kind
-            text = f"{C_TYPES[kind]} {name} = {called.value.text};"
-            recording.tape.write(text, name, [name, *written], kept)
-            answer = Traced(Local(recording, name, 1, kind), np.zeros((), dtype=np.int64))
+            answer = recording.scalar(called.value.kind, called.value.text, (), written, kept)
         for k in sorted(called.writes):
             if k in given and given[k] is not arguments[k]:  # written back from a copy
                 assign(arguments[k], given[k])
@@ -222,27 +208,17 @@ class _NumPy:
         return getattr(np, name)
 
     def asarray(self, a: Any, dtype: Any = None, **options: Any) -> Any:
-        if isinstance(a, Traced):
-            return a if dtype is None or np.dtype(dtype) == a.dtype else a.astype(dtype)
-        if _holds_traced(a):
-            return self.array(a, dtype)
-        return np.asarray(a, dtype, **options)
-
-    asanyarray = asarray
+        if not isinstance(a, Traced):
+            return np.asarray(a, dtype, **options)
+        return a if dtype is None or np.dtype(dtype) == a.dtype else a.astype(dtype)
 
     def ascontiguousarray(self, a: Any, dtype: Any = None, **options: Any) -> Any:
-        if isinstance(a, Traced):
-            return self.asarray(a, dtype)
-        return np.ascontiguousarray(a, dtype, **options)
+        if not isinstance(a, Traced):
+            return np.ascontiguousarray(a, dtype, **options)
+        return self.asarray(a, dtype)
 
     def array(self, a: Any, dtype: Any = None, **options: Any) -> Any:
-        if isinstance(a, Traced):
-            found = self.asarray(a, dtype)
-            return copy_of(found) if found is a else found
-        if _holds_traced(a):
-            parts = [_at_least(each, 0) for each in a]
-            return np.stack(parts)
-        return np.array(a, dtype, **options)
+        return copy_of(a) if isinstance(a, Traced) else np.array(a, dtype, **options)
 
 
 class _ArrayMaking(_NumPy):
@@ -285,11 +261,50 @@ class _Torch:
 
     def from_numpy(self, array: Any) -> Any:
         if isinstance(array, Traced):
-            from rdpi_gym.firmware.tracing.network import TracedTensor
-
             return TracedTensor(array)
         return sys.modules["torch"].from_numpy(array)
 
 
-def _holds_traced(value: Any) -> bool:
-    return isinstance(value, (list, tuple)) and any(isinstance(each, Traced) for each in value)
+# How deep attributes of attributes are looked through.
+_DEEPEST = 6
+_ROOMS = ("baselines", "rdpi_gym")
+
+
+def _attributes(root: object) -> Iterator[tuple[object, str, Any]]:
+    """Yield the attributes of an object of this project and of its attributes: holder, name, value."""
+    seen: set[int] = set()
+    level: list[object] = [root]
+    for _ in range(_DEEPEST):
+        below: list[object] = []
+        for holder in level:
+            if id(holder) in seen:
+                continue
+            seen.add(id(holder))
+            if isinstance(holder, Mapping):
+                below += holder.values()
+            elif isinstance(holder, (list, tuple)):
+                below += holder
+            elif type(holder).__module__.split(".")[0] in _ROOMS and hasattr(holder, "__dict__"):
+                for name, value in list(vars(holder).items()):
+                    yield holder, name, value
+                    below.append(value)
+        level = below
+
+
+def named_arrays(root: object) -> list[tuple[str, NDArray[Any]]]:
+    """Return the arrays of an object, its tuples and the modules of its classes, with their names."""
+    found: list[tuple[str, Any]] = []
+    kinds: dict[type, None] = dict.fromkeys(type(root).__mro__)
+    for holder, name, value in _attributes(root):
+        kinds |= dict.fromkeys(type(holder).__mro__)
+        found.append((name, value))
+        if isinstance(value, tuple):
+            found += [(f"{name}_{i}", each) for i, each in enumerate(value)]
+    for module in dict.fromkeys(kind.__module__ for kind in kinds):
+        if module.split(".")[0] in _ROOMS:
+            found += vars(sys.modules[module]).items()
+    return [
+        (name, value)
+        for name, value in found
+        if isinstance(value, np.ndarray) and value.size > 1 and value.dtype.kind in "fiub"
+    ]

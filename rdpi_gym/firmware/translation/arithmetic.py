@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rdpi_gym.firmware.values import Kind, Known, Number, literal
+from rdpi_gym.firmware.program import Kind, Known, Number, literal
 from rdpi_gym.support.errors import InputError
 
 BINARY: Mapping[str, tuple[str, Callable[[Any, Any], Any]]] = {

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numba.core.registry import CPUDispatcher
 
+from rdpi_gym.firmware.program import C_TYPES, Block, Kind, Known, Number, Value
 from rdpi_gym.firmware.translation.arithmetic import (
     MATHEMATICS,
     Entry,
@@ -19,16 +20,16 @@ from rdpi_gym.firmware.translation.arithmetic import (
     kind_of,
     text_of,
 )
-from rdpi_gym.firmware.translation.scope import Item, Scope
-from rdpi_gym.firmware.translation.sources import (
+from rdpi_gym.firmware.translation.scope import (
+    Item,
+    Scope,
     Source,
+    View,
     assigned_names,
     returns_tuple,
     source_of,
     writes_arrays,
 )
-from rdpi_gym.firmware.translation.views import View
-from rdpi_gym.firmware.values import C_TYPES, Block, Kind, Known, Number, Value
 from rdpi_gym.plant.cores import elementary
 from rdpi_gym.support.errors import InputError
 

@@ -1,18 +1,37 @@
-"""Kernels as C: the source of a numba function, translated for one lane with what is known of its arguments."""
+"""Kernels as C: the statements of a numba function, translated for one lane with what is known of its arguments."""
 
 from __future__ import annotations
 
+import ast
 import inspect
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rdpi_gym.firmware.translation.arithmetic import Arithmetic
-from rdpi_gym.firmware.translation.body import Body
-from rdpi_gym.firmware.translation.scope import Retyped
-from rdpi_gym.firmware.translation.sources import source_of
-from rdpi_gym.firmware.values import C_TYPES, Block, Kind, Known, Number, Value
+from rdpi_gym.firmware.program import C_TYPES, Block, Kind, Known, Number, Value
+from rdpi_gym.firmware.translation.arithmetic import (
+    Arithmetic,
+    Entry,
+    Scalar,
+    bare,
+    is_simple,
+    joined,
+    kind_of,
+    text_of,
+)
+from rdpi_gym.firmware.translation.expressions import Expressions, tuple_of
+from rdpi_gym.firmware.translation.scope import (
+    Item,
+    Retyped,
+    View,
+    as_read,
+    assigned_names,
+    is_left,
+    source_of,
+    straight,
+)
 from rdpi_gym.support.errors import InputError
 
 _TRIES = 20
@@ -182,3 +201,358 @@ def _passed(value: Value) -> str:
     return (
         text[1:-1] if text.startswith("(") and text.endswith(")") and text.count("(") == 1 else text
     )
+
+
+class Body(Expressions):
+    """One translation of a kernel, for arguments of which shapes and some numbers are known.
+
+    Parameters
+    ----------
+    functions, source, arguments, kinds
+        As :class:`rdpi_gym.firmware.translation.scope.Scope`.
+    """
+
+    def translate(self) -> None:
+        """Write the lines."""
+        try:
+            self._statements(self._source.tree.body)
+        except InputError as error:
+            if "kernel " in str(error):
+                raise
+            line = self._source.first_line + getattr(self._place, "lineno", 1) - 1
+            raise InputError(f"kernel {self._source.place}, line {line}: {error}") from None
+
+    def _statements(self, body: Sequence[ast.stmt]) -> bool:
+        """Write statements; return whether what follows is never reached."""
+        for statement in body:
+            self._place = statement
+            if self._statement(statement):
+                return True
+        return False
+
+    def _statement(self, node: ast.stmt) -> bool:
+        if isinstance(node, ast.Expr):
+            if isinstance(node.value, ast.Call):
+                self._expression(node.value)
+            return False
+        if isinstance(node, ast.Assign):
+            self._assigned(node.targets, node.value)
+        elif isinstance(node, ast.AnnAssign):
+            if node.value is not None:
+                self._assigned([node.target], node.value)
+        elif isinstance(node, ast.AugAssign):
+            self._augmented(node)
+        elif isinstance(node, ast.If):
+            return self._branched(node)
+        elif isinstance(node, ast.For):
+            return self._looped(node)
+        elif isinstance(node, ast.While):
+            self._repeated(node)
+        elif isinstance(node, ast.Return):
+            self._returned(node)
+            return True
+        elif isinstance(node, ast.Break):
+            self._line("break;")
+            return True
+        elif isinstance(node, ast.Continue):
+            self._line("continue;")
+            return True
+        elif not isinstance(node, ast.Pass):
+            raise InputError(f"{ast.unparse(node).splitlines()[0]!r} has no C")
+        return False
+
+    def _assigned(self, targets: Sequence[ast.expr], source: ast.expr) -> None:
+        first = targets[0]
+        if len(targets) == 1 and isinstance(first, ast.Tuple) and isinstance(source, ast.Tuple):
+            values = [self._expression(each) for each in source.elts]
+            goals = [self._goal(each) for each in first.elts]
+            for k, value in enumerate(values):  # all are read before any is written
+                earlier = [g for g in goals[:k] if g]
+                if isinstance(value, Number) and any(_mentions(value.text, g) for g in earlier):
+                    self._assigned_at_once(first.elts, values)
+                    return
+            for target, value in zip(first.elts, values, strict=True):
+                self._store(target, value)
+            return
+        value = self._expression(source, targets[-1] if isinstance(targets[-1], ast.Name) else None)
+        # an element may be one of those that are written
+        changes = isinstance(value, Number) and ("[" in value.text or not is_simple(value.text))
+        if len(targets) > 1 and isinstance(value, Number) and changes:
+            value = self._kept(value)
+        for target in targets:
+            self._store(target, value)
+
+    def _assigned_at_once(self, targets: Sequence[ast.expr], values: Sequence[Item]) -> None:
+        kept = [self._kept(v) if isinstance(v, Number) else v for v in values]
+        for target, value in zip(targets, kept, strict=True):
+            self._store(target, value)
+
+    def _goal(self, target: ast.expr) -> str:
+        """What is written where a target is assigned, as C text to look for."""
+        if isinstance(target, ast.Name):
+            return self._c_name(target.id)
+        if isinstance(target, ast.Subscript):
+            part = self._part(target)
+            return part.element() if isinstance(part, View) and not part.shape else "\0"
+        return "\0"
+
+    def _augmented(self, node: ast.AugAssign) -> None:
+        old = self._expression(as_read(node.target))
+        operand = self._expression(node.value)
+        name = type(node.op).__name__
+        if isinstance(old, Known | Number) and isinstance(operand, Known | Number):
+            self._store(node.target, self._arithmetic.binary(name, old, operand), name, operand)
+            return
+        raise InputError(f"{ast.unparse(node)!r} of whole arrays has no C")
+
+    def _store(
+        self,
+        target: ast.expr,
+        value: Item,
+        operation: str | None = None,
+        operand: Scalar | None = None,
+    ) -> None:
+        if isinstance(target, ast.Tuple):
+            parts = value if isinstance(value, tuple) else None
+            if parts is None and isinstance(value, Known) and isinstance(value.value, tuple):
+                parts = tuple(Known(each) for each in value.value)
+            if parts is None or len(parts) != len(target.elts):
+                raise InputError(
+                    f"{ast.unparse(target)!r} is given something else than so many numbers"
+                )
+            for each, part in zip(target.elts, parts, strict=True):
+                self._store(each, part)
+        elif isinstance(target, ast.Name):
+            self._bind(target.id, value, operation, operand)
+        elif isinstance(target, ast.Subscript):
+            part = self._part(target)
+            if not isinstance(part, View):
+                raise InputError(f"{ast.unparse(target)!r} is no array that can be written")
+            self._written.add(part.root)
+            if part.shape:
+                self._filled(part, value)
+                return
+            if not isinstance(value, Known | Number):
+                raise InputError(f"{ast.unparse(target)!r} is given an array where a number stands")
+            self._write(part.element(), part.kind, value, operation, operand)
+        else:
+            raise InputError(f"{ast.unparse(target)!r} cannot be assigned in C")
+
+    def _write(
+        self,
+        goal: str,
+        kind: Kind,
+        value: Scalar,
+        operation: str | None = None,
+        operand: Scalar | None = None,
+    ) -> None:
+        short = {"Add": "+=", "Sub": "-=", "Mult": "*="}
+        if operation in short and operand is not None and joined(kind, kind_of(operand)) == kind:
+            self._line(f"{goal} {short[operation]} {bare(text_of(operand, kind))};")
+        elif text_of(value, kind) != goal:
+            self._line(f"{goal} = {bare(text_of(value, kind))};")
+
+    def _bind(
+        self, name: str, value: Item, operation: str | None = None, operand: Scalar | None = None
+    ) -> None:
+        here = self._env.get(name)
+        c_name = self._c_name(name)
+        is_variable = (
+            isinstance(here, Number) and not isinstance(here, Entry) and here.text == c_name
+        )
+        if isinstance(value, Number) or (isinstance(value, Known) and is_variable and self._held):
+            if not isinstance(value, Known | Number):
+                raise InputError(f"{name} is a number here and an array there")
+            kind = self._kinds.get(name, kind_of(value))
+            if is_variable and c_name in self._variables:
+                declared = self._variables[c_name]
+                wider = joined(declared, kind_of(value))
+                if wider != declared:
+                    raise Retyped(name, wider)
+                self._written.add(c_name)
+                self._write(c_name, declared, value, operation, operand)
+                return
+            self._declare(name, kind, value)
+            return
+        self._env[name] = value
+
+    def _branched(self, node: ast.If) -> bool:
+        test = self._truth(node.test)
+        if isinstance(test, Known):
+            return self._statements(node.body if test.value else node.orelse)
+        self._materialise([*node.body, *node.orelse], node)
+        opened = len(self.lines)
+        self._line(f"if ({bare(test.text)}) {{")
+        ends = self._block(node.body)
+        also = False
+        if node.orelse:
+            self._line("} else {")
+            also = self._block(node.orelse)
+        written = len(self.lines) - opened - (2 if node.orelse else 1)
+        if written == 0:
+            del self.lines[opened:]  # neither branch does anything
+            return False
+        self._line("}")
+        return ends and also
+
+    def _block(self, body: Sequence[ast.stmt]) -> bool:
+        """Write statements that run as the code decides: what they bind anew ends with them."""
+        env, variables = dict(self._env), dict(self._variables)
+        self._depth += 1
+        self._held += 1
+        ends = self._statements(body)
+        self._held -= 1
+        self._depth -= 1
+        self._env, self._variables = env, variables
+        return ends
+
+    def _materialise(self, body: Sequence[ast.stmt], whole: ast.stmt) -> None:
+        """Give variables to names that a block which may run or not assigns."""
+        for name in sorted(assigned_names(body)):
+            here = self._env.get(name)
+            if isinstance(here, Known) and isinstance(here.value, bool | int | float):
+                self._declare(name, self._kinds.get(name, kind_of(here)), here)
+            elif isinstance(here, Number) and here.text != self._c_name(name):
+                self._declare(name, self._kinds.get(name, here.kind), here)
+            elif here is None and self._read_after(name, whole):
+                kind = self._kinds.get(name, "bool")
+                self._declare(name, kind, None)
+
+    def _read_after(self, name: str, whole: ast.stmt) -> bool:
+        """Whether a name is read outside of a statement."""
+        inside = {id(n) for n in ast.walk(whole)}
+        return any(
+            isinstance(n, ast.Name)
+            and n.id == name
+            and isinstance(n.ctx, ast.Load)
+            and id(n) not in inside
+            for n in ast.walk(self._source.tree)
+        )
+
+    def _looped(self, node: ast.For) -> bool:
+        if node.orelse:
+            raise InputError("a loop with an else has no C")
+        turns = self._turns(node.iter)
+        if isinstance(turns, list):  # known items, one after the other
+            if len(turns) > 1 and is_left(node.body):
+                raise InputError("a loop over a tuple that is left early has no C")
+            body = straight(node.body)
+            for item in turns:
+                self._store(node.target, item)
+                if self._statements(body):
+                    return True
+            return False
+        start, stop, step, items = turns
+        self._materialise(node.body, node)
+        target = node.target
+        counter: ast.expr = target
+        if items is not None:
+            assert isinstance(target, ast.Tuple)
+            counter = target.elts[0]
+        if not isinstance(counter, ast.Name):
+            raise InputError(f"a loop over {ast.unparse(node.target)} has no C")
+        kept, variables = self._env.get(counter.id), dict(self._variables)
+        name = self._c_name(counter.id) if counter.id != "_" else self._fresh("turn")
+        if name in self._variables:
+            name = self._fresh(counter.id)
+        self._variables[name] = "int"
+        self._env[counter.id] = Number(name, "int")
+        sign, move = ("<", f"++{name}") if step == 1 else (">", f"--{name}")
+        if abs(step) != 1:
+            sign, move = ("<", f"{name} += {step}") if step > 0 else (">", f"{name} -= {-step}")
+        self._line(f"for (int32_t {name} = {start}; {name} {sign} {stop}; {move}) {{")
+        if items is not None:
+            assert isinstance(target, ast.Tuple)
+            self._env_item(target.elts[1], items.fixed(0, Number(name, "int")))
+        self._block(node.body)
+        self._line("}")
+        self._variables = variables
+        if kept is None:
+            self._env.pop(counter.id, None)
+        else:
+            self._env[counter.id] = kept
+        return False
+
+    def _env_item(self, target: ast.expr, item: View) -> None:
+        assert isinstance(target, ast.Name)
+        self._env[target.id] = self._read(item)
+
+    def _turns(self, node: ast.expr) -> list[Item] | tuple[str, str, int, View | None]:
+        """What a loop runs over: known items, or first, last and step as C has them."""
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            if node.func.id == "range":
+                return self._range([self._scalar(each) for each in node.args])
+            if node.func.id == "enumerate":
+                over = self._expression(node.args[0])
+                if isinstance(over, View):
+                    if over.shape[0] == 1:
+                        return [(Known(0), self._read(over.fixed(0, Known(0))))]
+                    return "0", str(over.shape[0]), 1, over
+                return [(Known(k), Known(each)) for k, each in enumerate(tuple_of(over))]
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "np.flatnonzero":
+            flags = self._expression(node.args[0])
+            if isinstance(flags, View) and flags.size == 1:
+                return self._guarded(flags)
+        over = self._expression(node)
+        if isinstance(over, Known):
+            return [Known(each) for each in tuple_of(over)]
+        raise InputError(f"a loop over {ast.unparse(node)!r} has no C")
+
+    def _guarded(self, flags: View) -> list[Item] | tuple[str, str, int, View | None]:
+        """One turn where the one flag is set."""
+        flag = self._read(flags.fixed(0, Known(0)))
+        assert isinstance(flag, Number)
+        return "0", f"({flag.text} ? 1 : 0)", 1, None
+
+    def _range(self, limits: Sequence[Scalar]) -> list[Item] | tuple[str, str, int, View | None]:
+        start: Scalar = limits[0] if len(limits) > 1 else Known(0)
+        stop = limits[1] if len(limits) > 1 else limits[0]
+        step = limits[2] if len(limits) > 2 else Known(1)
+        if not isinstance(step, Known) or not isinstance(step.value, int):
+            raise InputError("a range with a step known only as it runs has no C")
+        if isinstance(start, Known) and isinstance(stop, Known):
+            turns = range(int(start.value), int(stop.value), step.value)
+            if len(turns) <= 1:
+                return [Known(k) for k in turns]
+        if isinstance(stop, Number) and not is_simple(stop.text):
+            stop = self._kept(stop)
+        return bare(text_of(start, "int")), bare(text_of(stop, "int")), step.value, None
+
+    def _repeated(self, node: ast.While) -> None:
+        self._materialise(node.body, node)
+        before = len(self.lines)
+        test = self._truth(node.test)
+        if len(self.lines) != before:
+            raise InputError(
+                f"the condition {ast.unparse(node.test)!r} needs statements of its own"
+            )
+        if isinstance(test, Known):
+            raise InputError("a loop without a condition has no C")
+        self._line(f"while ({bare(test.text)}) {{")
+        self._block(node.body)
+        self._line("}")
+
+    def _returned(self, node: ast.Return) -> None:
+        if node.value is None:
+            self._line("return;")
+            return
+        value = self._expression(node.value)
+        if isinstance(value, View):
+            if self._out is None or value.root != "out":
+                raise InputError("an array is returned that the kernel does not make")
+            self.returns = Block("out", value.shape, value.kind)
+            return
+        if not isinstance(value, Known | Number):
+            raise InputError("what is returned has no C")
+        kind = self._kinds.get("return", kind_of(value))
+        if self.returns is not None and self.returns != kind:
+            assert not isinstance(self.returns, Block)
+            raise Retyped("return", joined(kind, self.returns))
+        self.returns = kind
+        self._line(f"return {bare(text_of(value, kind))};")
+
+
+def _mentions(text: str, goal: str) -> bool:
+    if "[" in goal or goal == "\0":
+        return goal in text
+    return re.search(rf"\b{re.escape(goal)}\b", text) is not None

@@ -1,12 +1,21 @@
-"""What a kernel's translation knows as it goes: names, what they stand for, and the lines so far."""
+"""A kernel's source, its arrays, and the names of its translation: what they stand for, and the lines so far."""
 
 from __future__ import annotations
 
 import ast
+import inspect
 import re
+import textwrap
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from rdpi_gym.firmware.program import C_KEYWORDS, C_TYPES, Block, Kind, Known, Number, Value
 from rdpi_gym.firmware.translation.arithmetic import (
     Arithmetic,
     Entry,
@@ -16,22 +25,274 @@ from rdpi_gym.firmware.translation.arithmetic import (
     joined,
     text_of,
 )
-from rdpi_gym.firmware.translation.sources import Source, assigned_names
-from rdpi_gym.firmware.translation.views import View
-from rdpi_gym.firmware.values import C_TYPES, Block, Kind, Known, Number, Value
 from rdpi_gym.support.errors import InputError
 
-RESERVED = frozenset(
-    {
-        "abs", "auto", "break", "case", "ceil", "char", "const", "continue", "cos", "default",
-        "do", "double", "else", "enum", "exp", "expm1", "extern", "float", "floor", "fmod",
-        "for", "gamma", "goto", "if", "inline", "int", "isnan", "j0", "j1", "jn", "log",
-        "log1p", "long", "main", "out", "pow", "register", "restrict", "return", "round",
-        "short", "signbit", "signed", "sin", "sizeof", "sqrt", "static", "struct", "switch",
-        "tan", "tanh", "typedef", "union", "unsigned", "void", "volatile", "while", "y0", "y1",
-        "yn",
+
+@dataclass(frozen=True)
+class Source:
+    """A kernel's syntax tree, and where it stands.
+
+    Parameters
+    ----------
+    name, place
+        Of the function; with its file.
+    parameters
+        Their names.
+    tree
+        The function.
+    names
+        Its globals.
+    first_line
+        Of the function in its file.
+    """
+
+    name: str
+    place: str
+    parameters: tuple[str, ...]
+    tree: ast.FunctionDef
+    names: Mapping[str, Any]
+    first_line: int
+
+
+@cache
+def source_of(kernel: Any) -> Source:
+    """Return the source of a kernel."""
+    function = kernel.py_func
+    try:
+        lines, first = inspect.getsourcelines(function)
+        file = Path(inspect.getfile(function)).name
+    except (OSError, TypeError) as error:
+        raise InputError(
+            f"the source of kernel {function.__name__} cannot be read ({error})"
+        ) from error
+    tree = ast.parse(textwrap.dedent("".join(lines))).body[0]
+    assert isinstance(tree, ast.FunctionDef)
+    closed = inspect.getclosurevars(function)
+    names = {**function.__globals__, **closed.nonlocals}
+    parameters = tuple(a.arg for a in tree.args.args)
+    return Source(
+        function.__name__, f"{function.__name__} ({file})", parameters, tree, names, first
+    )
+
+
+def as_read(target: ast.expr) -> ast.expr:
+    """Return what is written as it would be read."""
+    copy = ast.parse(ast.unparse(target), mode="eval").body
+    return ast.copy_location(copy, target)
+
+
+def assigned_names(body: Sequence[ast.stmt], counters: bool = False) -> set[str]:
+    """Return the names that statements assign; those that their loops count with if asked for."""
+    nodes = nodes_of(body)
+    loops = [] if counters else [each for each in nodes if isinstance(each, ast.For)]
+    counted = {id(n) for loop in loops for n in ast.walk(loop.target)}
+    return {
+        n.id
+        for n in nodes
+        if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store) and id(n) not in counted
     }
-)  # fmt: skip
+
+
+def nodes_of(body: Sequence[ast.stmt]) -> list[ast.AST]:
+    """Return all nodes of statements."""
+    return [n for each in body for n in ast.walk(each)]
+
+
+def is_left(body: Sequence[ast.stmt]) -> bool:
+    """Whether a loop's own body goes on to the next turn, or leaves it, before its end."""
+    return any(
+        isinstance(each, ast.Break | ast.Continue)
+        or (isinstance(each, ast.If) and (is_left(each.body) or is_left(each.orelse)))
+        for each in body
+    )
+
+
+def straight(body: Sequence[ast.stmt]) -> list[ast.stmt]:
+    """Return the body of a loop of one turn without jumps: what follows one is its other branch."""
+    made: list[ast.stmt] = []
+    for k, each in enumerate(body):
+        if isinstance(each, ast.Break | ast.Continue):
+            return made
+        if isinstance(each, ast.If) and is_left([each]):
+            if each.orelse or is_left(each.body[:-1]):
+                raise InputError("a loop that is left from within several branches has no C")
+            rest = straight(body[k + 1 :])
+            before: list[ast.stmt] = each.body[:-1] or [ast.Pass()]
+            made.append(ast.copy_location(ast.If(each.test, before, rest), each))
+            return made
+        made.append(each)
+    return made
+
+
+def returns_tuple(tree: ast.FunctionDef) -> bool:
+    """Whether a function returns several numbers."""
+    last = tree.body[-1]
+    return isinstance(last, ast.Return) and isinstance(last.value, ast.Tuple)
+
+
+def writes_arrays(source: Source) -> bool:
+    """Whether a kernel writes into any array."""
+    return any(
+        isinstance(n, ast.Subscript) and isinstance(n.ctx, ast.Store) for n in ast.walk(source.tree)
+    )
+
+
+@dataclass(frozen=True)
+class View:
+    """Part of an array that stands at a name of C.
+
+    Parameters
+    ----------
+    root
+        The name.
+    shape, strides
+        Of the part, in elements; known as the code is written.
+    kind
+        Of an element.
+    first
+        Elements before its first one, as far as they are known.
+    moves
+        What is added to them as the code runs: an expression, or empty.
+    known
+        The part's numbers where nothing writes it and it does not move; else None.
+    """
+
+    root: str
+    shape: tuple[int, ...]
+    strides: tuple[int, ...]
+    kind: Kind = "real"
+    first: int = 0
+    moves: str = ""
+    known: NDArray[np.float64] | None = None
+
+    @classmethod
+    def of(cls, block: Block, root: str) -> View:
+        """Return all of a block that stands at a name."""
+        strides = tuple(
+            int(np.prod(block.shape[k + 1 :], dtype=int)) for k in range(len(block.shape))
+        )
+        return cls(root, block.shape, strides, block.kind, known=block.known)
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return int(np.prod(self.shape, dtype=int))
+
+    @property
+    def is_contiguous(self) -> bool:
+        """Whether its elements stand one behind the other in their order."""
+        apart = 1
+        for length, stride in zip(reversed(self.shape), reversed(self.strides), strict=True):
+            if length != 1 and stride != apart:
+                return False
+            apart *= length
+        return True
+
+    @property
+    def pointer(self) -> str:
+        """Expression that points at its first element."""
+        offset = _offset(self.first, self.moves)
+        return self.root if offset == "0" else f"({self.root} + {offset})"
+
+    def block(self) -> Block:
+        """Return the part as a block; it has to be contiguous."""
+        return Block(self.pointer, self.shape, self.kind, self.known)
+
+    def fixed(self, axis: int, index: Known | Number) -> View:
+        """Return the part at one index of an axis, without that axis."""
+        shape = self.shape[:axis] + self.shape[axis + 1 :]
+        strides = self.strides[:axis] + self.strides[axis + 1 :]
+        stride, length = self.strides[axis], self.shape[axis]
+        if isinstance(index, Known):
+            place = int(index.value)
+            place += length if place < 0 else 0
+            known = None if self.known is None else np.take(self.known, place, axis)
+            first = self.first + place * stride
+            return replace(self, shape=shape, strides=strides, first=first, known=known)
+        if length == 1:
+            return replace(
+                self,
+                shape=shape,
+                strides=strides,
+                known=None if self.known is None else np.take(self.known, 0, axis),
+            )
+        move = index.text if stride == 1 else f"{stride} * {index.text}"
+        moves = f"{self.moves} + {move}" if self.moves else move
+        return replace(self, shape=shape, strides=strides, moves=moves, known=None)
+
+    def cut(self, axis: int, start: int, stop: int) -> View:
+        """Return the part between two places of an axis."""
+        shape = (*self.shape[:axis], max(stop - start, 0), *self.shape[axis + 1 :])
+        known = None
+        if self.known is not None:
+            known = np.take(self.known, range(start, max(stop, start)), axis)
+        first = self.first + start * self.strides[axis]
+        return replace(self, shape=shape, first=first, known=known)
+
+    def reshaped(self, shape: Sequence[int]) -> View:
+        """Return it in another shape; it has to be contiguous."""
+        lengths = list(shape)
+        if -1 in lengths:
+            lengths[lengths.index(-1)] = -self.size // int(np.prod(lengths, dtype=int))
+        block = Block(self.root, tuple(lengths), self.kind)
+        known = None if self.known is None else self.known.reshape(lengths)
+        return replace(View.of(block, self.root), first=self.first, moves=self.moves, known=known)
+
+    def element(self, index: str | int = "") -> str:
+        """Return the expression of one element: of a scalar part, or the `index`-th of a flat one."""
+        moves = self.moves
+        first = self.first
+        if isinstance(index, int):
+            first += index * (self.strides[0] if self.strides else 1)
+        elif index:
+            stride = self._flat_stride
+            move = index if stride == 1 else f"{stride} * {index}"
+            moves = f"{moves} + {move}" if moves else move
+        return f"{self.root}[{_offset(first, moves)}]"
+
+    @property
+    def _flat_stride(self) -> int:
+        """Elements between neighbours where one axis alone is longer than 1, or it is contiguous."""
+        longer = [s for n, s in zip(self.shape, self.strides, strict=True) if n != 1]
+        return 1 if self.is_contiguous or not longer else longer[0]
+
+
+def _offset(first: int, moves: str) -> str:
+    if not moves:
+        return str(first)
+    return moves if first == 0 else f"{first} + {moves}" if first > 0 else f"{moves} - {-first}"
+
+
+RESERVED = C_KEYWORDS | frozenset(
+    [
+        "abs",
+        "ceil",
+        "cos",
+        "exp",
+        "expm1",
+        "floor",
+        "fmod",
+        "gamma",
+        "isnan",
+        "j0",
+        "j1",
+        "jn",
+        "log",
+        "log1p",
+        "main",
+        "out",
+        "pow",
+        "round",
+        "signbit",
+        "sin",
+        "sqrt",
+        "tan",
+        "tanh",
+        "y0",
+        "y1",
+        "yn",
+    ]
+)
 """What no variable of the text is called."""
 
 Item: TypeAlias = "Value | View | tuple[Item, ...]"

@@ -308,8 +308,9 @@ def fmu_sources(
     kind = program.kind
     texts = {name: sources[name] for name in (f"rdpi_{kind}.c", f"rdpi_{kind}.h")}
     own = f"rdpi_fmi{fmi[0]}"
-    for name in (f"{own}.c", f"{own}.h", "rdpi_fmu.h", f"rdpi_fmu_{kind}.h"):
+    for name in (f"{own}.h", "rdpi_fmu.h", f"rdpi_fmu_{kind}.h"):
         texts[name] = template(f"fmu/{name}")
+    texts[f"{own}.c"] = _interface_text(fmi, texts[f"{own}.h"])
     inputs = [one for one in variables(program) if one.causality == "input"]
     values = {
         "KIND": kind,
@@ -324,6 +325,66 @@ def fmu_sources(
     token = f"{{{uuid.UUID(bytes=digest[:16])}}}"
     texts["rdpi_fmu_model.h"] = filled(model, frozenset(), TOKEN=token, **values)
     return texts, token
+
+
+_WORDS: Mapping[FmiVersion, Mapping[str, str]] = {
+    "2.0": {"F": "fmi2", "HANDLE": "fmi2Component", "REAL": "Real", "STATE": "FMUstate",
+            "BEGIN": "SetupExperiment", "READ": "DeSerialize", "COUNT": ""},
+    "3.0": {"F": "fmi3", "HANDLE": "fmi3Instance", "REAL": "Float64", "STATE": "FMUState",
+            "BEGIN": "EnterInitializationMode", "READ": "Deserialize", "COUNT": ", size_t nValues"},
+}  # fmt: skip
+_COUNTS = ("nvr", "nValueReferences", "nContinuousStates", "nEventIndicators")
+_CO_SIMULATION = "this FMU is for co-simulation"
+# By patterns of functions' names, the first that fits.
+_REFUSED = {
+    "InputDerivatives": "inputs are held for the whole step",
+    "OutputDerivatives|Derivative$": "there are no derivatives",
+    "Dependencies": "dependencies are in the description",
+    "Mode$|DiscreteStates": "the model has no such mode",
+    "CancelStep": "no step is under way: a step ends in its call",
+}
+
+
+def _interface_text(fmi: FmiVersion, header: str) -> str:
+    """Return ``rdpi_fmi2.c`` or ``rdpi_fmi3.c``: a function for every prototype of the header."""
+    part, words = frozenset({"TWO" if fmi == "2.0" else "THREE"}), _WORDS[fmi]
+    own = filled(template("fmu/rdpi_fmi.c"), part, VERSION=fmi, REFUSALS="@REFUSALS@", **words)
+    macro = re.search(r"#define RDPI_FMI3_ACCESS\(type\) \\\n((?:.*\\\n)*.*)\n", header)
+    if macro is not None:
+        kinds = re.findall(r"^RDPI_FMI3_ACCESS\((\w+)\);", header, re.MULTILINE)
+        access = macro[1].replace("\\\n", "")
+        header = header.replace(macro[0], "")
+        header += "".join(f"{access.replace('##type', kind)};\n" for kind in kinds)
+    prototypes = re.findall(r"FMI\d_Export\s+(\w+)\s+(\w+)\(([^;]*)\);", header)
+    refusals = [
+        _refusal(returns, name, parameters, words["F"])
+        for returns, name, parameters in prototypes
+        if f" {name}(" not in own
+    ]
+    return own.replace("@REFUSALS@", "\n".join(refusals))
+
+
+def _refusal(returns: str, name: str, parameters: str, prefix: str) -> str:
+    """Return a function of the standard that answers that the model has nothing of the kind."""
+    parameters = " ".join(parameters.split())
+    handle, *others = re.findall(r"(\w+)(?:\[\])?(?:,|$)", parameters)
+    count = next((each for each in _COUNTS if f"size_t {each}" in parameters), "")
+    why = next((text for key, text in _REFUSED.items() if re.search(key, name)), "")
+    if returns.endswith("Instance"):
+        used = {"logMessage", "instanceEnvironment"}
+        others.insert(0, handle)
+        body = f'report(logMessage, instanceEnvironment, __func__, "{_CO_SIMULATION}");\n    return NULL;'
+    elif name.endswith("Status"):
+        used = set()
+        body = f"return {handle} != NULL ? {prefix}Discard : {prefix}Error;"
+    elif count and not why:
+        used = {count}
+        body = f"return none_of((const instance_t *){handle}, {count}, __func__);"
+    else:
+        used = set()
+        body = f'return refuse((const instance_t *){handle}, __func__, "{why or _CO_SIMULATION}");'
+    unread = "".join(f"    (void){each};\n" for each in others if each not in used)
+    return f"{returns} {name}({parameters})\n{{\n{unread}    {body}\n}}\n"
 
 
 def binary_place(

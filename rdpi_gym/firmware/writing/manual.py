@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from rdpi_gym.firmware.fixed_point import FixedPoint
-from rdpi_gym.firmware.writing.roundings import Roundings
 from rdpi_gym.firmware.writing.source import MATHEMATICS, Source, safe
 from rdpi_gym.firmware.writing.templating import filled, template
+from rdpi_gym.firmware.writing.vectors import Roundings
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import table
 from rdpi_gym.support.words import number
@@ -26,51 +28,10 @@ _TYPE = re.compile(
 _DEFINITION = re.compile(r"^(?:static )?(?:inline )?\w+ (?P<name>\w+)\([^;{]*\)\s*\{", re.MULTILINE)
 
 
-@dataclass(frozen=True)
-class Operations:
-    """Operations of one step in the worst case.
-
-    Parameters
-    ----------
-    additions
-        And subtractions.
-    multiplications, comparisons
-        A smaller or larger of two numbers is one comparison.
-    divisions
-        In every precision.
-    by_constants
-        Divisions by a constant, which are multiplications but in double.
-    mathematics
-        Calls of ``<math.h>``.
-    """
-
-    additions: int = 0
-    multiplications: int = 0
-    comparisons: int = 0
-    divisions: int = 0
-    by_constants: int = 0
-    mathematics: int = 0
-
-    def __add__(self, other: Operations) -> Operations:
-        return self._each(other, lambda a, b: a + b)
-
-    def __mul__(self, times: int) -> Operations:
-        return Operations(*(getattr(self, each.name) * times for each in fields(self)))
-
-    def __or__(self, other: Operations) -> Operations:
-        """The dearer of each kind."""
-        return self._each(other, max)
-
-    def _each(self, other: Operations, taken: object) -> Operations:
-        assert callable(taken)
-        return Operations(
-            *(taken(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
-        )
-
-    @property
-    def total(self) -> int:
-        """Operations of all kinds."""
-        return sum(getattr(self, each.name) for each in fields(self))
+Operations: TypeAlias = Counter[str]
+"""Numbers of operations of one step in the worst case, by kind: ``additions`` (and subtractions),
+``multiplications``, ``comparisons`` (minimum and maximum are one each), ``divisions`` in every precision,
+``by_constants`` (divisions by a constant, multiplications but in double), calls of ``mathematics``."""
 
 
 def count(text: str, function: str, *, precision: int = 64) -> Operations:
@@ -164,7 +125,7 @@ class _Counter:
             end = _closed(tokens, at + 1)
             variable, turns, last = _loop(tokens[at + 2 : end - 1], bounds)
             body, at = self._statement(tokens, end, {**bounds, variable: last})
-            return body * turns, at
+            return Operations({kind: number * turns for kind, number in body.items()}), at
         if token in ("while", "do", "switch", "goto"):
             raise InputError(f"a loop whose turns cannot be counted: {token}")
         end = tokens.index(";", at)
@@ -182,7 +143,7 @@ class _Counter:
             if follows == "(" and re.match(r"[A-Za-z_]", token):
                 total += self._call(token)
             elif _is_binary(token, before, tokens[:at]):
-                total += _OPERATORS[token]
+                total[_OPERATORS[token]] += 1
         return total
 
     def _call(self, name: str) -> Operations:
@@ -195,32 +156,26 @@ class _Counter:
 
 _SAME = {"RDPI_FABS": "rdpi_abs", "RDPI_ISNAN": "rdpi_is_nan", "RDPI_COPYSIGN": "rdpi_copysign",
          "RDPI_MIN": "rdpi_min", "RDPI_MAX": "rdpi_max"}  # fmt: skip
-_ADDED, _MULTIPLIED, _DIVIDED, _COMPARED = (
-    Operations(additions=1), Operations(multiplications=1), Operations(divisions=1), Operations(comparisons=1),
-)  # fmt: skip
-_OPERATORS: Mapping[str, Operations] = {
-    **dict.fromkeys(("+", "-", "+=", "-="), _ADDED),
-    **dict.fromkeys(("*", "*="), _MULTIPLIED),
-    **dict.fromkeys(("/", "/=", "%", "%="), _DIVIDED),
-    **dict.fromkeys(("<", ">", "<=", ">=", "==", "!="), _COMPARED),
+_OPERATORS: Mapping[str, str] = {
+    **dict.fromkeys(("+", "-", "+=", "-="), "additions"),
+    **dict.fromkeys(("*", "*="), "multiplications"),
+    **dict.fromkeys(("/", "/=", "%", "%="), "divisions"),
+    **dict.fromkeys(("<", ">", "<=", ">=", "==", "!="), "comparisons"),
 }
 
 
 def _tokens(text: str) -> list[str]:
     """Return the tokens of one block, from its brace to the one that closes it."""
     found, depth = [], 0
-    for token in _split(text):
+    for match in _TOKEN.finditer(text):
+        token = match[0]
+        if token.isspace():
+            continue
         found.append(token)
         depth += (token == "{") - (token == "}")
         if depth == 0:
             break
     return found
-
-
-def _split(text: str) -> Iterator[str]:
-    for match in _TOKEN.finditer(text):
-        if not match[0].isspace():
-            yield match[0]
 
 
 def _closed(tokens: list[str], at: int) -> int:
@@ -423,13 +378,9 @@ def _operations(source: Source, code: str) -> str:
 
 
 def _cells(found: Operations, precision: int) -> list[str]:
-    by = found.by_constants
-    double = precision == 64
-    counts = (
-        found.additions, found.multiplications + (0 if double else by), found.comparisons,
-        found.divisions + (by if double else 0), found.mathematics,
-    )  # fmt: skip
-    return [f"{each:,}" for each in counts]
+    kinds = ("additions", "multiplications", "comparisons", "divisions", "mathematics")
+    by_constants = "divisions" if precision == 64 else "multiplications"
+    return [f"{found[k] + (found['by_constants'] if k == by_constants else 0):,}" for k in kinds]
 
 
 def _scales(fixed: FixedPoint) -> str:

@@ -9,13 +9,11 @@ from typing import Any
 
 from rdpi_gym.firmware.program import Program
 from rdpi_gym.firmware.writing.manual import manual_text
-from rdpi_gym.firmware.writing.roundings import Roundings
 from rdpi_gym.firmware.writing.source import Source, header_text, safe, source_text
 from rdpi_gym.firmware.writing.templating import filled, template
-from rdpi_gym.firmware.writing.vectors import SAMPLES, vectors, vectors_text
+from rdpi_gym.firmware.writing.vectors import SAMPLES, Roundings, vectors, vectors_text
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.files import read_json, replaced_folder, write_atomic, write_json
 from rdpi_gym.support.words import some
 
 

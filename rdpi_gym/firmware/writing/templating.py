@@ -22,3 +22,13 @@ def filled(text: str, parts: set[str] | frozenset[str] = frozenset(), **values: 
         if new.strip() or not re.search(r"@[A-Z_]+@", line):
             lines.append(new)
     return "\n".join(lines) + "\n"
+
+
+def helpers(name: str, text: str) -> list[str]:
+    """Return the C functions of a template that a text calls, and those that these call, callees first."""
+    found: list[str] = []
+    for piece in reversed(template(name).split("\n\n\n")):
+        functions = re.findall(r"^static \w+ (\w+)\(", piece, re.MULTILINE)
+        if functions and re.search(rf"\b{functions[-1]}\b", "\n".join([text, *found])):
+            found.insert(0, piece.rstrip("\n") + "\n")
+    return found

@@ -1,4 +1,4 @@
-"""What NumPy code does to numbers, its trace does too, bit by bit, and says where it cannot."""
+"""The trace of NumPy code gives the bits that NumPy gives, and refuses by file and line where there is no C."""
 
 from __future__ import annotations
 
@@ -10,131 +10,75 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rdpi_gym.firmware.tracing.arrays import Inputs, Recording, Remembered, Traced
+from rdpi_gym.firmware.tracing.arrays import Inputs, Recording, Store, Tables, Traced
 from rdpi_gym.firmware.tracing.functions import NUMPY
-from rdpi_gym.firmware.tracing.statements import lines
-from rdpi_gym.firmware.tracing.tables import Tables
+from rdpi_gym.firmware.tracing.statements import lines, text_of
 from rdpi_gym.firmware.tracing.tape import Tape, recorded
 from rdpi_gym.support.errors import InputError
-from tests.firmware import compiling
+from tests.firmware.programs import head, library, needs_gcc
 
 ROWS, OUT = 12, 40
 MATRIX = np.array([[2.0], [-3.0], [0.25]])
 STEPS = np.array([0.5, 1.5, -2.5])
 
 Law = Callable[[Any], Any]
-LAWS: dict[str, Law] = {}
 
 
-def law(function: Law) -> Law:
-    LAWS[function.__name__] = function
-    return function
+def arithmetic_and_broadcasting(x: Any) -> Any:
+    first = 2.0 * x[:4] - x[4:8] / 3.0 + (-x[8:]) * x[0] + 1.0
+    return np.vstack([first, ((x[:3] + STEPS[None, :]) * x[3:6].T).reshape(9, 1)])
 
 
-@law
-def arithmetic_of_arrays_and_numbers(x: Any) -> Any:
-    return 2.0 * x[:4] - x[4:8] / 3.0 + (-x[8:]) * x[0] + 1.0
-
-
-@law
-def broadcasting_a_column_against_a_row(x: Any) -> Any:
-    return (x[:3] + STEPS[None, :]) * x[3:6].T
-
-
-@law
-def choosing(x: Any) -> Any:
+def choices_limits_and_signs(x: Any) -> Any:
     test = (x[:4] > 0.0) & ~(x[4:8] <= x[8:]) | (x[:4] == x[1])
-    return np.where(test, x[:4], -1.0)
+    limits = [np.clip(x[:3], -0.5, x[3:6]), np.minimum(x[:3], 0.1), np.maximum(x[3], x[6:8])]
+    signs = [np.abs(x[:3]), np.sign(x[:3]), x[:3] ** 2, np.sqrt(np.abs(x[3:6]))]
+    return np.vstack([np.where(test, x[:4], -1.0), *limits, *signs])
 
 
-@law
-def limits(x: Any) -> Any:
-    return np.vstack(
-        [np.clip(x[:3], -0.5, x[3:6]), np.minimum(x[:3], 0.1), np.maximum(x[3], x[6:8])]
-    )
-
-
-@law
-def sizes_and_signs(x: Any) -> Any:
-    return np.stack([np.abs(x[:3]), np.sign(x[:3]), x[:3] ** 2, np.sqrt(np.abs(x[3:6]))])
-
-
-@law
-def a_shift_in_place(x: Any) -> Any:
+def shifts_in_place(x: Any) -> Any:
     ring = x[2:9]
     ring[:-1] = ring[1:].copy()
     ring[-1] = 7.0 * x[0]
-    return x
-
-
-@law
-def a_shift_onto_itself(x: Any) -> Any:
     x[1:6] = x[:5]
     x[6:9] = x[8:5:-1]
     return x
 
 
-@law
-def a_view_stays_a_view_and_a_copy_does_not(x: Any) -> Any:
+def views_and_copies(x: Any) -> Any:
     view, copy = x[3:5], x[3:5].copy()
     x *= 2.0
     view += 1.0
-    return np.concatenate([x, view, copy])
-
-
-@law
-def a_block_of_another_shape_written_through(x: Any) -> Any:
     block = x.reshape(3, 2, 2)
     block[1:] = block[:2].copy()
     block[:, 0] *= STEPS[:, None]
-    return x[::-1]
+    picked = np.vstack([x[[0, 5, 5, 2]], np.repeat(x[3:5], 2, axis=0), np.tile(x[:2].T, (1, 3)).T])
+    return np.concatenate([x[::-1], view, copy, picked])
 
 
-@law
-def running_sums_and_differences(x: Any) -> Any:
+def sums_and_extremes(x: Any) -> Any:
     turned = np.cumsum(x[::-1], axis=0)[::-1]
-    return np.vstack([turned, np.diff(x, axis=0, prepend=0.5), np.sum(x[:5], axis=0)[None]])
-
-
-@law
-def extremes_and_whether(x: Any) -> Any:
     any_, all_ = (x[:5] > 1.0).any(axis=0), (x[5:] > -1.0).all(axis=0)
     far = np.abs(np.diff(x.T, axis=1)).max(axis=1)
-    return np.stack([far, np.where(any_, 1.0, 0.0), np.where(all_, far, 0.0), x.min(axis=0)])
+    rows = np.stack([far, np.where(any_, 1.0, 0.0), np.where(all_, far, 0.0), x.min(axis=0)])
+    return np.vstack([turned, np.diff(x, axis=0), np.sum(x[:5], axis=0)[None], rows])
 
 
-@law
 def products_of_one_term(x: Any) -> Any:
     return np.vstack([MATRIX @ x[:1], np.outer(STEPS, x[2]), np.outer(x[3], STEPS).T])
 
 
-@law
-def picked_elements(x: Any) -> Any:
-    return np.vstack([x[[0, 5, 5, 2]], np.repeat(x[3:5], 2, axis=0), np.tile(x[:2].T, (1, 3)).T])
-
-
-@law
-def missing_numbers(x: Any) -> Any:
+def missing_numbers_and_truths(x: Any) -> Any:
     odd = np.where(x > 0.0, x, np.nan)
-    return np.where(np.isnan(odd), 5.0, np.nan_to_num(odd))
-
-
-@law
-def where_a_result_goes(x: Any) -> Any:
     out = np.ones_like(x[:4])
     np.divide(x[4:8], x[:4], out=out, where=x[:4] > 0.0)
     np.multiply(x[8:], out, out=x[8:])
-    return np.vstack([out, x[8:]])
-
-
-@law
-def truths_as_numbers(x: Any) -> Any:
     share = x[:4]
     share += np.clip((x[4:8] > 0.0) - share, -0.25, 0.25)
-    return 0.5 * (x[8:] > 0.0)
+    filled = np.where(np.isnan(odd), 5.0, np.nan_to_num(odd))
+    return np.vstack([filled, out, x[8:], 0.5 * (x[8:] > 0.0)])
 
 
-@law
 def a_decision(x: Any) -> Any:
     y = x[:4].copy()
     if x[0, 0] > 0.0:
@@ -145,15 +89,6 @@ def a_decision(x: Any) -> Any:
     return y + 2.0 * x[5]
 
 
-@law
-def a_decision_by_all_of_a_lane(x: Any) -> Any:
-    rests = x[0] < 0.3
-    if rests.all() or not rests.any():
-        return x[1:3] * (2.0 if bool(rests[0]) else 5.0)
-    raise AssertionError
-
-
-@law
 def decisions_within_decisions(x: Any) -> Any:
     total = x[0]
     for row in (1, 2, 3):
@@ -162,14 +97,13 @@ def decisions_within_decisions(x: Any) -> Any:
     return total
 
 
-@law
-def a_mask_of_one_lane(x: Any) -> Any:
-    begins = x[0] > 0.0
+def decisions_by_lanes(x: Any) -> Any:
+    rests, begins = x[0] < 0.3, x[0] > 0.0
+    assert rests.all() or not rests.any()
     x[1:3, begins] = x[3:5, begins]
-    return x[1:3]
+    return x[1:3] * (2.0 if bool(rests[0]) else 5.0)
 
 
-@law
 def steps_that_are_repeated(x: Any) -> Any:
     low, high = np.zeros_like(x[0]), np.full_like(x[0], 1.0)
     for _ in range(9):
@@ -181,12 +115,25 @@ def steps_that_are_repeated(x: Any) -> Any:
     return np.stack([low, high])
 
 
+LAWS: dict[str, Law] = {
+    law.__name__: law
+    for law in (
+        arithmetic_and_broadcasting, choices_limits_and_signs, shifts_in_place, views_and_copies,
+        sums_and_extremes, products_of_one_term, missing_numbers_and_truths, a_decision,
+        decisions_within_decisions, decisions_by_lanes, steps_that_are_repeated,
+    )
+}  # fmt: skip
+
+
 def _traced(function: Law, tables: Tables) -> str:
     def run(tape: Tape) -> None:
         recording = Recording(tape, tables, NUMPY)
-        found = function(Traced(Remembered(recording, "state", ROWS), np.arange(ROWS)[:, None]))
-        out = Traced(Remembered(recording, "out", OUT), np.arange(found.size))
-        out[:] = found.ravel()
+        state, out = (
+            Store(recording, f"m->{name}", size, local=False)
+            for name, size in (("state", ROWS), ("out", OUT))
+        )
+        found = function(Traced(state, np.arange(ROWS)[:, None]))
+        Traced(out, np.arange(found.size))[:] = found.ravel()
 
     return "\n".join(lines(recorded(run), "    "))
 
@@ -235,17 +182,15 @@ def random_law(seed: int) -> Law:
     return run
 
 
-RANDOM = {f"random_{seed}": random_law(seed) for seed in range(30)}
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+@needs_gcc
+def test_traces_give_the_bits_of_numpy(tmp_path: Any) -> None:
+    laws = LAWS | {f"random_{seed}": random_law(seed) for seed in range(30)}
     tables = Tables()
-    bodies = {name: _traced(each, tables) for name, each in (LAWS | RANDOM).items()}
+    bodies = {name: _traced(each, tables) for name, each in laws.items()}
     fields = " ".join(f"rdpi_real {each.name}[{len(each.values)}];" for each in tables.all)
     values = ", ".join("{" + ", ".join(map(repr, t.values.tolist())) + "}" for t in tables.all)
     text = [
-        compiling.head(),
+        head(tmp_path),
         f"typedef struct {{ {fields} }} tables;",
         f"typedef struct {{ rdpi_real state[{ROWS}]; rdpi_real out[{OUT}]; }} memory;",
         f"static const tables own = {{ {values} }};",
@@ -253,32 +198,23 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     for name, body in bodies.items():
         text += [f"void {name}(memory *m);", f"void {name}(memory *m) {{"]
         text += ["    const tables *p = &own;", "    (void)p;", body, "}"]
-    return compiling.library("\n".join(text) + "\n", tmp_path_factory.mktemp("laws"))
-
-
-@compiling.needs_gcc
-@pytest.mark.parametrize("name", LAWS | RANDOM)
-def test_its_trace_gives_the_bits_that_numpy_gives(name: str, library: ctypes.CDLL) -> None:
+    compiled = library("\n".join(text) + "\n", tmp_path)
     rng = np.random.default_rng(7)
-    for _ in range(25):
-        state = rng.normal(size=(ROWS, 1)).round(rng.integers(0, 4))
-        numbers = np.concatenate([state.ravel(), np.full(OUT, np.nan)])
-        with np.errstate(invalid="ignore"):
-            wanted = np.asarray((LAWS | RANDOM)[name](state)).ravel()
-        pointer = numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-        getattr(library, name)(pointer)
-        np.testing.assert_array_equal(numbers[ROWS : ROWS + wanted.size], wanted)
-        np.testing.assert_array_equal(numbers[:ROWS], state.ravel())
+    for name, law in laws.items():
+        for _ in range(25):
+            state = rng.normal(size=(ROWS, 1)).round(rng.integers(0, 4))
+            numbers = np.concatenate([state.ravel(), np.full(OUT, np.nan)])
+            with np.errstate(invalid="ignore"):
+                wanted = np.asarray(law(state)).ravel()
+            getattr(compiled, name)(numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
+            np.testing.assert_array_equal(numbers[ROWS : ROWS + wanted.size], wanted, name)
+            np.testing.assert_array_equal(numbers[:ROWS], state.ravel(), name)
 
 
-def test_a_step_that_is_repeated_is_a_loop_and_what_both_sides_end_with_stands_behind() -> None:
-    text = _traced(steps_that_are_repeated, Tables())
-    assert text.count("n < 9") == 1
-    text = _traced(a_decision, Tables())
-    assert text.count("m->out[") == 1
+def test_the_text_has_loops_for_repetitions_common_ends_once_and_nothing_unread() -> None:
+    assert _traced(steps_that_are_repeated, Tables()).count("n < 9") == 1
+    assert _traced(a_decision, Tables()).count("m->out[") == 1
 
-
-def test_what_nothing_reads_is_not_written() -> None:
     def wasteful(x: Any) -> Any:
         _ = np.cumsum(x, axis=0) * 3.0
         return x[:1]
@@ -286,54 +222,47 @@ def test_what_nothing_reads_is_not_written() -> None:
     assert _traced(wasteful, Tables()).strip() == "m->out[0] = m->state[0];"
 
 
-@pytest.mark.parametrize(
-    ("function", "words"),
-    [
+def _undecided(x: Any) -> Any:
+    total = x[0]
+    for row in range(ROWS):
+        total = total * 2.0 if x[row] > 0.0 else total[None, 0] - x[1] * total
+    return total
+
+
+def test_code_without_c_is_refused_with_its_place() -> None:
+    refused: list[tuple[Law, str]] = [
         (lambda x: x if x > 0.0 else -x, "asks whether an array of 12 numbers is true"),
-        (
-            lambda x: x * float(x[0, 0]),
-            "makes a Python number of one that is known only as it runs",
-        ),
+        (lambda x: x * float(x[0, 0]), "makes a Python number of one that is known only as it"),
         (lambda x: np.fft.fft(x), r"np\.fft has no C"),
         (lambda x: np.arcsin(x), r"np\.arcsin has no C"),
         (lambda x: np.multiply(x, x, out=np.empty((12, 1))), "make it with np.empty_like"),
         (lambda x: x.cumprod(), "cumprod"),
         (lambda x: x[x[0]], "looks up an element by a number"),
         (lambda x: np.empty(12).__setitem__(0, x[0]), "makes a Python number"),
-    ],
-)
-def test_what_has_no_c_is_refused_with_its_place(function: Law, words: str) -> None:
-    with pytest.raises(InputError, match=words) as caught:
-        _traced(function, Tables())
-    assert re.match(r"tracing/test_tracing\.py:\d+", str(caught.value))
-
-
-def test_too_many_decisions_are_refused() -> None:
-    def undecided(x: Any) -> Any:
-        total = x[0]
-        for row in range(ROWS):
-            total = total * 2.0 if x[row] > 0.0 else total[None, 0] - x[1] * total
-        return total
-
+    ]
+    for function, words in refused:
+        with pytest.raises(InputError, match=words) as caught:
+            _traced(function, Tables())
+        assert re.match(r"tracing/test_tracing\.py:\d+", str(caught.value)), words
     with pytest.raises(InputError, match=r"in more than \d+ ways; write the decision as np.where"):
-        _traced(undecided, Tables())
+        _traced(_undecided, Tables())
 
 
-def test_inputs_that_are_read_in_a_loop_are_read_where_they_are() -> None:
+def test_inputs_are_read_in_loops_where_they_lie() -> None:
     def run(tape: Tape) -> None:
         recording = Recording(tape, Tables(), NUMPY)
         given = Inputs(recording, [("now", None), ("ahead", 5), ("then", None)])
         shown = Traced(given, np.arange(7))
-        memory = Traced(Remembered(recording, "state", 5), np.arange(5))
+        memory = Traced(Store(recording, "m->state", 5, local=False), np.arange(5))
         memory[:] = 2.0 * shown[1:6]
         memory[:3] = shown[[0, 3, 6]]
 
-    text = list(lines(recorded(run)))
+    text = text_of(recorded(run)).splitlines()
     assert any("RDPI_C(2.0) * ahead[i];" in line for line in text)
     assert text[-3:] == ["m->state[0] = now;", "m->state[1] = ahead[2];", "m->state[2] = then;"]
 
 
-def test_tables_are_named_after_what_holds_them_and_never_break_c() -> None:
+def test_tables_have_names_of_their_holders_that_c_can_read() -> None:
     names = [("_rest_V", np.ones(2)), ("for", 2 * np.ones(2)), ('a"; x', 3 * np.ones(2))]
     tables = Tables(names)
     found = [tables.named(k * np.ones(2)) for k in (1, 2, 3, 4)]

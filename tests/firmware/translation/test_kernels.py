@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from numba import njit
 
+from rdpi_gym.firmware.program import Block, Known, Number
 from rdpi_gym.firmware.translation.kernels import Functions
-from rdpi_gym.firmware.values import Block, Known, Number
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import forms_of
 from rdpi_gym.support.errors import InputError
-from tests.firmware.compiling import head, library, needs_gcc
+from tests.firmware.programs import head, library, needs_gcc
 
 TS_S = 1e-4
 SAMPLES = 3000
@@ -32,9 +32,8 @@ def _record(seed):
     return u, 1.1 * u + 2.0 * np.sin(2 * np.pi * 11.0 * t)
 
 
-@pytest.fixture(scope="module")
-def effects(tmp_path_factory):
-    """One library with a function for every form: ``form_3(samples, x, u, p, state, y)``."""
+@needs_gcc
+def test_every_form_of_every_effect_is_equal_bit_by_bit(tmp_path):
     functions, drivers = Functions(), []
     for k, form in enumerate(FORMS):
         effect = form()
@@ -51,28 +50,22 @@ def effects(tmp_path_factory):
             "(void)x; (void)u; (void)p; (void)state;\n"
             f"for (int32_t t = 0; t < n; ++t) {called.statement}\n}}\n"
         )
-    text = "\n".join([head(), functions.text, *drivers])
-    return library(text, tmp_path_factory.mktemp("effects"))
-
-
-@needs_gcc
-@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.full_name())
-def test_every_form_of_every_effect_is_equal_bit_by_bit(form, effects):
+    effects = library("\n".join([head(tmp_path), functions.text, *drivers]), tmp_path)
     u, x = _record(5)
-    effect = form()
-    p = np.array(effect.coefficients(TS_S, P10.hysteresis))
-    state = np.full(max(effect.state_rows_with(TS_S, P10.hysteresis), 1), np.nan)
-    y = np.empty(SAMPLES)
-    arrays = [each.ctypes.data_as(ctypes.c_void_p) for each in (x, u, p, state, y)]
-    getattr(effects, f"form_{FORMS.index(form)}")(SAMPLES, *arrays)
-    expected = effect.run(x, TS_S, u=u, hysteresis=P10.hysteresis)
-    if form.block.targetoptions.get("fastmath") or form.full_name() in {
-        "creep", "asymmetry, unlike envelopes"
-    }:  # fmt: skip
-        # their sums are over vectors
-        assert np.abs(y - expected).max() < 1e-13 * np.ptp(expected)
-    else:
-        assert (y == expected).all()
+    for k, form in enumerate(FORMS):
+        effect = form()
+        p = np.array(effect.coefficients(TS_S, P10.hysteresis))
+        state = np.full(max(effect.state_rows_with(TS_S, P10.hysteresis), 1), np.nan)
+        y = np.empty(SAMPLES)
+        arrays = [each.ctypes.data_as(ctypes.c_void_p) for each in (x, u, p, state, y)]
+        getattr(effects, f"form_{k}")(SAMPLES, *arrays)
+        expected = effect.run(x, TS_S, u=u, hysteresis=P10.hysteresis)
+        # the first sum over vectors
+        over_vectors = form.block.targetoptions.get("fastmath")
+        if over_vectors or form.full_name() in {"creep", "asymmetry, unlike envelopes"}:
+            assert np.abs(y - expected).max() < 1e-13 * np.ptp(expected), form.full_name()
+        else:
+            assert (y == expected).all(), form.full_name()
 
 
 @njit
@@ -110,22 +103,22 @@ def _wider(x, y):
 
 
 @needs_gcc
-@pytest.mark.parametrize("kernel", [_exchanged, _counted, _wider])
-def test_what_kernels_are_made_of_means_in_c_what_it_means_in_python(kernel, tmp_path):
-    functions = Functions()
-    called = functions.call(kernel, [Block("x", (4,)), Block("y", (4,))], _no_local)
-    text = f"{head()}\n{functions.text}\nvoid go(const double *x, double *y);\n"
-    text += f"void go(const double *x, double *y) {{ {called.statement} }}\n"
-    compiled = library(text, tmp_path)
-    rng = np.random.default_rng(1)
-    for _ in range(50):
-        x, expected, y = rng.normal(size=4), np.zeros(4), np.zeros(4)
-        kernel(x, expected)
-        compiled.go(x.ctypes.data_as(ctypes.c_void_p), y.ctypes.data_as(ctypes.c_void_p))
-        assert (y == expected).all()
+def test_kernels_mean_in_c_what_they_mean_in_python(tmp_path):
+    for kernel in (_exchanged, _counted, _wider):
+        functions = Functions()
+        called = functions.call(kernel, [Block("x", (4,)), Block("y", (4,))], _no_local)
+        text = f"{head(tmp_path)}\n{functions.text}\nvoid go(const double *x, double *y);\n"
+        text += f"void go(const double *x, double *y) {{ {called.statement} }}\n"
+        compiled = library(text, tmp_path, kernel.__name__)
+        rng = np.random.default_rng(1)
+        for _ in range(50):
+            x, expected, y = rng.normal(size=4), np.zeros(4), np.zeros(4)
+            kernel(x, expected)
+            compiled.go(x.ctypes.data_as(ctypes.c_void_p), y.ctypes.data_as(ctypes.c_void_p))
+            assert (y == expected).all(), kernel.__name__
 
 
-def test_what_is_known_is_folded_and_a_division_by_it_is_none():
+def test_known_numbers_are_folded_and_divisions_by_them_are_none():
     functions = Functions()
     block = CATALOGUE["rate_law"].block
     p = np.array([[-0.5], [100.0]])
@@ -156,16 +149,14 @@ def _sized(x, n, y):
     y[0] = np.empty(n)[0]
 
 
-@pytest.mark.parametrize(
-    ("kernel", "arguments", "said"),
-    [
-        (_solved, [Block("x", (2,)), Block("y", (2,))], r"np\.linalg"),
-        (_sized, [Block("x", (2,)), Number("n", "int"), Block("y", (2,))], "size known only"),
-    ],
-)
-def test_what_has_no_c_is_named_with_its_place(kernel, arguments, said):
-    with pytest.raises(InputError, match=rf"test_kernels\.py\), line \d+: .*{said}"):
-        Functions().call(kernel, arguments, _no_local)
+def test_kernels_without_c_are_refused_with_their_place():
+    one, size = Block("x", (2,)), Number("n", "int")
+    for kernel, arguments, words in (
+        (_solved, [one, Block("y", (2,))], r"np\.linalg"),
+        (_sized, [one, size, Block("y", (2,))], "size known only"),
+    ):
+        with pytest.raises(InputError, match=rf"test_kernels\.py\), line \d+: .*{words}"):
+            Functions().call(kernel, arguments, _no_local)
 
 
 def test_callees_stand_before_their_callers():

@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from itertools import product
 
 import pytest
 
@@ -13,20 +14,14 @@ from rdpi_gym.firmware.writing.package import Package, write_package
 from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
-from tests.firmware.hand_made import COMPILERS, CONTROLLER, PLANT, compiles, needs_gcc
+from tests.firmware.programs import COMPILERS, CONTROLLER, PLANT, compiles, needs_gcc
 
 NAMES = ["pi-classical-reference-rate", None]
 # What cppcheck is told to leave: it wants `const` for the struct of memory where a body happens not to
 # write it, and every instance of a program has the same signatures; and the translation of a kernel
 # keeps its statements, some of which are empty for the numbers at hand.
-SUPPRESSED = [
-    "constParameterPointer",
-    "constParameter",
-    "missingIncludeSystem",
-    "constVariablePointer",
-    "knownConditionTrueFalse",
-    "redundantAssignment",
-]
+SUPPRESSED = ("constParameterPointer", "constParameter", "missingIncludeSystem", "constVariablePointer",
+              "knownConditionTrueFalse", "redundantAssignment")  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=NAMES, ids=lambda name: name or "plant")
@@ -36,10 +31,9 @@ def exported(request, tmp_path_factory):
     return package, write_package(package, out)
 
 
-@pytest.mark.parametrize("compiler", COMPILERS)
-def test_every_file_compiles_strictly_in_every_precision(exported, compiler):
+def test_every_file_compiles_strictly_in_every_precision(exported):
     package, folder = exported
-    for precision in package.source.precisions:
+    for compiler, precision in product(COMPILERS, package.source.precisions):
         for path in (*folder.glob("rdpi_*.c"), folder / "main.c", *folder.glob("examples/*.c")):
             if "sfunction" not in path.name:
                 assert compiles(compiler, path, precision, f"-I{folder}") == "", path.name
@@ -110,16 +104,8 @@ def test_the_page_says_the_bytes_that_a_compiler_says(exported, tmp_path):
             f'#include <stdio.h>\n#include "{name}.h"\nint main(void)\n{{\n    printf("%d %d", '
             f"(int)sizeof({name}_state), (int)sizeof({name}_parameters));\n    return 0;\n}}\n"
         )
-        words = [
-            "gcc",
-            "-std=c99",
-            f"-DRDPI_PRECISION={precision}",
-            f"-I{folder}",
-            str(asks),
-            "-o",
-            str(tmp_path / "asks"),
-        ]
-        subprocess.run(words, check=True)
+        words = ["gcc", "-std=c99", f"-DRDPI_PRECISION={precision}", f"-I{folder}"]
+        subprocess.run([*words, str(asks), "-o", str(tmp_path / "asks")], check=True)
         said = subprocess.run([str(tmp_path / "asks")], capture_output=True, text=True, check=True)
         assert tuple(map(int, said.stdout.split())) == state_bytes(package.source, precision)
 

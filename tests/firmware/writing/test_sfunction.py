@@ -1,6 +1,5 @@
 """S-functions compile with strict flags against a stand-in for Simulink, and answer as Python does."""
 
-import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -11,13 +10,11 @@ import pytest
 from rdpi_gym.firmware.making import controller_program
 from rdpi_gym.firmware.plants import plant_program
 from rdpi_gym.firmware.writing.package import sfunction_text
-from rdpi_gym.firmware.writing.source import Source, header_text, source_text
 from rdpi_gym.plant import named_plant
-from tests.firmware.hand_made import STRICT
+from tests.firmware.programs import COMPILERS, STRICT, c_of
 
 SIMULINK = Path(__file__).parent / "simulink"
 TS = 1e-4
-COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 pytestmark = pytest.mark.skipif(not COMPILERS, reason="there is neither gcc nor clang")
 
 
@@ -32,11 +29,7 @@ def programs():
 
 def built(folder, program, compiler=None, *flags):
     name = f"rdpi_{program.kind}"
-    texts = {
-        f"{name}.h": header_text(Source(program)),
-        f"{name}.c": source_text(Source(program)),
-        f"{name}_sfunction.c": sfunction_text(program),
-    }
+    texts = c_of(program) | {f"{name}_sfunction.c": sfunction_text(program)}
     for file, text in texts.items():
         (folder / file).write_text(text)
     command = [compiler or COMPILERS[0], *STRICT, "-ffp-contract=off", *flags, f"-I{SIMULINK}"]
@@ -63,21 +56,21 @@ def test_a_plant_answers_at_once_and_its_state_advances_once(programs, tmp_path)
     assert not rows[:, 1:].any()
 
 
-@pytest.mark.parametrize("flags", [(), ("-fsanitize=address,undefined", "-fno-sanitize-recover")])
-def test_a_controller_answers_at_the_next_sample(programs, tmp_path, flags):
+def test_a_controller_answers_at_the_next_sample(programs, tmp_path):
     controller, n = programs["controller"], 400
     rng = np.random.default_rng(2)
     shape = np.sin(0.1 * np.arange(n + controller.preview))
     r = controller.centre_um + controller.scale_um * shape
     y = r[:n] + 0.05 * rng.normal(size=n)
     ahead = [r[j : n + j] for j in range(1, controller.preview + 1)]
-    head, rows = answers(built(tmp_path, controller, None, *flags), [r[:n], *ahead, y])
     u = controller.twin.controller(r[:, None], y[:, None])[:, 0]
     low, high = controller.command_range_V
-    assert head == f"{TS:.17g} 0"
-    assert rows[0].tolist() == [controller.rest_V, 0.0, 0.0, 0.0]
-    assert np.abs(rows[1:, 0] - u[:-1]).max() <= 1e-12 * (high - low)
-    assert set(np.unique(rows[:, 1:])) <= {0.0, 1.0}
+    for flags in ((), ("-fsanitize=address,undefined", "-fno-sanitize-recover")):
+        head, rows = answers(built(tmp_path, controller, None, *flags), [r[:n], *ahead, y])
+        assert head == f"{TS:.17g} 0"
+        assert rows[0].tolist() == [controller.rest_V, 0.0, 0.0, 0.0]
+        assert np.abs(rows[1:, 0] - u[:-1]).max() <= 1e-12 * (high - low)
+        assert set(np.unique(rows[:, 1:])) <= {0.0, 1.0}
 
 
 def test_inputs_that_are_no_numbers_are_flagged(programs, tmp_path):
@@ -89,13 +82,11 @@ def test_inputs_that_are_no_numbers_are_flagged(programs, tmp_path):
     assert ((low <= rows[:, 0]) & (rows[:, 0] <= high)).all()
 
 
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
-@pytest.mark.parametrize("precision", ["64", "32"])
-@pytest.mark.parametrize("kind", ["plant", "controller"])
-def test_it_compiles_without_a_warning(programs, tmp_path, kind, precision, compiler):
-    if compiler not in COMPILERS:
-        pytest.skip(f"there is no {compiler}")
-    built(tmp_path, programs[kind], compiler, f"-DRDPI_PRECISION={precision}")
+def test_it_compiles_without_a_warning(programs, tmp_path):
+    for compiler in COMPILERS:
+        for program in programs.values():
+            for precision in ("64", "32"):
+                built(tmp_path, program, compiler, f"-DRDPI_PRECISION={precision}")
 
 
 def test_names_of_users_end_no_comment(programs, tmp_path):

@@ -66,24 +66,52 @@ def test_other_gains_are_kept_and_a_forbidden_sign_is_moved_to_zero(core: Core) 
 
 
 @every_core
-def test_it_is_saved_and_loaded(core: Core, tmp_path) -> None:
+def test_it_is_saved_by_its_name_and_loaded(core: Core, tmp_path) -> None:
     model = model_of(core)
     assert PlantModel.load(model.save(tmp_path / "model.json")) == model
+    document = model.to_dict()
+    assert document["hysteresis"].get("core", "rdpi") == core.name
+    document["hysteresis"]["core"] = "os:system"
+    with pytest.raises(InputError, match=r"no core is named 'os:system'; known are .*, .*rdpi"):
+        PlantModel.from_dict(document)
+
+
+def test_lanes_of_two_cores_are_refused() -> None:
+    models = [model_of(CORES[name].starts(SCALE)[0]) for name in ("rdpi", "stop")]
+    with pytest.raises(InputError, match="lanes with the cores rdpi and stop"):
+        Plant(models, TS_S)
 
 
 @every_core
-def test_blocks_steps_and_lanes_are_one(core: Core) -> None:
+def test_blocks_cut_anywhere_and_steps_are_one(core: Core) -> None:
     u, model = walk(600), model_of(core)
+    u[300:310] = u[299]  # a command that stands still
     whole = run(core, u)
-    parts = Plant(model, TS_S)
-    split = np.concatenate([parts.simulate(u[:211]), parts.simulate(u[211:])])
-    np.testing.assert_array_equal(split, whole)
+    for cuts in ([211], [1, 2, 305, 599], [10, 299, 300, 301]):
+        parts = Plant(model, TS_S)
+        split = np.concatenate([parts.simulate(part) for part in np.split(u, cuts)])
+        np.testing.assert_array_equal(split, whole)
     steps = Plant(model, TS_S)
     single = [float(steps.step(np.array([[value]]))[0, 0]) for value in u]
     size = float(np.ptp(whole))
     np.testing.assert_allclose(single, whole, atol=1e-12 * size)
-    lanes = Plant(model, TS_S, lanes=20).simulate(np.repeat(u[:, None], 20, axis=1))
-    np.testing.assert_allclose(lanes, whole[:, None] * np.ones(20), atol=1e-12 * size)
+
+
+@over("lanes", [3, 20])
+@every_core
+def test_lanes_keep_numbers_of_their_own(core: Core, lanes: int) -> None:
+    rng = np.random.default_rng(lanes)
+    cores = [
+        core.with_gains([gain * rng.uniform(0.7, 1.3) for gain in core.gains]).with_shape(
+            {p.name: getattr(core, p.name) * rng.uniform(0.9, 1.1) for p in core.shape}
+        )
+        for _ in range(lanes)
+    ]
+    u = walk(300)[:, None] * rng.uniform(0.6, 1.0, lanes)
+    together = Plant([model_of(each) for each in cores], TS_S).simulate(u)
+    for lane, each in enumerate(cores):
+        alone = run(each, u[:, lane].copy())
+        np.testing.assert_allclose(together[:, lane], alone, atol=1e-12 * float(np.ptp(alone)))
 
 
 @every_core
