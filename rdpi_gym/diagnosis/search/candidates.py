@@ -23,7 +23,7 @@ from rdpi_gym.identification.joint import (
     fit_joint,
     kept_samples,
 )
-from rdpi_gym.identification.residuals import PIECES, left_by, pieces_of
+from rdpi_gym.identification.residuals import PIECES, centred_residual, pieces_of
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE
@@ -341,7 +341,7 @@ def _along_cusp(setting: Setting, fit: JointFit, effect: str, parameter: str) ->
 def _squares(
     variant: Variant[Core], records: Sequence[Record], by_record: dict[str, float]
 ) -> tuple[float, Array]:
-    lefts = [left_by(variant, record) for record in records]
+    lefts = [centred_residual(variant, record) for record in records]
     for record, left in zip(records, lefts, strict=True):
         label = record.name
         while label in by_record:  # the held-out part of a record that is also fitted
