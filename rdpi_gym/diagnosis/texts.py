@@ -809,5 +809,9 @@ PORTRAIT: Mapping[str, str] = {
 }
 """Portrait of an effect that the catalogue does not have."""
 
-TEXTS: Mapping[str, str] = {**CHECKS, **ADVICE, **COMPARISON, **RECORDS, **SEARCH, **PORTRAIT}
+AS_WRITTEN = "as written"
+"""Code of a sentence that a file holds, its value ``text``."""
+TEXTS: Mapping[str, str] = {
+    **CHECKS, **ADVICE, **COMPARISON, **RECORDS, **SEARCH, **PORTRAIT, AS_WRITTEN: "{text}",
+}  # fmt: skip
 """Every text of a statement."""
