@@ -19,11 +19,20 @@ from rdpi_gym.support.files import write_atomic, write_json
 from studies.agents.__main__ import DOCS, OUT, STAGES
 from studies.agents.__main__ import main as agents
 from studies.agents.facts import HYPERPARAMETERS, page_facts
-from studies.agents.page import TEMPLATES, WALK, page_texts, walk_template
-from studies.agents.study import FULL, QUICK
-from studies.agents.summary import gap_summary, summarise
-from studies.agents.walk import FILE, RUN, STEPS, Recorded, take_walk
-from studies.agents.worlds import GROUPS, LITERAL, TS_S
+from studies.agents.page import (
+    FILE,
+    RUN,
+    STEPS,
+    TEMPLATES,
+    WALK,
+    Recorded,
+    page_texts,
+    take_walk,
+    walk_template,
+)
+from studies.agents.scores import GROUPS, LITERAL, TS_S
+from studies.agents.tables import gap_summary, summarise
+from studies.agents.training import FULL, QUICK
 from tests.looping import over
 
 ROOT = Path(__file__).parents[2]
