@@ -18,6 +18,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from rdpi_gym.diagnosis.notices import Statement
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, effect_from_dict
 from rdpi_gym.support.errors import InputError
@@ -151,6 +153,7 @@ def _writer(arrays: dict[str, NDArray[Any]]) -> cattrs.Converter:
     converter.register_unstructure_hook(pd.DataFrame, keep_table)
     converter.register_unstructure_hook_func(_is_plant, lambda plant: plant.to_dict())
     converter.register_unstructure_hook(Effect, lambda effect: effect.to_dict())
+    converter.register_unstructure_hook(Statement, _plain)
     # a user's own code is not saved
     converter.register_unstructure_hook_func(_is_classes, lambda classes: None)
     converter.register_unstructure_hook_func(_is_functions, lambda functions: None)
@@ -191,6 +194,10 @@ def _reader(archive: Npz) -> cattrs.Converter:
     converter.register_structure_hook(
         Effect, lambda document, _: effect_from_dict(CATALOGUE, document, "effect")
     )
+    converter.register_structure_hook(Statement, _statement)
+    converter.register_structure_hook(
+        Statement | str, lambda v, _: _exactly(v, str) if isinstance(v, str) else _statement(v)
+    )
     converter.register_structure_hook_func(_is_classes, lambda nothing, _: ())
     converter.register_structure_hook_func(_is_functions, lambda nothing, _: {})
     for kind in (str, int, float, bool):
@@ -213,6 +220,36 @@ def _is_classes(hint: Any) -> bool:
 
 def _is_functions(hint: Any) -> bool:
     return get_origin(hint) is Mapping and get_origin(get_args(hint)[1]) is Callable
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of a statement as JSON has it: what JSON does not know has a name beside it."""
+    if isinstance(value, Statement):
+        values = {name: _plain(each) for name, each in value.values.items()}
+        return {"code": value.code, "values": values}
+    if isinstance(value, tuple):
+        return {"tuple": [_plain(each) for each in value]}
+    return [_plain(each) for each in value] if isinstance(value, list) else value
+
+
+def _value(value: Any) -> Any:
+    """Return the value that :func:`_plain` wrote."""
+    if isinstance(value, dict):
+        if value.keys() == {"tuple"}:
+            return tuple(map(_value, value["tuple"]))
+        return Statement(
+            _exactly(value["code"], str), {name: _value(v) for name, v in value["values"].items()}
+        )
+    return [_value(each) for each in value] if isinstance(value, list) else value
+
+
+def _statement(document: Any, _: Any = None) -> Statement:
+    """Return a statement that has a text: one without is damaged."""
+    found = _value(document)
+    if not isinstance(found, Statement):
+        raise ValueError(f"{quoted(document)} where a statement is expected")
+    text_of(found)
+    return found
 
 
 def _exactly(value: Any, kind: type) -> Any:

@@ -188,3 +188,17 @@ def test_flipped_bits_give_a_result_or_one_line(saved):
             said.append(str(error))
     assert all("\n" not in line and len(line) < 400 for line in said)
     assert len(said) > 100  # of an archive every member has a check sum
+
+
+def test_statements_of_a_comparison_are_loaded_back(tmp_path):
+    t = 1e-3 * np.arange(4000)
+    u = 10.0 * np.sin(6.0 * np.pi * t)
+    y = 0.9 * u + 0.01 * np.random.default_rng(0).standard_normal(t.size)
+    y[[1000, 2000]] += 8.0
+    np.savetxt(tmp_path / "run.csv", np.c_[t, u, y], delimiter=",", header="t,u,y", comments="")
+    compared = rg.compare(rg.load(tmp_path / "run.csv"), "P5")
+    document, _ = document_of(compared.save(tmp_path / "compared.npz"))
+    assert '"code"' in json.dumps(document)
+    again = rg.load_result(tmp_path / "compared.npz")
+    assert again.findings == compared.findings
+    assert repr(again) == repr(compared)
