@@ -108,12 +108,14 @@ def test_a_field_that_is_missing(saved):
     assert "rmse_um" in refused(write(saved, document, arrays))
 
 
-@pytest.mark.parametrize("place", [-1, "a999", "document", 1.5, None, ["a0"]])
-def test_an_array_that_is_not_there(data, tmp_path, place):
-    path = data.save(tmp_path / "data.npz")
-    document, arrays = document_of(path)
-    document["result"]["records"][0]["u_V"] = place
-    refused(write(path, document, arrays))
+def test_an_array_that_is_not_there(data, tmp_path_factory, subtests):
+    for place in [-1, "a999", "document", 1.5, None, ["a0"]]:
+        with subtests.test(place=place):
+            tmp_path = tmp_path_factory.mktemp("case")
+            path = data.save(tmp_path / "data.npz")
+            document, arrays = document_of(path)
+            document["result"]["records"][0]["u_V"] = place
+            refused(write(path, document, arrays))
 
 
 def test_pickled_objects_are_refused(data, tmp_path):
@@ -151,27 +153,29 @@ def test_a_deeply_nested_document(saved):
     refused(saved)
 
 
-@pytest.mark.parametrize("rows", [100_000_000, -1, 2.5, "many", None])
-def test_the_rows_of_a_table_are_those_of_its_columns(scores, tmp_path, rows):
-    path = scores.save(tmp_path / "scores.npz")
-    document, arrays = document_of(path)
-    table = document["result"]["table"]
-    table["rows"] = rows
-    tracemalloc.start()
-    refused(write(path, document, arrays))
-    assert tracemalloc.get_traced_memory()[1] < 2**24
-    tracemalloc.stop()
+def test_the_rows_of_a_table_are_those_of_its_columns(scores, tmp_path_factory, subtests):
+    for rows in [100_000_000, -1, 2.5, "many", None]:
+        with subtests.test(rows=rows):
+            tmp_path = tmp_path_factory.mktemp("case")
+            path = scores.save(tmp_path / "scores.npz")
+            document, arrays = document_of(path)
+            table = document["result"]["table"]
+            table["rows"] = rows
+            tracemalloc.start()
+            refused(write(path, document, arrays))
+            assert tracemalloc.get_traced_memory()[1] < 2**24
+            tracemalloc.stop()
 
 
-@pytest.mark.parametrize(
-    "values", [["a", "b"], [1j, 2.0], np.array(["2020-01-01"], dtype="M8[s]"), [b"a"]]
-)
-def test_an_array_of_anything_but_numbers_is_refused(data, tmp_path, values):
-    path = data.save(tmp_path / "data.npz")
-    document, arrays = document_of(path)
-    document["result"]["records"][0]["u_V"] = "other"
-    arrays["other"] = np.array(values)
-    assert "arrays hold numbers" in refused(write(path, document, arrays))
+def test_an_array_of_anything_but_numbers_is_refused(data, tmp_path_factory, subtests):
+    for values in [["a", "b"], [1j, 2.0], np.array(["2020-01-01"], dtype="M8[s]"), [b"a"]]:
+        with subtests.test(values=values):
+            tmp_path = tmp_path_factory.mktemp("case")
+            path = data.save(tmp_path / "data.npz")
+            document, arrays = document_of(path)
+            document["result"]["records"][0]["u_V"] = "other"
+            arrays["other"] = np.array(values)
+            assert "arrays hold numbers" in refused(write(path, document, arrays))
 
 
 def test_flipped_bits_give_a_result_or_one_line(saved):
@@ -190,15 +194,27 @@ def test_flipped_bits_give_a_result_or_one_line(saved):
     assert len(said) > 100  # of an archive every member has a check sum
 
 
-def test_statements_of_a_comparison_are_loaded_back(tmp_path):
-    t = 1e-3 * np.arange(4000)
-    u = 10.0 * np.sin(6.0 * np.pi * t)
-    y = 0.9 * u + 0.01 * np.random.default_rng(0).standard_normal(t.size)
-    y[[1000, 2000]] += 8.0
-    np.savetxt(tmp_path / "run.csv", np.c_[t, u, y], delimiter=",", header="t,u,y", comments="")
-    compared = rg.compare(rg.load(tmp_path / "run.csv"), "P5")
-    document, _ = document_of(compared.save(tmp_path / "compared.npz"))
-    assert '"code"' in json.dumps(document)
-    again = rg.load_result(tmp_path / "compared.npz")
-    assert again.findings == compared.findings
-    assert repr(again) == repr(compared)
+def test_checks_and_findings_of_a_file_that_holds_their_sentences_are_read(
+    comparison, found, tmp_path
+):
+    path = comparison.save(tmp_path / "comparison.npz")
+    document, arrays = document_of(path)
+    document["result"]["checks"] = [check.to_dict() for check in comparison.checks]
+    old = rg.load_result(write(path, document, arrays))
+    assert [check.to_dict() for check in old.checks] == [c.to_dict() for c in comparison.checks]
+    assert repr(old) == repr(comparison)
+    path = found.save(tmp_path / "found.npz")
+    document, arrays = document_of(path)
+    document["result"]["findings"] = [finding.to_dict() for finding in found.findings]
+    old = rg.load_result(write(path, document, arrays))
+    assert [f.to_dict() for f in old.findings] == [f.to_dict() for f in found.findings]
+
+
+def test_a_statement_without_its_values_is_damage(comparison, tmp_path):
+    path = comparison.save(tmp_path / "comparison.npz")
+    document, arrays = document_of(path)
+    for damage in ({"code": "none"}, {"values": {}}):
+        changed = json.loads(json.dumps(document))
+        check = next(c for c in changed["result"]["checks"] if c["found"]["values"])
+        check["found"] |= damage
+        assert "damaged" in refused(write(path, changed, arrays))
