@@ -1,4 +1,4 @@
-"""What we measured about ourselves: each study by its name.
+"""Studies of the project itself, by name.
 
     python -m studies                            # what there is
     python -m studies vector_speed --rounds 3    # one of them; --help lists its options

@@ -80,27 +80,14 @@ class Told:
 
 @dataclass(frozen=True)
 class Known:
-    """A search whose truth is known.
+    """A search whose truth is known."""
 
-    Parameters
-    ----------
-    course
-        How it went.
-    hidden
-        What was hidden.
-    excused
-        What is there as well, or cannot be told: by the protocol, not drawn.
-    alike
-        What the records do not tell from what is hidden.
-    outside
-        Whether something outside the catalogue was hidden.
-    """
-
-    course: Course
-    hidden: frozenset[str]
+    course: Course  # how it went
+    hidden: frozenset[str]  # what was hidden
+    # what is there as well, or cannot be told: by the protocol, not drawn
     excused: frozenset[str]
-    alike: frozenset[str]
-    outside: bool
+    alike: frozenset[str]  # what the records do not tell from what is hidden
+    outside: bool  # whether something outside the catalogue was hidden
 
     @classmethod
     def of(cls, row: Row) -> Known:

@@ -24,8 +24,8 @@ import pandas as pd
 from benchmarks.effect_discovery.forms import (
     CORE,
     FORMS,
-    At,
     Form,
+    Grid,
     Mechanism,
     Scale,
     UnfitError,
@@ -133,7 +133,7 @@ def _displacements(core: Core, drives: dict[str, Array], hidden: Mechanism | Non
     found = []
     for begins, u in zip(_begins(drives), drives.values(), strict=True):
         step_s = _TS_S / _PARTS
-        at = At(begins + step_s * np.arange(u.size, dtype=np.float64), step_s)
+        at = Grid(begins + step_s * np.arange(u.size, dtype=np.float64), step_s)
         x = _passed(hidden, u, at) if hidden is not None and hidden.form.place < CORE else u
         x = CoreDeformation(core, step_s, _PARTS)(x)
         x = _passed(hidden, x, at) if hidden is not None and hidden.form.place > CORE else x
@@ -141,7 +141,7 @@ def _displacements(core: Core, drives: dict[str, Array], hidden: Mechanism | Non
     return found
 
 
-def _passed(hidden: Mechanism, x: Array, at: At) -> Array:
+def _passed(hidden: Mechanism, x: Array, at: Grid) -> Array:
     assert hidden.form.apply is not None
     return hidden.form.apply(x, at, hidden.numbers)
 

@@ -45,24 +45,12 @@ _POLICIES = ("ppo-increment", "imitation-stage")
 
 @dataclass(frozen=True)
 class Case:
-    """What is exported.
+    """What is exported."""
 
-    Parameters
-    ----------
-    group
-        ``controller``, ``effect`` or ``core``.
-    name
-        Of it.
-    model
-        The plant, or what the controller believes.
-    controller
-        Its name; None: the plant.
-    """
-
-    group: str
-    name: str
-    model: PlantModel[Any]
-    controller: str | None = None
+    group: str  # ``controller``, ``effect`` or ``core``
+    name: str  # of it
+    model: PlantModel[Any]  # the plant, or what the controller believes
+    controller: str | None = None  # its name; None: the plant
 
 
 def cases() -> Iterator[Case]:

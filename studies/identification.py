@@ -44,24 +44,12 @@ Method = Literal["trf", "SLSQP"]
 
 @dataclass(frozen=True)
 class Yardstick:
-    """Result of the yardstick.
+    """Result of the yardstick."""
 
-    Parameters
-    ----------
-    hysteresis
-        The model.
-    train_rmse_um
-        Its error (µm) on the records, one offset free in each.
-    seconds
-        Time taken (s).
-    evaluations
-        Simulations of all records.
-    """
-
-    hysteresis: RDPI
-    train_rmse_um: float
-    seconds: float
-    evaluations: int
+    hysteresis: RDPI  # the model
+    train_rmse_um: float  # its error (µm) on the records, one offset free in each
+    seconds: float  # time taken (s)
+    evaluations: int  # simulations of all records
 
 
 def yardstick(records: Sequence[Record], n: int = 10, method: Method = "trf") -> Yardstick:

@@ -1,4 +1,4 @@
-"""Is the order of controllers that of other plants, too? `python -m studies.rank_order`.
+"""Agreement of the ranking of controllers between sets of plants: `python -m studies.rank_order`.
 
 All controllers of `rdpi bench --full` on the public test draws of a task and on as many of another
 seed: two disjoint sets of plants. The tables of the tasks give the same for the halves of one set. An

@@ -20,7 +20,7 @@ from rdpi_gym.support.store import Row
 
 RESULTS = Path(__file__).parent / "results"
 Files = Mapping[str, "str | bytes | pd.DataFrame"]
-"""What a study writes, by the names of the files; a page (``.md``) is printed as well."""
+"""Content of files by name; a page (``.md``) is printed as well."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What instruments and files do to records: outliers, dropouts, clipping, clocks, missing rows."""
+"""Degradations of records by instruments and files: outliers, dropouts, clipping, clocks, missing rows."""
 
 from __future__ import annotations
 
@@ -99,10 +99,10 @@ DEGRADATIONS: Mapping[str, Degrade] = {
     "one sample apart": _apart,
     "clock skew": _skew,
 }
-"""What is done to the samples of a record, by name."""
+"""Degradations of a record's samples, by name."""
 
 CLOCKS: tuple[str, ...] = ("rounded stamps", "jittered stamps", "missing rows")
-"""What is done on the way through a file."""
+"""Degradations on the way through a file."""
 
 KINDS: tuple[str, ...] = (*DEGRADATIONS, *CLOCKS)
 """All degradations."""

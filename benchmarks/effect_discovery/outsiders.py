@@ -1,4 +1,4 @@
-"""What the catalogue does not hold: a force nobody recorded, and hysteresis of another kind."""
+"""Phenomena outside the catalogue: an unrecorded force, and hysteresis of another kind."""
 
 from __future__ import annotations
 

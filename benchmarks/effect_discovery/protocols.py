@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from rdpi_gym.support.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """What drives the plant during one record."""
+    """Command of one record."""
 
     # of the record
     name: str
@@ -74,7 +74,7 @@ _BUSY = 15_000  # samples of a record from which on its grid is coarser
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class Experiment:
     """The experiment on one plant."""
 
     protocol: str  # one of :data:`PROTOCOLS`
@@ -327,17 +327,18 @@ PROTOCOLS: Mapping[str, Draw] = {
 """Commands between -1 and 1 by the name of the protocol; of a closed loop, its reference."""
 
 
-def take(protocol: str, rng: np.random.Generator) -> Taken:
+def draw_experiment(protocol: str, rng: np.random.Generator) -> Experiment:
     """Draw an experiment."""
     low, high = RANGES_V[int(rng.integers(len(RANGES_V)))]
     centre, span = 0.5 * (low + high), 0.5 * (high - low) * rng.uniform(0.8, 1.0)
     in_motion = protocol != "closed loop" and bool(rng.random() < 0.12)
     drives = tuple(
-        Drive(
-            d.name, d.role, d.ts_s, d.parts, centre + span * d.fine_V,
+        replace(
+            d,
+            fine_V=centre + span * d.fine_V,
             cut=int(rng.uniform(0.03, 0.12) * len(d.command_V)) if in_motion else 0,
         )
         for d in PROTOCOLS[protocol](rng)
-    )  # fmt: skip
+    )
     has_validation = any(d.role == "validation" for d in drives)
-    return Taken(protocol, drives, centre, span, has_validation, in_motion)
+    return Experiment(protocol, drives, centre, span, has_validation, in_motion)

@@ -49,7 +49,7 @@ class Target:
 
     @property
     def asked(self) -> str:
-        """What is asked, in words."""
+        """The share that is asked for, in words."""
         return f"{'at most ' if self.at_most else ''}{self.percent:g} %"
 
     def line(self) -> str:

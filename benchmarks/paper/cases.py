@@ -1,4 +1,4 @@
-"""What the paper shows and claims: its figures and numbers as cases to simulate."""
+"""Figures and numbers of the paper as cases to simulate."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ INVERSION_FREE = tuple(r for r in COMPENSATORS if r.structure == "inversion-free
 
 
 class Claim(Enum):
-    """What the paper says of a case."""
+    """Claim of the paper on a case."""
 
     LOOP = "the hysteresis loop widens with the frequency"
     SMALLER_TS = "reducing the sampling time improves the compensation: e(k) → 0"

@@ -1,4 +1,4 @@
-"""Where a compensator on its own rate is stable, and the model's zero: found by simulation."""
+"""Stability limits of compensators on their own rate, and the model's zero, by simulation."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _ramp(reading: Reading, hysteresis: RDPI, ts_s: float, samples: int) -> Arra
 
 @dataclass(frozen=True)
 class SlidingLoop:
-    """What becomes of a small disturbance of the command while all plays slide."""
+    """Dynamics of a small disturbance of the command while all plays slide."""
 
     ts_s: float  # sampling time (s)
     # coefficients of z² + b z + c = 0, fitted to the simulated disturbance

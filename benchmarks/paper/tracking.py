@@ -79,7 +79,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Tracking:
-    """How one reading tracked one sine."""
+    """Tracking errors of one reading on one sine."""
 
     # what ran
     reading: Reading

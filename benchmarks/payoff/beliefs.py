@@ -41,12 +41,12 @@ class HiddenPlant:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
         return f"{self.base.name} with {' and '.join(effect.full_name() for effect in self.hidden)}"
 
     @property
     def slug(self) -> str:
-        """What its files are called."""
+        """Stem of its files' names."""
         words = [self.base.name.lower(), *(effect.full_name() for effect in self.hidden)]
         return "-".join(words).replace(", ", "-").replace(" ", "-")
 
@@ -83,7 +83,7 @@ fitted to records of the plant; ``discovered``: what ``rdpi discover`` makes of 
 
 
 FOLDER = Path(__file__).parent / "beliefs"
-"""Where the beliefs of this release lie."""
+"""Folder of the beliefs of this release."""
 
 
 def make_beliefs(hidden: HiddenPlant, folder: Path, seed: int = 0) -> dict[str, PlantModel]:

@@ -66,7 +66,7 @@ class Task:
         return hashlib.sha256(json.dumps([*own, *plants]).encode()).hexdigest()[:16]
 
     def key(self, case: Case) -> str:
-        """What names a row in a store."""
+        """Name of a row in a store."""
         return f"{self.hidden.slug}/{self.controller}/{self.name}/{case.name}/{self.seed}"
 
 

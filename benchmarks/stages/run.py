@@ -49,7 +49,7 @@ def field() -> list[str]:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run leaves."""
+    """Result of a run."""
 
     rows: list[Row]  # those that were asked for, the bound's among them
     computed: int  # number of rows that were not finished before

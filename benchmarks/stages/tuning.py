@@ -68,7 +68,7 @@ class Figures:
 
 @dataclass(frozen=True)
 class Tuned:
-    """What a search found."""
+    """Result of a search."""
 
     # their names
     controller: str

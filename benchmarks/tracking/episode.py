@@ -20,7 +20,7 @@ _GIVEN_UP_S, _FEWEST = 1.0, 3
 
 @dataclass(frozen=True)
 class Recording:
-    """What a run leaves, each ``float64[K, B]``."""
+    """Signals of a run, each ``float64[K, B]``."""
 
     displacement_um: Array  # of the plant, without the sensor (µm)
     command_V: Array  # applied command (V)

@@ -38,7 +38,7 @@ from rdpi_gym.support.store import Row
 
 TRACE_SAMPLES = 200
 TRUE_PLANT = "true plant"
-"""What tables say in place of a belief for the bound."""
+"""Entry of tables in place of a belief for the bound."""
 # Lanes whose lengths differ by more are run apart: a short one would idle to the end of a long one.
 _LENGTH_RATIO = 4.0
 
@@ -54,7 +54,7 @@ class Lane:
 
 @dataclass(frozen=True)
 class Task:
-    """What one worker does at a time; its rows are written when it is done."""
+    """Work of one process at a time; its rows are written when it is done."""
 
     controller: str  # a name of ``baselines.CONTROLLERS``, or ``module:attribute``
     stage: Stage  # the plant
@@ -209,7 +209,7 @@ def _row(task: Task, lane: Lane) -> Row:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run leaves."""
+    """Result of a run."""
 
     rows: list[Row]  # the rows that were asked for, and the bound's beside them
     notes: tuple[str, ...]  # what a reader of the results should know, one sentence each

@@ -23,12 +23,12 @@ MEANING = {
     "identified with, so the plant itself is a guess there",
     WARNED: "the controller says something else of itself",
 }
-"""What a status can begin with, worst first."""
+"""First words of a status, worst first, and their meaning."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """What is measured of one run over its scored samples."""
+    """Scores of one run over its scored samples."""
 
     # root mean square and largest tracking error (µm)
     rmse_um: float

@@ -1,4 +1,4 @@
-"""What a user asks the benchmark for, checked before anything runs."""
+"""Selection of controllers, plants and references, checked before anything runs."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ DEFAULT_PLANTS = ("P5", "P10", "picma")
 
 @dataclass(frozen=True)
 class Selection:
-    """What is asked for."""
+    """Controllers, plants, references and seeds to score."""
 
     # names of ``baselines.CONTROLLERS``, ``learned:`` and a policy, or ``module:attribute``
     controllers: tuple[str, ...]

@@ -32,7 +32,7 @@ def _found() -> References:
 
 
 REFERENCES = _found()
-"""What makes the cases of a reference, by its name."""
+"""Makers of a reference's cases, by its name."""
 
 
 def cases(references: Sequence[str], amplitude_um: float, base_hz: float) -> tuple[Case, ...]:
@@ -84,7 +84,7 @@ class Stage:
         return replace(belief, effects=(), name=f"{belief.name} without effects")
 
     def is_told(self, kind: type[Core] | None) -> bool:
-        """Whether what controllers are told has that kind of hysteresis core; None: any."""
+        """Whether the belief has that kind of hysteresis core; None: any."""
         return kind is None or isinstance(self.belief("").hysteresis, kind)
 
     def layout(self, ts_s: float, controller: object) -> ObservationLayout:

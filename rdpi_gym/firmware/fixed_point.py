@@ -61,17 +61,7 @@ _FEEDFORWARDS: frozenset[type[Baseline]] = frozenset(
 
 @dataclass(frozen=True)
 class FixedTable:
-    """Whole numbers that the code reads and never writes: one field of its struct of parameters.
-
-    Parameters
-    ----------
-    name
-        Identifier of C, lower case.
-    type
-        Of an element.
-    values
-        At least one.
-    """
+    """Whole numbers that the code reads and never writes: one field of its struct of parameters."""
 
     name: str
     type: Integer
@@ -80,19 +70,7 @@ class FixedTable:
 
 @dataclass(frozen=True)
 class FixedMemory:
-    """Whole numbers that the code keeps from sample to sample: one field of its struct of memory.
-
-    Parameters
-    ----------
-    name
-        Identifier of C, lower case.
-    type
-        Of an element.
-    rest
-        Where an episode begins; not read where `from_reference`.
-    from_reference
-        Whether it begins at the code of the first reference instead.
-    """
+    """Whole numbers that the code keeps from sample to sample: one field of its struct of memory."""
 
     name: str
     type: Integer

@@ -65,13 +65,7 @@ class PhysicalLayout(ObservationLayout):
 
 @dataclass(frozen=True)
 class ControllerTwin:
-    """A controller in Python, fed with what the C is fed with.
-
-    Parameters
-    ----------
-    made
-        The controller.
-    """
+    """A controller in Python, fed with what the C is fed with."""
 
     made: Baseline
 

@@ -176,28 +176,14 @@ C_TYPES: dict[Kind, str] = {"real": "rdpi_real", "int": "int32_t", "bool": "int3
 
 @dataclass(frozen=True)
 class Known:
-    """A number, a flag, None, or a tuple of them, known as the code is written.
-
-    Parameters
-    ----------
-    value
-        It.
-    """
+    """A number, a flag, None, or a tuple of them, known as the code is written."""
 
     value: Any
 
 
 @dataclass(frozen=True)
 class Number:
-    """A scalar that is known only as the code runs.
-
-    Parameters
-    ----------
-    text
-        Expression of C; a name, or in parentheses where it is more.
-    kind
-        Its type.
-    """
+    """A scalar that is known only as the code runs."""
 
     text: str
     kind: Kind = "real"
@@ -205,19 +191,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Block:
-    """An array in memory, contiguous, its last index running fastest.
-
-    Parameters
-    ----------
-    text
-        Expression of C that points at its first element.
-    shape
-        Known as the code is written.
-    kind
-        Of an element.
-    known
-        Its numbers where it is a table that nothing writes; else None.
-    """
+    """An array in memory, contiguous, its last index running fastest."""
 
     text: str
     shape: tuple[int, ...]

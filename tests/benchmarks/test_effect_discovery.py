@@ -22,7 +22,14 @@ from benchmarks.effect_discovery.forms import EFFECTS, FORMS, Mechanism
 from benchmarks.effect_discovery.independent import INDEPENDENT
 from benchmarks.effect_discovery.physics import linear, plays_by_substeps, plays_by_turning_points
 from benchmarks.effect_discovery.plants import Foreign
-from benchmarks.effect_discovery.protocols import PROTOCOLS, Drive, Taken, held, smooth, take
+from benchmarks.effect_discovery.protocols import (
+    PROTOCOLS,
+    Drive,
+    Experiment,
+    draw_experiment,
+    held,
+    smooth,
+)
 from benchmarks.effect_discovery.row import run_case
 from benchmarks.effect_discovery.scoring import judge, judge_statements, judgements
 from benchmarks.effect_discovery.summary import (
@@ -49,7 +56,7 @@ THRESHOLDS, WEIGHTS = np.array([0.7, 2.1, 5.0, 9.3]), np.array([0.2, 0.3, 0.1, 0
 def bench(u_fine, ts_s, parts, hidden=(), delta2_s=0.0):
     plant = Foreign(1.0, THRESHOLDS, WEIGHTS, delta2_s, 0.0, 20.0, 30.0, 0.01, 0.0)
     drive = Drive("run", "train", ts_s, parts, u_fine)
-    return Bench(plant, tuple(hidden), Taken("", (drive,), 0.0, 20.0, False, False))
+    return Bench(plant, tuple(hidden), Experiment("", (drive,), 0.0, 20.0, False, False))
 
 
 def package(u, ts_s, *effects, delta2_s=0.0):
@@ -97,7 +104,7 @@ def test_a_smooth_command_differs_by_its_turns_between_the_samples_alone(delta2_
 
     one = bench(smooth(curve, 4000, 1e-3, 16), 1e-3, 16, delta2_s=delta2_s)
     (y,) = one.displacements()
-    u = one.taken.drives[0].command_V
+    u = one.experiment.drives[0].command_V
     # a turn lies up to a Ts² / 8 beyond its samples, 18 (2 pi 3)² 1e-6 / 8 V = 0.8 mV
     np.testing.assert_allclose(y, package(u, 1e-3, delta2_s=delta2_s), atol=1e-3)
     (straight,) = one.displacements(linear=True)
@@ -198,11 +205,11 @@ def test_what_is_hidden_shows_and_the_noise_is_what_is_stated(subject):
 def test_a_protocol_keeps_to_its_range_and_its_size():
     for protocol in PROTOCOLS:
         for seed in range(8):
-            taken = take(protocol, np.random.default_rng(seed))
-            assert 4_000 <= taken.samples <= 40_000, (protocol, seed)
-            for drive in taken.drives:
-                reach = np.max(np.abs(drive.fine_V - taken.centre_V))
-                assert reach <= 1.001 * taken.span_V, (protocol, seed)
+            experiment = draw_experiment(protocol, np.random.default_rng(seed))
+            assert 4_000 <= experiment.samples <= 40_000, (protocol, seed)
+            for drive in experiment.drives:
+                reach = np.max(np.abs(drive.fine_V - experiment.centre_V))
+                assert reach <= 1.001 * experiment.span_V, (protocol, seed)
                 assert drive.parts % 2 == 0, (protocol, seed)
 
 
@@ -622,9 +629,9 @@ REFUSED = [
 
 
 def test_bad_words_are_one_line_and_status_2(tmp_path, capsys):
-    (tmp_path / "taken").write_text("")
-    taken = (hidden_effects, ["--out", str(tmp_path / "taken")], "is a file")
-    for command, words, message in (*REFUSED, taken):
+    (tmp_path / "experiment").write_text("")
+    experiment = (hidden_effects, ["--out", str(tmp_path / "experiment")], "is a file")
+    for command, words, message in (*REFUSED, experiment):
         out = tmp_path / "out"
         assert command.main(["--out", str(out), *words], engine=silent) == 2, words
         error = capsys.readouterr().err

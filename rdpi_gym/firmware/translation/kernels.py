@@ -204,13 +204,7 @@ def _passed(value: Value) -> str:
 
 
 class Body(Expressions):
-    """One translation of a kernel, for arguments of which shapes and some numbers are known.
-
-    Parameters
-    ----------
-    functions, source, arguments, kinds
-        As :class:`rdpi_gym.firmware.translation.scope.Scope`.
-    """
+    """One translation of a kernel, for arguments of which shapes and some numbers are known."""
 
     def translate(self) -> None:
         """Write the lines."""

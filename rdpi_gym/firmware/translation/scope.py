@@ -30,21 +30,7 @@ from rdpi_gym.support.errors import InputError
 
 @dataclass(frozen=True)
 class Source:
-    """A kernel's syntax tree, and where it stands.
-
-    Parameters
-    ----------
-    name, place
-        Of the function; with its file.
-    parameters
-        Their names.
-    tree
-        The function.
-    names
-        Its globals.
-    first_line
-        Of the function in its file.
-    """
+    """A kernel's syntax tree, and where it stands."""
 
     name: str
     place: str
@@ -319,26 +305,7 @@ class Calls(Protocol):
 
 
 class Scope:
-    """The names of one translation, the variables that stand for them, and the text.
-
-    Parameters
-    ----------
-    functions
-        That it calls others of.
-    source
-        The kernel.
-    arguments
-        One for each parameter.
-    kinds
-        Types of variables that an earlier try has found too narrow.
-
-    Attributes
-    ----------
-    lines : list of str
-        The C text between the braces.
-    returns : Kind, Block or None
-        What it returns; a block is filled through one parameter more.
-    """
+    """The names of one translation, the variables that stand for them, and the text."""
 
     def __init__(
         self,

@@ -33,19 +33,7 @@ BUILD, EXAMPLES = "build", "examples"
 
 @dataclass(frozen=True)
 class Package:
-    """All that a folder is written from.
-
-    Parameters
-    ----------
-    source
-        The program, with what it reaches and its form on whole numbers.
-    recipe
-        What ``program.json`` says: enough to make the program again.
-    warnings
-        What to beware of, a sentence each.
-    notes
-        What is good to know, for the page.
-    """
+    """All that a folder is written from."""
 
     source: Source
     recipe: Mapping[str, Any] = field(default_factory=dict)

@@ -30,18 +30,7 @@ MATHEMATICS = ("EXP", "LOG", "SIN", "COS", "TANH", "POW", "SQRT", "EXPM1", "LOG1
 
 @dataclass(frozen=True)
 class Source:
-    """What header and source are written from.
-
-    Parameters
-    ----------
-    program
-        The thing itself.
-    reach_um
-        Lowest and highest displacement (µm) that the command range of a controller reaches slowly;
-        None: not known.
-    fixed
-        The same on integers; None: it has no such form.
-    """
+    """What header and source are written from."""
 
     program: Program
     reach_um: tuple[float, float] | None = None
