@@ -88,14 +88,18 @@ Engine = Callable[[Dataset, int], SearchResult]
 _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis", "virtual_lab")
 
 
-@cache
-def study_fingerprint(module: str = "independent") -> str:
-    """Return a hash of the code that the rows of a source depend on, its text for readers left out."""
+def source_files(module: str) -> list[Path]:
+    """Return the files of this package that the rows of a source depend on."""
     beside = (
         f"{__name__.rpartition('.')[0]}.{module}"  # the package's name as text would be all of it
     )
-    own = used_files([__name__, beside], Path(__file__).parents[1])
-    return fingerprint(code_parts([*room_files(*_ROOMS), *own]))
+    return used_files([__name__, beside], Path(__file__).parents[1])
+
+
+@cache
+def study_fingerprint(module: str = "independent") -> str:
+    """Return a hash of the code that the rows of a source depend on, its text for readers left out."""
+    return fingerprint(code_parts([*room_files(*_ROOMS), *source_files(module)]))
 
 
 def discover_engine(dataset: Dataset, seed: int) -> SearchResult:
