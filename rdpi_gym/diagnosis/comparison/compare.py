@@ -278,7 +278,7 @@ def _left_out(dataset: Dataset, samples: pd.DataFrame, plane: Plane) -> list[Sta
         for remark in r.remarks
     ]
     found += [statement("left out/quiet", record=r.name) for r in dataset.quiet]
-    found += [statement("remark", text=say(remark)) for remark in dataset.remarks]
+    found += [statement("as written", text=say(remark)) for remark in dataset.remarks]
     without = int(samples["frequency_hz"].isna().sum())
     if without:
         found.append(statement("left out/reversals", count=without, whole=len(samples)))
