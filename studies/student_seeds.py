@@ -23,7 +23,7 @@ from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar
-from studies.agents.study import FULL
+from studies.agents.training import FULL
 from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "agents"

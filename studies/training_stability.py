@@ -19,7 +19,7 @@ import pandas as pd
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar
-from studies.agents.study import BASELINE
+from studies.agents.training import BASELINE
 from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "training_stability"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
@@ -104,12 +104,6 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
     """What the run itself remarked, one sentence each."""
     payoff: pd.DataFrame | None = field(kw_only=True, default=None)
     """Scores on plants with hidden effects, where all controllers and plants were asked for."""
-
-    @classmethod
-    def of(cls, found: evaluation.Evaluation, **further: Any) -> Self:
-        """Return the same scores as a result that shows itself."""
-        values = {f.name: getattr(found, f.name) for f in fields(evaluation.Evaluation)}
-        return cls(**values, **further)
 
     def _lines(self) -> Sequence[str]:
         tables = [

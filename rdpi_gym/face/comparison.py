@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self, TypeAlias, overload
+from typing import TYPE_CHECKING, ClassVar, TypeAlias, overload
 
 import numpy as np
 
@@ -49,11 +49,6 @@ class Comparison(DisplayMixin, diagnosis.Comparison):
     """
 
     saved_as: ClassVar[str] = "comparison"
-
-    @classmethod
-    def of(cls, found: diagnosis.Comparison) -> Self:
-        """Return the same comparison as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(diagnosis.Comparison)})
 
     def _lines(self) -> Sequence[str]:
         heads = ("overall", "far", "range", "records", "largest")
@@ -102,11 +97,6 @@ class ModelComparison(DisplayMixin, diagnosis.ModelComparison):
     """
 
     saved_as: ClassVar[str] = "models"
-
-    @classmethod
-    def of(cls, found: diagnosis.ModelComparison) -> Self:
-        """Return the same comparison as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(diagnosis.ModelComparison)})
 
     def _lines(self) -> Sequence[str]:
         first, *rest = self.findings.values()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from os import PathLike
 from pathlib import Path
@@ -43,11 +43,6 @@ class Dataset(DisplayMixin, measurement.Dataset):
     """
 
     saved_as: ClassVar[str] = "dataset"
-
-    @classmethod
-    def of(cls, data: measurement.Dataset) -> Self:
-        """Return the same records as a data set that shows itself."""
-        return cls(**{f.name: getattr(data, f.name) for f in fields(measurement.Dataset)})
 
     @property
     def summary(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
+from dataclasses import fields
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
@@ -64,6 +65,12 @@ class DisplayMixin:
     saved_as: ClassVar[str]
     """Names the class in a file."""
     figure_inches: ClassVar[tuple[float, float]] = (9.0, 3.6)
+
+    @classmethod
+    def of(cls, found: Any, **further: Any) -> Self:
+        """Return a result of a room below, or of a class derived from this, as one that displays itself."""
+        names = [field.name for field in fields(cls) if hasattr(found, field.name)]  # type: ignore[arg-type]
+        return cls(**{name: getattr(found, name) for name in names} | further)
 
     def _lines(self) -> Sequence[str]:
         """Return the result in lines, the answer first."""

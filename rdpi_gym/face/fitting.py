@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rdpi_gym import identification, measurement
 from rdpi_gym.face.data import as_dataset, in_words_of
@@ -50,11 +50,6 @@ class FitResult(DisplayMixin, identification.FitResult):
     """
 
     saved_as: ClassVar[str] = "fit"
-
-    @classmethod
-    def of(cls, found: identification.FitResult) -> Self:
-        """Return the same fit as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(identification.FitResult)})
 
     def _lines(self) -> Sequence[str]:
         errors = f"{in_output(self.train_rmse_um)} rms on the records fitted"
@@ -229,11 +224,6 @@ class CoreFit(DisplayMixin, cores.CoreFit):
 
     saved_as: ClassVar[str] = "core"
 
-    @classmethod
-    def of(cls, found: cores.CoreFit) -> Self:
-        """Return the same fit as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(cores.CoreFit)})
-
     def _lines(self) -> Sequence[str]:
         core = self.plant.hysteresis
         errors = f"{in_output(self.train_rmse_um)} rms on the records fitted"
@@ -373,11 +363,6 @@ class KindChoice(DisplayMixin, kinds.KindChoice):
     """
 
     saved_as: ClassVar[str] = "kinds"
-
-    @classmethod
-    def of(cls, found: kinds.KindChoice) -> Self:
-        """Return the same choice as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(kinds.KindChoice)})
 
     @property
     def plant(self) -> PlantModel[Any]:

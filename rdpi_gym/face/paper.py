@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar
 
 import pandas as pd
 
@@ -28,11 +28,6 @@ class PaperResults(DisplayMixin, paper.PaperResults):
 
     saved_as: ClassVar[str] = "paper"
     figure_inches: ClassVar[tuple[float, float]] = (9.0, 4.6)
-
-    @classmethod
-    def of(cls, found: paper.PaperResults) -> Self:
-        """Return the same results as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(paper.PaperResults)})
 
     def _lines(self) -> Sequence[str]:
         smallest = min(TABLE_TS_S)

@@ -7,6 +7,7 @@ import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.laboratory import data_import
+from tests.looping import over
 
 
 def csv(slope=8.0, bad=None, still=False):
@@ -24,16 +25,21 @@ def folder(tmp_path):
     return made
 
 
-@pytest.mark.parametrize(
-    ("sent", "kept"),
-    [("../../etc/run.csv", "run.csv"), ("C:\\lab\\run 1.MAT", "run 1.MAT"), (".run.npz", "run.npz"),
-     ("a\x00b\n.csv", "ab.csv"), ("dataset.toml", "dataset.toml")],
-)  # fmt: skip
+@over(
+    "sent, kept",
+    [
+        ("../../etc/run.csv", "run.csv"),
+        ("C:\\lab\\run 1.MAT", "run 1.MAT"),
+        (".run.npz", "run.npz"),
+        ("a\x00b\n.csv", "ab.csv"),
+        ("dataset.toml", "dataset.toml"),
+    ],
+)
 def test_of_a_name_that_is_sent_a_plain_one_is_left(sent, kept):
     assert data_import.safe_name(sent) == kept
 
 
-@pytest.mark.parametrize("sent", ["", "run", "run.csv/", "report.pdf", "x.csv.exe"])
+@over("sent", ["", "run", "run.csv/", "report.pdf", "x.csv.exe"])
 def test_what_is_no_data_file_is_refused_in_a_line(sent):
     with pytest.raises(rg.InputError, match=r"are not read; give \.csv, "):
         data_import.safe_name(sent)
@@ -104,19 +110,21 @@ def test_settings_of_the_page_are_those_of_dataset_toml(folder):
     assert said["records"]["run"] == {"skip_s": 0.2, "role": "test", "units": {"y": "nm"}}
 
 
-@pytest.mark.parametrize(
-    ("changes", "line"),
-    [({"records": {"rum": {}}}, "[records]: 'rum' is unknown (did you mean 'run'?)"),
-     ({"records": {"run": {"role": "judge"}}}, "role = 'judge'; give train, validation, test"),
-     ({"records": {"run": {"colour": 1}}}, "[records.run]: 'colour' is unknown (did you mean"),
-     ({"records": {"run": {"units": {"t": "fortnights"}}}}, "unit 'fortnights' of t is unknown"),
-     ({"records": {"run": {"columns": {"u": 1, "y": 1}}}}, "u and y both name column 1"),
-     ({"records": {"run": {"columns": {"u": "a\x7f"}}}}, "not TOML"),
-     ({"records": {"run": {"separator": ";"}}}, "separator = ';'; give comma, semicolon"),
-     ({"records": {"run": {"ts_s": -1}}}, "ts_s = -1; give seconds above 0"),
-     ({"records": [1]}, "records is [1]; give an object"),
-     ({"colour": 1}, "'colour' is unknown; give records")],
-)  # fmt: skip
+@over(
+    "changes, line",
+    [
+        ({"records": {"rum": {}}}, "[records]: 'rum' is unknown (did you mean 'run'?)"),
+        ({"records": {"run": {"role": "judge"}}}, "role = 'judge'; give train, validation, test"),
+        ({"records": {"run": {"colour": 1}}}, "[records.run]: 'colour' is unknown (did you mean"),
+        ({"records": {"run": {"units": {"t": "fortnights"}}}}, "unit 'fortnights' of t is unknown"),
+        ({"records": {"run": {"columns": {"u": 1, "y": 1}}}}, "u and y both name column 1"),
+        ({"records": {"run": {"columns": {"u": "a\x7f"}}}}, "not TOML"),
+        ({"records": {"run": {"separator": ";"}}}, "separator = ';'; give comma, semicolon"),
+        ({"records": {"run": {"ts_s": -1}}}, "ts_s = -1; give seconds above 0"),
+        ({"records": [1]}, "records is [1]; give an object"),
+        ({"colour": 1}, "'colour' is unknown; give records"),
+    ],
+)
 def test_a_setting_that_there_is_not_is_refused_and_nothing_written(folder, changes, line):
     with pytest.raises(rg.InputError) as refused:
         data_import.write_settings(folder, changes, ["run"])

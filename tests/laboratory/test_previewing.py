@@ -10,6 +10,7 @@ import rdpi_gym as rg
 from rdpi_gym.laboratory import data_import
 from rdpi_gym.laboratory.data_import import Column, Head, guess_columns, preview
 from rdpi_gym.laboratory.session import Session
+from tests.looping import over
 
 HEADER = "Time [ms];Amplifier input [mV];Position [nm]"
 
@@ -50,16 +51,23 @@ def apply(session, shown):
     return data_import.read(session.data_folder).data
 
 
-@pytest.mark.parametrize(
-    ("names", "found"),
-    [("t u y", "t u y"), ("y t u", "t u y"), ("Zeit Spannung Weg", "Zeit Spannung Weg"),
-     ("time_s,v_V,x_um", "time_s v_V x_um"), ("TimeStamp,SensorOutput,DriveVoltage", "TimeStamp DriveVoltage SensorOutput"),
-     ("Position (µm),Command (V),Time (s)", "Time (s)|Command (V)|Position (µm)"),
-     ("time,position command [um],position [um],voltage [V]", "time|voltage [V]|position [um]"),
-     ("Sensor output [V],Drive voltage [V],ms", "|Drive voltage [V]|Sensor output [V]"),
-     ("a,b,c", "a b c"), ("channel 1,channel 2", "|channel 1|channel 2"),
-     ("t,u", "t u u"), ("index,voltage,displacement", "|voltage|displacement")],
-)  # fmt: skip
+@over(
+    "names, found",
+    [
+        ("t u y", "t u y"),
+        ("y t u", "t u y"),
+        ("Zeit Spannung Weg", "Zeit Spannung Weg"),
+        ("time_s,v_V,x_um", "time_s v_V x_um"),
+        ("TimeStamp,SensorOutput,DriveVoltage", "TimeStamp DriveVoltage SensorOutput"),
+        ("Position (µm),Command (V),Time (s)", "Time (s)|Command (V)|Position (µm)"),
+        ("time,position command [um],position [um],voltage [V]", "time|voltage [V]|position [um]"),
+        ("Sensor output [V],Drive voltage [V],ms", "|Drive voltage [V]|Sensor output [V]"),
+        ("a,b,c", "a b c"),
+        ("channel 1,channel 2", "|channel 1|channel 2"),
+        ("t,u", "t u u"),
+        ("index,voltage,displacement", "|voltage|displacement"),
+    ],
+)
 def test_columns_are_guessed_by_words_then_units_then_order(names, found):
     columns = [Column(name, name) for name in names.split("," if "," in names else " ")]
     guessed = guess_columns(Head(columns, [["0"], ["1"]]), {})

@@ -10,31 +10,13 @@ from tests.looping import over
 BASE, AFTER = Errors(0.3, 0.4, 2.0, {}), Errors(0.1, 0.2, 1.0, {})
 CREEP = Candidate("creep", AFTER, {}, {}, 0.9, 0.5, (), "the holds creep")
 FOUND = SearchResult(
-    kind="discovery",
-    title="",
-    plant=P5,
-    steps=(Step((CREEP,)),),
-    rounds=((CREEP,),),
-    removed=(),
-    noise_floor_um=0.1,
-    noise_origin="noise floor 0.1 µm rms, from a quiet record",
-    numerical_floor_um=0.0,
-    base=BASE,
-    final=AFTER,
-    given=None,
-    verdict="unexplained",
-    sampling=None,
-    undecided=None,
-    unexplained_rmse_um=0.17,
-    remainder="What is left follows from the input.",
-    next_experiment="Record steps.",
-    indistinguishable=(),
-    findings=(),
-    limits=(),
-    checks=(),
-    views=(),
-    seconds=1.0,
-)
+    kind="discovery", title="", plant=P5, steps=(Step((CREEP,)),), rounds=((CREEP,),), removed=(),
+    noise_floor_um=0.1, noise_origin="noise floor 0.1 µm rms, from a quiet record",
+    numerical_floor_um=0.0, base=BASE, final=AFTER, given=None, verdict="unexplained",
+    sampling=None, undecided=None, unexplained_rmse_um=0.17,
+    remainder="What is left follows from the input.", next_experiment="Record steps.",
+    indistinguishable=(), findings=(), limits=(), checks=(), views=(), seconds=1.0,
+)  # fmt: skip
 
 
 def test_errors_step_by_step():

@@ -11,6 +11,7 @@ import pytest
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.files import open_regular, parse_json, read_bytes, read_json, read_utf8
+from tests.looping import over
 
 
 def line_of(call, *arguments) -> str:
@@ -85,8 +86,8 @@ def test_text_that_is_no_utf8(tmp_path) -> None:
     assert "byte 3" in line_of(read_utf8, tmp_path / "a", 100)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
+@over(
+    "text, said",
     [
         ("[" * 100_000, "nested deeper than 50 levels"),
         ("[" * 60 + "]" * 60, "nested deeper than 50 levels"),
@@ -106,9 +107,7 @@ def test_json_that_is_refused(text, said) -> None:
     assert said in line_of(parse_json, text, "a.json")
 
 
-@pytest.mark.parametrize(
-    "value", [2**63 - 1, -(2**63), 1.5e308, "two\nlines of µ", [[[{"a": None}]]], True]
-)
+@over("value", [2**63 - 1, -(2**63), 1.5e308, "two\nlines of µ", [[[{"a": None}]]], True])
 def test_json_that_is_read(value) -> None:
     assert parse_json(json.dumps(value), "a.json") == value
 
