@@ -497,7 +497,7 @@ def signal(stack: ExitStack) -> Reader:
 def result(stack: ExitStack) -> Reader:
     """Saved results of every kind, one of each made of its annotations."""
     import rdpi_gym as rg
-    from rdpi_gym.face.saving import _kinds
+    from rdpi_gym.face.results import _kinds
 
     found = []
     with tempfile.TemporaryDirectory() as name:
