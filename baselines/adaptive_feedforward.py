@@ -36,7 +36,7 @@ def spline_weights(order: int) -> Array:
 
 
 SPLINE = spline_weights(4)
-"""Of a cubic: value and three derivatives from five samples."""
+"""Weights of five samples for the value and three derivatives of a cubic."""
 HALF = 2
 PLAYS = (0.03, 0.08, 0.15, 0.25, 0.4, 0.55, 0.75, 1.0)
 """Thresholds of the plays that make up for wrong weights, as shares of the scale."""
@@ -52,7 +52,7 @@ of the scale."""
 MOST = 0.5
 """Largest correction as share of the scale."""
 ROUNDING = 1e-5
-"""Of the command range: observations are float32."""
+"""Margin, as share of the command range: observations are float32."""
 
 
 class AdaptiveFeedforward(Tunable):
@@ -239,7 +239,7 @@ class AdaptiveFeedforward(Tunable):
         return free
 
     def _static(self, smooth_um: Array, state: Array) -> Array:
-        """What of φ has no derivatives, at the time of the correction; kept until y gets there."""
+        """Part of φ without derivatives, at the time of the correction; kept until y gets there."""
         plays, slow = self.rows.of(state, "plays"), self.rows.of(state, "slow")
         static: Array = _features(
             smooth_um, plays, slow, self.thresholds_um, self.slow,

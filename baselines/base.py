@@ -1,4 +1,4 @@
-"""What the controllers of this package share: a belief, a layout, a memory, and ``predict``."""
+"""Base of the controllers of this package: a belief, a layout, a memory, and ``predict``."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ class Hybrid(Tunable):
 
     @cached_property
     def certified(self) -> Certificate:
-        """What is certain of the feedback, by the belief, were it on all the time."""
+        """Certificate of the feedback on its belief, were it on all the time."""
         ts = self.layout.ts_s
         path = belief_path(self.belief, ts)
         low = sampled([1.0], [1.0 / (2.0 * math.pi * self._cutoff_hz), 1.0], ts)

@@ -137,13 +137,13 @@ class IterativeLearning(Tunable, Planned):
         self._wanted = self._best + self._gain * self._step
 
     def _first(self, reference_um: Array) -> Array:
-        """What the belief says of the first pass."""
+        """Return the first pass by the belief."""
         values, *derivatives = _derivatives(reference_um)
         wanted = values + np.einsum("f,fkb->kb", self._prior, np.array(derivatives))
         return _earlier(wanted, self._lead)
 
     def _update(self, error_um: Array, measured_um: Array) -> Array:
-        """What is to be added to w for an error, by the inverse model that fits this pass."""
+        """Return the correction of w for an error, by the inverse model that fits this pass."""
         smooth, *rates = _derivatives(measured_um)
         entered = _later(_derivatives(self._wanted)[0], self._lead)
         shown = np.array([*rates, smooth, entered])

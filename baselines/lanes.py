@@ -59,18 +59,6 @@ def limit_block(u: Array, last: Array, low: float, high: float, step: float) -> 
 class Rows:
     """Named blocks of rows of a memory ``float64[S, B]``.
 
-    Parameters
-    ----------
-    counts
-        Number of rows of each block, in their order.
-
-    Attributes
-    ----------
-    total : int
-        Number of rows S.
-    names : tuple of str
-        Of the blocks, in their order.
-
     Examples
     --------
     >>> import numpy as np

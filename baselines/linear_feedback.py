@@ -162,7 +162,7 @@ class LinearFeedback(Tunable):
 
     @cached_property
     def certified(self) -> Certificate:
-        """What is certain of the loop on its belief; see :mod:`baselines.loops.certificates`."""
+        """Certificate of the loop on its belief; see :mod:`baselines.loops.certificates`."""
         core = self.belief.hysteresis
         return certify(self.open_loops, self.z, (core.a0 / core.A, core.A / core.a0))
 

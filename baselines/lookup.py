@@ -12,7 +12,7 @@ from rdpi_gym.support.plugins import installed, installed_names, load_attribute
 from rdpi_gym.support.words import guess
 
 LEARNED = "learned:"
-"""What the name of a trained policy begins with; its folder, or its name if it is shipped, follows."""
+"""Prefix of the name of a trained policy; its folder, or its name if it is shipped, follows."""
 GUARDED = "guarded:"
 """The same with a monitor beside it, which hands over to a controller with a certificate."""
 
@@ -121,8 +121,8 @@ def _learned(name: str, belief: PlantModel, layout: ObservationLayout) -> Contro
         from baselines.learned.controller import (  # torch, only where needed
             controller_of,
             find_learned,
+            guarded,
         )
-        from baselines.learned.guard import guarded
     except ImportError as error:
         raise InputError(
             f"a learned controller needs torch ({error}); install rdpi-gym[rl]"

@@ -21,7 +21,7 @@ from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 
 MODE_FACTORS = (0.6, 0.8, 1.2, 1.4)
-"""Of the believed frequency of a mode: where the certificate asks for stability."""
+"""Factors on the believed frequency of a mode at which the certificate asks for stability."""
 MOST_GAIN = 0.9
 """Largest loop gain that is left to modes elsewhere than believed."""
 
@@ -87,7 +87,7 @@ class ModelPredictive(Tunable):
 
     @property
     def needed_preview(self) -> int:
-        """What slow signals are late by, and three samples."""
+        """Delay of slow signals, and three samples."""
         return self.wanted_preview
 
     def warning(self) -> str | None:

@@ -210,7 +210,7 @@ class PI(Baseline):
 
     @cached_property
     def certified(self) -> Certificate:
-        """What is certain of the loop on its belief; see :mod:`baselines.loops.certificates`."""
+        """Certificate of the loop on its belief; see :mod:`baselines.loops.certificates`."""
         loops, _, z, _ = self._loops
         lowest = self.belief.hysteresis.a0 / self.belief.hysteresis.A
         return certify(loops, z, (lowest, 1.0), steady=(lowest, 1.0))

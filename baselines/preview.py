@@ -140,7 +140,7 @@ def _learn(
 
 
 FULL_PREVIEW = "full-preview-inversion"
-"""What tables call :class:`FullPreviewInversion`."""
+"""Name of :class:`FullPreviewInversion` in tables."""
 
 # Share of the scale below which an error is that of actions, which are float32.
 _ENOUGH = 1e-7

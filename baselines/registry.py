@@ -44,7 +44,7 @@ class Feedforwards(Mapping[str, type[Feedforward]]):
 
 
 class Controllers(Mapping[str, BaselineFactory]):
-    """What makes each controller of this package, by name, called with (belief, layout).
+    """Factories of the controllers of this package by name, called with (belief, layout).
 
     Every class in a file of this folder that states a ``name``, and ``<name>-<feedforward>`` for
     those that are made on feedforwards.

@@ -1,4 +1,4 @@
-"""What generated code costs on a microcontroller: bytes, instructions of a step, distance from Python.
+"""Cost of generated code on a microcontroller: bytes, instructions of a step, distance from Python.
 
     python -m studies.firmware_cost
 
@@ -35,7 +35,7 @@ from studies.runner import Files, Study
 RESULTS = Path(__file__).parent / "results"
 TS_S = 5e-5
 ASKED = {"code_bytes": 4096, "state_bytes": 512, "most_instructions": 1500}
-"""What a compensator of ten plays in float on the M4F has to stay below."""
+"""Limits of a compensator of ten plays in float on the M4F."""
 _CONTROLLERS = (
     "none", "classical-reference-rate", "classical-low-passed", "inversion-free-reference-rate",
     "static-inverse-multiplicative", "pi", "pi-classical-reference-rate", "core-inverse",

@@ -35,7 +35,7 @@ from studies.runner import Files, Study
 RESULTS = Path(__file__).parent / "results"
 TS_S = 5e-5
 ASKED_NS = 150
-"""What ten plays with PI may take a step."""
+"""Longest step of ten plays with PI."""
 CONTROLLERS = (
     "classical-reference-rate", "inversion-free-reference-rate", "pi", "pi-classical-reference-rate",
     "lqg-preview", "adaptive-feedforward",

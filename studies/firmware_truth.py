@@ -38,14 +38,14 @@ RESULTS = Path(__file__).parent / "results"
 TS_S = 1e-4
 SAMPLES = 1000
 _LONGER = 100
-"""How many times as long the records of a plant are, and how many times as few."""
+"""Factor by which the records of a plant are longer, and fewer."""
 _SCALE = DataScale(0.0, 40.0, 40.0, 2e4, TS_S, 1.0)
 _POLICIES = ("ppo-increment", "imitation-stage")
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is exported."""
+    """One export."""
 
     group: str  # ``controller``, ``effect`` or ``core``
     name: str  # of it

@@ -19,13 +19,6 @@ Response = NDArray[np.complex128]
 class LinearSystem:
     """x(k+1) = A x(k) + b u(k), y(k) = c x(k) + d u(k).
 
-    Parameters
-    ----------
-    a, b, c
-        ``(n, n)``, ``(n,)``, ``(n,)``.
-    d
-        What the output has of the input at once.
-
     Examples
     --------
     >>> integrator = LinearSystem(np.eye(1), np.ones(1), np.ones(1), 0.0)

@@ -40,7 +40,7 @@ from rdpi_gym.support.errors import InputError
 Integer: TypeAlias = Literal["int32_t", "uint32_t", "int64_t"]
 
 TOLERANCE = 1e-6
-"""How far (fraction of the command range) the codes may be from the controller in double."""
+"""Largest difference (fraction of the command range) of the codes from the controller in double."""
 _ONE = 2**31
 _LARGEST = _ONE - 1
 # Bits of a sum of coefficients, after the integer's fraction of an accumulator, and of a rate.
@@ -121,24 +121,10 @@ class FixedPoint:
     step: str
     notes: Sequence[str] = field(default_factory=tuple)
 
-    @property
-    def tolerance(self) -> int:
-        """How many codes a command may be from that of the controller in double, :data:`TOLERANCE`."""
-        return math.ceil(TOLERANCE * (self.high - self.low))
-
     def displacement_codes(self, displacement_um: ArrayLike) -> NDArray[np.int32]:
         """Return the codes of displacements (µm), of the same shape; beyond the scale its ends."""
         fraction = (np.asarray(displacement_um) - self.centre_um) / self.displacement_scale_um
         return _codes(fraction)
-
-    def command_codes(self, command_V: ArrayLike) -> NDArray[np.int32]:
-        """Return the codes of commands (V), of the same shape; beyond the scale its ends."""
-        return _codes(np.asarray(command_V) / self.voltage_scale_V)
-
-    def displacements_um(self, codes: ArrayLike) -> Array:
-        """Return displacements (µm) from their codes, of the same shape."""
-        place = np.asarray(codes, dtype=np.float64) / _ONE
-        return np.asarray(self.centre_um + self.displacement_scale_um * place)
 
     def commands_V(self, codes: ArrayLike) -> Array:
         """Return commands (V) from their codes, of the same shape."""

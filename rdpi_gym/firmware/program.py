@@ -1,4 +1,4 @@
-"""What a piece of generated code is made of, before it is written: memory, tables, C text, its twin."""
+"""Parts of generated code before it is written: memory, tables, C text, a twin in Python; and values in C."""
 
 from __future__ import annotations
 
@@ -121,11 +121,6 @@ class Program:
     exact: bool = True
     inexact_because: str = ""
     notes: Sequence[str] = field(default_factory=tuple)
-
-    @property
-    def memory_numbers(self) -> int:
-        """How many numbers it remembers."""
-        return int(np.sum([len(part.rest) for part in self.memory], dtype=int))
 
 
 _LARGEST_FLOAT, _SMALLEST_FLOAT = 3e38, 1.2e-38

@@ -1,4 +1,4 @@
-"""What a piece of generated code costs on a board: bytes, instructions of a step, distance from Python."""
+"""Cost of generated code on a board: bytes, instructions of a step, distance from Python."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ENTRY = {
 
 @dataclass(frozen=True)
 class Cost:
-    """What one of them costs."""
+    """Cost of one piece of code."""
 
     # of the object; what it calls of the compiler's library comes on top in `linked_bytes`
     code_bytes: int

@@ -17,6 +17,7 @@ from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import P5, P10, RDPI, Plant, PlantModel
 from rdpi_gym.support.errors import InputError
 from tests.baselines.playing import play, rms
+from tests.looping import over
 
 TS = 1e-3  # every literal loop is stable here, so traces are reproducible
 OFFSET = PlantModel(
@@ -43,7 +44,7 @@ def references(layout, samples=150, lanes=3):
     return np.float64(shown) * layout.scale_um + layout.centre_um
 
 
-@pytest.mark.parametrize("belief", [P10, OFFSET], ids=["P10", "offset"])
+@over("belief", [P10, OFFSET])
 def test_samples_and_blocks_agree(belief):
     layout = ObservationLayout.for_plant(belief, TS)
     r = references(layout)

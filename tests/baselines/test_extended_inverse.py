@@ -15,6 +15,7 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import Sine
 from rdpi_gym.support.errors import InputError
 from tests.baselines.playing import play, rms
+from tests.looping import over
 
 TS = 5e-5
 BARE = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))
@@ -186,7 +187,7 @@ def test_several_effects_at_once():
     assert bare / known > 30.0
 
 
-@pytest.mark.parametrize("preview", [1, 4, 40])
+@over("preview", [1, 4, 40])
 def test_samples_and_blocks_agree_and_splitting_changes_nothing(preview):
     layout = ObservationLayout.for_plant(MIXED, TS, preview=preview)
     r = np.concatenate([sine(hz, periods=hz / 25.0)[0][:1200] for hz in (50.0, 100.0)], axis=1)

@@ -23,6 +23,7 @@ from rdpi_gym.plant import P5, P10, Plant
 from rdpi_gym.signals import make_signal
 from rdpi_gym.support.errors import InputError
 from tests.baselines.playing import play
+from tests.looping import over
 
 
 def band_limited(model, hz=800.0):
@@ -78,9 +79,9 @@ def tracked(controller, truths, r):
     return np.sqrt(np.mean(play(controller, truths, r).errors_um ** 2, axis=0))
 
 
-@pytest.mark.parametrize("ts_s", [5e-5, 1e-3])
-@pytest.mark.parametrize("model", [P5, P10], ids=["P5", "P10"])
-@pytest.mark.parametrize("spread", [0.0, 0.05])
+@over("ts_s", [5e-5, 1e-3])
+@over("model", [P5, P10])
+@over("spread", [0.0, 0.05])
 def test_full_preview_is_a_bound_whatever_the_true_plant(model, ts_s, spread):
     plant = band_limited(model)
     layout = ObservationLayout.for_plant(plant, ts_s)
@@ -117,7 +118,7 @@ def test_full_preview_is_made_by_no_name_and_asks_for_a_plant_a_lane():
         FullPreviewInversion([P5, P5], layout).plan(np.zeros((10, 3)))
 
 
-@pytest.mark.parametrize("ts_s", [2e-5, 2e-4, 5e-3])
+@over("ts_s", [2e-5, 2e-4, 5e-3])
 def test_never_worse_than_a_stable_feedforward_on_its_belief(ts_s):
     """Steps and a reference out of reach included; literal, band-limited and static belief."""
     for model in (P5, band_limited(P10), P10.with_hysteresis(P10.hysteresis.static())):

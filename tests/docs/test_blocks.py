@@ -262,7 +262,7 @@ def test_commands_that_a_page_shows_or_mentions_exist(page):
     for line in commands(page):
         words = shlex.split(line)
         if words[:1] == ["rdpi"] and words[1:2] and words[1] in known:
-            group.get_command(context, words[1]).make_context(words[1], words[2:], parent=context)
+            understood(group, context, words[1:])
         if words[:2] == ["python", "-m"]:
             assert runnable(words[2]), line
     text = page.read_text(encoding="utf-8")
@@ -270,6 +270,14 @@ def test_commands_that_a_page_shows_or_mentions_exist(page):
         assert name in known, f"rdpi {name}"
     for module in re.findall(r"python -m ([\w.]+)", text):
         assert runnable(module.rstrip(".")), f"python -m {module}"
+
+
+def understood(group, context, words):
+    """Parse a command, and the command inside it where it is a group."""
+    name, *rest = words
+    made = group.get_command(context, name).make_context(name, rest, parent=context)
+    if isinstance(made.command, typer.core.TyperGroup) and rest:
+        understood(made.command, made, rest)
 
 
 def runnable(module):

@@ -5,9 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 
-from rdpi_gym.cli import app
 from rdpi_gym.measurement import DATA_HINT, DataOptions, load, measured_data
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
@@ -42,11 +40,6 @@ def as_pattern(line):
     return "(.+)".join(re.escape(part) for part in re.split(r"\{\{.*?\}\}", line))
 
 
-def commands():
-    lines = [line for path in TEMPLATES.values() for line in path.read_text("utf-8").splitlines()]
-    return sorted({line for line in lines if line.startswith(f"{PROMPT}rdpi ")})
-
-
 @over("name", list(TEMPLATES))
 def test_page_is_made_from_its_template(name):
     template = prose_and_commands(TEMPLATES[name].read_text(encoding="utf-8"))
@@ -65,15 +58,6 @@ def test_every_command_of_a_page_has_printed_something(name):
             assert said.strip() or "make_data" in block
     assert "/tmp" not in page
     assert "Traceback" not in page
-
-
-@over("command", commands())
-def test_every_command_is_understood(command):
-    _, _, name, *words = command.split()
-    group = typer.main.get_command(app)
-    context = group.make_context("rdpi", [name], resilient_parsing=True)
-    parsed = group.get_command(context, name).make_context(name, words, parent=context)
-    assert parsed.params
 
 
 def test_pictures_exist_are_small_and_none_is_left_over():

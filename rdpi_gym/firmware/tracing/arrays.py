@@ -88,11 +88,6 @@ class Library(NamedTuple):
 class Tables:
     """Constant arrays of the generated code, each once.
 
-    Parameters
-    ----------
-    names
-        Arrays that have a name, with it.
-
     Examples
     --------
     >>> tables = Tables([("_rest_V", np.array([1.0, 2.0]))])
@@ -184,13 +179,7 @@ class Recording:
 
 
 class Store:
-    """Numbers in C that arrays are views of: a local variable, or else a field of the memory.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The local variable, if it is one.
-    """
+    """Numbers in C that arrays are views of: a local variable, or else a field of the memory."""
 
     writable: ClassVar[bool] = True
 
@@ -264,13 +253,6 @@ class Inputs(Store):
 class Traced(np.lib.mixins.NDArrayOperatorsMixin):
     r"""An array whose numbers are known only as the code runs; a view of a :class:`Store`.
 
-    Parameters
-    ----------
-    store
-        Where its elements lie.
-    places
-        Which of them, in the array's shape.
-
     Examples
     --------
     >>> from rdpi_gym.firmware.tracing.statements import lines
@@ -293,12 +275,12 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
 
     @property
     def recording(self) -> Recording:
-        """Where it writes."""
+        """Its recording."""
         return self.store.recording
 
     @property
     def kind(self) -> Kind:
-        """Of its elements."""
+        """Kind of its elements."""
         return self.store.kind
 
     @property
@@ -418,7 +400,7 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
 
     @property
     def is_dense(self) -> bool:
-        """Whether its elements lie one behind the other in their order, in what can be pointed at."""
+        """Whether its elements are contiguous in their order, in a store that can be pointed at."""
         dense = _counted((self.size,)) + self._first
         return self.store.writable and np.array_equal(self.places.ravel(), dense)
 
@@ -543,7 +525,7 @@ def _loop(
     if out.size == 0:
         return
     if not out.store.writable:
-        raise InputError(f"{here()} writes into what it is shown")
+        raise InputError(f"{here()} writes into its inputs")
     recording, tape = out.recording, out.recording.tape
     writes, keeps = out.store.names, not out.store.names
     reads = [_read(each, recording, cast) for each in operands]
