@@ -13,11 +13,7 @@ import numpy as np
 import pandas as pd
 
 from rdpi_gym.diagnosis.notices import Statement
-<<<<<<< HEAD
 from rdpi_gym.diagnosis.texts import AS_WRITTEN
-=======
-from rdpi_gym.diagnosis.texts import TEXTS
->>>>>>> 473a1aa94503a0b5ad8451f5035c49fe8386ecb4
 from rdpi_gym.measurement.record import Record
 from rdpi_gym.plant import P5, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
@@ -37,11 +33,7 @@ def _made() -> dict[Any, Any]:
     return {
         str: "a", int: 3, float: 0.5, bool: False, NoneType: None, Any: 0.5, object: "a", type: float,
         PlantModel: P5, Effect: creep, Record: RECORD,
-<<<<<<< HEAD
         Statement: Statement(AS_WRITTEN, {"text": alike, "number": float("inf")}),
-=======
-        Statement: Statement(next(code for code, text in TEXTS.items() if "{" not in text)),
->>>>>>> 473a1aa94503a0b5ad8451f5035c49fe8386ecb4
         type(P5.hysteresis): P5.hysteresis, Truth: Truth(P5, (creep,), noise_um=0.01, seed=3),
     }  # fmt: skip
 
