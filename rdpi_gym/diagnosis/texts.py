@@ -462,7 +462,7 @@ COMPARISON: Mapping[str, str] = {
     "noise/rough": "the part of the residual that changes from sample to sample",
     "noise/coloured": "the part of the residual that changes from sample to sample (times {colour:.2g}: "
     "the noise is slower than white)",
-    "remark": "{text}",
+    "as written": "{text}",
     "left out/remark": "{record}: {remark}",
     "left out/quiet": "{record}: constant {input}, no part of the comparison",
     "left out/reversals": "{count} of {whole} samples lie before the first or after the last reversal of "
@@ -809,9 +809,5 @@ PORTRAIT: Mapping[str, str] = {
 }
 """Portrait of an effect that the catalogue does not have."""
 
-AS_WRITTEN = "as written"
-"""Code of a sentence that a file holds, its value ``text``."""
-TEXTS: Mapping[str, str] = {
-    **CHECKS, **ADVICE, **COMPARISON, **RECORDS, **SEARCH, **PORTRAIT, AS_WRITTEN: "{text}",
-}  # fmt: skip
+TEXTS: Mapping[str, str] = {**CHECKS, **ADVICE, **COMPARISON, **RECORDS, **SEARCH, **PORTRAIT}
 """Every text of a statement."""

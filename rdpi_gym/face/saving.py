@@ -16,17 +16,14 @@ from typing import Any, TypeVar, get_args, get_origin
 import cattrs
 import numpy as np
 import pandas as pd
-from cattrs.gen import make_dict_structure_fn
 from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.checks import Check
-from rdpi_gym.diagnosis.notices import Statement
 from rdpi_gym.diagnosis.preprocessing.finding import Finding
-from rdpi_gym.diagnosis.texts import AS_WRITTEN
-from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, effect_from_dict
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.files import exists, parse_json, write_atomic
 from rdpi_gym.support.npz import Npz, open_npz
 from rdpi_gym.support.words import quoted, some
@@ -157,7 +154,9 @@ def _writer(arrays: dict[str, NDArray[Any]]) -> cattrs.Converter:
     converter.register_unstructure_hook(pd.DataFrame, keep_table)
     converter.register_unstructure_hook_func(_is_plant, lambda plant: plant.to_dict())
     converter.register_unstructure_hook(Effect, lambda effect: effect.to_dict())
-    converter.register_unstructure_hook(Statement, _statement_document)
+    # their sentences, in the words of this release
+    for kind in (Check, Finding):
+        converter.register_unstructure_hook(kind, kind.to_dict)
     # a user's own code is not saved
     converter.register_unstructure_hook_func(_is_classes, lambda classes: None)
     converter.register_unstructure_hook_func(_is_functions, lambda functions: None)
@@ -198,85 +197,17 @@ def _reader(archive: Npz) -> cattrs.Converter:
     converter.register_structure_hook(
         Effect, lambda document, _: effect_from_dict(CATALOGUE, document, "effect")
     )
-    converter.register_structure_hook(Statement, lambda document, _: _statement(document))
     converter.register_structure_hook(
-        Statement | str,
-        lambda found, _: found if isinstance(found, str) else _statement(found),
+        Check, lambda document, _: Check.from_fields(Fields(document, "check"))
     )
-    for kind, present in _SENTENCES.items():
-        converter.register_structure_hook(kind, _reader_of_sentences(converter, kind, present))
+    converter.register_structure_hook(
+        Finding, lambda document, _: Finding.from_fields(Fields(document, "finding"))
+    )
     converter.register_structure_hook_func(_is_classes, lambda nothing, _: ())
     converter.register_structure_hook_func(_is_functions, lambda nothing, _: {})
     for kind in (str, int, float, bool):
         converter.register_structure_hook(kind, _exactly)
     return converter
-
-
-def _statement_document(value: Any) -> Any:
-    """Return a statement, or one of its values, as JSON has it."""
-    if isinstance(value, Statement):
-        values = {name: _statement_document(each) for name, each in value.values.items()}
-        return {"code": value.code, "values": values}
-    if isinstance(value, list | tuple):
-        listed = [_statement_document(each) for each in value]
-        return listed if isinstance(value, list) else {"tuple": listed}
-    value = value.item() if isinstance(value, np.generic) else value
-    is_wide = isinstance(value, float) and not math.isfinite(value)
-    return {"number": str(value)} if is_wide else value
-
-
-def _statement(document: Any) -> Statement:
-    """Build a statement that can be written: every value that its text asks for is there."""
-
-    def value_of(value: Any) -> object:
-        if isinstance(value, list):
-            return list(map(value_of, value))
-        if not isinstance(value, dict):
-            return value
-        if "code" in value:
-            return _statement(value)
-        if "tuple" in value:
-            return tuple(map(value_of, value["tuple"]))
-        return float(value["number"])
-
-    values = {name: value_of(value) for name, value in document["values"].items()}
-    found = Statement(_exactly(document["code"], str), values)
-    text_of(found)
-    return found
-
-
-def _check_of_sentences(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a check of a file that holds its sentences."""
-    found, advice = (
-        {"code": AS_WRITTEN, "values": {"text": text}} if text else None
-        for text in (document["sentence"], document.get("next_step"))
-    )
-    kept = {name: document[name] for name in ("name", "value", "threshold", "zone", "suggests")}
-    return {**kept, "base_unit": document["unit"], "found": found, "advice": advice}
-
-
-def _finding_of_sentences(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a finding of a file that holds its sentences."""
-    kept = {name: document[name] for name in ("kind", "record", "samples", "advice")}
-    return {**kept, "text": document["sentence"], "step": document["next_step"]}
-
-
-_SENTENCES: dict[type, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
-    Check: _check_of_sentences,
-    Finding: _finding_of_sentences,
-}
-"""Objects of earlier releases, which hold sentences, turned into those of this one."""
-
-
-def _reader_of_sentences(
-    converter: cattrs.Converter, kind: type, present: Callable[[Mapping[str, Any]], dict[str, Any]]
-) -> Callable[[Any, Any], Any]:
-    structure: Callable[[Any, Any], Any] = make_dict_structure_fn(
-        kind, converter, _cattrs_forbid_extra_keys=True, _cattrs_detailed_validation=False
-    )
-    return lambda document, _: structure(
-        present(document) if "sentence" in document else document, kind
-    )
 
 
 def _is_plant(hint: Any) -> bool:

@@ -194,27 +194,28 @@ def test_flipped_bits_give_a_result_or_one_line(saved):
     assert len(said) > 100  # of an archive every member has a check sum
 
 
-def test_checks_and_findings_of_a_file_that_holds_their_sentences_are_read(
+def test_checks_and_findings_are_saved_as_the_sentences_of_their_release(
     comparison, found, tmp_path
 ):
-    path = comparison.save(tmp_path / "comparison.npz")
-    document, arrays = document_of(path)
-    document["result"]["checks"] = [check.to_dict() for check in comparison.checks]
-    old = rg.load_result(write(path, document, arrays))
-    assert [check.to_dict() for check in old.checks] == [c.to_dict() for c in comparison.checks]
-    assert repr(old) == repr(comparison)
-    path = found.save(tmp_path / "found.npz")
-    document, arrays = document_of(path)
-    document["result"]["findings"] = [finding.to_dict() for finding in found.findings]
-    old = rg.load_result(write(path, document, arrays))
-    assert [f.to_dict() for f in old.findings] == [f.to_dict() for f in found.findings]
+    for result, key, kept in (
+        (comparison, "checks", {"sentence": "It creeps.", "next_step": "Wait."}),
+        (found, "findings", {"sentence": "3 stand alone.", "next_step": "Look for contacts."}),
+    ):
+        path = result.save(tmp_path / f"{key}.npz")
+        document, arrays = document_of(path)
+        written = document["result"][key]
+        assert [each.to_dict() for each in getattr(rg.load_result(path), key)] == written
+        assert repr(rg.load_result(path)) == repr(result)
+        for each in written:  # in other words
+            each |= kept
+        old = rg.load_result(write(path, document, arrays))
+        assert [each.to_dict() for each in getattr(old, key)] == written
 
 
-def test_a_statement_without_its_values_is_damage(comparison, tmp_path):
+def test_a_check_without_its_sentence_or_in_no_zone_is_damage(comparison, tmp_path):
     path = comparison.save(tmp_path / "comparison.npz")
     document, arrays = document_of(path)
-    for damage in ({"code": "none"}, {"values": {}}):
+    for damage in ({"sentence": None}, {"zone": "perhaps"}, {"value": "much"}, {"suggests": 3}):
         changed = json.loads(json.dumps(document))
-        check = next(c for c in changed["result"]["checks"] if c["found"]["values"])
-        check["found"] |= damage
-        assert "damaged" in refused(write(path, changed, arrays))
+        changed["result"]["checks"][0] |= damage
+        refused(write(path, changed, arrays))
