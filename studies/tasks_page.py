@@ -11,7 +11,7 @@ from baselines import HORIZON_BOUND
 from benchmarks.stages.draws import FEWEST_DIGITS
 from benchmarks.stages.tables import METHOD
 from rdpi_gym.envs.tasks import PUBLIC_SEED, TASKS, StageTask
-from rdpi_gym.envs.tasks.page import page_of
+from rdpi_gym.envs.tasks.environment import page_of
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import table

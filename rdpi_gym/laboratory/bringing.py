@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from rdpi_gym import face
-from rdpi_gym.measurement.encoding import read_lines
 from rdpi_gym.measurement.settings import LARGEST, parse_settings
+from rdpi_gym.measurement.text import read_lines
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import exists, open_regular, write_atomic
 from rdpi_gym.support.temporaries import temporary, writing

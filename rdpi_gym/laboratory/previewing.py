@@ -11,15 +11,12 @@ from typing import Any
 
 from rdpi_gym.laboratory import bringing
 from rdpi_gym.laboratory.session import Session
-from rdpi_gym.measurement.binary import reading
-from rdpi_gym.measurement.encoding import read_head
-from rdpi_gym.measurement.layout import SEPARATORS, is_number, split_cells
+from rdpi_gym.measurement.binary import reading, stacked_tags
 from rdpi_gym.measurement.loading import TEXTS
 from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.measurement.options import UNITS
-from rdpi_gym.measurement.stacked import stacked_tags
 from rdpi_gym.measurement.table import REQUIRED, header_unit
-from rdpi_gym.measurement.text import find_rows
+from rdpi_gym.measurement.text import SEPARATORS, find_rows, is_number, read_head, split_cells
 from rdpi_gym.measurement.units import plain_unit, split_name
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.npz import open_npz

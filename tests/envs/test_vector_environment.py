@@ -12,8 +12,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 import rdpi_gym  # noqa: F401  # registers the environments
+from rdpi_gym.envs.unit_box import UnitBoxes
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
-from rdpi_gym.envs.vector.space import UnitBoxes
 
 IDS = sorted(name for name in gym.registry if name.startswith("rdpi_gym/"))
 NATIVE = [name for name in IDS if gym.spec(name).vector_entry_point]
