@@ -98,25 +98,7 @@ def warning_of(controller: Controller) -> str | None:
 
 
 class Correction:
-    """The command that a baseline would give, sample by sample.
-
-    Parameters
-    ----------
-    name, belief
-        As :func:`~rdpi_gym.envs.controller.make_named_controller`.
-    layout
-        The environment's; the baseline reads the same observation and gives commands.
-
-    Raises
-    ------
-    InputError
-        No controller has that name.
-
-    Attributes
-    ----------
-    command_V : float
-        The baseline's u(k+1) (V), from the observation of k.
-    """
+    """The command that a baseline would give, sample by sample."""
 
     def __init__(self, name: str, belief: PlantModel, layout: ObservationLayout) -> None:
         self._layout = replace(layout, action="command")
@@ -150,20 +132,6 @@ class VectorCorrection:
 
     One baseline serves all lanes in one call. One that plans ahead keeps a plan for all of its
     episodes, which begin at different times here: so each lane has a baseline of its own.
-
-    Parameters
-    ----------
-    name, belief, layout
-        As :class:`rdpi_gym.envs.controller.Correction`.
-    lanes
-        Number of lanes B.
-
-    Attributes
-    ----------
-    commands_V : float64[B]
-        The baseline's u(k+1) (V), from the observations of k.
-    plans : bool
-        Whether the baseline plans over the samples of a reference.
     """
 
     def __init__(

@@ -24,20 +24,7 @@ from rdpi_gym.signals import Signal
 
 
 class TaskTruths(TruthSource):
-    """Draws the plant of each episode by a task's own law.
-
-    Parameters
-    ----------
-    task
-        The task.
-    **options
-        Those of :class:`~rdpi_gym.envs.truth.TruthSource`.
-
-    Attributes
-    ----------
-    later : dict
-        What the plant drawn last becomes within its episode.
-    """
+    """Draws the plant of each episode by a task's own law."""
 
     def __init__(self, task: StageTask, **options: Any) -> None:
         super().__init__(**options)

@@ -23,22 +23,7 @@ from rdpi_gym.support.errors import InputError
 
 
 class CoreLanes:
-    """The core of a plant, about which those of the lanes are drawn.
-
-    Parameters
-    ----------
-    model
-        The nominal plant.
-    ts_s
-        Sampling time (s).
-
-    Attributes
-    ----------
-    factors : int
-        Number of factors that a drawn core takes.
-    rows : tuple of int
-        Rows of its parameters and of its state.
-    """
+    """The core of a plant, about which those of the lanes are drawn."""
 
     def __init__(self, model: PlantModel, ts_s: float) -> None:
         self._nominal: Core = model.hysteresis
@@ -92,15 +77,7 @@ class CoreLanes:
 
 
 class LaneCores:
-    """The cores of lanes that begin, each made when it is first asked for.
-
-    Parameters
-    ----------
-    core
-        The nominal one.
-    factors : float64[m, K]
-        As :meth:`CoreLanes.draw` takes them.
-    """
+    """The cores of lanes that begin, each made when it is first asked for."""
 
     def __init__(self, core: Core, factors: Array) -> None:
         self._core, self._factors = core, factors
@@ -136,15 +113,7 @@ class _Watched:
 
 
 class KeptColumns:
-    """Columns of parameters at the levels of effects, each made when it is first drawn.
-
-    Parameters
-    ----------
-    counts
-        Of each effect: how many of its parameters are drawn.
-    rows : int64[E, 2]
-        First row and end of its parameters among those of all.
-    """
+    """Columns of parameters at the levels of effects, each made when it is first drawn."""
 
     def __init__(self, counts: Sequence[int], rows: Integers) -> None:
         tables = [EFFECT_LEVELS**count for count in counts]
