@@ -9,10 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from baselines.believed import ahead_by, answered, believed_inverse, hysteresis_inverse
+from baselines.core_inverse import hysteresis_inverse, inverse_command, linear_inverse, look_ahead
+from baselines.lanes import Rows, lane_products, product, shift_in
 from baselines.least_squares import ForgettingLeastSquares
-from baselines.memory import Rows, shift_in
-from baselines.products import lane_products, product
 from baselines.ringing import BAND_HZ, RingingMonitor
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -37,7 +36,7 @@ def spline_weights(order: int) -> Array:
 
 
 SPLINE = spline_weights(4)
-"""Of a cubic: value and three derivatives from five samples."""
+"""Weights of five samples for the value and three derivatives of a cubic."""
 HALF = 2
 PLAYS = (0.03, 0.08, 0.15, 0.25, 0.4, 0.55, 0.75, 1.0)
 """Thresholds of the plays that make up for wrong weights, as shares of the scale."""
@@ -53,7 +52,7 @@ of the scale."""
 MOST = 0.5
 """Largest correction as share of the scale."""
 ROUNDING = 1e-5
-"""Of the command range: observations are float32."""
+"""Margin, as share of the command range: observations are float32."""
 
 
 class AdaptiveFeedforward(Tunable):
@@ -108,10 +107,10 @@ class AdaptiveFeedforward(Tunable):
         super().__init__(belief, layout, settings)
         self.inverse = hysteresis_inverse(belief, layout)
         ts, scale = layout.ts_s, layout.scale_um
-        delay, series = believed_inverse(belief, ts)
+        delay, series = linear_inverse(belief, ts)
         self.wanted_lead = round(self.settings["lead_samples"] + delay)
         self.lead = max(1, min(self.wanted_lead, layout.preview - 1 - HALF))
-        prior = np.convolve(series, ahead_by(delay - self.lead))[1:4].tolist()
+        prior = np.convolve(series, look_ahead(delay - self.lead))[1:4].tolist()
         self.thresholds_um = scale * np.array(PLAYS)
         self.slow = np.exp(-ts / np.array(SLOW_S))
         dynamics = self.settings["dynamics_s"] / ts
@@ -187,7 +186,7 @@ class AdaptiveFeedforward(Tunable):
     ) -> Array:
         """Return u(k+1) (V), ``(B,)``, for a w (µm) that may differ from :meth:`wanted_um`; the estimate is told."""
         shift_in(self.rows.of(state, "wanted"), wanted_um)
-        return answered(self.inverse, observation, wanted_um, self.rows.of(state, "inverse"))
+        return inverse_command(self.inverse, observation, wanted_um, self.rows.of(state, "inverse"))
 
     def wanted_um(
         self,
@@ -240,7 +239,7 @@ class AdaptiveFeedforward(Tunable):
         return free
 
     def _static(self, smooth_um: Array, state: Array) -> Array:
-        """What of φ has no derivatives, at the time of the correction; kept until y gets there."""
+        """Part of φ without derivatives, at the time of the correction; kept until y gets there."""
         plays, slow = self.rows.of(state, "plays"), self.rows.of(state, "slow")
         static: Array = _features(
             smooth_um, plays, slow, self.thresholds_um, self.slow,

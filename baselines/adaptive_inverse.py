@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.believed import POWERS, ahead_by, believed_inverse
+from baselines.core_inverse import POWERS, linear_inverse, look_ahead
 from baselines.inverses.preview_filter import preview_weights
+from baselines.lanes import Rows, product, shift_in
 from baselines.least_squares import ForgettingLeastSquares
-from baselines.memory import Rows, shift_in
-from baselines.products import product
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import RDPI, Plant, PlantModel
@@ -73,13 +72,13 @@ class AdaptiveInverse(Tunable):
         model = belief.hysteresis
         self.model = model
         ts, self._n = layout.ts_s, model.n
-        delay, series = believed_inverse(belief, ts)
+        delay, series = linear_inverse(belief, ts)
         self.wait = round(delay + series[1])
         ahead = round(delay)
         self.wanted_ahead = ahead + WINDOW
         later = max(0, min(self.wanted_ahead, layout.preview - 1))
         offsets = np.arange(-WINDOW, later + 1)
-        self._weights = preview_weights(np.convolve(series, ahead_by(delay))[:POWERS], offsets)
+        self._weights = preview_weights(np.convolve(series, look_ahead(delay))[:POWERS], offsets)
         self._later = later
         self._rest_V = np.array(model.thresholds_V)[:, None]
         spread = self.settings["spread"] * model.A / (1.0 + model.n) ** 0.5
@@ -98,7 +97,7 @@ class AdaptiveInverse(Tunable):
         self.rows = Rows(
             plays=model.n,
             asked=WINDOW + 1 + later,
-            answered=1,
+            inverse_command=1,
             waiting=(self.wait + 1) * (model.n + 1),
             passed=2 * (model.n + 2),
             fit=self.fit.rows,
@@ -128,7 +127,7 @@ class AdaptiveInverse(Tunable):
         lanes = len(reference_um)
         state, of = np.zeros((self.rows.total, lanes)), self.rows.of
         of(state, "plays")[:] = self._at_rest
-        for name in ("asked", "answered"):
+        for name in ("asked", "inverse_command"):
             of(state, name)[:] = reference_um
         of(state, "fit")[:] = self.fit.start(lanes)
         resting = np.vstack([np.full((1, 1), self.limits.rest_V), self._at_rest])
@@ -144,13 +143,13 @@ class AdaptiveInverse(Tunable):
         """Learn from y(k), answer r(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         of, ts = self.rows.of, self.layout.ts_s
         applied = self.layout.command_V(observation)
-        answered = of(state, "answered")
+        inverse_command = of(state, "inverse_command")
         asked = of(state, "asked")
         shown = self.layout.reference_um(observation)
         shift_in(asked, shown[:, min(1 + self._later, self.layout.preview)])
         wanted = product(self._weights, asked)
-        rate = np.abs((wanted - answered[0]) / (ts * self.model.A))
-        answered[0] = wanted
+        rate = np.abs((wanted - inverse_command[0]) / (ts * self.model.A))
+        inverse_command[0] = wanted
         # The plays as the applied command left them, at the rate that it had.
         plays, rated = of(state, "plays"), of(state, "rate_V_s")
         reach = self._rest_V + self.model.delta2_s * rated

@@ -1,4 +1,4 @@
-"""What the controllers of this package share: a belief, a layout, a memory, and ``predict``."""
+"""Base of the controllers of this package: a belief, a layout, a memory, and ``predict``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.limits import Limits
+from baselines.lanes import Limits
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core

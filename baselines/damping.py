@@ -20,8 +20,14 @@ import numpy as np
 
 from baselines.linear_feedback import LinearFeedback
 from baselines.loops.path import Mode
-from baselines.loops.shaping import integral_shape, largest_factor
-from baselines.loops.systems import LinearSystem, gain, sampled, unit_delay
+from baselines.loops.systems import (
+    LinearSystem,
+    gain,
+    integral_shape,
+    largest_factor,
+    sampled,
+    unit_delay,
+)
 from baselines.tuning import Knob
 
 # What a mode may have of half the sampling frequency to be damped by a filter in samples.

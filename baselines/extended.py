@@ -12,7 +12,7 @@ from baselines.feedforward import checked_reference
 from baselines.inverses import Inverse, inverses_of
 from baselines.inverses.chain import followed, run_stages, start_stages
 from baselines.inverses.congruency import congruent_inverse_block, growth, rising_range
-from baselines.limits import limit_block
+from baselines.lanes import limit_block
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, pack
 from rdpi_gym.plant.cores.play import given_rate_block

@@ -13,7 +13,7 @@ from rdpi_gym.plant import Plant
 from rdpi_gym.support.arrays import Array
 
 HORIZON_BOUND = "true-plant-horizon"
-"""What tables call :class:`TrueHorizon`."""
+"""Name of :class:`TrueHorizon` in tables."""
 SMOOTHING = 1e-4
 """Price of the second difference of the command, in units of the squared error that the largest gain
 makes of it: what keeps the plan from ringing at zeros that sampling makes."""

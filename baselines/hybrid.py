@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.adaptive_feedforward import AdaptiveFeedforward
+from baselines.lanes import Rows
 from baselines.loops.certificates import Certificate, certify
 from baselines.loops.path import belief_path
 from baselines.loops.systems import integrator, sampled, unit_delay
-from baselines.memory import Rows
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -93,7 +93,7 @@ class Hybrid(Tunable):
 
     @cached_property
     def certified(self) -> Certificate:
-        """What is certain of the feedback, by the belief, were it on all the time."""
+        """Certificate of the feedback on its belief, were it on all the time."""
         ts = self.layout.ts_s
         path = belief_path(self.belief, ts)
         low = sampled([1.0], [1.0 / (2.0 * math.pi * self._cutoff_hz), 1.0], ts)

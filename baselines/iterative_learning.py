@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy import signal
 
 from baselines.adaptive_feedforward import spline_weights
-from baselines.believed import ahead_by, believed_inverse, hysteresis_inverse
+from baselines.core_inverse import hysteresis_inverse, linear_inverse, look_ahead
 from baselines.feedforward import checked_reference
 from baselines.preview import Planned
 from baselines.tuning import Knob, Settings, Tunable
@@ -82,9 +82,9 @@ class IterativeLearning(Tunable, Planned):
     ) -> None:
         super().__init__(belief, layout, settings)
         self._inverse = hysteresis_inverse(belief, layout)
-        delay, series = believed_inverse(belief, layout.ts_s)
+        delay, series = linear_inverse(belief, layout.ts_s)
         self._lead = round(delay) + _AHEAD
-        self._prior = np.convolve(series, ahead_by(delay - self._lead, _ORDER))[1:_ORDER]
+        self._prior = np.convolve(series, look_ahead(delay - self._lead, _ORDER))[1:_ORDER]
         band = min(self.settings["band_hz"] * layout.ts_s * 2.0, 0.95)
         self._low_pass = signal.butter(2, band, output="sos")
         fit_band = min(_FIT_HZ * layout.ts_s * 2.0, 0.5)
@@ -137,13 +137,13 @@ class IterativeLearning(Tunable, Planned):
         self._wanted = self._best + self._gain * self._step
 
     def _first(self, reference_um: Array) -> Array:
-        """What the belief says of the first pass."""
+        """Return the first pass by the belief."""
         values, *derivatives = _derivatives(reference_um)
         wanted = values + np.einsum("f,fkb->kb", self._prior, np.array(derivatives))
         return _earlier(wanted, self._lead)
 
     def _update(self, error_um: Array, measured_um: Array) -> Array:
-        """What is to be added to w for an error, by the inverse model that fits this pass."""
+        """Return the correction of w for an error, by the inverse model that fits this pass."""
         smooth, *rates = _derivatives(measured_um)
         entered = _later(_derivatives(self._wanted)[0], self._lead)
         shown = np.array([*rates, smooth, entered])

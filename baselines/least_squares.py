@@ -26,36 +26,6 @@ class ForgettingLeastSquares:
     estimate cannot wind up as a covariance with forgetting does (Ljung, System Identification,
     1999, 11.2).
 
-    Parameters
-    ----------
-    prior, spread
-        Expected parameters and their standard deviations, each ``(F,)``.
-    noise
-        Standard deviation of z - θ·φ, in the unit of z.
-    memory_s
-        Time constant of the forgetting (s).
-    ts_s
-        Sampling time (s).
-    least
-        Lower bounds of the parameters, ``(F,)``, -inf where there is none: θ then minimises the sum
-        within them. None: no bounds.
-
-    Raises
-    ------
-    InputError
-        A spread, the noise or the memory is not above zero.
-
-    Attributes
-    ----------
-    prior, spread : float64[F]
-        As given.
-    kept : float
-        λ.
-    precision, pull : float64[F]
-        What the prior adds to R's diagonal and to b.
-    rows : int
-        Rows of its memory: the count of samples, R's lower triangle row by row, b and θ.
-
     Examples
     --------
     >>> fit = ForgettingLeastSquares([0.0], [10.0], noise=0.01, memory_s=1.0, ts_s=0.1)

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from baselines.extended import ExtendedInverse
 from baselines.inverses.preview_filter import PreviewFilter
+from baselines.lanes import Rows, product
 from baselines.loops.certificates import Certificate, certify, harmful_mode_hz, loop_warning
 from baselines.loops.path import BeliefPath, belief_path, grid
 from baselines.loops.systems import LinearSystem, unit_delay, weighted
-from baselines.memory import Rows
-from baselines.products import product
 from baselines.ringing import BAND_HZ, RingingMonitor
 from baselines.tuning import Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -163,7 +162,7 @@ class LinearFeedback(Tunable):
 
     @cached_property
     def certified(self) -> Certificate:
-        """What is certain of the loop on its belief; see :mod:`baselines.loops.certificates`."""
+        """Certificate of the loop on its belief; see :mod:`baselines.loops.certificates`."""
         core = self.belief.hysteresis
         return certify(self.open_loops, self.z, (core.a0 / core.A, core.A / core.a0))
 

@@ -12,7 +12,7 @@ from rdpi_gym.support.plugins import installed, installed_names, load_attribute
 from rdpi_gym.support.words import guess
 
 LEARNED = "learned:"
-"""What the name of a trained policy begins with; its folder, or its name if it is shipped, follows."""
+"""Prefix of the name of a trained policy; its folder, or its name if it is shipped, follows."""
 GUARDED = "guarded:"
 """The same with a monitor beside it, which hands over to a controller with a certificate."""
 

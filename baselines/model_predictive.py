@@ -10,19 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.believed import answered, hysteresis_inverse
+from baselines.core_inverse import hysteresis_inverse, inverse_command
 from baselines.horizon import second_differences
+from baselines.lanes import Rows, product
 from baselines.loops.path import belief_path
 from baselines.loops.systems import LinearSystem, Response
-from baselines.memory import Rows
-from baselines.products import product
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 
 MODE_FACTORS = (0.6, 0.8, 1.2, 1.4)
-"""Of the believed frequency of a mode: where the certificate asks for stability."""
+"""Factors on the believed frequency of a mode at which the certificate asks for stability."""
 MOST_GAIN = 0.9
 """Largest loop gain that is left to modes elsewhere than believed."""
 
@@ -88,11 +87,11 @@ class ModelPredictive(Tunable):
 
     @property
     def needed_preview(self) -> int:
-        """What slow signals are late by, and three samples."""
+        """Delay of slow signals, and three samples."""
         return self.wanted_preview
 
     def warning(self) -> str | None:
-        """Return one line where the horizon ends before the plant has answered, else None."""
+        """Return one line where the horizon ends before the plant has inverse_command, else None."""
         if self.layout.preview >= self.wanted_preview:
             return None
         return f"short horizon: preview {self.layout.preview}, {self.wanted_preview} needed"
@@ -130,7 +129,7 @@ class ModelPredictive(Tunable):
         on_reference, on_state, on_last = self._gains
         wanted = product(on_reference, shown) + product(on_state, x) + product(on_last, last)
         last[0], last[1] = last[1].copy(), wanted
-        return answered(self._inverse, observation, wanted, of(state, "inverse"))
+        return inverse_command(self._inverse, observation, wanted, of(state, "inverse"))
 
     @property
     def _has_mode(self) -> bool:

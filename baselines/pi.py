@@ -11,12 +11,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from baselines.base import Baseline
-from baselines.feedforward import Feedforward
-from baselines.limits import limited
+from baselines.feedforward import Feedforward, nyquist_gain
+from baselines.lanes import limited
 from baselines.loops.certificates import Certificate, certify, harmful_mode_hz, loop_warning
 from baselines.loops.path import belief_path, effect_system, grid, sliding_system
 from baselines.loops.systems import LinearSystem, Response, gain, integrator, unit_delay
-from baselines.stability import nyquist_gain
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, check_ts
 from rdpi_gym.plant.cores.base import Core
@@ -211,7 +210,7 @@ class PI(Baseline):
 
     @cached_property
     def certified(self) -> Certificate:
-        """What is certain of the loop on its belief; see :mod:`baselines.loops.certificates`."""
+        """Certificate of the loop on its belief; see :mod:`baselines.loops.certificates`."""
         loops, _, z, _ = self._loops
         lowest = self.belief.hysteresis.a0 / self.belief.hysteresis.A
         return certify(loops, z, (lowest, 1.0), steady=(lowest, 1.0))

@@ -7,8 +7,13 @@ from dataclasses import replace
 
 from baselines.linear_feedback import LinearFeedback
 from baselines.loops.path import belief_path
-from baselines.loops.shaping import integral_shape, largest_factor
-from baselines.loops.systems import LinearSystem, sampled, unit_delay
+from baselines.loops.systems import (
+    LinearSystem,
+    integral_shape,
+    largest_factor,
+    sampled,
+    unit_delay,
+)
 from baselines.tuning import Knob
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects.delay import Delay

@@ -12,7 +12,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.members import classes_of
+from rdpi_gym.support.plugins import classes_of
 from rdpi_gym.support.words import guess, quoted, some
 
 BaselineFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Baseline]
@@ -44,7 +44,7 @@ class Feedforwards(Mapping[str, type[Feedforward]]):
 
 
 class Controllers(Mapping[str, BaselineFactory]):
-    """What makes each controller of this package, by name, called with (belief, layout).
+    """Factories of the controllers of this package by name, called with (belief, layout).
 
     Every class in a file of this folder that states a ``name``, and ``<name>-<feedforward>`` for
     those that are made on feedforwards.

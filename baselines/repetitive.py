@@ -9,11 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import signal
 
-from baselines.believed import POWERS, ahead_by, answered, believed_inverse, hysteresis_inverse
+from baselines.core_inverse import (
+    POWERS,
+    hysteresis_inverse,
+    inverse_command,
+    linear_inverse,
+    look_ahead,
+)
 from baselines.feedforward import checked_reference
 from baselines.inverses.preview_filter import preview_weights
+from baselines.lanes import Rows
 from baselines.loops.path import belief_path
-from baselines.memory import Rows
 from baselines.model_predictive import MODE_FACTORS, with_mode_at
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -71,10 +77,10 @@ class Repetitive(Tunable):
     ) -> None:
         super().__init__(belief, layout, settings)
         self._inverse = hysteresis_inverse(belief, layout)
-        delay, series = believed_inverse(belief, layout.ts_s)
+        delay, series = linear_inverse(belief, layout.ts_s)
         self._ahead = round(delay) + WINDOW
         offsets = np.arange(-WINDOW, self._ahead + 1)
-        self._undo = preview_weights(np.convolve(series, ahead_by(delay))[:POWERS], offsets)
+        self._undo = preview_weights(np.convolve(series, look_ahead(delay))[:POWERS], offsets)
         self._lead = round(delay + series[1])
         self._half = max(round(HALF_S / layout.ts_s), 1)
         band = min(2.0 * self.settings["band_hz"] * layout.ts_s, 0.95)
@@ -151,7 +157,7 @@ class Repetitive(Tunable):
         corrections[(k + 1) % self._held, lane] = correction
         count += 1.0
         wanted = self._first[np.minimum(k + 1, len(self._first) - 1), planned] + correction
-        return answered(self._inverse, observation, wanted, of(state, "inverse"))
+        return inverse_command(self._inverse, observation, wanted, of(state, "inverse"))
 
     def certificate(self) -> str | None:
         """Return what the small-gain theorem says of the loop, a mode elsewhere included, else None."""

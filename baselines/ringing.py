@@ -24,28 +24,11 @@ GROWTH = 2.0
 
 
 class RingingMonitor:
-    """How much of a correction is trusted, 0 to 1, by the error above the reference's band.
+    """Trust in a correction, 0 to 1, by the error above the reference's band.
 
     Error and reference pass a second-order high-pass; their energies are averaged over 4 ms. It
     rings where the error's energy is above that of the reference there, above 5 % of the scale, and
     grows or is above 20 %. While it rings the trust decays, 2 ms; else it comes back, 50 ms.
-
-    Parameters
-    ----------
-    band_hz
-        Upper end of the reference's band (Hz).
-    scale_um
-        Unit of displacements (µm).
-    ts_s
-        Sampling time (s).
-
-    Attributes
-    ----------
-    rows : int
-        Rows of its memory.
-    numbers : tuple of float
-        Shares of a sample that enter the high-pass, the fast and the slow energy; what is left of the
-        trust a sample on, and what comes back of the rest; the energies (µm²) of small and of large.
 
     Examples
     --------
@@ -63,6 +46,8 @@ class RingingMonitor:
     rows = 8
 
     def __init__(self, band_hz: float, scale_um: float, ts_s: float) -> None:
+        # shares of a sample that enter the high-pass, the fast and the slow energy; the part of the
+        # trust that stays, and of the rest that returns; energies (µm²) of small and of large
         self.numbers = (
             1.0 - math.exp(-2.0 * math.pi * band_hz * ts_s),
             1.0 - math.exp(-ts_s / FAST_S),

@@ -8,8 +8,7 @@ import numpy as np
 
 from baselines.linear_feedback import LinearFeedback
 from baselines.loops.path import belief_path
-from baselines.loops.shaping import FACTORS
-from baselines.loops.systems import LinearSystem, gain, integrator, unit_delay
+from baselines.loops.systems import FACTORS, LinearSystem, gain, integrator, unit_delay
 from baselines.tuning import Knob
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from baselines.feedforward import Feedforward
-from baselines.limits import limit_block
+from baselines.lanes import limit_block
 from rdpi_gym.plant import pack
 from rdpi_gym.support.arrays import Array
 

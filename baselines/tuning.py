@@ -1,4 +1,4 @@
-"""What can be turned of a controller, and the settings that were found for it on training draws."""
+"""Knobs of controllers, and the settings that were found for them on training draws."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def checked_settings(name: str, knobs: Sequence[Knob], settings: Mapping[str, An
 
 @dataclass(frozen=True)
 class Tuning:
-    """What was found for one task, and how.
+    """Settings found for one task, and the search that found them.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What is scored, how, and the tables: tracking, the paper, identification, speed."""
+"""Benchmarks: tracking, tasks, the paper, discovery of effects, and their tables."""

@@ -14,21 +14,13 @@ K = TypeVar("K", bound=Hashable)
 
 @dataclass(frozen=True)
 class RowFormat(Generic[K]):
-    """Rows of one benchmark.
+    """Rows of one benchmark."""
 
-    Parameters
-    ----------
-    file, name
-        File of the store, and what its first line states.
-    key
-        Name of a row.
-    texts, numbers, remarks
-        Fields that are text, numbers of 0 or above where given, and text where given.
-    """
-
+    # file of the store, and what its first line states
     file: str
     name: str
-    key: Callable[[Mapping[str, Any]], K]
+    key: Callable[[Mapping[str, Any]], K]  # name of a row
+    # fields that are text, numbers of 0 or above where given, and text where given
     texts: tuple[str, ...]
     numbers: tuple[str, ...]
     remarks: tuple[str, ...] = ()

@@ -23,8 +23,7 @@ from typing import Any
 
 from gymnasium.envs.registration import register
 
-from rdpi_gym.support.lazy import attach
-from rdpi_gym.support.plugins import provide
+from rdpi_gym.support.plugins import attach, provide
 from rdpi_gym.support.renamed import accept_former_names
 
 accept_former_names()

@@ -1,1 +1,1 @@
-"""What the project measured about itself: speed, trainings, costs, and the makers of its pages."""
+"""Studies of the project itself: speed, trainings, costs, and the makers of its pages."""

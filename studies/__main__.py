@@ -1,4 +1,4 @@
-"""What we measured about ourselves: each study by its name.
+"""Studies of the project itself, by name.
 
     python -m studies                            # what there is
     python -m studies vector_speed --rounds 3    # one of them; --help lists its options
@@ -25,13 +25,19 @@ def studies() -> dict[str, str]:
     found = {}
     for path in (*_HERE.glob("[a-z]*.py"), *_HERE.glob("*/__main__.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        if any(isinstance(item, ast.FunctionDef) and item.name == "main" for item in tree.body):
+        if any(_defines_main(item) for item in tree.body):
             inside = path.name == "__main__.py"
             said = path.with_name("__init__.py").read_text(encoding="utf-8") if inside else None
             name = path.parent.name if inside else path.stem
             doc = ast.get_docstring(tree if said is None else ast.parse(said)) or ""
             found[name] = doc.split("\n\n")[0].replace("\n", " ")
     return dict(sorted(found.items()))
+
+
+def _defines_main(item: ast.stmt) -> bool:
+    if isinstance(item, ast.Assign):
+        return ast.unparse(item.targets[0]) == "main"
+    return isinstance(item, ast.FunctionDef) and item.name == "main"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -22,12 +22,10 @@ from benchmarks.effect_discovery.independent import PLAIN, prepare
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import Dataset
-from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError
-from studies.rows import study_rows
+from studies.runner import Files, Study, study_rows
 
 RESULTS = Path(__file__).parent / "results" / "advised_experiment"
 GIVEN = (
@@ -93,18 +91,9 @@ def _told(found: SearchResult) -> dict[str, list[str]]:
     }  # fmt: skip
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study, print and write its table."""
-    options = Options("advised_experiment", __doc__, out=RESULTS, seed=3, jobs=2)
-    options.add_number("--plants", 60, "plants")
-    return options.run(arguments, _study)
-
-
-def _study(asked: Namespace) -> None:
+def _files(asked: Namespace) -> Files:
     rows = study_rows(make(asked.plants, asked.seed), run_case, asked, _ROOMS, [Path(__file__)])
-    text = report(rows, asked.plants, asked.seed)
-    print(text)
-    write_atomic(asked.out / "advised_experiment.md", text)
+    return {"advised_experiment.md": report(rows, asked.plants, asked.seed)}
 
 
 def report(rows: Sequence[Row], plants: int, seed: int) -> str:
@@ -146,6 +135,10 @@ def _holds(rows: Sequence[Row], when: str) -> int:
 def _alone(rows: Sequence[Row], when: str) -> int:
     return sum(row[when]["added"] == [row["hidden"]] for row in rows)
 
+
+main = Study(
+    "advised_experiment", __doc__, _files, RESULTS, 3, 2, numbers=(("--plants", 60, "plants"),)
+)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -45,10 +45,11 @@ from rdpi_gym.report.style import MUTED, PALETTE, matplotlib_style
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic, write_json
+from rdpi_gym.support.files import write_json
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row, named_rows
 from studies.png import small_png
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "calibration"
 _PACKAGE = Path(probability.__file__).with_name("probabilities.json")
@@ -79,27 +80,14 @@ class Told:
 
 @dataclass(frozen=True)
 class Known:
-    """A search whose truth is known.
+    """A search whose truth is known."""
 
-    Parameters
-    ----------
-    course
-        How it went.
-    hidden
-        What was hidden.
-    excused
-        What is there as well, or cannot be told: by the protocol, not drawn.
-    alike
-        What the records do not tell from what is hidden.
-    outside
-        Whether something outside the catalogue was hidden.
-    """
-
-    course: Course
-    hidden: frozenset[str]
+    course: Course  # how it went
+    hidden: frozenset[str]  # what was hidden
+    # what is there as well, or cannot be told: by the protocol, not drawn
     excused: frozenset[str]
-    alike: frozenset[str]
-    outside: bool
+    alike: frozenset[str]  # what the records do not tell from what is hidden
+    outside: bool  # whether something outside the catalogue was hidden
 
     @classmethod
     def of(cls, row: Row) -> Known:
@@ -201,20 +189,7 @@ def calibration_error(chances: Array, true: Array) -> float:
     return round(sum(gaps) / len(order), 12)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Fit the probabilities, write them to the package, print and write what the check says."""
-    options = Options("calibration", __doc__, out=RESULTS)
-    for option, folder, which in (
-        ("--foreign", FOREIGN.out, "second"),
-        ("--hidden", INDEPENDENT.out, "first"),
-    ):
-        options.add_argument(
-            option, type=Path, default=folder, metavar="DIR", help=f"rows of the {which} study"
-        )
-    return options.run(arguments, _study)
-
-
-def _study(asked: Namespace) -> None:
+def _study(asked: Namespace) -> Files:
     foreign, hidden = _rows(asked.foreign), _rows(asked.hidden)
     even = [Known.of(row) for row in foreign if row["number"] % 2 == 0]
     found = fitted(even)
@@ -222,11 +197,9 @@ def _study(asked: Namespace) -> None:
         "second study, odd numbers": [Known.of(r) for r in foreign if r["number"] % 2 == 1],
         "first study": [Known.of(row) for row in hidden],
     }
-    write_json(_PACKAGE, found.to_dict())
     text, judged = report(found, len(even), checked)
-    print(text)
-    write_atomic(asked.out / "calibration.md", text)
-    write_atomic(asked.out / "reliability.png", small_png(picture(judged)))
+    write_json(_PACKAGE, found.to_dict())
+    return {"calibration.md": text, "reliability.png": small_png(picture(judged))}
 
 
 def _rows(folder: Path) -> list[Row]:
@@ -319,6 +292,17 @@ def picture(judged: Judged) -> bytes:
         figure.savefig(stream, format="png", metadata={"Software": None})
     return stream.getvalue()
 
+
+def _more(options: Options) -> None:
+    for source, option, which in (
+        (FOREIGN, "--foreign", "second"),
+        (INDEPENDENT, "--hidden", "first"),
+    ):
+        meaning = f"rows of the {which} study"
+        options.add_argument(option, type=Path, default=source.out, metavar="DIR", help=meaning)
+
+
+main = Study("calibration", __doc__, _study, RESULTS, more=_more)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -27,9 +27,8 @@ from rdpi_gym.plant import CORES, P10, pack
 from rdpi_gym.plant.cores.base import Core, empty_state
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.markdown import frame_table
-from studies.tables import keep_table
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results"
 LANES = (16, 64, 256)
@@ -164,18 +163,14 @@ def as_markdown(table: pd.DataFrame, rounds: int) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table, and write it as CSV and Markdown."""
-    options = Options("core_speed", __doc__, out=RESULTS)
-    options.add_number("--rounds", 15, "of timing")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _files(chosen: Namespace) -> Files:
     table = measure(chosen.rounds)
-    text = as_markdown(table, chosen.rounds)
-    keep_table(chosen.out, "core_speed", table, text)
+    return {"core_speed.csv": table, "core_speed.md": as_markdown(table, chosen.rounds)}
 
+
+main = Study(
+    "core_speed", __doc__, _files, RESULTS, numbers=(("--rounds", 15, "of timing"),), csv="%.4g"
+)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -27,9 +27,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "discovery_cost"
 HIDDEN = ("creep", "delay")
@@ -122,16 +121,6 @@ def exponent(rows: pd.DataFrame, over: str) -> float:
     return float(np.polyfit(np.log(rows[over]), np.log(rows["cpu_s"]), 1)[0])
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print and write the table."""
-    options = Options("discovery_cost", __doc__, out=RESULTS)
-    options.add_number("--repeats", 2, "of each measurement")
-    options.add_number(
-        "--oversampled", None, "samples of three oversampled records, and nothing else"
-    )
-    return options.run(arguments, _measure_all)
-
-
 def oversample(folder: Path, samples: int) -> None:
     """Write three records of P10 with creep and a sensor lag, 100,000 samples a second."""
     from dataclasses import replace
@@ -158,15 +147,15 @@ def oversample(folder: Path, samples: int) -> None:
         write_csv(Record(name, t, u, y, ts_s=1e-5), folder / f"{name}.csv")
 
 
-def _measure_oversampled(chosen: Namespace) -> None:
+def _measure_oversampled(samples: int) -> Files:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         simulate(folder / "warm", "creep", 2.0)
         cost(folder / "warm" / "data", HIDDEN, 1)
-        oversample(folder / "data", chosen.oversampled)
+        oversample(folder / "data", samples)
         found = cost(folder / "data", [*HIDDEN, *OTHERS], 1)
     row = {
-        "samples": chosen.oversampled,
+        "samples": samples,
         "candidates": len(HIDDEN) + len(OTHERS),
         "found": found["found"],
         "verdict": found["verdict"],
@@ -176,20 +165,18 @@ def _measure_oversampled(chosen: Namespace) -> None:
     }
     text = (
         "# Time and memory of `rdpi discover` on oversampled records\n\n"
-        f"Made by `python -m studies.discovery_cost --oversampled {chosen.oversampled}` (Python "
+        f"Made by `python -m studies.discovery_cost --oversampled {samples}` (Python "
         f"{platform.python_version()}, one process), hidden: creep and sensor_lag; reading the "
         "files is part of it.\n\n"
         + frame_table(pd.DataFrame([row]), digits=None, rule="plain")
         + "\n"
     )
-    write_atomic(chosen.out / "oversampled.md", text)
-    print(text)
+    return {"oversampled.md": text}
 
 
-def _measure_all(chosen: Namespace) -> None:
+def _measure_all(chosen: Namespace) -> Files:
     if chosen.oversampled:
-        _measure_oversampled(chosen)
-        return
+        return _measure_oversampled(chosen.oversampled)
     every = len(HIDDEN) + len(OTHERS)
     cells = [(2.0, every), (1.0, every), (0.5, every), (1.0, 3), (1.0, 8)]
     with tempfile.TemporaryDirectory() as temporary:
@@ -211,10 +198,16 @@ def _measure_all(chosen: Namespace) -> None:
         + f"\n\nComputing time grows with samples to the power {over_samples:.2f} and with "
         f"candidates to the power {over_candidates:.2f}.\n"
     )
-    write_atomic(chosen.out / "discovery_cost.csv", table.to_csv(index=False))
-    write_atomic(chosen.out / "discovery_cost.md", text)
-    print(text)
+    return {"discovery_cost.csv": table, "discovery_cost.md": text}
 
+
+main = Study(
+    "discovery_cost", __doc__, _measure_all, RESULTS,
+    numbers=(
+        ("--repeats", 2, "of each measurement"),
+        ("--oversampled", None, "samples of three oversampled records, and nothing else"),
+    ),
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

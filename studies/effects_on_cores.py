@@ -24,8 +24,8 @@ import pandas as pd
 from benchmarks.effect_discovery.forms import (
     CORE,
     FORMS,
-    At,
     Form,
+    Grid,
     Mechanism,
     Scale,
     UnfitError,
@@ -39,14 +39,12 @@ from rdpi_gym.plant import CORES
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.signals.experiments import PAUSE_S
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.dataset import CoreDeformation
 from studies.kind_choice import draw_core
-from studies.rows import study_rows
+from studies.runner import Files, Study, study_rows
 
 RESULTS = Path(__file__).parent / "results" / "effects_on_cores"
 AROUND: tuple[Form, ...] = tuple(form for form in FORMS if form.place != CORE)
@@ -135,7 +133,7 @@ def _displacements(core: Core, drives: dict[str, Array], hidden: Mechanism | Non
     found = []
     for begins, u in zip(_begins(drives), drives.values(), strict=True):
         step_s = _TS_S / _PARTS
-        at = At(begins + step_s * np.arange(u.size, dtype=np.float64), step_s)
+        at = Grid(begins + step_s * np.arange(u.size, dtype=np.float64), step_s)
         x = _passed(hidden, u, at) if hidden is not None and hidden.form.place < CORE else u
         x = CoreDeformation(core, step_s, _PARTS)(x)
         x = _passed(hidden, x, at) if hidden is not None and hidden.form.place > CORE else x
@@ -143,7 +141,7 @@ def _displacements(core: Core, drives: dict[str, Array], hidden: Mechanism | Non
     return found
 
 
-def _passed(hidden: Mechanism, x: Array, at: At) -> Array:
+def _passed(hidden: Mechanism, x: Array, at: Grid) -> Array:
     assert hidden.form.apply is not None
     return hidden.form.apply(x, at, hidden.numbers)
 
@@ -209,18 +207,9 @@ def run_case(case: Case, code: str) -> Row:
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study, print and write its table."""
-    options = Options("effects_on_cores", __doc__, out=RESULTS, seed=1, jobs=1)
-    options.add_number("--per", 1, "bare plants, and plants with an effect, of each kind")
-    return options.run(arguments, _study)
-
-
-def _study(chosen: Namespace) -> None:
+def _files(chosen: Namespace) -> Files:
     rows = study_rows(cases(chosen.per, chosen.seed), run_case, chosen, _ROOMS, [Path(__file__)])
-    text = report(rows, chosen.per, chosen.seed)
-    print(text)
-    write_atomic(chosen.out / "effects_on_cores.md", text)
+    return {"effects_on_cores.md": report(rows, chosen.per, chosen.seed)}
 
 
 def report(rows: Sequence[Row], per: int, seed: int) -> str:
@@ -253,6 +242,9 @@ def report(rows: Sequence[Row], per: int, seed: int) -> str:
 def _share(rows: Sequence[Row], of: str) -> str:
     return f"{sum(bool(row[of]) for row in rows)} of {len(rows)}"
 
+
+_MEANING = "bare plants, and plants with an effect, of each kind"
+main = Study("effects_on_cores", __doc__, _files, RESULTS, 1, 1, numbers=(("--per", 1, _MEANING),))
 
 if __name__ == "__main__":
     sys.exit(main())

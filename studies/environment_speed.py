@@ -27,8 +27,8 @@ from gymnasium.utils.performance import benchmark_step
 
 import rdpi_gym  # noqa: F401  # registers the environment
 from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
+from studies.runner import Files, Study
 
 # Declared for whole seconds; any number of them works.
 _benchmark_step: Callable[[Any, float, int], float] = cast(Any, benchmark_step)
@@ -127,20 +127,24 @@ def as_markdown(table: pd.DataFrame, rounds: int, duration_s: float) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table, and write it as CSV and Markdown."""
-    options = Options("environment_speed", __doc__, out=RESULTS)
-    options.add_number("--rounds", 9, "of timing")
-    options.add_argument("--seconds", type=float, default=1.0, help="of each measurement")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _files(chosen: Namespace) -> Files:
     table = measure(chosen.rounds, chosen.seconds)
     text = as_markdown(table, chosen.rounds, chosen.seconds)
-    write_atomic(chosen.out / "environment_speed.csv", table.to_csv(index=False))
-    print(text, f"written to {write_atomic(chosen.out / 'environment_speed.md', text)}", sep="\n")
+    return {"environment_speed.csv": table, "environment_speed.md": text}
 
+
+def _more(options: Options) -> None:
+    options.add_argument("--seconds", type=float, default=1.0, help="of each measurement")
+
+
+main = Study(
+    "environment_speed",
+    __doc__,
+    _files,
+    RESULTS,
+    numbers=(("--rounds", 9, "of timing"),),
+    more=_more,
+)
 
 if __name__ == "__main__":
     sys.exit(main())

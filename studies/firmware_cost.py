@@ -1,4 +1,4 @@
-"""What generated code costs on a microcontroller: bytes, instructions of a step, distance from Python.
+"""Cost of generated code on a microcontroller: bytes, instructions of a step, distance from Python.
 
     python -m studies.firmware_cost
 
@@ -27,15 +27,15 @@ from rdpi_gym.plant import P10, PlantModel
 from rdpi_gym.plant.effects import Effect, load_effect
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from studies.bare_metal.boards import BOARDS, COMPILER, EMULATOR, missing
 from studies.bare_metal.counted import cost, write_sources
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results"
 TS_S = 5e-5
 ASKED = {"code_bytes": 4096, "state_bytes": 512, "most_instructions": 1500}
-"""What a compensator of ten plays in float on the M4F has to stay below."""
+"""Limits of a compensator of ten plays in float on the M4F."""
 _CONTROLLERS = (
     "none", "classical-reference-rate", "classical-low-passed", "inversion-free-reference-rate",
     "static-inverse-multiplicative", "pi", "pi-classical-reference-rate", "core-inverse",
@@ -161,17 +161,7 @@ def _version(tool: str) -> str:
     return said.splitlines()[0]
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table, and write it as CSV and Markdown."""
-    options = Options("firmware_cost", __doc__, out=RESULTS)
-    options.add_number("--samples", SAMPLES, "of the vectors", least=_LONGER)
-    options.add_argument(
-        "--only", nargs="+", metavar="PROGRAM", help="rows of the table; all by default"
-    )
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _measure_all(chosen: Namespace) -> Files:
     unknown = [name for name in chosen.only or () if name not in cases()]
     if unknown:
         raise InputError(f"--only {unknown[0]} is no row; known are {', '.join(cases())}")
@@ -179,10 +169,17 @@ def _measure_all(chosen: Namespace) -> None:
     if table.empty:
         raise InputError("; ".join(f"{name}: {why}" for name, why in without.items()))
     text = as_markdown(table, without, chosen.samples)
-    csv = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
-    write_atomic(chosen.out / "firmware_cost.csv", csv)
-    print(text, f"written to {write_atomic(chosen.out / 'firmware_cost.md', text)}", sep="\n")
+    return {"firmware_cost.csv": table, "firmware_cost.md": text}
 
+
+def _more(options: Options) -> None:
+    options.add_number("--samples", SAMPLES, "of the vectors", least=_LONGER)
+    options.add_argument(
+        "--only", nargs="+", metavar="PROGRAM", help="rows of the table; all by default"
+    )
+
+
+main = Study("firmware_cost", __doc__, _measure_all, RESULTS, more=_more, csv="%.6g")
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -26,17 +26,16 @@ from rdpi_gym.firmware.compiling import STRICT, compiler, run
 from rdpi_gym.firmware.making import package_of
 from rdpi_gym.firmware.writing.vectors import SAMPLES
 from rdpi_gym.plant import P10
-from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from studies.bare_metal.boards import HERE
 from studies.bare_metal.counted import write_sources
-from studies.tables import keep_table
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results"
 TS_S = 5e-5
 ASKED_NS = 150
-"""What ten plays with PI may take a step."""
+"""Longest step of ten plays with PI."""
 CONTROLLERS = (
     "classical-reference-rate", "inversion-free-reference-rate", "pi", "pi-classical-reference-rate",
     "lqg-preview", "adaptive-feedforward",
@@ -111,18 +110,14 @@ def as_markdown(table: pd.DataFrame, rounds: int) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table, and write it as CSV and Markdown."""
-    options = Options("firmware_speed", __doc__, out=RESULTS)
-    options.add_number("--rounds", 15, "of timing")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _files(chosen: Namespace) -> Files:
     table = measure(chosen.rounds)
-    text = as_markdown(table, chosen.rounds)
-    keep_table(chosen.out, "firmware_speed", table, text)
+    return {"firmware_speed.csv": table, "firmware_speed.md": as_markdown(table, chosen.rounds)}
 
+
+main = Study(
+    "firmware_speed", __doc__, _files, RESULTS, numbers=(("--rounds", 15, "of timing"),), csv="%.4g"
+)
 
 if __name__ == "__main__":
     sys.exit(main())

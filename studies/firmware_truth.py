@@ -30,40 +30,27 @@ from rdpi_gym.plant import CORES, P10, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import forms_of
 from rdpi_gym.plant.parameters import DataScale
-from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results"
 TS_S = 1e-4
 SAMPLES = 1000
 _LONGER = 100
-"""How many times as long the records of a plant are, and how many times as few."""
+"""Factor by which the records of a plant are longer, and fewer."""
 _SCALE = DataScale(0.0, 40.0, 40.0, 2e4, TS_S, 1.0)
 _POLICIES = ("ppo-increment", "imitation-stage")
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is exported.
+    """One export."""
 
-    Parameters
-    ----------
-    group
-        ``controller``, ``effect`` or ``core``.
-    name
-        Of it.
-    model
-        The plant, or what the controller believes.
-    controller
-        Its name; None: the plant.
-    """
-
-    group: str
-    name: str
-    model: PlantModel[Any]
-    controller: str | None = None
+    group: str  # ``controller``, ``effect`` or ``core``
+    name: str  # of it
+    model: PlantModel[Any]  # the plant, or what the controller believes
+    controller: str | None = None  # its name; None: the plant
 
 
 def cases() -> Iterator[Case]:
@@ -157,26 +144,17 @@ def as_markdown(table: pd.DataFrame, records: int, seed: int) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Verify everything, print it, and write the table."""
-    options = Options("firmware_truth", __doc__, out=RESULTS, seed=0)
-    options.add_number(
-        "--records",
-        1000,
-        "of a controller; a plant has a hundredth of them, a hundred times as long",
-    )
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _files(chosen: Namespace) -> Files:
     table = measure(list(cases()), chosen.records, chosen.seed, say=True)
     text = as_markdown(table, chosen.records, chosen.seed)
-    write_atomic(
-        chosen.out / "firmware_truth.csv",
-        table.to_csv(index=False, float_format="%.3g", lineterminator="\n"),
-    )
-    print(f"written to {write_atomic(chosen.out / 'firmware_truth.md', text)}")
+    return {"firmware_truth.csv": table, "firmware_truth.md": text}
 
+
+_MEANING = "of a controller; a plant has a hundredth of them, a hundred times as long"
+main = Study(
+    "firmware_truth", __doc__, _files, RESULTS, seed=0,
+    numbers=(("--records", 1000, _MEANING),), csv="%.3g",
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -36,32 +36,20 @@ from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
+from studies.runner import Files, Study
 
 Method = Literal["trf", "SLSQP"]
 
 
 @dataclass(frozen=True)
 class Yardstick:
-    """Result of the yardstick.
+    """Result of the yardstick."""
 
-    Parameters
-    ----------
-    hysteresis
-        The model.
-    train_rmse_um
-        Its error (µm) on the records, one offset free in each.
-    seconds
-        Time taken (s).
-    evaluations
-        Simulations of all records.
-    """
-
-    hysteresis: RDPI
-    train_rmse_um: float
-    seconds: float
-    evaluations: int
+    hysteresis: RDPI  # the model
+    train_rmse_um: float  # its error (µm) on the records, one offset free in each
+    seconds: float  # time taken (s)
+    evaluations: int  # simulations of all records
 
 
 def yardstick(records: Sequence[Record], n: int = 10, method: Method = "trf") -> Yardstick:
@@ -326,16 +314,7 @@ def as_markdown(tables: dict[str, pd.DataFrame], draws: int, rounds: int, note: 
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the tables, and write them as CSV and Markdown."""
-    options = Options("identification", __doc__, out=RESULTS, seed=0)
-    options.add_number("--draws", 50, "noise realisations")
-    options.add_number("--rounds", 9, "of timing")
-    options.add_argument("--plant", action="store_true", help="write the plant that ships")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _measure_all(chosen: Namespace) -> Files:
     data = measured_data("picma")
     if chosen.plant and data is None:
         raise InputError(DATA_HINT)
@@ -355,12 +334,19 @@ def _measure_all(chosen: Namespace) -> None:
     }
     note = "" if data else f"The rows of the measured stack are left out. {DATA_HINT}."
     text = as_markdown(tables, chosen.draws, chosen.rounds, note)
-    for name, table in tables.items():
-        write_atomic(chosen.out / f"{name}.csv", table.to_csv(index=False))
-    print(text, write_atomic(chosen.out / "identification.md", text), sep="\n")
     if chosen.plant and data is not None:
         print(ship_plant(LIBRARY, data))
+    return {**{f"{name}.csv": table for name, table in tables.items()}, "identification.md": text}
 
+
+def _more(options: Options) -> None:
+    options.add_argument("--plant", action="store_true", help="write the plant that ships")
+
+
+main = Study(
+    "identification", __doc__, _measure_all, RESULTS, seed=0,
+    numbers=(("--draws", 50, "noise realisations"), ("--rounds", 9, "of timing")), more=_more,
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -22,10 +22,9 @@ import numpy as np
 import pandas as pd
 
 import rdpi_gym  # noqa: F401  # registers the environment
-from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
-from studies.tables import keep_table
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results"
 LANES = (1, 64, 4096)
@@ -78,21 +77,19 @@ def as_markdown(table: pd.DataFrame, steps: int) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table and write it."""
-    options = Options("jax_copies", __doc__, out=RESULTS)
-    options.add_number("--steps", 300, "of the environment")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _measure_all(chosen: Namespace) -> Files:
     try:
         jax = import_module("jax")
     except ImportError as error:
         raise InputError("this study needs jax, which is not installed; pip install jax") from error
     table = pd.DataFrame([measure(jax, lanes, chosen.steps) for lanes in LANES])
-    keep_table(chosen.out, "jax_copies", table, as_markdown(table, chosen.steps))
+    return {"jax_copies.csv": table, "jax_copies.md": as_markdown(table, chosen.steps)}
 
+
+main = Study(
+    "jax_copies", __doc__, _measure_all, RESULTS,
+    numbers=(("--steps", 300, "of the environment"),), csv="%.4g",
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -38,13 +38,12 @@ from rdpi_gym.signals.experiments import PAUSE_S
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import silent
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.dataset import plant_displacement, simulate_dataset
 from rdpi_gym.virtual_lab.truth import Truth
-from studies.rows import study_rows
+from studies.runner import Files, Study, study_rows
 
 RESULTS = Path(__file__).parent / "results" / "kind_choice"
 PROTOCOLS = ("standard", "loops and a chirp")
@@ -198,27 +197,14 @@ def run_quiet(case: Case, code: str) -> Row:
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study, print and write its table."""
-    options = Options("kind_choice", __doc__, out=RESULTS, seed=1, jobs=2)
-    options.add_number("--per", 15, "bare plants, and plants with an effect, of each kind")
-    options.add_number("--silence", 0, "bare plants of RDPI, in place of all kinds", least=0)
-    return options.run(arguments, _study)
-
-
-def _study(chosen: Namespace) -> None:
+def _files(chosen: Namespace) -> Files:
     if chosen.silence:
-        asked = quiet_cases(chosen.silence, chosen.seed)
         chosen.out /= "silence"
+        asked = quiet_cases(chosen.silence, chosen.seed)
         rows = study_rows(asked, run_quiet, chosen, (*_ROOMS, "diagnosis"), [Path(__file__)])
-        text = silence_report(rows, chosen.seed)
-        print(text)
-        write_atomic(chosen.out / "silence.md", text)
-        return
+        return {"silence.md": silence_report(rows, chosen.seed)}
     rows = study_rows(cases(chosen.per, chosen.seed), run_case, chosen, _ROOMS, [Path(__file__)])
-    text = report(rows, chosen.per, chosen.seed)
-    print(text)
-    write_atomic(chosen.out / "kind_choice.md", text)
+    return {"kind_choice.md": report(rows, chosen.per, chosen.seed)}
 
 
 def report(rows: Sequence[Row], per: int, seed: int) -> str:
@@ -278,6 +264,13 @@ def silence_report(rows: Sequence[Row], seed: int) -> str:
         f"and the whole search was run. Made by `python -m studies.kind_choice --silence {len(rows)} --seed {seed}`.\n"
     )
 
+
+def _more(options: Options) -> None:
+    options.add_number("--silence", 0, "bare plants of RDPI, in place of all kinds", least=0)
+
+
+_MEANING = "bare plants, and plants with an effect, of each kind"
+main = Study("kind_choice", __doc__, _files, RESULTS, 1, 2, (("--per", 15, _MEANING),), more=_more)
 
 if __name__ == "__main__":
     sys.exit(main())

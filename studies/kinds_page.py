@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,10 +21,9 @@ from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.report.style import PALETTE, matplotlib_style
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import table
 from studies.png import small_png
+from studies.runner import Files, Study
 
 OUT = Path(__file__).parents[1] / "docs"
 PAGE, PICTURE = "kinds-of-hysteresis.md", "kinds-of-hysteresis.png"
@@ -36,16 +34,8 @@ _SCALE = DataScale(
 )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the page and its picture."""
-    options = Options("kinds_page", __doc__, out=OUT)
-    return options.run(arguments, _run)
-
-
-def _run(options: Namespace) -> None:
-    write_atomic(options.out / PAGE, page_text())
-    write_atomic(options.out / PICTURE, small_png(_picture()))
-    print(options.out / PAGE)
+def _files(options: Namespace) -> Files:
+    return {PAGE: page_text(), PICTURE: small_png(_picture())}
 
 
 def page_text() -> str:
@@ -165,6 +155,8 @@ def _picture() -> bytes:
         figure.savefig(stream, format="png", dpi=110)
     return stream.getvalue()
 
+
+main = Study("kinds_page", __doc__, _files, OUT)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -14,7 +14,6 @@ import sys
 import tempfile
 import time
 from argparse import Namespace
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,10 +26,9 @@ from rdpi_gym.measurement import Record, write_csv
 from rdpi_gym.plant import Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals.experiments import polyline
-from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from studies.chromium import LabPage, LabProcess, chromium
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results"
 SAMPLES, TS_S, NOISE_UM = 100_000, 1e-4, 0.01
@@ -62,21 +60,13 @@ _DRAG = """async ([at]) => {
 }"""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print and write the table."""
-    options = Options("lab_speed", __doc__, out=RESULTS)
-    options.add_number("--rounds", 3, "how often everything is measured; the median counts")
-    return options.run(arguments, _run)
-
-
-def _run(asked: Namespace) -> None:
+def _run(asked: Namespace) -> Files:
     ahead = go_ahead()
     with chromium() as browser, tempfile.TemporaryDirectory() as scratch:
         file = write_csv(dropped_record(SAMPLES), Path(scratch) / "record.csv")
         rounds = [_round(browser, file, Path(scratch) / f"s{k}") for k in range(asked.rounds)]
     text = report(pd.DataFrame(rounds), os.cpu_count() or 1, os.getloadavg()[0], ahead)
-    print(text)
-    write_atomic(asked.out / "lab_speed.md", text)
+    return {"lab_speed.md": text}
 
 
 def go_ahead() -> bool:
@@ -163,6 +153,9 @@ def report(rounds: pd.DataFrame, cores: int, load: float, ahead: bool) -> str:
         f"Made by `python -m studies.lab_speed --rounds {len(rounds)}`.\n"
     )
 
+
+_MEANING = "how often everything is measured; the median counts"
+main = Study("lab_speed", __doc__, _run, RESULTS, numbers=(("--rounds", 3, _MEANING),))
 
 if __name__ == "__main__":
     sys.exit(main())

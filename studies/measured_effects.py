@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,9 +18,8 @@ import pandas as pd
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
-from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "measured_effects"
 FSM_RATE_HZ = 6400.0
@@ -128,12 +126,7 @@ def _mirror(folder: Path) -> dict[str, Dataset]:
     return {"fsm": mirror_axis(folder)}
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run both studies where their data are, print and write the tables."""
-    return Options("measured_effects", __doc__, out=RESULTS, jobs=2).run(arguments, _study)
-
-
-def _study(chosen: Namespace) -> None:
+def _study(chosen: Namespace) -> Files:
     tables, texts = [], ["# The laboratory on measured records", __doc__.split("\n\n")[1].strip()]
     for name, read in (("picma", _picma), ("fsm", _mirror)):
         folder = measured_data(name)
@@ -142,13 +135,17 @@ def _study(chosen: Namespace) -> None:
             continue
         for label, dataset in read(folder).items():
             table, text = summary(label, discover(dataset, jobs=chosen.jobs))
-            print(text)
             tables.append(table)
             texts.append(text)
-    if tables:
-        write_atomic(chosen.out / "staircase.csv", pd.concat(tables).to_csv(index=False))
-        write_atomic(chosen.out / "measured_effects.md", "\n\n".join(texts) + "\n")
+    if not tables:
+        return {}
+    return {
+        "staircase.csv": pd.concat(tables),
+        "measured_effects.md": "\n\n".join(texts) + "\n",
+    }
 
+
+main = Study("measured_effects", __doc__, _study, RESULTS, jobs=2)
 
 if __name__ == "__main__":
     sys.exit(main())

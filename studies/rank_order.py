@@ -1,4 +1,4 @@
-"""Is the order of controllers that of other plants, too? `python -m studies.rank_order`.
+"""Agreement of the ranking of controllers between sets of plants: `python -m studies.rank_order`.
 
 All controllers of `rdpi bench --full` on the public test draws of a task and on as many of another
 seed: two disjoint sets of plants. The tables of the tasks give the same for the halves of one set. An
@@ -21,22 +21,14 @@ from benchmarks.stages.run import field, run_tasks
 from benchmarks.tracking.controllers import shipped_policies
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "rank_order"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study, print and write its table."""
-    options = Options("rank_order", __doc__, out=RESULTS, seed=1, jobs=2)
-    options.add_argument("--tasks", default=",".join(TASKS), help="short names of tasks")
-    options.add_number("--draws", 100, "plants of each task in each set")
-    return options.run(arguments, _study)
-
-
-def _study(chosen: Namespace) -> None:
+def _study(chosen: Namespace) -> Files:
     names = [*field(), *shipped_policies()[0]]
     sets = (TestSeed(), TestSeed(chosen.seed, is_public=False))
     lines = []
@@ -48,9 +40,7 @@ def _study(chosen: Namespace) -> None:
             for each in sets
         )
         lines.append(line(task, first, second))
-    text = report(lines, chosen.draws, chosen.seed)
-    print(text)
-    write_atomic(chosen.out / "rank_order.md", text)
+    return {"rank_order.md": report(lines, chosen.draws, chosen.seed)}
 
 
 def line(task: str, first: Sequence[Row], second: Sequence[Row]) -> dict[str, object]:
@@ -84,6 +74,15 @@ def report(lines: Sequence[dict[str, object]], draws: int, seed: int) -> str:
         + "\n"
     )
 
+
+def _more(options: Options) -> None:
+    options.add_argument("--tasks", default=",".join(TASKS), help="short names of tasks")
+
+
+_MEANING = "plants of each task in each set"
+main = Study(
+    "rank_order", __doc__, _study, RESULTS, 1, 2, (("--draws", 100, _MEANING),), more=_more
+)
 
 if __name__ == "__main__":
     sys.exit(main())

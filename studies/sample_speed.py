@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -25,9 +25,8 @@ import pandas as pd
 
 from rdpi_gym.measurement import Record, load, write_csv
 from rdpi_gym.signals import SIGNALS, Signal, Sine, Triangle
-from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.markdown import frame_table
-from studies.tables import keep_table
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results"
 SAMPLES = 100_000
@@ -96,18 +95,14 @@ def as_markdown(table: pd.DataFrame, rounds: int) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table, and write it as CSV and Markdown."""
-    options = Options("sample_speed", __doc__, out=RESULTS)
-    options.add_number("--rounds", 15, "of timing")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _files(chosen: Namespace) -> Files:
     table = measure(chosen.rounds, SAMPLES)
-    text = as_markdown(table, chosen.rounds)
-    keep_table(chosen.out, "sample_speed", table, text)
+    return {"sample_speed.csv": table, "sample_speed.md": as_markdown(table, chosen.rounds)}
 
+
+main = Study(
+    "sample_speed", __doc__, _files, RESULTS, numbers=(("--rounds", 15, "of timing"),), csv="%.4g"
+)
 
 if __name__ == "__main__":
     sys.exit(main())

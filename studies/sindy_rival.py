@@ -38,12 +38,11 @@ from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row, named_rows
 from rdpi_gym.virtual_lab.draws import MaskedError
 from studies.calibration import calibration_error
-from studies.rows import study_rows
+from studies.runner import Files, Study, study_rows
 
 RESULTS = Path(__file__).parent / "results" / "sindy_rival"
 # Samples that enter the regression, resampled models, and the least coefficients that are tried, in
@@ -153,21 +152,7 @@ def _rows(
     return rows - basis @ (basis.T @ rows), left - basis @ (basis.T @ left)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the rival, print and write its table beside that of the search."""
-    options = Options("sindy_rival", __doc__, out=RESULTS, seed=2027, jobs=2)
-    options.add_argument("--part", default="1/8", help="part of the second study's cases")
-    options.add_argument(
-        "--ours",
-        type=Path,
-        default=FOREIGN.out,
-        metavar="DIR",
-        help="rows of the search, to compare",
-    )
-    return options.run(arguments, _study)
-
-
-def _study(asked: Namespace) -> None:
+def _study(asked: Namespace) -> Files:
     try:
         import pysindy as _  # noqa: F401
     except ImportError:
@@ -178,9 +163,8 @@ def _study(asked: Namespace) -> None:
     rows = study_rows(cases, run_case, asked, _ROOMS, [Path(__file__)])
     keys = {row["key"] for row in rows if row["status"] == "done"}
     ours = [r for k, r in named_rows(asked.ours / ROWS_FILE).rows.items() if k in keys]
-    text = report({"E-SINDy": rows, "this laboratory": ours}, asked.part, asked.seed)
-    print(text)
-    write_atomic(asked.out / "sindy_rival.md", text)
+    by_name = {"E-SINDy": rows, "this laboratory": ours}
+    return {"sindy_rival.md": report(by_name, asked.part, asked.seed)}
 
 
 def report(by_name: Mapping[str, Sequence[Row]], part: str, seed: int) -> str:
@@ -223,6 +207,14 @@ def report(by_name: Mapping[str, Sequence[Row]], part: str, seed: int) -> str:
 def _of(right: pd.Series[bool]) -> str:
     return f"{int(right.sum())} of {len(right)}"
 
+
+def _more(options: Options) -> None:
+    options.add_argument("--part", default="1/8", help="part of the second study's cases")
+    meaning = "rows of the search, to compare"
+    options.add_argument("--ours", type=Path, default=FOREIGN.out, metavar="DIR", help=meaning)
+
+
+main = Study("sindy_rival", __doc__, _study, RESULTS, 2027, 2, more=_more)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -24,8 +23,8 @@ from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar
-from studies.agents.study import FULL
-from studies.tables import keep_table
+from studies.agents.training import FULL
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "agents"
 RUNS = Path("results/student-seeds")
@@ -83,16 +82,7 @@ def as_markdown(table: pd.DataFrame, seeds: int, plants: int) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Teach, score, print the table and write it."""
-    options = Options("student_seeds", __doc__, out=RESULTS)
-    options.add_number("--seeds", 5, "students of each task")
-    options.add_number("--plants", 100, "test draws of a task")
-    options.add_folder("--runs", RUNS, "folder of the trainings")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _measure_all(chosen: Namespace) -> Files:
     if chosen.runs.exists() and not chosen.runs.is_dir():
         raise InputError(f"{chosen.runs} is no folder; give one for the trainings")
     table = pd.concat(
@@ -102,8 +92,18 @@ def _measure_all(chosen: Namespace) -> None:
         ]
     )
     text = as_markdown(table, chosen.seeds, chosen.plants)
-    keep_table(chosen.out, "student_seeds", table, text)
+    return {"student_seeds.csv": table, "student_seeds.md": text}
 
+
+def _more(options: Options) -> None:
+    options.add_folder("--runs", RUNS, "folder of the trainings")
+
+
+main = Study(
+    "student_seeds", __doc__, _measure_all, RESULTS,
+    numbers=(("--seeds", 5, "students of each task"), ("--plants", 100, "test draws of a task")),
+    more=_more, csv="%.4g",
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

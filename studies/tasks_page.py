@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
 from pathlib import Path
 
 from baselines import HORIZON_BOUND
@@ -12,9 +11,8 @@ from benchmarks.stages.draws import FEWEST_DIGITS
 from benchmarks.stages.tables import METHOD
 from rdpi_gym.envs.tasks import PUBLIC_SEED, TASKS, StageTask
 from rdpi_gym.envs.tasks.environment import page_of
-from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import table
+from studies.runner import Files, Study
 
 OUT = Path(__file__).parents[1] / "docs"
 PAGE = "tasks.md"
@@ -86,13 +84,8 @@ rdpi score results/entry --seed-file secret.txt --out results/judged
 """
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the page."""
-    return Options("tasks_page", __doc__, out=OUT).run(arguments, _run)
-
-
-def _run(options: Namespace) -> None:
-    print(write_atomic(options.out / PAGE, page_text()))
+def _files(options: Namespace) -> Files:
+    return {PAGE: page_text()}
 
 
 def page_text() -> str:
@@ -122,6 +115,8 @@ def _section(task: StageTask) -> str:
     title, _, rest = page.partition("\n")
     return f"\n## {task.name}\n\n**{title}** `{task.id}`\n\n{rest.strip().replace('## ', '### ')}\n"
 
+
+main = Study("tasks_page", __doc__, _files, OUT)
 
 if __name__ == "__main__":
     sys.exit(main())

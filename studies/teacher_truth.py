@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,13 +22,12 @@ from baselines.learned.controller import find_learned
 from baselines.learned.imitation.fitting import Loop
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.imitation.student import UNIT_UM, Float32
-from baselines.learned.imitation.teacher import Surroundings, Systems, Visited, taught_lanes, visit
+from baselines.learned.imitation.teacher import LoopModel, Rollout, Systems, roll_out, student_lanes
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.markdown import frame_table
-from studies.agents.study import FULL
-from studies.tables import keep_table
+from studies.agents.training import FULL
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "agents"
 CHANGES = ((0.0, 0.1), (1.0, 1.2))
@@ -43,21 +41,23 @@ def measure(task: str, plants: int) -> pd.DataFrame:
     rows = []
     for factors in CHANGES:
         first, second = (
-            replace(policy, student=policy.student.turned_up(factor)) for factor in factors
+            replace(policy, student=policy.student.amplified(factor)) for factor in factors
         )
         drove, then = (
-            visit(taught_lanes(named_task(task), "validation", range(100, 100 + plants), 0), each)
+            roll_out(
+                student_lanes(named_task(task), "validation", range(100, 100 + plants), 0), each
+            )
             for each in (first, second)
         )
         found = (then.left - drove.left)[drove.first :].astype(np.float64)
-        around = drove.surroundings
+        around = drove.loop_model
         pictures = {
             "whole": around,
             "inverse_exact": inverse_exact(around),
             "estimate_at_rest": estimate_at_rest(around),
         }
         said = {
-            name: 100.0 * _share(_left(second, replace(drove, surroundings=picture)), drove, found)
+            name: 100.0 * _share(_left(second, replace(drove, loop_model=picture)), drove, found)
             for name, picture in pictures.items()
         }
         change_nm = 1e3 * UNIT_UM * float(np.sqrt(np.mean(found**2)))
@@ -66,13 +66,13 @@ def measure(task: str, plants: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _share(left: Array, drove: Visited, found: Array) -> float:
+def _share(left: Array, drove: Rollout, found: Array) -> float:
     said = (left - drove.left)[drove.first :]
     return float(np.median(1.0 - ((said - found) ** 2).sum(axis=0) / (found**2).sum(axis=0)))
 
 
-def inverse_exact(around: Surroundings) -> Surroundings:
-    """Return surroundings whose plays give what is wanted of them, but for the lag before them."""
+def inverse_exact(around: LoopModel) -> LoopModel:
+    """Return a loop model whose plays give what is wanted of them, but for the lag before them."""
     lanes = around.wanted_um.shape[1]
     inverse = replace(around.inverse, gain=1.0, weights=np.zeros_like(around.inverse.weights))
     plays = replace(
@@ -84,8 +84,8 @@ def inverse_exact(around: Surroundings) -> Surroundings:
     return replace(around, inverse=inverse, plays=plays, given_um=given)
 
 
-def estimate_at_rest(around: Surroundings) -> Surroundings:
-    """Return surroundings whose estimate does not answer."""
+def estimate_at_rest(around: LoopModel) -> LoopModel:
+    """Return a loop model whose estimate does not answer."""
     covariance = np.zeros_like(around.estimate.covariance)
     return replace(around, estimate=replace(around.estimate, covariance=covariance))
 
@@ -98,7 +98,7 @@ def _passed(systems: Systems, given: Float32) -> Float32:
     return found
 
 
-def _left(policy: StudentPolicy, visited: Visited) -> Array:
+def _left(policy: StudentPolicy, visited: Rollout) -> Array:
     tensors = {name: torch.from_numpy(each) for name, each in policy.student.arrays.items()}
     with torch.no_grad():
         left = Loop(tensors, policy.student.weighted, visited).run(0, len(visited.left))
@@ -121,18 +121,16 @@ def as_markdown(table: pd.DataFrame, plants: int) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table and write it."""
-    options = Options("teacher_truth", __doc__, out=RESULTS)
-    options.add_number("--plants", 4, "validation draws of a task")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _measure_all(chosen: Namespace) -> Files:
     torch.set_num_threads(1)
     table = pd.concat([measure(task, chosen.plants) for task, _ in FULL.taught])
-    keep_table(chosen.out, "teacher_truth", table, as_markdown(table, chosen.plants))
+    return {"teacher_truth.csv": table, "teacher_truth.md": as_markdown(table, chosen.plants)}
 
+
+main = Study(
+    "teacher_truth", __doc__, _measure_all, RESULTS,
+    numbers=(("--plants", 4, "validation draws of a task"),), csv="%.4g",
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -23,7 +23,7 @@ import os
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -39,10 +39,11 @@ from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.envs.tasks.task import PUBLIC_SEED
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_atomic, write_json
+from rdpi_gym.support.files import read_json, write_json
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.words import number
 from studies.agents.tasks import read_rankings
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "training_race"
 RUNS = Path("results/training-race")
@@ -211,16 +212,7 @@ def as_markdown(table: pd.DataFrame, rows: pd.DataFrame, rival: Mapping[str, Any
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Train and score what is not kept, print the tables, and write them as CSV and Markdown."""
-    options = Options("training_race", __doc__, out=RESULTS)
-    options.add_number("--seeds", 5, "of each training")
-    options.add_number("--plants", 100, "of the test draws")
-    options.add_folder("--runs", RUNS, "folder of the trainings")
-    return options.run(arguments, _race)
-
-
-def _race(chosen: Namespace) -> None:
+def _race(chosen: Namespace) -> Files:
     try:  # the time of an import is not that of a training
         import_module("torch")
     except ImportError as error:
@@ -237,12 +229,18 @@ def _race(chosen: Namespace) -> None:
         "entrant", key=lambda names: names.map(place), kind="stable"
     )
     table = medians(rows, float(rival["iqm_percent"]))
-    for name, frame in (("seeds", rows), ("race", table)):
-        csv = frame.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-        write_atomic(chosen.out / f"{name}.csv", csv)
-    text = as_markdown(table, rows, rival)
-    print(text, f"written to {write_atomic(chosen.out / 'race.md', text)}", sep="\n")
+    return {"seeds.csv": rows, "race.csv": table, "race.md": as_markdown(table, rows, rival)}
 
+
+def _more(options: Options) -> None:
+    options.add_folder("--runs", RUNS, "folder of the trainings")
+
+
+main = Study(
+    "training_race", __doc__, _race, RESULTS,
+    numbers=(("--seeds", 5, "of each training"), ("--plants", 100, "of the test draws")),
+    more=_more, csv="%.4g",
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

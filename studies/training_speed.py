@@ -14,16 +14,14 @@ import os
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import Progress, progress_bar, silent
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results"
 CASES = (("ppo", 1), ("native-ppo", 1), ("native-ppo", 2))
@@ -107,22 +105,16 @@ def as_markdown(table: pd.DataFrame, rounds: int) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the table, and write it as CSV and Markdown."""
-    options = Options("training_speed", __doc__, out=RESULTS)
-    options.add_number("--rounds", 5, "of timing")
-    options.add_number("--rollouts", 8, "of each measurement")
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _files(chosen: Namespace) -> Files:
     with progress_bar() as show:
         table = measure_all(chosen.rounds, chosen.rollouts, progress=show)
-    csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-    write_atomic(chosen.out / "training_speed.csv", csv)
-    text = as_markdown(table, chosen.rounds)
-    print(text, f"written to {write_atomic(chosen.out / 'training_speed.md', text)}", sep="\n")
+    return {"training_speed.csv": table, "training_speed.md": as_markdown(table, chosen.rounds)}
 
+
+main = Study(
+    "training_speed", __doc__, _files, RESULTS,
+    numbers=(("--rounds", 5, "of timing"), ("--rollouts", 8, "of each measurement")), csv="%.4g",
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

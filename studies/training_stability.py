@@ -11,17 +11,16 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar
-from studies.agents.study import BASELINE
+from studies.agents.training import BASELINE
+from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "training_stability"
 GOAL = 1.2
@@ -60,17 +59,7 @@ def as_markdown(table: pd.DataFrame, command: str) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Train, print the table, and write it and the learning curves."""
-    options = Options("training_stability", __doc__, out=RESULTS)
-    options.add_number("--seeds", 5, "that are trained, from 0 on")
-    options.add_number("--timesteps", 20_000_000, "of a training")
-    options.add_number("--threads", 1, "of a training")
-    options.add_folder("--runs", Path("results/training-stability"), "folder of the trainings")
-    return options.run(arguments, _run)
-
-
-def _run(chosen: Namespace) -> None:
+def _run(chosen: Namespace) -> Files:
     from baselines.learned import training
 
     native_ppo = training.trainer("native-ppo")
@@ -90,16 +79,30 @@ def _run(chosen: Namespace) -> None:
                 curve[["timesteps", "rmse_um", "command_variation_V_s"]].assign(seed=seed)
             )
     table = pd.DataFrame(rows)
-    for name, frame in (("seeds", table), ("curves", pd.concat(curves))):
-        csv = frame.to_csv(index=False, float_format="%.5g", lineterminator="\n")
-        write_atomic(chosen.out / f"{name}.csv", csv)
     command = (
         f"python -m studies.training_stability --seeds {chosen.seeds} "
         f"--timesteps {chosen.timesteps} --threads {chosen.threads}"
     )
-    text = as_markdown(table, command)
-    print(text, f"written to {write_atomic(chosen.out / 'stability.md', text)}", sep="\n")
+    return {
+        "seeds.csv": table,
+        "curves.csv": pd.concat(curves),
+        "stability.md": as_markdown(table, command),
+    }
 
+
+def _more(options: Options) -> None:
+    options.add_folder("--runs", Path("results/training-stability"), "folder of the trainings")
+
+
+main = Study(
+    "training_stability", __doc__, _run, RESULTS,
+    numbers=(
+        ("--seeds", 5, "that are trained, from 0 on"),
+        ("--timesteps", 20_000_000, "of a training"),
+        ("--threads", 1, "of a training"),
+    ),
+    more=_more, csv="%.5g",
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -42,8 +42,8 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
+from studies.runner import Files, Study
 
 # Calls of one measurement: a millisecond or two, so that other work rarely falls into all of them.
 _CALLS = 20
@@ -389,22 +389,7 @@ def _threading_layer() -> str:
         return "not loaded"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print the tables, and write them as CSV and Markdown."""
-    options = Options("vector_speed", __doc__, out=RESULTS)
-    options.add_number("--rounds", 9, "of timing")
-    options.add_argument("--duration", type=float, default=0.25, help="of each measurement (s)")
-    options.add_number("--lanes", LANES, "plants side by side")
-    options.add_argument(
-        "--only", metavar="WORD", help="measure cases with it in their name; other rows stay"
-    )
-    options.add_argument(
-        "--threads", type=int, nargs="+", default=list(THREADS), metavar="N", help="of the lanes"
-    )
-    return options.run(arguments, _measure_all)
-
-
-def _measure_all(chosen: Namespace) -> None:
+def _measure_all(chosen: Namespace) -> Files:
     # Read when the first parallel kernel loads: each thread keeps to a core. Otherwise the system puts
     # both on one now and then, for a whole measurement.
     os.environ.setdefault("OMP_PROC_BIND", "true")
@@ -415,10 +400,7 @@ def _measure_all(chosen: Namespace) -> None:
         bounds = _read(chosen.out / f"{ROOFLINE}.csv")
         speed = _measured_again(chosen)
     text = as_markdown(speed, bounds, chosen.lanes, chosen.rounds, chosen.duration)
-    for name, table in ((SPEED, speed), (ROOFLINE, bounds)):
-        csv = table.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-        write_atomic(chosen.out / f"{name}.csv", csv)
-    print(text, f"written to {write_atomic(chosen.out / f'{SPEED}.md', text)}", sep="\n")
+    return {f"{SPEED}.csv": speed, f"{ROOFLINE}.csv": bounds, f"{SPEED}.md": text}
 
 
 def _measured_again(chosen: Namespace) -> pd.DataFrame:
@@ -442,6 +424,22 @@ def _read(path: Path) -> pd.DataFrame:
         raise InputError(f"{path} is missing; measure all cases first")
     return pd.read_csv(path)
 
+
+def _more(options: Options) -> None:
+    options.add_argument("--duration", type=float, default=0.25, help="of each measurement (s)")
+    options.add_argument(
+        "--only", metavar="WORD", help="measure cases with it in their name; other rows stay"
+    )
+    options.add_argument(
+        "--threads", type=int, nargs="+", default=list(THREADS), metavar="N", help="of the lanes"
+    )
+
+
+main = Study(
+    "vector_speed", __doc__, _measure_all, RESULTS,
+    numbers=(("--rounds", 9, "of timing"), ("--lanes", LANES, "plants side by side")),
+    more=_more, csv="%.4g",
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -20,8 +20,7 @@ SECOND_TIER = (
     "baselines/test_ppo_from_scratch.py",
     "baselines/test_recurrent_ppo_example.py",
     "baselines/test_student_onnx.py",
-    "benchmarks/test_foreign_study.py",  # studies with committed tables
-    "benchmarks/test_hidden_study.py",
+    "benchmarks/test_effect_discovery.py",  # studies with committed tables
     "benchmarks/test_payoff.py",
     "benchmarks/test_reproduce_command.py",
     "benchmarks/test_tracking_learned.py",

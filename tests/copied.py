@@ -47,7 +47,7 @@ def failures(copy: Path, paths: Sequence[str] = ("tests",), *words: str) -> list
     """Run the default tier of some paths in a copy; return the tests that fail, none if all pass."""
     own = ("-q", "-p", "no:cacheprovider", "-m", "not slow")
     run = python(copy, "-m", "pytest", *own, *words, *paths)
-    found = re.findall(r"^(?:FAILED|ERROR) (\S+)", run.stdout, re.MULTILINE)
+    found = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", run.stdout, re.MULTILINE)
     if run.returncode not in (0, 5) and not found:
         found = [f"pytest ends with {run.returncode}: {(run.stdout + run.stderr)[-1000:]}"]
     return found

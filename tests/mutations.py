@@ -148,9 +148,10 @@ def main() -> int:
     """Plant the faults that are asked for, one after the other."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="faults whose name holds this text")
+    parser.add_argument("--near", type=int, help="of the room, so many test files alone")
     parser.add_argument("--whole", action="store_true", help="then the rest of the default tier")
     parser.add_argument("--check", action="store_true", help="look for the places alone")
-    parser.add_argument("--table", type=Path, help="where rows are written; those it has stay")
+    parser.add_argument("--table", type=Path, help="where rows are written; found ones stay")
     arguments = parser.parse_args()
     rooms, faults = declared()
     faults = [fault for fault in faults if arguments.only in fault.key]
@@ -164,13 +165,13 @@ def main() -> int:
         whole, copy = Path(folder) / "whole", Path(folder) / "copy"
         copied(whole)
         for fault in faults:
-            if fault in gone or fault.key in found:
+            if fault in gone or found.get(fault.key, NOTHING) != NOTHING:
                 continue
             shutil.rmtree(copy, ignore_errors=True)
             copied(copy, source=whole)
             near = plant(fault, copy).relative_to(copy)
             first = before.get(fault.key, "").partition("::")[0]
-            by = finder(copy, files_of(rooms[fault.group], near, first, copy))
+            by = finder(copy, files_of(rooms[fault.group], near, first, copy)[: arguments.near])
             if by == NOTHING and arguments.whole:
                 others = {path.name for path in (copy / "tests").iterdir() if path.is_dir()}
                 rest = sorted(others - {*rooms[fault.group]})

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.conftest import SECOND_TIER, TESTS
 from tests.house import circles, imports, modules, upward_imports
 
 
@@ -27,3 +28,7 @@ def test_installed_packages_import_no_studies_and_no_tests(package):
             assert "import studies" not in text, path
             assert "from studies" not in text, path
             assert "from tests" not in text, path
+
+
+def test_paths_of_the_second_tier_exist():
+    assert [path for path in SECOND_TIER if not (TESTS / path).exists()] == []

@@ -13,7 +13,7 @@ import numpy as np
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.members import Members, classes_of
+from rdpi_gym.support.plugins import Members, classes_of
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines.classical_inverse_kernels import pack_inverse
+from baselines.classical import pack_inverse
 from baselines.inverses.base import Inverse, Setting
 from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.plant.effects import Effect

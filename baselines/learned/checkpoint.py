@@ -22,48 +22,46 @@ from torch import nn
 from baselines.learned.policy import read_tensors
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import open_regular, read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.files import (
+    open_regular,
+    read_json,
+    replaced_folder,
+    write_atomic,
+    write_json,
+)
 from rdpi_gym.support.npz import open_npz
 from rdpi_gym.support.temporaries import clear_abandoned
 from rdpi_gym.support.words import quoted
 
 
 @dataclass(frozen=True)
-class Kept:
-    """What a checkpoint holds of a learner.
-
-    Parameters
-    ----------
-    timesteps, updates
-        Steps of all lanes together, and updates, that had been made.
-    tensors
-        As :meth:`Keepable.tensors` gave them.
-    read
-        Returns one of :meth:`Keepable.arrays` by its name; None: they were left out.
-    """
+class CheckpointContent:
+    """Content of a checkpoint."""
 
     timesteps: int
     updates: int
+    # Steps of all lanes together, and updates, that had been made.
     tensors: Mapping[str, Any]
+    # As :meth:`Checkpointable.tensors` gave them.
     read: Callable[[str], NDArray[np.generic]] | None
+    # Returns one of :meth:`Checkpointable.arrays` by its name; None: they were left out.
 
 
-class Between(Protocol):
-    """What stands between two stretches of a training: it evaluates and keeps a checkpoint."""
+class TrainingHooks(Protocol):
+    """Callbacks of a training between two stretches: evaluation and checkpoint."""
 
     def before_rollout(self) -> Mapping[str, float]:
-        """Be called before the environment is run on; return an evaluation, if one was made."""
+        """Handle the begin of a rollout; return an evaluation, if one was made."""
 
     def rewarded(self, reward: float) -> None:
-        """Be told the mean reward of a step of all lanes."""
+        """Record the mean reward of a step of all lanes."""
 
     def end(self) -> Mapping[str, float]:
-        """Be called when all steps are done; return the last evaluation."""
+        """Handle the end of the training; return the last evaluation."""
 
 
-class Keepable(Protocol):
-    """What a checkpoint can be made of, and brought back to."""
+class Checkpointable(Protocol):
+    """State that a checkpoint saves and restores."""
 
     @property
     def kind(self) -> str:
@@ -83,16 +81,16 @@ class Keepable(Protocol):
     def arrays(self) -> Mapping[str, Any]:
         """Return what is large and not needed once a training is finished: a replay buffer."""
 
-    def restore(self, kept: Kept) -> None:
+    def restore(self, kept: CheckpointContent) -> None:
         """Go on from what a checkpoint holds."""
 
 
-class Learner(Keepable, Protocol):
+class Learner(Checkpointable, Protocol):
     """Networks that learn in an environment of their own."""
 
     @property
     def layout(self) -> ObservationLayout:
-        """What the environment shows."""
+        """Observation layout of the environment."""
 
     def actor(self) -> list[nn.Module]:
         """Return the deterministic actor: linear layers, activations, and what keeps actions within [-1, 1]."""
@@ -100,7 +98,7 @@ class Learner(Keepable, Protocol):
     def begin(self, seed: int) -> None:
         """Seed every generator, and begin an episode in all lanes."""
 
-    def learn(self, timesteps: int, between: Between) -> None:
+    def learn(self, timesteps: int, between: TrainingHooks) -> None:
         """Take so many steps more."""
 
 
@@ -110,7 +108,7 @@ _LARGEST = {_MODEL: 2**28, _REPLAY: 2**34}  # bytes; what is larger is not even 
 
 
 def save_checkpoint(
-    folder: Path, learner: Keepable, progress: dict[str, Any], finished: bool = False
+    folder: Path, learner: Checkpointable, progress: dict[str, Any], finished: bool = False
 ) -> None:
     """Keep a learner as it is now, instead of what was kept before."""
     newest = folder / f"{learner.timesteps:012d}"
@@ -139,8 +137,8 @@ def save_checkpoint(
     clear_abandoned(folder)
 
 
-def load_checkpoint(folder: Path, learner: Keepable) -> dict[str, Any] | None:
-    """Bring a learner to where the newest checkpoint left it."""
+def load_checkpoint(folder: Path, learner: Checkpointable) -> dict[str, Any] | None:
+    """Restore a learner from the newest checkpoint."""
     kept = _checkpoints(folder)
     if not kept:
         return None
@@ -158,7 +156,9 @@ def load_checkpoint(folder: Path, learner: Keepable) -> dict[str, Any] | None:
                 read = stack.enter_context(open_npz(newest / _REPLAY)).read
             tensors = read_tensors(newest / _MODEL)
             learner.restore(
-                Kept(int(document["timesteps"]), int(document["updates"]), tensors, read)
+                CheckpointContent(
+                    int(document["timesteps"]), int(document["updates"]), tensors, read
+                )
             )
         progress: dict[str, Any] = dict(document["progress"])
     except Exception as error:  # a damaged archive raises whatever its reader trips over
@@ -171,7 +171,7 @@ def load_checkpoint(folder: Path, learner: Keepable) -> dict[str, Any] | None:
 
 
 def _check(folder: Path, document: dict[str, Any]) -> None:
-    """See that nothing has changed since it was written."""
+    """Check that no file has changed since it was written."""
     if document["sha256"] != _seal(document):
         raise ValueError(f"{_DESCRIPTION} is not what was written")
     for name, sha256 in document["files"].items():

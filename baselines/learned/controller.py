@@ -19,12 +19,11 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json
-from rdpi_gym.support.folders import settled_folder
+from rdpi_gym.support.files import read_json, settled_folder
 
 
 class LearnedController(Baseline):
-    """What a trained policy does in its environment, from the same observations.
+    """A trained policy as a controller: the actions of its training, from the same observations.
 
     Observations and actions are relative to the layout's amplitude and command range, so a policy
     runs on a plant of another size too; :meth:`warning` says so. Its memory has the history's rows

@@ -15,12 +15,12 @@ from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import quoted
 
-WATCHED = ("reference_step", "error", "measured_step", "command_step")
+QUANTITIES = ("reference_step", "error", "measured_step", "command_step")
 """Reference, measured displacement and command change by so much from sample to sample, and the error
 that is seen: in units of the layout's amplitude, commands of half their range."""
 AVERAGED_S = 5e-3
 """Time constant (s) over which their squares are averaged."""
-FURTHER = 3.0
+MARGIN = 3.0
 """Times the largest average of the training from which on a loop has left what was trained on."""
 
 
@@ -50,11 +50,11 @@ class Watch:
     >>> memory = watch.start(1)
     >>> for measured in (0.0, 0.1, 0.1):
     ...     found = watch.take(memory, np.array([[0.1, 0.1, measured, 0.5]]))
-    >>> dict(zip(WATCHED, found[:, 0].round(4).tolist()))
+    >>> dict(zip(QUANTITIES, found[:, 0].round(4).tolist()))
     {'reference_step': 0.0, 'error': 0.0138, 'measured_step': 0.0139, 'command_step': 0.0}
     """
 
-    rows = len(WATCHED) + 3
+    rows = len(QUANTITIES) + 3
 
     def __init__(self, layout: ObservationLayout) -> None:
         self._forgets = 1.0 - math.exp(-layout.ts_s / AVERAGED_S)
@@ -63,12 +63,12 @@ class Watch:
     def start(self, lanes: int) -> Array:
         """Return the memory of loops that begin, float64[rows, B]."""
         memory = np.zeros((self.rows, lanes))
-        memory[len(WATCHED) :] = np.nan
+        memory[len(QUANTITIES) :] = np.nan
         return memory
 
     def take(self, memory: Array, observation: NDArray[np.floating[Any]]) -> Array:
         """Take one sample in, and return the averages."""
-        means, before = memory[: len(WATCHED)], memory[len(WATCHED) :]
+        means, before = memory[: len(QUANTITIES)], memory[len(QUANTITIES) :]
         now = np.asarray(observation, dtype=np.float64)[:, self._columns].T
         steps = np.nan_to_num(now - before)
         told = np.stack([steps[0], now[0] - now[1], steps[1], steps[2]])
@@ -77,7 +77,7 @@ class Watch:
         return np.asarray(np.sqrt(means))
 
 
-class Witnessed:
+class EnvelopeRecorder:
     """The largest averages over all loops of an evaluation.
 
     Parameters
@@ -88,13 +88,13 @@ class Witnessed:
     Attributes
     ----------
     largest
-        By :data:`WATCHED`.
+        By :data:`QUANTITIES`.
     """
 
     def __init__(self, layout: ObservationLayout) -> None:
         self._watch = Watch(layout)
         self._memory: Array | None = None
-        self._most = np.zeros(len(WATCHED))
+        self._most = np.zeros(len(QUANTITIES))
 
     def take(self, observation: NDArray[np.floating[Any]]) -> None:
         """Take one sample of all loops in, ``(B, D)``."""
@@ -106,19 +106,19 @@ class Witnessed:
     @property
     def largest(self) -> dict[str, float]:
         """So far, rounded to four digits."""
-        return {name: float(f"{x:.4g}") for name, x in zip(WATCHED, self._most, strict=True)}
+        return {name: float(f"{x:.4g}") for name, x in zip(QUANTITIES, self._most, strict=True)}
 
 
-def checked_seen(document: Any) -> dict[str, float]:
+def checked_envelope(document: Any) -> dict[str, float]:
     """Return what a description says was seen; empty where it is of before this was kept."""
     if document is None:
         return {}
     if (
         not isinstance(document, Mapping)
-        or sorted(document) != sorted(WATCHED)
+        or sorted(document) != sorted(QUANTITIES)
         or not all(is_finite(x) and x > 0 for x in document.values())
     ):
         raise InputError(
-            f"seen is {quoted(document)}; give numbers above 0 for {', '.join(WATCHED)}"
+            f"seen is {quoted(document)}; give numbers above 0 for {', '.join(QUANTITIES)}"
         )
-    return {name: float(document[name]) for name in WATCHED}
+    return {name: float(document[name]) for name in QUANTITIES}

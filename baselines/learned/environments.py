@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from baselines.learned.envelope import Witnessed
+from baselines.learned.envelope import EnvelopeRecorder
 from baselines.learned.options import TrainingOptions
 from baselines.learned.settings import ENVIRONMENT_ID
 from rdpi_gym.envs.controller import ControllerFactory
@@ -49,27 +49,20 @@ def lanes_of_each(plants: Sequence[PlantModel], lanes: int) -> list[int]:
 LANES, SAMPLES, FIRST = 24, 1000, 200
 """Plants, each with a reference of its own; samples of a run; the first that counts."""
 SEED = 2**33
-"""Of the held-out plants, references and noise; beyond the seeds that trainings draw."""
+"""Seed of the held-out plants, references and noise; beyond the seeds that trainings draw."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Means over the held-out plants.
-
-    Parameters
-    ----------
-    reward
-        Of a sample.
-    rmse_um, rmse_percent
-        Root mean square tracking error of a plant (µm, percent of its reference's peak to peak).
-    command_variation_V_s
-        Total variation of the command (V/s).
-    """
+    """Means over the held-out plants."""
 
     reward: float
+    # Of a sample.
     rmse_um: float
     rmse_percent: float
+    # Root mean square tracking error of a plant (µm, percent of its reference's peak to peak).
     command_variation_V_s: float
+    # Total variation of the command (V/s).
 
 
 class HeldOut:
@@ -91,19 +84,21 @@ class HeldOut:
             options.models, LANES, SAMPLES + 1, action="command", **options.world()
         )
 
-    def witness(self) -> Witnessed:
+    def recorder(self) -> EnvelopeRecorder:
         """Return who can be told of the observations of a run."""
-        return Witnessed(self._env.layout)
+        return EnvelopeRecorder(self._env.layout)
 
-    def evaluate(self, make: ControllerFactory, witness: Witnessed | None = None) -> Evaluation:
+    def evaluate(
+        self, make: ControllerFactory, recorder: EnvelopeRecorder | None = None
+    ) -> Evaluation:
         """Run the controller that `make` makes of the plants' belief and layout."""
         controller = make(self._env.belief, self._env.layout)
         observation, _ = self._env.reset(seed=SEED)
         state, starts = None, np.ones(LANES, dtype=bool)
         errors, references, commands, rewards = (np.empty((SAMPLES, LANES)) for _ in range(4))
         for k in range(SAMPLES):
-            if witness is not None:
-                witness.take(observation)
+            if recorder is not None:
+                recorder.take(observation)
             action, state = controller.predict(observation, state, starts, deterministic=True)
             observation, rewards[k], _, _, infos = self._env.step(action)
             errors[k], references[k] = infos["error_um"], infos["reference_um"]

@@ -23,14 +23,14 @@ COLUMNS = (
     "command_variation_V_s", "compensator_rmse_um", "compensator_rmse_percent",
     "compensator_command_variation_V_s",
 )  # fmt: skip
-"""Of ``training.csv``: all but the second and third are of the held-out plants."""
+"""Columns of ``training.csv``: all but the second and third are of the held-out plants."""
 _LARGEST_CURVE = 2**26  # bytes
 
 Row = dict[str, float | None]
 
 
 def check_folder(out: Path, document: Mapping[str, Any]) -> None:
-    """See that a folder is new, or holds a training with the same options; nothing is written."""
+    """Check that a folder is new, or holds a training with the same options; nothing is written."""
     config = out / CONFIG
     if config.exists():
         check_same(read_json(config, FORMAT, VERSION), document, out)
@@ -93,28 +93,19 @@ def _flat(document: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Run:
-    """A training in its folder.
-
-    Parameters
-    ----------
-    options
-        What was asked for.
-    settings
-        Its hyper-parameters.
-    algorithm
-        Name, as on the command line.
-    timesteps, every
-        Steps in all, and of a stretch.
-    libraries
-        Distributions whose versions the result depends on.
-    """
+    """A training in its folder."""
 
     options: TrainingOptions
+    # What was asked for.
     settings: Settings
+    # Its hyper-parameters.
     algorithm: str
+    # Name, as on the command line.
     timesteps: int
     every: int
+    # Steps in all, and of a stretch.
     libraries: tuple[str, ...]
+    # Distributions whose versions the result depends on.
 
     @classmethod
     def open(

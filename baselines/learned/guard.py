@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.base import Baseline
+from baselines.lanes import Rows
 from baselines.learned.controller import controller_of
-from baselines.learned.envelope import FURTHER, WATCHED, Watch
+from baselines.learned.envelope import MARGIN, QUANTITIES, Watch
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.policy import Policy
-from baselines.memory import Rows
 from baselines.registry import known_controller
 from baselines.ringing import BAND_HZ, RingingMonitor
 from rdpi_gym.envs.layout import ObservationLayout
@@ -73,8 +73,8 @@ class Guarded(Baseline):
         self._slide = min(ts / BLEND_S, 1.0)
         self._measured = self.layout.columns["measured"].start
         self.watch = Watch(self.layout)
-        most = [(seen or {}).get(name, math.inf) for name in WATCHED]
-        self._furthest = FURTHER * np.array(most)[:, None]
+        most = [(seen or {}).get(name, math.inf) for name in QUANTITIES]
+        self._furthest = MARGIN * np.array(most)[:, None]
         self.rows = Rows(
             policy=0 if policy is None else len(policy.start(one)),
             fallback=len(fallback.start(one)),

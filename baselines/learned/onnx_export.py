@@ -18,8 +18,7 @@ from baselines.adaptive_feedforward import (
     SPLINE,
     AdaptiveFeedforward,
 )
-from baselines.classical import ClassicalReferenceRate
-from baselines.classical_inverse_kernels import pack_inverse
+from baselines.classical import ClassicalReferenceRate, pack_inverse
 from baselines.learned.imitation.policy import StudentController, StudentPolicy
 from baselines.learned.imitation.student import (
     CORRECTIONS,
@@ -29,7 +28,7 @@ from baselines.learned.imitation.student import (
     PREVIEW,
     UNIT_UM,
     Student,
-    TaughtAdaptive,
+    StudentFeedforward,
 )
 from baselines.learned.onnx_graph import Graph, Signal, check_file, content
 from baselines.learned.policy import Policy
@@ -61,13 +60,13 @@ def network_model(policy: Policy) -> Any:
     ['Cast', 'MatMul', 'Cast']
     """
     graph = Graph(np.float32)
-    shown = graph.given(INPUT, policy.scaling.history.size)
+    shown = graph.input(INPUT, policy.scaling.history.size)
     x = (shown.cast(np.float64) @ policy.scaling.matrix.astype(np.float64)).cast(np.float32)
     for module in policy.actor:
         if isinstance(module, nn.Linear):
             x = x @ module.weight.detach().numpy().T + module.bias.detach().numpy()
         elif isinstance(module, nn.Hardtanh):
-            x = x.clipped(np.float32(-1.0), np.float32(1.0))
+            x = x.clip(np.float32(-1.0), np.float32(1.0))
         elif isinstance(module, nn.SiLU):
             x = x * x.sigmoid()
         else:
@@ -105,7 +104,7 @@ def export_onnx(policy: Policy, out: Path) -> Path:
     return write_atomic(out, content(network_model(policy), description(policy)))
 
 
-def watched(
+def monitor_update(
     monitor: RingingMonitor, memory: Signal, error: Signal, asked: Signal
 ) -> tuple[Signal, Signal]:
     """Return the memory and whether it rings: :meth:`~baselines.ringing.RingingMonitor.watch`."""
@@ -126,66 +125,66 @@ def watched(
     grows = (quick > GROWTH * lasting) | (quick > large)
     ringing = (quick > small) & (quick > usual) & grows
     trust = memory.graph.where(ringing, withdraw * before[7], moved(7, returns, 1.0))
-    return memory.graph.joined(*errors, *references, quick, lasting, usual, trust), ringing
+    return memory.graph.concat(*errors, *references, quick, lasting, usual, trust), ringing
 
 
-def features(
+def reference_features(
     made: AdaptiveFeedforward, smooth: Signal, plays: Signal, slow: Signal
 ) -> tuple[Signal, Signal, Signal]:
     """Return what of φ has no derivatives, the plays and the low-passes: ``_features``."""
     layout = made.layout
     place = (smooth - layout.centre_um) / layout.scale_um
-    plays = plays.clipped(smooth - made.thresholds_um, smooth + made.thresholds_um)
+    plays = plays.clip(smooth - made.thresholds_um, smooth + made.thresholds_um)
     slow = slow + (1.0 - made.slow) * (smooth - slow)
-    products = place * (plays.picked(PRODUCTS) - layout.centre_um)
+    products = place * (plays.take(PRODUCTS) - layout.centre_um)
     powers = [layout.scale_um * place**power for power in POWERS]
-    found = smooth.graph.joined(smooth, smooth.filled(1.0), plays, products, *powers, slow)
+    found = smooth.graph.concat(smooth, smooth.full_like(1.0), plays, products, *powers, slow)
     return found, plays, slow
 
 
-def learned(
+def least_squares_update(
     fit: ForgettingLeastSquares, memory: Signal, phi: Signal, z: Signal, counts: Signal
 ) -> Signal:
     """Return the memory: :meth:`~baselines.least_squares.ForgettingLeastSquares.learn`.
 
     The equations are solved at every sample: that costs less than a graph that branches.
     """
-    where, joined = memory.graph.where, memory.graph.joined
+    where, concat = memory.graph.where, memory.graph.concat
     rows, columns = np.tril_indices(fit.size)
     forget, used = where(counts, fit.kept, 1.0), counts.cast(np.float64)
-    new = joined(used * phi.picked(rows) * phi.picked(columns), used * phi * z)
+    new = concat(used * phi.take(rows) * phi.take(columns), used * phi * z)
     sums = forget * memory[:, 1 : -fit.size] + new
     count = memory[:, :1] + used
     due = counts & (count.remainder(SOLVE_EVERY) <= 0.0)
     theta = where(due, _solved(fit, sums), memory[:, -fit.size :])
-    return joined(count, sums, theta)
+    return concat(count, sums, theta)
 
 
 def _solved(fit: ForgettingLeastSquares, sums: Signal) -> Signal:
     """``_solve`` of the least squares; the right side is eliminated as one more column."""
-    joined, size = sums.graph.joined, fit.size
+    concat, size = sums.graph.concat, fit.size
     place = np.zeros((size, size), dtype=np.int64)
     place[np.tril_indices(size)] = np.arange(size * (size + 1) // 2)
-    left = sums.picked(np.maximum(place, place.T)) + np.diag(fit.precision)
-    rest = joined(left, (sums[:, -size:] + fit.pull).raised(2))
+    left = sums.take(np.maximum(place, place.T)) + np.diag(fit.precision)
+    rest = concat(left, (sums[:, -size:] + fit.pull).unsqueeze(2))
     rows: list[Signal] = []
     for least in fit.precision:
         row = rest[:, :1, 1:]
-        rows.append(row / rest[:, :1, :1].at_least(least))
-        rest = rest[:, 1:, 1:] - rows[-1][:, :, :-1].turned() * row
+        rows.append(row / rest[:, :1, :1].maximum(least))
+        rest = rest[:, 1:, 1:] - rows[-1][:, :, :-1].transpose() * row
     theta = rows.pop()
     for row in reversed(rows):
-        theta = joined(row[:, :, -1:] - (row[:, :, :-1] * theta).total(), theta)
-    return theta.lowered(1)
+        theta = concat(row[:, :, -1:] - (row[:, :, :-1] * theta).sum(), theta)
+    return theta.squeeze(1)
 
 
-def unlearned(fit: ForgettingLeastSquares, memory: Signal, share: Signal) -> Signal:
+def least_squares_fade(fit: ForgettingLeastSquares, memory: Signal, share: Signal) -> Signal:
     """Return the memory: :meth:`~baselines.least_squares.ForgettingLeastSquares.unlearn`."""
     theta = share * memory[:, -fit.size :] + (1.0 - share) * fit.prior
-    return memory.graph.joined(memory[:, :1], share * memory[:, 1 : -fit.size], theta)
+    return memory.graph.concat(memory[:, :1], share * memory[:, 1 : -fit.size], theta)
 
 
-def driven(
+def inverse_command(
     inverse: ClassicalReferenceRate, wanted: Signal, memory: Signal
 ) -> tuple[Signal, Signal]:
     """Return the command (V) and the memory: :meth:`~baselines.feedforward.Feedforward.next_command`."""
@@ -194,28 +193,28 @@ def driven(
     weights, thresholds = np.array(numbers[: model.n]), np.array(numbers[model.n :])
     rate = (wanted - memory[:, -1:]) / (ts_s * model.A)
     x, reach = wanted - inverse.belief.offset_um, thresholds + shift * abs(rate)
-    plays = memory[:, 2:-1].clipped(x - reach, x + reach)
+    plays = memory[:, 2:-1].clip(x - reach, x + reach)
     low, high, _ = inverse.limits
-    command = (gain * x + offset + (weights * plays).total()).clipped(low, high)
-    return command, wanted.graph.joined(command, memory[:, 1:2], plays, wanted)
+    command = (gain * x + offset + (weights * plays).sum()).clip(low, high)
+    return command, wanted.graph.concat(command, memory[:, 1:2], plays, wanted)
 
 
-def answered(
+def student_correction(
     student: Student, seen: Signal, error: Signal, memory: Signal
 ) -> tuple[Signal, Signal]:
     """Return the correction (µm) and the memory: :meth:`~baselines.learned.imitation.student.Student.answer_um`.
 
     Python rounds to single precision within; here nothing is.
     """
-    joined, width = seen.graph.joined, student.width
+    concat, width = seen.graph.concat, student.width
     p = {name: array.astype(np.float64) for name, array in student.arrays.items()}
     scaled = (seen - p["middle"]) / p["spread"]
     before, errors, corrections = (
         memory[:, first : first + count]
         for first, count in ((0, width), (width, ERRORS - 1), (width + ERRORS, CORRECTIONS))
     )
-    errors = joined(error / UNIT_UM, errors)
-    past = joined(errors, corrections)
+    errors = concat(error / UNIT_UM, errors)
+    past = concat(errors, corrections)
     given = scaled.asinh() @ p["into"].T + p["bias"] + past.asinh() @ p["past"].T
     back = before @ p["hidden"].T + p["hidden_bias"]
     gates = (given[:, : 2 * width] + back[:, : 2 * width]).sigmoid()
@@ -223,14 +222,14 @@ def answered(
     fresh = (given[:, 2 * width :] + reset * back[:, 2 * width :]).tanh()
     after = fresh + keep * (before - fresh)
     weights = after @ p["head"].T + p["head_bias"]
-    phi = joined(scaled[:, : student.weighted], error.filled(1.0), errors)
+    phi = concat(scaled[:, : student.weighted], error.full_like(1.0), errors)
     most = MOST_UM / UNIT_UM
-    correction = most * ((weights * phi).total() / most).tanh()
-    return UNIT_UM * correction, joined(after, errors, correction, corrections[:, :-1])
+    correction = most * ((weights * phi).sum() / most).tanh()
+    return UNIT_UM * correction, concat(after, errors, correction, corrections[:, :-1])
 
 
 FARTHEST = 1000.0
-"""How far inputs may be away (scales, ranges of the command; all in sum) and still be believed."""
+"""Largest sum of the inputs' distances (scales, ranges of the command) that is used."""
 
 
 def step_model(made: StudentController) -> Any:
@@ -242,20 +241,20 @@ def step_model(made: StudentController) -> Any:
     not finite or absurdly large, command and state stay as they are.
     """
     graph, layout, limits = Graph(), made.layout, made.limits
-    reference = graph.given("reference_um", layout.preview + 1)
-    measured, applied = (graph.given(name).raised(1) for name in ("measured_um", "applied_V"))
+    reference = graph.input("reference_um", layout.preview + 1)
+    measured, applied = (graph.input(name).unsqueeze(1) for name in ("measured_um", "applied_V"))
     started = made.start(np.array([0.0, 1.0])).T
-    state = graph.given("state", started.shape[1])
+    state = graph.input("state", started.shape[1])
     # at rest the memory is affine in the first reference
     rest = started[:1] + (started[1:] - started[:1]) * reference[:, :1]
     step = _Step(made, reference, measured, applied)
-    command, after = step.taken(state, rest)
-    far = (abs(graph.joined(reference, measured) - layout.centre_um) / layout.scale_um).total()
+    command, after = step.run(state, rest)
+    far = (abs(graph.concat(reference, measured) - layout.centre_um) / layout.scale_um).sum()
     far = far + abs(applied - limits.rest_V) / (limits.high_V - limits.low_V)
     usable = far <= FARTHEST
     return graph.model(
         {
-            "command_V": graph.where(usable, command, applied).lowered(1),
+            "command_V": graph.where(usable, command, applied).squeeze(1),
             "next_state": graph.where(usable, after, state),
         }
     )
@@ -276,7 +275,7 @@ class _Step:
         self, made: StudentController, reference: Signal, measured: Signal, applied: Signal
     ) -> None:
         taught = made.inverse
-        assert isinstance(taught, TaughtAdaptive)
+        assert isinstance(taught, StudentFeedforward)
         inverse = taught.inverse
         if not isinstance(inverse, ClassicalReferenceRate):
             raise InputError(
@@ -287,7 +286,7 @@ class _Step:
         self.reference, self.measured, self.applied = reference, measured, applied
         self.of: dict[str, Signal] = {}
 
-    def taken(self, state: Signal, rest: Signal) -> tuple[Signal, Signal]:
+    def run(self, state: Signal, rest: Signal) -> tuple[Signal, Signal]:
         """Return the command (V) and the memory: ``next_command`` of the linear feedback."""
         made, where = self.made, state.graph.where
         places = self._places()
@@ -295,7 +294,7 @@ class _Step:
         of = self.of = {name: state[:, place] for name, place in places.items()}
         asked = self.reference[:, :1]
         error = asked - self.measured
-        of["monitor"], ringing = watched(made.monitor, of["monitor"], error, asked)
+        of["monitor"], ringing = monitor_update(made.monitor, of["monitor"], error, asked)
         # the feedforward's monitor watches the same
         of[".monitor"] = of["monitor"]
         allowed = of["allowed"]
@@ -307,10 +306,10 @@ class _Step:
         low, high, _ = made.limits
         stands = ((command >= high) & (given > 0.0)) | ((command <= low) & (given < 0.0))
         of["feedback"] = where(stands, own, own @ system.a.T + given * system.b)
-        return command, state.graph.joined(*of.values())
+        return command, state.graph.concat(*of.values())
 
     def _places(self) -> dict[str, slice]:
-        """Where the parts of the memory lie, in their order; a stop before those of the feedforward."""
+        """Return the slices of the memory's parts, in their order; a dot before those of the feedforward."""
         rows = np.arange(self.made.rows.total, dtype=np.float64)
         within = self.made.rows.of(rows, "inverse")
         own, student = np.split(within, [self.taught.rows.total])
@@ -325,38 +324,40 @@ class _Step:
 
     def _corrected(self, ringing: Signal, error: Signal, correction: Signal) -> Signal:
         """``corrected_command`` of the adaptive feedforward with a student."""
-        of, joined = self.of, error.graph.joined
+        of, concat = self.of, error.graph.concat
         smooth, wanted = self._wanted(ringing)
         seen = self._seen(smooth, wanted)
-        added, of["student"] = answered(self.taught.student, seen, error, of["student"])
+        added, of["student"] = student_correction(self.taught.student, seen, error, of["student"])
         total = wanted + correction + added
-        of[".wanted"] = joined(of[".wanted"][:, 1:], total)
-        command, of[".inverse"] = driven(self.inverse, total, of[".inverse"])
+        of[".wanted"] = concat(of[".wanted"][:, 1:], total)
+        command, of[".inverse"] = inverse_command(self.inverse, total, of[".inverse"])
         return command
 
     def _wanted(self, ringing: Signal) -> tuple[Signal, Signal]:
         """Return what the window of the reference is without its noise, and ``wanted_um``."""
         of, taught, graph = self.of, self.taught, ringing.graph
-        spline = self.reference.picked(taught.window) @ SPLINE.T
+        spline = self.reference.take(taught.window) @ SPLINE.T
         smooth, derivatives = spline[:, :1], spline[:, 1:]
-        static, of[".plays"], of[".slow"] = features(taught, smooth, of[".plays"], of[".slow"])
+        static, of[".plays"], of[".slow"] = reference_features(
+            taught, smooth, of[".plays"], of[".slow"]
+        )
         size = taught.fit.size - (len(SPLINE) - 1)
-        of[".seen"] = graph.joined(of[".seen"][:, size:], static)
-        of[".measured"] = graph.joined(of[".measured"][:, 1:], self.measured)
+        of[".seen"] = graph.concat(of[".seen"][:, size:], static)
+        of[".measured"] = graph.concat(of[".measured"][:, 1:], self.measured)
         of[".count"] = of[".count"] + 1.0
         low, high, _ = taught.limits
         room = ROUNDING * (high - low)
         free = (self.applied > low + room) & (self.applied < high - room)
         of[".last_V"] = self.applied
         counts = ~ringing & free & (of[".count"] > taught.lead + 2 * HALF + 2)
-        fit = learned(taught.fit, of[".fit"], *self._compared(), counts)
+        fit = least_squares_update(taught.fit, of[".fit"], *self._compared(), counts)
         trust = of[".monitor"][:, -1:]
-        of[".fit"] = unlearned(taught.fit, fit, graph.where(ringing, trust, 1.0))
-        phi = graph.joined(derivatives, static)
-        believed = (taught.fit.prior * phi).total()
-        correction = believed + trust * ((self._theta * phi).total() - believed)
+        of[".fit"] = least_squares_fade(taught.fit, fit, graph.where(ringing, trust, 1.0))
+        phi = graph.concat(derivatives, static)
+        believed = (taught.fit.prior * phi).sum()
+        correction = believed + trust * ((self._theta * phi).sum() - believed)
         most = MOST * taught.layout.scale_um
-        return smooth, smooth + correction.clipped(-most, most)
+        return smooth, smooth + correction.clip(-most, most)
 
     @property
     def _theta(self) -> Signal:
@@ -367,21 +368,21 @@ class _Step:
         of, size = self.of, self.taught.fit.size - (len(SPLINE) - 1)
         spline = of[".measured"] @ SPLINE.T
         entered = of[".wanted"][:, : 2 * HALF + 1] @ SPLINE[:1].T
-        return spline.graph.joined(spline[:, 1:], of[".seen"][:, :size]), entered - spline[:, :1]
+        return spline.graph.concat(spline[:, 1:], of[".seen"][:, :size]), entered - spline[:, :1]
 
     def _seen(self, smooth: Signal, wanted: Signal) -> Signal:
-        """What the student sees."""
+        """Return the inputs of the student."""
         of, taught, layout = self.of, self.taught, self.taught.layout
         course = (self.reference[:, : PREVIEW + 1] - layout.centre_um) / layout.scale_um @ COURSE.T
         plays = (of[".plays"] - smooth) / taught.thresholds_um
         slow = (of[".slow"] - smooth) / layout.scale_um
         theta = self._theta
         phi, z = self._compared()
-        left = (z - (theta * phi).total()) / UNIT_UM
+        left = (z - (theta * phi).sum()) / UNIT_UM
         known = (theta - taught.fit.prior) / taught.fit.spread
         own = (wanted - smooth) / layout.scale_um
         since = taught.fades[:, 0] ** of[".count"]
-        return smooth.graph.joined(course, plays, slow, known, left, own, since)
+        return smooth.graph.concat(course, plays, slow, known, left, own, since)
 
 
 def controller_on(policy: StudentPolicy, belief: PlantModel | None) -> StudentController:

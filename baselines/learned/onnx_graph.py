@@ -20,7 +20,7 @@ OPSET, IR_VERSION = 17, 8
 _CAST: Mapping[type[np.floating[Any]], int] = {np.float32: 1, np.float64: 11}
 """Types as ONNX counts them."""
 _END = 2**63 - 1
-"""Where a slice ends that runs to the end."""
+"""End of a slice that runs to the end."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Graph:
     Examples
     --------
     >>> graph = Graph()
-    >>> x = graph.given("x", 3)
+    >>> x = graph.input("x", 3)
     >>> model = graph.model({"y": 2.0 * x[:, 1:] + 1.0})
     >>> [node.op_type for node in model.graph.node]
     ['Slice', 'Mul', 'Add', 'Identity']
@@ -54,7 +54,7 @@ class Graph:
         self._constants: dict[tuple[str, tuple[int, ...], bytes], str] = {}
         self._nodes: list[_Node] = []
 
-    def given(self, name: str, *sizes: int) -> Signal:
+    def input(self, name: str, *sizes: int) -> Signal:
         """Return an input of a number, or of an array of so many, for each lane: ``(batch, *sizes)``."""
         self._inputs[name] = sizes
         return Signal(self, name)
@@ -77,7 +77,7 @@ class Graph:
         """Return one where a test holds, else the other."""
         return self.call("Where", test, one, other)
 
-    def joined(self, *parts: Signal) -> Signal:
+    def concat(self, *parts: Signal) -> Signal:
         """Return arrays side by side, along their last axis."""
         return self.call("Concat", *parts, axis=-1)
 
@@ -115,18 +115,12 @@ class Graph:
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Numbers of a graph, with the arithmetic of arrays; the first axis is that of the lanes.
-
-    Parameters
-    ----------
-    graph
-        Where it is written down.
-    name
-        Its name there.
-    """
+    """Numbers of a graph, with the arithmetic of arrays; the first axis is that of the lanes."""
 
     graph: Graph
+    # Where it is written down.
     name: str
+    # Its name there.
 
     # NumPy's arrays leave the arithmetic to it.
     __array_ufunc__ = None
@@ -192,37 +186,37 @@ class Signal:
         axes = [axis for axis, _ in parts]
         return self.graph.call("Slice", self, *map(self._integers, (starts, ends, axes)))
 
-    def picked(self, places: Sequence[int] | NDArray[np.int64]) -> Signal:
+    def take(self, places: Sequence[int] | NDArray[np.int64]) -> Signal:
         """Return elements of the second axis, in the shape of their places."""
         return self.graph.call("Gather", self, self._integers(places), axis=1)
 
-    def raised(self, axis: int) -> Signal:
+    def unsqueeze(self, axis: int) -> Signal:
         """Return it with an axis of 1 more."""
         return self.graph.call("Unsqueeze", self, self._integers([axis]))
 
-    def lowered(self, axis: int) -> Signal:
+    def squeeze(self, axis: int) -> Signal:
         """Return it without an axis of 1."""
         return self.graph.call("Squeeze", self, self._integers([axis]))
 
-    def turned(self) -> Signal:
+    def transpose(self) -> Signal:
         """Return the matrix of each lane transposed."""
         return self.graph.call("Transpose", self, perm=[0, 2, 1])
 
-    def filled(self, value: float) -> Signal:
+    def full_like(self, value: float) -> Signal:
         """Return an array of this shape that holds one number."""
         return self.graph.call("Expand", value, self.graph.call("Shape", self))
 
-    def total(self) -> Signal:
+    def sum(self) -> Signal:
         """Return the sum along the last axis, which stays as one of 1."""
         return self.graph.call("ReduceSum", self, self._integers([-1]), keepdims=1)
 
-    def at_least(self, low: Operand) -> Signal:
+    def maximum(self, low: Operand) -> Signal:
         """Return the larger one."""
         return self.graph.call("Max", self, low)
 
-    def clipped(self, low: Operand, high: Operand) -> Signal:
+    def clip(self, low: Operand, high: Operand) -> Signal:
         """Return what is no less than low and no more than high."""
-        return self.graph.call("Min", self.at_least(low), high)
+        return self.graph.call("Min", self.maximum(low), high)
 
     def remainder(self, divisor: float) -> Signal:
         """Return what is left of a division, with the sign of what was divided."""

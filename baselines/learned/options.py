@@ -27,7 +27,7 @@ PLANTS = (
     replace(_NOISY, name="P10 with creep and resonance", effects=(_CREEP, _MODE)),
     replace(_NOISY, name="P10 with noise"),
 )
-"""What agents are trained on: the paper's plant with a noisy sensor, behind an amplifier, with
+"""Plants of a training: the paper's plant with a noisy sensor, behind an amplifier, with
 creep and a mode. An agent that has only met all of them dithers where one is missing."""
 
 PHASES = 10

@@ -14,23 +14,29 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from baselines.learned.envelope import checked_seen
+from baselines.learned.envelope import checked_envelope
 from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.envs.wrappers.scaling import Scaling
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_bytes, read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support.files import (
+    read_bytes,
+    read_json,
+    replaced_folder,
+    settled_folder,
+    write_atomic,
+    write_json,
+)
 from rdpi_gym.support.words import quoted, some
 
 DESCRIPTION = "policy.json"
 """Name of the file that says what a policy is."""
 
 
-class Trained:
-    """What was trained in a loop of one layout.
+class SavedPolicy:
+    """A policy that was trained in a loop of one layout.
 
     Attributes
     ----------
@@ -77,8 +83,8 @@ def write_policy(folder: Path, file: str, weights: bytes, document: Mapping[str,
 
 
 @contextmanager
-def read_as(what: str, source: Path) -> Iterator[None]:
-    """Say of whatever a description trips over where it stands, and that it describes no such thing."""
+def reading(what: str, source: Path) -> Iterator[None]:
+    """Turn the errors of a reader into one line with the path."""
     try:
         yield
     except InputError as error:
@@ -87,7 +93,7 @@ def read_as(what: str, source: Path) -> Iterator[None]:
         raise InputError(f"{source} does not describe a {what} ({quoted(error)})") from error
 
 
-def check_whole(content: bytes, sha256: str, name: str) -> None:
+def check_digest(content: bytes, sha256: str, name: str) -> None:
     """Refuse the content of a file that was not written with its description."""
     if hashlib.sha256(content).hexdigest() != sha256:
         raise InputError(
@@ -100,7 +106,7 @@ _WIDEST, _DEEPEST = 16_384, 64
 ACTIVATIONS: Mapping[str, type[nn.Module]] = {
     each.__name__: each for each in (nn.Tanh, nn.ReLU, nn.ELU, nn.SiLU, nn.Hardtanh)
 }
-"""What may stand between and behind the linear layers of a network."""
+"""Activations between and behind the linear layers of a network."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +181,7 @@ def read_tensors(path: Path, sha256: str | None = None) -> Mapping[str, Any]:
     """Read what `torch.save` wrote of a mapping of tensors, and of mappings of these."""
     content = read_bytes(path, _LARGEST)
     if sha256 is not None:
-        check_whole(content, sha256, path.name)
+        check_digest(content, sha256, path.name)
     try:
         _check_archive(content)
         found = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
@@ -223,13 +229,13 @@ def _check_archive(content: bytes) -> None:
 FORMAT, VERSION = "rdpi-policy", 1
 WEIGHTS = "weights.pt"
 SHIPPED = Path(__file__).parent / "policies"
-"""Where the policies of this release lie, each in a folder of its name."""
+"""Folder of the policies of this release, each in a folder of its name."""
 _LAYOUT_NUMBERS = ("centre_um", "scale_um", "ts_s", "action_scale_V")
 _LONGEST = 4096  # samples ahead, and earlier ones
 
 
 @dataclass(frozen=True)
-class Policy(Trained):
+class Policy(SavedPolicy):
     """A deterministic actor, and what it must be shown to act as it was trained to.
 
     Parameters
@@ -322,7 +328,7 @@ class Policy(Trained):
         folder = settled_folder(folder)
         source = folder / DESCRIPTION
         document = read_json(source, FORMAT, VERSION)
-        with read_as("policy", source):
+        with reading("policy", source):
             return cls(**_described(document), actor=_actor(document, folder / WEIGHTS))
 
 
@@ -370,7 +376,7 @@ def _described(document: Mapping[str, Any]) -> dict[str, Any]:
         "error": _number(scaling["error"]),
         "baseline": document["baseline"],
         "training": training,
-        "seen": checked_seen(document.get("seen")),
+        "seen": checked_envelope(document.get("seen")),
     }
 
 

@@ -1,4 +1,4 @@
-"""What a sweep tries: ranges and choices of hyper-parameters, and how they change a file of these."""
+"""Search space of a sweep: ranges and choices of hyper-parameters, applied to a file of these."""
 
 from __future__ import annotations
 
@@ -25,19 +25,13 @@ Values = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Range:
-    """Numbers between two, ends included.
-
-    Parameters
-    ----------
-    low, high
-        Whole both, or not.
-    log
-        Whether evenly in the logarithm.
-    """
+    """Numbers between two, ends included."""
 
     low: float
     high: float
+    # Whole both, or not.
     log: bool = False
+    # Whether evenly in the logarithm.
 
     @property
     def distribution(self) -> BaseDistribution:
@@ -62,15 +56,10 @@ class Range:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several values of any kind.
-
-    Parameters
-    ----------
-    values
-        As JSON, which Optuna can keep.
-    """
+    """One of several values of any kind."""
 
     values: tuple[str, ...]
+    # As JSON, which Optuna can keep.
 
     @property
     def distribution(self) -> BaseDistribution:
@@ -93,11 +82,6 @@ class Choice:
 class SearchSpace:
     """Hyper-parameters by name, and what each may be.
 
-    Parameters
-    ----------
-    axes
-        A name with dots leads into mappings, as ``policy_kwargs.net_arch``.
-
     Examples
     --------
     >>> space = SearchSpace({"learning_rate": Range(1e-4, 1e-2, log=True), "gamma": Choice(("0.9",))})
@@ -109,6 +93,7 @@ class SearchSpace:
     """
 
     axes: Mapping[str, Range | Choice]
+    # A name with dots leads into mappings, as ``policy_kwargs.net_arch``.
 
     @property
     def distributions(self) -> dict[str, BaseDistribution]:

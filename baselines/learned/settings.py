@@ -32,7 +32,7 @@ _SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
 
 @dataclass(frozen=True)
 class Settings:
-    """What a file of hyper-parameters says.
+    """Hyper-parameters of a file.
 
     Parameters
     ----------

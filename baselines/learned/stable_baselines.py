@@ -13,7 +13,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from torch import nn
 
-from baselines.learned.checkpoint import Between, Kept
+from baselines.learned.checkpoint import CheckpointContent, TrainingHooks
 from baselines.learned.environments import make_lanes
 from baselines.learned.folder import Run
 from baselines.learned.options import DivergedError
@@ -98,7 +98,7 @@ class StableBaselinesLearner:
 
     @property
     def layout(self) -> ObservationLayout:
-        """What the environment shows."""
+        """Observation layout of the environment."""
         return layout_of(self.env.vector_env)
 
     def actor(self) -> list[nn.Module]:
@@ -114,7 +114,7 @@ class StableBaselinesLearner:
         if model.use_sde:  # its noise was drawn just before
             getattr(model, "actor", model.policy).reset_noise(model.n_envs)
 
-    def learn(self, timesteps: int, between: Between) -> None:
+    def learn(self, timesteps: int, between: TrainingHooks) -> None:
         """Take so many steps more."""
         try:
             self.model.learn(
@@ -148,7 +148,7 @@ class StableBaselinesLearner:
         arrays = {name: getattr(buffer, name)[:filled] for name in _REPLAYED}
         return arrays | {"position": buffer.pos, "full": buffer.full}
 
-    def restore(self, kept: Kept) -> None:
+    def restore(self, kept: CheckpointContent) -> None:
         """Go on from what a checkpoint holds."""
         model = self.model
         model.set_parameters(kept.tensors["parameters"], exact_match=True, device=model.device)
@@ -168,9 +168,9 @@ class StableBaselinesLearner:
 
 
 class _Callback(BaseCallback):  # type: ignore[misc]  # the library carries no types here
-    """Tells what stands between two stretches how far the model is."""
+    """Passes the course of a training on to its hooks."""
 
-    def __init__(self, between: Between) -> None:
+    def __init__(self, between: TrainingHooks) -> None:
         super().__init__()
         self._between = between
 

@@ -35,42 +35,28 @@ BEST = "best.yml"
 
 @dataclass(frozen=True)
 class Trial:
-    """A training of a sweep, done.
-
-    Parameters
-    ----------
-    number
-        From 0; its folder is ``trials/NUMBER``.
-    tried
-        Hyper-parameters that were chosen.
-    reward, rmse_um, compensator_rmse_um
-        Of the policy that was kept, on held-out plants; None: the training diverged.
-    seconds
-        It took.
-    """
+    """A training of a sweep, done."""
 
     number: int
+    # From 0; its folder is ``trials/NUMBER``.
     tried: dict[str, Any]
+    # Hyper-parameters that were chosen.
     reward: float | None
     rmse_um: float | None
     compensator_rmse_um: float | None
+    # Of the policy that was kept, on held-out plants; None: the training diverged.
     seconds: float | None
+    # It took.
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """A search of hyper-parameters, as far as it was asked for.
-
-    Parameters
-    ----------
-    folder
-        Holds ``best.yml``, ``trials.csv``, ``trials/NUMBER`` and the journal.
-    trials
-        All of them.
-    """
+    """A search of hyper-parameters, as far as it was asked for."""
 
     folder: Path
+    # Holds ``best.yml``, ``trials.csv``, ``trials/NUMBER`` and the journal.
     trials: tuple[Trial, ...]
+    # All of them.
 
     @property
     def best(self) -> Trial:
@@ -159,7 +145,7 @@ def sweep(
 
 
 def _check_folder(out: Path, document: dict[str, Any]) -> None:
-    """See that a folder is new, or holds a sweep with the same options."""
+    """Check that a folder is new, or holds a sweep with the same options."""
     if (out / DESCRIPTION).exists():
         check_same(read_json(out / DESCRIPTION, FORMAT, VERSION), document, out, "sweep")
     elif (out / CONFIG).exists():

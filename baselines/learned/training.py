@@ -27,7 +27,7 @@ _COMPARED = ("rmse_um", "rmse_percent", "command_variation_V_s")
 
 
 class Course:
-    """Between two stretches of a training: evaluates, keeps the best policy and a checkpoint.
+    """Course of a training: evaluation, best policy and checkpoint between two stretches.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ class Course:
     def _keep(self, finished: bool = False) -> dict[str, float]:
         """Evaluate, and write what a reader and a later run find: policy, curve, checkpoint."""
         policy = self._policy()
-        witness = self._held_out.witness()
-        found = self._held_out.evaluate(partial(LearnedController, policy), witness)
+        recorder = self._held_out.recorder()
+        found = self._held_out.evaluate(partial(LearnedController, policy), recorder)
         best = max((row["reward"] or 0.0 for row in self.rows), default=-np.inf)
         seconds = self._before_s + time.perf_counter() - self._began
         row = self._row(found, seconds)
@@ -101,7 +101,7 @@ class Course:
         self._rewards = []
         out = self.run.options.out
         if found.reward > best:
-            seen = witness.largest
+            seen = recorder.largest
             replace(policy, training=self._story(row), seen=seen).save(out / POLICY)
         write_atomic(out / CURVE, curve_text(self.rows))
         progress = {"rows": self.rows, "stretch": self._stretch, "seconds": seconds}
@@ -130,7 +130,7 @@ class Course:
         return row | {f"compensator_{name}": compensator[name] for name in _COMPARED}
 
     def _story(self, row: Row) -> dict[str, Any]:
-        """What a policy says of how it came about."""
+        """Return the record of the training in a policy."""
         return {
             "algorithm": self.run.algorithm,
             "seed": self.run.options.seed,

@@ -1,4 +1,4 @@
-"""What is certain of a loop before it drives anything: poles, small gain, passivity.
+"""Certificates of a loop before it drives anything: poles, small gain, passivity.
 
 From sample to sample plays turn a change of their input into θ times that change, 0 ≤ θ ≤ 1, so a
 hysteresis whose thresholds stand still is, for changes, a gain between a_0 and A that varies in
@@ -26,7 +26,7 @@ SMALLEST_DAMPING = 0.02
 
 @dataclass(frozen=True)
 class Certificate:
-    """What is certain of a loop.
+    """Stability of a loop, and for which hysteresis it is certain.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a belief says of the path between the plays' displacement and the sensor, as linear systems."""
+"""The belief's path between the plays' displacement and the sensor, as linear systems."""
 
 from __future__ import annotations
 
@@ -21,13 +21,6 @@ from rdpi_gym.support.arrays import Array
 class Mode:
     """The slowest lightly damped mode of a belief.
 
-    Parameters
-    ----------
-    f0_hz
-        Undamped natural frequency (Hz).
-    damping
-        Damping ratio ζ.
-
     Examples
     --------
     >>> round(Mode(739.0, 0.02).omega0_rad_s)
@@ -46,18 +39,6 @@ class Mode:
 @dataclass(frozen=True)
 class BeliefPath:
     """The linear part of a belief at a sampling time.
-
-    Parameters
-    ----------
-    dynamics
-        Lags, modes and delay in a row, gain 1 at rest.
-    sliding
-        What the inverted hysteresis is for small changes while all plays slide and thresholds move
-        with the rate, over its gain A: 1 where they do not.
-    mode
-        The slowest mode, None where the belief has none.
-    delay_s
-        What slow signals are late by (s).
 
     Examples
     --------

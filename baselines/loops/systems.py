@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,13 +18,6 @@ Response = NDArray[np.complex128]
 @dataclass(frozen=True)
 class LinearSystem:
     """x(k+1) = A x(k) + b u(k), y(k) = c x(k) + d u(k).
-
-    Parameters
-    ----------
-    a, b, c
-        ``(n, n)``, ``(n,)``, ``(n,)``.
-    d
-        What the output has of the input at once.
 
     Examples
     --------
@@ -135,3 +128,27 @@ def sampled(
     a, b, c, d = signal.tf2ss(numerator, denominator)
     a, b, c, d, _ = signal.cont2discrete((a, b, c, d), step, "bilinear")
     return LinearSystem(a, b[:, 0], c[0], float(d[0, 0]))
+
+
+FACTORS = np.geomspace(1e-5, 10.0, 241)
+"""Gains that are tried, in units of one in a sample."""
+
+
+def integral_shape(settings: Mapping[str, float], ts_s: float) -> LinearSystem:
+    """Return (1 / s + t_p) (1 + ω_2 / s) / (τ s + 1): integral, proportional, again integral."""
+    shape = integrator(ts_s) + gain(settings["proportional_s"])
+    if settings["second_integral_hz"]:
+        again = integrator(ts_s).times(2.0 * math.pi * settings["second_integral_hz"])
+        shape = (gain(1.0) + again) * shape
+    lag_s = 1.0 / (2.0 * math.pi * settings["lowpass_hz"])
+    return sampled([1.0], [lag_s, 1.0], ts_s) * shape
+
+
+def largest_factor(loops: Sequence[Response], sensitivity: float = 2.0) -> float:
+    """Return the largest factor of some open loops at which |1 / (1 + L)| stays within a bound."""
+    allowed = 0.0
+    for factor in FACTORS.tolist():
+        if min(float(np.abs(1.0 + factor * loop).min()) for loop in loops) < 1.0 / sensitivity:
+            break
+        allowed = factor
+    return allowed

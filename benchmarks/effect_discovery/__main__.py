@@ -56,7 +56,9 @@ def options(source: Source | None = None) -> Options:
     found = Options(name, __doc__, seed=0, jobs=2, ray=True)
     if source is None:
         found.add_argument("--truth", choices=list(SOURCES), default=INDEPENDENT.module)
-    found.add_folder("--out", source and source.out, "folder that results are written to")
+    found.add_folder(
+        "--out", None if source is None else source.out, "folder that results are written to"
+    )
     found.add_argument("--studies", "--study", metavar="NAMES", help="of single, none, ...")
     found.add_number("--plants", None, "for each subject, or of each study")
     found.add_argument("--per", type=int, dest="plants", help=SUPPRESS)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from benchmarks.effect_discovery.forms import (
     CORE,
     TIMED,
-    At,
+    Grid,
     Mechanism,
     envelopes,
     weight_gain,
@@ -23,7 +23,7 @@ from benchmarks.effect_discovery.physics import (
     plays_by_turning_points,
 )
 from benchmarks.effect_discovery.plants import Foreign, decaying_history
-from benchmarks.effect_discovery.protocols import Drive, Taken, between, held
+from benchmarks.effect_discovery.protocols import Drive, Experiment, between, held
 from rdpi_gym.support.arrays import Array
 
 PAUSE_S = 2.0
@@ -35,30 +35,19 @@ _LOOP_SHARE = 0.7  # of the range, to leave room for overshoot
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """A plant with what is hidden in it, and how it is driven.
+    """A plant with what is hidden in it, and how it is driven."""
 
-    Parameters
-    ----------
-    plant
-        Without what is hidden.
-    hidden
-        In the chain's order.
-    taken
-        The experiment.
-    history_ratio
-        Where it is not zero, each record begins after a decaying motion of this reach, in spans,
-        that nobody recorded.
-    """
-
-    plant: Foreign
-    hidden: tuple[Mechanism, ...]
-    taken: Taken
+    plant: Foreign  # without what is hidden
+    hidden: tuple[Mechanism, ...]  # in the chain's order
+    experiment: Experiment  # the experiment
+    # where it is not zero, each record begins after a decaying motion of this reach, in spans,
+    # that nobody recorded
     history_ratio: float = 0.0
 
     def starts_s(self) -> list[float]:
         """Clock at the first sample of every record (s)."""
         starts, now = [], 0.0
-        for drive in self.taken.drives:
+        for drive in self.experiment.drives:
             starts.append(now)
             now += drive.duration_s + PAUSE_S
         return starts
@@ -70,7 +59,7 @@ class Bench:
         chosen = self.hidden if hidden is None else hidden
         return [
             self._displacement(drive, start, chosen, linear)
-            for drive, start in zip(self.taken.drives, self.starts_s(), strict=True)
+            for drive, start in zip(self.experiment.drives, self.starts_s(), strict=True)
         ]
 
     def by_input(self) -> list[Array]:
@@ -81,7 +70,7 @@ class Bench:
         self, drive: Drive, start_s: float, hidden: Sequence[Mechanism], linear: bool
     ) -> Array:
         x = between(drive.command_V, drive.parts) if linear else drive.fine_V
-        at = At(start_s + drive.step_s * np.arange(x.size, dtype=np.float64), drive.step_s)
+        at = Grid(start_s + drive.step_s * np.arange(x.size, dtype=np.float64), drive.step_s)
         for m in hidden:
             if m.form.place < CORE and m.form.apply is not None:
                 x = m.form.apply(x, at, m.numbers)
@@ -123,7 +112,7 @@ def close_loop(bench: Bench, noise_um: Sequence[Array]) -> Bench:
     The drives hold references. The loop is closed around the plays alone, sample by sample, and
     what the whole plant does besides comes in as a disturbance that the last pass has shown.
     """
-    plant, references = bench.plant, bench.taken.drives
+    plant, references = bench.plant, bench.experiment.drives
     besides = [np.zeros(d.command_V.size) for d in references]
     found = bench
     for _ in range(_PASSES):
@@ -131,25 +120,19 @@ def close_loop(bench: Bench, noise_um: Sequence[Array]) -> Bench:
         for d, noise, other in zip(references, noise_um, besides, strict=True):
             wish = plant.centre_V + _LOOP_SHARE * (d.command_V - plant.centre_V)
             u = _loop(wish, plant, noise + other)
-            drives.append(Drive(d.name, d.role, d.ts_s, d.parts, held(u, d.parts), d.cut))
-        found = Bench(plant, bench.hidden, _with_drives(bench.taken, drives), bench.history_ratio)
+            drives.append(replace(d, fine_V=held(u, d.parts)))
+        experiment = replace(bench.experiment, drives=tuple(drives))
+        found = replace(bench, experiment=experiment)
         whole, alone = found.displacements(), _plays_alone(found)
         besides = [w - a for w, a in zip(whole, alone, strict=True)]
     return found
-
-
-def _with_drives(taken: Taken, drives: Sequence[Drive]) -> Taken:
-    return Taken(
-        taken.protocol, tuple(drives), taken.centre_V, taken.span_V, taken.has_validation,
-        taken.in_motion,
-    )  # fmt: skip
 
 
 def _plays_alone(bench: Bench) -> list[Array]:
     p = bench.plant
     return [
         p.a0_um_V * d.command_V + plays_by_turning_points(d.command_V, p.thresholds_V, p.weights)
-        for d in bench.taken.drives
+        for d in bench.experiment.drives
     ]
 
 

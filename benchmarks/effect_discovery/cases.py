@@ -16,26 +16,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Case:
-    """One data set to diagnose.
+    """One data set to diagnose."""
 
-    Parameters
-    ----------
-    study
-        One of the source's ``numbers``.
-    subject
-        Hidden effects, one thing outside the catalogue, or nothing.
-    number
-        Of the plant.
-    seed
-        Of the study.
-    variant
-        Change of the data set that must not change the diagnosis; empty where a source has none.
-    """
-
-    study: str
-    subject: tuple[str, ...]
-    number: int
-    seed: int = 0
+    study: str  # one of the source's ``numbers``
+    subject: tuple[str, ...]  # hidden effects, one thing outside the catalogue, or nothing
+    number: int  # of the plant
+    seed: int = 0  # of the study
+    # change of the data set that must not change the diagnosis; empty where a source has none
     variant: str = ""
 
     @property
@@ -48,20 +35,11 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Records of a case.
+    """Records of a case."""
 
-    Parameters
-    ----------
-    dataset
-        What the search gets.
-    truth
-        What is true of it, as JSON.
-    records
-        The simulated records with the truth at every sample, of sources that have it.
-    """
-
-    dataset: Dataset
-    truth: dict[str, Any]
+    dataset: Dataset  # what the search gets
+    truth: dict[str, Any]  # what is true of it, as JSON
+    # the simulated records with the truth at every sample, of sources that have it
     records: tuple[Sampled, ...] = field(default=())
 
 
@@ -72,33 +50,15 @@ def nothing_more(discovery: SearchResult, prepared: Prepared, case: Case) -> dic
 
 @dataclass(frozen=True)
 class Source:
-    """A source of truth: plants with known hidden effects, simulated apart from the package's kernels.
+    """A source of truth: plants with known hidden effects, simulated apart from the package's kernels."""
 
-    Parameters
-    ----------
-    module
-        Where it is defined, by name in this package.
-    command
-        Name of its command, and of its page.
-    out
-        Folder of its results.
-    numbers
-        Plants of each study.
-    effects
-        Effects that it can hide.
-    cases
-        Cases of studies, of a number of plants, with a seed and effects.
-    prepare
-        Records of a case.
-    further
-        Further fields of the row of a case.
-    """
-
-    module: str
-    command: str
-    out: Path
-    numbers: Mapping[str, int]
-    effects: tuple[str, ...]
+    module: str  # where it is defined, by name in this package
+    command: str  # name of its command, and of its page
+    out: Path  # folder of its results
+    numbers: Mapping[str, int]  # plants of each study
+    effects: tuple[str, ...]  # effects that it can hide
+    # cases of studies, of a number of plants, with a seed and effects
     cases: Callable[[Sequence[str], int | None, int, Sequence[str]], list[Case]]
-    prepare: Callable[[Case], Prepared]
+    prepare: Callable[[Case], Prepared]  # records of a case
+    # further fields of the row of a case
     further: Callable[[SearchResult, Prepared, Case], dict[str, Any]] = nothing_more

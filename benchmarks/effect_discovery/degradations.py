@@ -1,4 +1,4 @@
-"""What instruments and files do to records: outliers, dropouts, clipping, clocks, missing rows."""
+"""Degradations of records by instruments and files: outliers, dropouts, clipping, clocks, missing rows."""
 
 from __future__ import annotations
 
@@ -17,22 +17,13 @@ from rdpi_gym.support.files import write_atomic
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """One record with what is true of it at its samples.
+    """One record with what is true of it at its samples."""
 
-    Parameters
-    ----------
-    record
-        As it will be given away.
-    clean_um, by_input_um
-        Displacement without noise, and the part of it that follows from the input, ``(T,)``.
-    is_sound
-        Samples whose measurement is what the sensor would show, ``(T,)``.
-    """
-
-    record: Record
+    record: Record  # as it will be given away
+    # displacement without noise, and the part of it that follows from the input, ``(T,)``
     clean_um: Array
     by_input_um: Array
-    is_sound: BoolArray
+    is_sound: BoolArray  # samples whose measurement is what the sensor would show, ``(T,)``
 
 
 Degrade = Callable[[Sampled, np.random.Generator], Sampled]
@@ -108,10 +99,10 @@ DEGRADATIONS: Mapping[str, Degrade] = {
     "one sample apart": _apart,
     "clock skew": _skew,
 }
-"""What is done to the samples of a record, by name."""
+"""Degradations of a record's samples, by name."""
 
 CLOCKS: tuple[str, ...] = ("rounded stamps", "jittered stamps", "missing rows")
-"""What is done on the way through a file."""
+"""Degradations on the way through a file."""
 
 KINDS: tuple[str, ...] = (*DEGRADATIONS, *CLOCKS)
 """All degradations."""

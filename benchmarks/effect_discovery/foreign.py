@@ -35,7 +35,7 @@ from benchmarks.effect_discovery.forms import (
 from benchmarks.effect_discovery.outsiders import BoucWen
 from benchmarks.effect_discovery.physics import duhem, stuck_and_slipped
 from benchmarks.effect_discovery.plants import draw_plant, noise_of
-from benchmarks.effect_discovery.protocols import PROTOCOLS, take
+from benchmarks.effect_discovery.protocols import PROTOCOLS, draw_experiment
 from benchmarks.effect_discovery.true_residual import true_residual
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects
@@ -44,7 +44,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, left_over
+from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, refit_residuals
 
 _ATTEMPTS = 14
 _WANTED = (3.5, 40.0)  # noise floors, of which one is drawn for each effect
@@ -56,7 +56,7 @@ _GROWN = 1.1  # the direction in which another effect may be refitted
 def blank_records(bench: Bench) -> list[Record]:
     """Records of the commands; the displacement is a placeholder."""
     found = []
-    for drive, start in zip(bench.taken.drives, bench.starts_s(), strict=True):
+    for drive, start in zip(bench.experiment.drives, bench.starts_s(), strict=True):
         u = drive.command_V
         t = start + drive.ts_s * np.arange(u.size, dtype=np.float64)
         kept = slice(drive.cut, None)
@@ -70,10 +70,10 @@ def remaining_um(
     bench: Bench, records: Sequence[Record], differences: Sequence[Array],
     others: Sequence[Array] = (),
 ) -> float:  # fmt: skip
-    """What a refit of the base model leaves of a difference, on the record that shows most (µm rms)."""
+    """Residual of a difference after a refit of the base model, on the record with most (µm rms)."""
     every = max(1, sum(r.u_V.size for r in records) // _LOOKED_AT)
     plant, span = bench.plant.model(), bench.plant.span_V
-    return max(left_over(plant, (), span, records, differences, others, every).values())
+    return max(refit_residuals(plant, (), span, records, differences, others, every).values())
 
 
 def sized(
@@ -154,7 +154,7 @@ def _force(bench: Bench, rng: np.random.Generator) -> Displaced:
     """Push with band-limited noise: twenty lines that go by the clock."""
     still = bench.displacements()
     size = bench.plant.noise_um * rng.uniform(3.0, 12.0)
-    fastest = 0.2 / min(d.ts_s for d in bench.taken.drives)
+    fastest = 0.2 / min(d.ts_s for d in bench.experiment.drives)
     hz = np.exp(rng.uniform(math.log(0.005 * fastest), math.log(fastest), 20))
     phases = rng.uniform(0.0, 2.0 * math.pi, hz.size)
     pushed = []
@@ -205,14 +205,14 @@ def _stick_slip(bench: Bench, rng: np.random.Generator) -> Displaced:
 def _clocks(bench: Bench) -> list[Array]:
     return [
         start + d.ts_s * np.arange(d.cut, d.command_V.size, dtype=np.float64)
-        for d, start in zip(bench.taken.drives, bench.starts_s(), strict=True)
+        for d, start in zip(bench.experiment.drives, bench.starts_s(), strict=True)
     ]
 
 
 def _of_commands(bench: Bench, respond: Callable[[Array], Array]) -> list[Array]:
     """Displacement of a core that stands in the place of the plays, by record."""
     found = []
-    for drive in bench.taken.drives:
+    for drive in bench.experiment.drives:
         about = drive.fine_V - bench.plant.centre_V  # symmetric about the middle of the range
         found.append(respond(about)[:: drive.parts][drive.cut :])
     return found
@@ -225,7 +225,7 @@ OUTSIDE: Mapping[str, Callable[[Bench, np.random.Generator], Displaced]] = {
     "duhem": _duhem,
     "stick-slip": _stick_slip,
 }
-"""What may be there that is no effect of the catalogue, by name."""
+"""Phenomena outside the catalogue, by name."""
 
 
 NUMBERS = {"single": 450, "double": 250, "triple": 100, "none": 100, "outside": 100}
@@ -280,22 +280,22 @@ def prepare(case: Case) -> Prepared:
 def _drawn(case: Case, rng: np.random.Generator) -> Prepared:
     names = case.subject if case.study != "outside" else ()
     protocol = list(PROTOCOLS)[int(rng.integers(len(PROTOCOLS)))]
-    taken = take(protocol, rng)
-    plant = draw_plant(taken, rng, False if "rate_law" in names else None)
+    experiment = draw_experiment(protocol, rng)
+    plant = draw_plant(experiment, rng, False if "rate_law" in names else None)
     is_coarse = bool(rng.random() < _COARSE)
     remanent = rng.uniform(0.4, 1.0) if rng.random() < _REMANENT else 0.0
-    bench = Bench(plant, (), taken, 0.0 if "initial_memory" in names else remanent)
-    noise = [noise_of(plant, d.command_V.size, rng) for d in taken.drives]
+    bench = Bench(plant, (), experiment, 0.0 if "initial_memory" in names else remanent)
+    noise = [noise_of(plant, d.command_V.size, rng) for d in experiment.drives]
     is_closed = protocol == "closed loop"
-    references = taken
+    references = experiment
     if is_closed:
         bench = close_loop(bench, noise)
     floors: dict[str, float] = {}
     if names:
         forms = [draw_form(name, rng) for name in names]
-        bench, floors = sized(bench, forms, scale_of(bench.taken, plant, is_coarse), rng)
+        bench, floors = sized(bench, forms, scale_of(bench.experiment, plant, is_coarse), rng)
         if is_closed:  # around the whole plant
-            bench = close_loop(replace(bench, taken=references), noise)
+            bench = close_loop(replace(bench, experiment=references), noise)
     outside: dict[str, Any] = {}
     if case.study == "outside":
         clean, by_input, outside = OUTSIDE[case.subject[0]](bench, rng)
@@ -305,7 +305,7 @@ def _drawn(case: Case, rng: np.random.Generator) -> Prepared:
     records = [
         Sampled(replace(r, y_um=y + n[d.cut :]), y, part, np.ones(y.size, dtype=np.bool_))
         for r, d, y, part, n in zip(
-            blank_records(bench), bench.taken.drives, clean, by_input, noise, strict=True
+            blank_records(bench), bench.experiment.drives, clean, by_input, noise, strict=True
         )
     ]
     degraded = KINDS[int(rng.integers(len(KINDS)))] if rng.random() < _DEGRADED else ""
@@ -313,7 +313,7 @@ def _drawn(case: Case, rng: np.random.Generator) -> Prepared:
     dataset = Dataset(f"records of plant {case.number}", tuple(s.record for s in records))
     straight = bench.displacements(linear=True)
     excused = {*EXCUSED.get(degraded, ())}
-    if bench.history_ratio or taken.in_motion:
+    if bench.history_ratio or experiment.in_motion:
         excused.add("initial_memory")
     truth = {
         "hidden": [m.to_dict() for m in bench.hidden],
@@ -323,10 +323,10 @@ def _drawn(case: Case, rng: np.random.Generator) -> Prepared:
         "degraded": degraded,
         "noise_um": plant.noise_um,
         "stroke_um": plant.stroke_um,
-        "samples": bench.taken.samples,
-        "rates_hz": [1.0 / d.ts_s for d in taken.drives],
-        "has_validation": taken.has_validation,
-        "in_motion": taken.in_motion,
+        "samples": bench.experiment.samples,
+        "rates_hz": [1.0 / d.ts_s for d in experiment.drives],
+        "has_validation": experiment.has_validation,
+        "in_motion": experiment.in_motion,
         "remanent": bench.history_ratio,
         "is_coarse": is_coarse,
         "excused": sorted(excused - set(names)),

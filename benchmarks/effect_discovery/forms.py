@@ -17,7 +17,7 @@ from benchmarks.effect_discovery.physics import (
     linear,
 )
 from benchmarks.effect_discovery.plants import Foreign, fastest_rate_V_s
-from benchmarks.effect_discovery.protocols import Taken
+from benchmarks.effect_discovery.protocols import Experiment
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -40,34 +40,21 @@ class UnfitError(InputError):
 
 @dataclass(frozen=True)
 class Scale:
-    """Size of an experiment on a plant, which effects are drawn to suit.
+    """Size of an experiment on a plant, which effects are drawn to suit."""
 
-    Parameters
-    ----------
-    centre_V, span_V, stroke_um
-        Of the command and the displacement, half of peak to peak.
-    rate_V_s
-        Fastest rate of the command.
-    ts_s, slowest_ts_s
-        Shortest and longest sampling time (s).
-    longest_s, total_s
-        Longest record, and all of them (s).
-    is_held
-        Whether a command is held between the samples.
-    is_coarse
-        Whether effects may be faster than the samples can show.
-    """
-
+    # of the command and the displacement, half of peak to peak
     centre_V: float
     span_V: float
     stroke_um: float
-    rate_V_s: float
+    rate_V_s: float  # fastest rate of the command
+    # shortest and longest sampling time (s)
     ts_s: float
     slowest_ts_s: float
+    # longest record, and all of them (s)
     longest_s: float
     total_s: float
-    is_held: bool
-    is_coarse: bool
+    is_held: bool  # whether a command is held between the samples
+    is_coarse: bool  # whether effects may be faster than the samples can show
 
     @property
     def turn_s(self) -> float:
@@ -82,56 +69,36 @@ class Scale:
         return 3.0 * self.slowest_ts_s if self.is_held else 1.0 * self.ts_s
 
 
-def scale_of(taken: Taken, plant: Foreign, is_coarse: bool) -> Scale:
+def scale_of(experiment: Experiment, plant: Foreign, is_coarse: bool) -> Scale:
     """Return the size of an experiment on a plant."""
-    steps = [d.ts_s for d in taken.drives]
-    durations = [d.duration_s for d in taken.drives]
-    is_held = any(d.is_held for d in taken.drives)
+    steps = [d.ts_s for d in experiment.drives]
+    durations = [d.duration_s for d in experiment.drives]
+    is_held = any(d.is_held for d in experiment.drives)
     return Scale(
-        taken.centre_V, taken.span_V, plant.stroke_um, fastest_rate_V_s(taken), min(steps), max(steps),
+        experiment.centre_V, experiment.span_V, plant.stroke_um, fastest_rate_V_s(experiment), min(steps), max(steps),
         max(durations), sum(durations), is_held, is_coarse,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class At:
-    """Where on the fine grid a mechanism works.
+class Grid:
+    """Fine grid that a mechanism works on."""
 
-    Parameters
-    ----------
-    t_s : float64[P]
-        Clock of the experiment at every point (s).
-    step_s
-        Step of the grid.
-    """
-
-    t_s: Array
-    step_s: float
+    t_s: Array  # float64[P]: Clock of the experiment at every point (s)
+    step_s: float  # step of the grid
 
 
 @dataclass(frozen=True)
 class Form:
-    """One form of an effect.
+    """One form of an effect."""
 
-    Parameters
-    ----------
-    effect
-        Its name in the catalogue.
-    form
-        What is unlike the catalogue's simplest.
-    place
-        In the chain; :data:`CORE` for what changes the hysteresis itself.
-    draw
-        Numbers for a scale and a size; a larger size is a larger effect.
-    apply
-        What it makes of a signal; None where it changes the hysteresis.
-    """
-
-    effect: str
-    form: str
-    place: int
+    effect: str  # its name in the catalogue
+    form: str  # what is unlike the catalogue's simplest
+    place: int  # in the chain; :data:`CORE` for what changes the hysteresis itself
+    # numbers for a scale and a size; a larger size is a larger effect
     draw: Callable[[Scale, np.random.Generator, float], dict[str, Any]]
-    apply: Callable[[Array, At, Numbers], Array] | None = None
+    # what it makes of a signal; None where it changes the hysteresis
+    apply: Callable[[Array, Grid, Numbers], Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -174,7 +141,7 @@ def _one_rail(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, 
     return {"low_V": low, "high_V": high}
 
 
-def _clip(x: Array, at: At, n: Numbers) -> Array:
+def _clip(x: Array, at: Grid, n: Numbers) -> Array:
     return np.clip(x, n["low_V"], n["high_V"])
 
 
@@ -183,7 +150,7 @@ def _soft(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]
     return {"up_V": float(limits[0]), "down_V": float(limits[1]), "centre_V": scale.centre_V}
 
 
-def _bounded(x: Array, at: At, n: Numbers) -> Array:
+def _bounded(x: Array, at: Grid, n: Numbers) -> Array:
     from scipy.special import erf
 
     y = x - n["centre_V"]
@@ -201,11 +168,11 @@ def _slew(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]
     return {"up_V_s": rates[0], "down_V_s": rates[1]}
 
 
-def _limit_rate(x: Array, at: At, n: Numbers) -> Array:
+def _limit_rate(x: Array, at: Grid, n: Numbers) -> Array:
     return np.asarray(limited_rate(x, n["up_V_s"] * at.step_s, n["down_V_s"] * at.step_s))
 
 
-def _charge(x: Array, at: At, n: Numbers) -> Array:
+def _charge(x: Array, at: Grid, n: Numbers) -> Array:
     softness = max(n["softness_s"] / at.step_s, 1.0)
     return np.asarray(
         charged_softly(x, n["up_V_s"] * at.step_s, n["down_V_s"] * at.step_s, softness)
@@ -228,7 +195,7 @@ def _two_poles(scale: Scale, rng: np.random.Generator, size: float) -> dict[str,
     return {"time_constant_s": tau, "second_s": tau * rng.uniform(0.3, 1.0)}
 
 
-def _second_order(x: Array, at: At, n: Numbers) -> Array:
+def _second_order(x: Array, at: Grid, n: Numbers) -> Array:
     a, b = n["time_constant_s"], n["second_s"]
     return linear(x, [1.0], [a * b, a + b, 1.0], at.step_s)
 
@@ -237,7 +204,7 @@ def _bessel(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, An
     return {"order": int(rng.integers(2, 5)), "delay_s": _tau(scale, rng, size)}
 
 
-def _through_bessel(x: Array, at: At, n: Numbers) -> Array:
+def _through_bessel(x: Array, at: Grid, n: Numbers) -> Array:
     from scipy.signal import bessel
 
     _, denominator = bessel(n["order"], 1.0 / n["delay_s"], analog=True, norm="delay")
@@ -269,7 +236,7 @@ def _arcsinh(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, A
 
 
 def wider_V(n: Numbers, speed_V_s: Array) -> Array:
-    """What the thresholds grow by at a speed, by the law with these numbers (V)."""
+    """Growth of the thresholds with the speed (V), by the law with these numbers."""
     if "rates_V_s" in n:
         return np.interp(speed_V_s, n["rates_V_s"], n["wider_V"])
     return np.asarray(n["height_V"] * np.arcsinh(speed_V_s / n["knee_V_s"]))
@@ -331,7 +298,7 @@ def _cubic(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any
     }  # fmt: skip
 
 
-def _polynomial(x: Array, at: At, n: Numbers) -> Array:
+def _polynomial(x: Array, at: Grid, n: Numbers) -> Array:
     y = (x - n["centre_um"]) / n["span_um"]
     return np.asarray(x + n["span_um"] * (n["square"] * y**2 + n["cube"] * y**3))
 
@@ -343,7 +310,7 @@ def _bend(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]
     }  # fmt: skip
 
 
-def _exponential(x: Array, at: At, n: Numbers) -> Array:
+def _exponential(x: Array, at: Grid, n: Numbers) -> Array:
     y = (x - n["centre_um"]) / n["span_um"]
     return np.asarray(n["centre_um"] + n["span_um"] * np.expm1(n["bend"] * y) / n["bend"])
 
@@ -385,7 +352,7 @@ def _power(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any
     return {"times_s": times.tolist(), "shares": (0.04 * min(size, 10.0) * shares).tolist()}
 
 
-def _kelvin_voigt(x: Array, at: At, n: Numbers) -> Array:
+def _kelvin_voigt(x: Array, at: Grid, n: Numbers) -> Array:
     y = x.copy()
     for tau, share in zip(n["times_s"], n["shares"], strict=True):
         y += share * linear(x, [1.0], [tau, 1.0], at.step_s)
@@ -419,7 +386,7 @@ def _square(hz: float, damping: float) -> Array:
     return np.array([1.0 / w**2, 2.0 * damping / w, 1.0])
 
 
-def _vibrate(x: Array, at: At, n: Numbers) -> Array:
+def _vibrate(x: Array, at: Grid, n: Numbers) -> Array:
     f0 = n["f0_hz"]
     first = _square(f0, n["damping"])
     second = _square(f0 * n["second_ratio"], n["second_damping"])
@@ -435,7 +402,7 @@ def _width(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any
     return {"half_width_um": 0.003 * size * scale.stroke_um * rng.uniform(0.7, 1.4)}
 
 
-def _gap(x: Array, at: At, n: Numbers) -> Array:
+def _gap(x: Array, at: Grid, n: Numbers) -> Array:
     return np.asarray(gap(x, n["half_width_um"]))
 
 
@@ -443,7 +410,7 @@ def _compliant_width(scale: Scale, rng: np.random.Generator, size: float) -> dic
     return _width(scale, rng, size) | {"compliance": rng.uniform(0.05, 0.3)}
 
 
-def _compliant_gap(x: Array, at: At, n: Numbers) -> Array:
+def _compliant_gap(x: Array, at: Grid, n: Numbers) -> Array:
     c = n["compliance"]
     return np.asarray(c * x + (1.0 - c) * gap(x, n["half_width_um"]))
 
@@ -477,7 +444,7 @@ def _gain_limit(scale: Scale, rng: np.random.Generator, size: float) -> dict[str
     return {"change": sign * change, "time_constant_s": tau}
 
 
-def _gain_to_limit(x: Array, at: At, n: Numbers) -> Array:
+def _gain_to_limit(x: Array, at: Grid, n: Numbers) -> Array:
     return np.asarray(x * (1.0 - n["change"] * np.expm1(-at.t_s / n["time_constant_s"])))
 
 
@@ -486,7 +453,7 @@ def _gain_walk(scale: Scale, rng: np.random.Generator, size: float) -> dict[str,
     return _walk(rng, scale.total_s, min(0.003 * size, largest))
 
 
-def _wandering_gain(x: Array, at: At, n: Numbers) -> Array:
+def _wandering_gain(x: Array, at: Grid, n: Numbers) -> Array:
     return np.asarray(x * (1.0 + _walked(at.t_s, n)))
 
 
@@ -500,7 +467,7 @@ def _drift_limit(scale: Scale, rng: np.random.Generator, size: float) -> dict[st
     }  # fmt: skip
 
 
-def _drift_to_limit(x: Array, at: At, n: Numbers) -> Array:
+def _drift_to_limit(x: Array, at: Grid, n: Numbers) -> Array:
     gone = n["share"] * np.expm1(-at.t_s / n["first_s"])
     gone += (1.0 - n["share"]) * np.expm1(-at.t_s / n["second_s"])
     return np.asarray(x - n["change_um"] * gone)
@@ -511,7 +478,7 @@ def _offset_walk(scale: Scale, rng: np.random.Generator, size: float) -> dict[st
     return _walk(rng, scale.total_s, min(0.003 * size * scale.stroke_um, largest))
 
 
-def _wandering(x: Array, at: At, n: Numbers) -> Array:
+def _wandering(x: Array, at: Grid, n: Numbers) -> Array:
     return np.asarray(x + _walked(at.t_s, n))
 
 
@@ -524,7 +491,7 @@ def _late(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]
     return {"delay_s": samples * scale.ts_s, "samples": samples}
 
 
-def _delayed(x: Array, at: At, n: Numbers) -> Array:
+def _delayed(x: Array, at: Grid, n: Numbers) -> Array:
     points = round(n["delay_s"] / at.step_s)
     return np.concatenate([np.full(points, x[0]), x[: x.size - points]]) if points else x
 
@@ -540,7 +507,7 @@ def _hum(scale: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
     }
 
 
-def _humming(x: Array, at: At, n: Numbers) -> Array:
+def _humming(x: Array, at: Grid, n: Numbers) -> Array:
     y = x.copy()
     for k, (share, phase) in enumerate(zip(n["shares"], n["phases_rad"], strict=True), start=1):
         turn = 2.0 * math.pi * k * n["frequency_hz"] * at.t_s + phase

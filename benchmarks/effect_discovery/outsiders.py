@@ -1,4 +1,4 @@
-"""What the catalogue does not hold: a force nobody recorded, and hysteresis of another kind."""
+"""Phenomena outside the catalogue: an unrecorded force, and hysteresis of another kind."""
 
 from __future__ import annotations
 
@@ -31,15 +31,6 @@ class Outsider(Protocol):
 class Force:
     """Band-limited random force on the plant: a sum of sines that follows the clock.
 
-    Parameters
-    ----------
-    rms_um
-        Displacement that it causes (µm rms).
-    low_hz, high_hz
-        Band.
-    seed
-        Of frequencies and phases.
-
     Examples
     --------
     >>> from rdpi_gym.plant import P10
@@ -49,10 +40,11 @@ class Force:
     0.1
     """
 
-    rms_um: float
+    rms_um: float  # displacement that it causes (µm rms)
+    # band
     low_hz: float
     high_hz: float
-    seed: int
+    seed: int  # of frequencies and phases
 
     name: ClassVar[str] = "force"
     _LINES: ClassVar[int] = 100
@@ -102,15 +94,6 @@ class BoucWen:
     Low and Guo, "Modeling of a three-layer piezoelectric bimorph beam with hysteresis", J.
     Microelectromech. Syst. 4(4), 1995, use this form for a piezo actuator.
 
-    Parameters
-    ----------
-    gain_um_V, depth_um
-        A (µm/V) and D (µm).
-    width_V
-        Width w (V).
-    exponent, share
-        n and σ.
-
     Examples
     --------
     >>> from rdpi_gym.plant import P10
@@ -120,9 +103,11 @@ class BoucWen:
     [0.0, 46.0, 2.0, -46.0, -2.0]
     """
 
+    # A (µm/V) and D (µm)
     gain_um_V: float
     depth_um: float
-    width_V: float
+    width_V: float  # width w (V)
+    # n and σ
     exponent: float
     share: float
 
@@ -164,13 +149,6 @@ class Preisach:
     Density exp(-h / w) sech²((m - c) / s) over the half width h and the middle m of a relay. A
     Prandtl-Ishlinskii model has a density that does not depend on m.
 
-    Parameters
-    ----------
-    gain_um_V, relay_um_V
-        Gain without relays, and that of all relays where they are densest (µm/V).
-    width_V, spread_V, middle_V
-        w, s and c (V).
-
     Examples
     --------
     >>> from rdpi_gym.plant import P10
@@ -181,8 +159,10 @@ class Preisach:
     (True, True)
     """
 
+    # gain without relays, and that of all relays where they are densest (µm/V)
     gain_um_V: float
     relay_um_V: float
+    # w, s and c (V)
     width_V: float
     spread_V: float
     middle_V: float

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.effect_discovery.protocols import Taken
+from benchmarks.effect_discovery.protocols import Experiment
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
 
@@ -20,35 +20,19 @@ _TIMES = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Foreign:
-    """A plant without what is hidden in it.
+    """A plant without what is hidden in it."""
 
-    Parameters
-    ----------
-    a0_um_V
-        Gain without plays (µm/V).
-    thresholds_V, weights : float64[n]
-        Of the plays (V, µm/V).
-    delta2_s
-        Growth of the thresholds with the rate (s).
-    centre_V, span_V
-        Range that is used.
-    stroke_um
-        Half of the displacement over that range.
-    noise_um
-        Of the sensor (rms).
-    colour
-        Correlation of the noise from sample to sample.
-    """
-
-    a0_um_V: float
+    a0_um_V: float  # gain without plays (µm/V)
+    # float64[n]: Of the plays (V, µm/V)
     thresholds_V: Array
     weights: Array
-    delta2_s: float
+    delta2_s: float  # growth of the thresholds with the rate (s)
+    # range that is used
     centre_V: float
     span_V: float
-    stroke_um: float
-    noise_um: float
-    colour: float
+    stroke_um: float  # half of the displacement over that range
+    noise_um: float  # of the sensor (rms)
+    colour: float  # correlation of the noise from sample to sample
 
     @property
     def gain_um_V(self) -> float:
@@ -71,19 +55,21 @@ class Foreign:
         )  # fmt: skip
 
 
-def fastest_rate_V_s(taken: Taken) -> float:
+def fastest_rate_V_s(experiment: Experiment) -> float:
     """Rate of the command that one sample in a hundred exceeds, of its fastest record (V/s)."""
     fastest = 0.0
-    for drive in taken.drives:
+    for drive in experiment.drives:
         changes = np.abs(np.diff(drive.command_V))
         usual = float(np.quantile(changes, 0.99)) or float(changes.max())
         fastest = max(fastest, usual / drive.ts_s)
     return fastest
 
 
-def draw_plant(taken: Taken, rng: np.random.Generator, rated: bool | None = None) -> Foreign:
+def draw_plant(
+    experiment: Experiment, rng: np.random.Generator, rated: bool | None = None
+) -> Foreign:
     """Draw a plant to suit an experiment."""
-    span, kind = taken.span_V, rng.random()
+    span, kind = experiment.span_V, rng.random()
     reach = span * rng.uniform(0.3, 0.9)
     n = _DENSE if kind < 0.25 else int(rng.integers(6, 26))
     if kind < 0.25:
@@ -98,12 +84,12 @@ def draw_plant(taken: Taken, rng: np.random.Generator, rated: bool | None = None
     a0 = stroke / span / (1.0 + 0.6 * share)
     weights = a0 * share * shape / shape.sum()
     is_rated = bool(rng.random() < _RATED_SHARE)
-    growth = rng.uniform(0.02, 0.25) * reach / max(fastest_rate_V_s(taken), 1e-9)
+    growth = rng.uniform(0.02, 0.25) * reach / max(fastest_rate_V_s(experiment), 1e-9)
     noise = 2.0 * stroke * rng.uniform(*_FIRST_NOISE) * _TIMES ** rng.uniform()
     colour = float(rng.uniform(0.1, 0.5)) if rng.random() < 0.3 else 0.0
     return Foreign(
         a0, thresholds, weights, growth if (is_rated if rated is None else rated) else 0.0,
-        taken.centre_V, span, stroke, noise, colour,
+        experiment.centre_V, span, stroke, noise, colour,
     )  # fmt: skip
 
 

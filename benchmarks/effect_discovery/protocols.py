@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,28 +15,17 @@ from rdpi_gym.support.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """What drives the plant during one record.
+    """Command of one record."""
 
-    Parameters
-    ----------
-    name, role
-        Of the record.
-    ts_s
-        Sampling time (s).
-    parts
-        Points of the fine grid in a sampling time; even.
-    fine_V : float64[(T - 1) parts + 1]
-        True command (V); the k-th sample is taken at point k times `parts`.
-    cut
-        Samples at the beginning that are not recorded.
-    """
-
+    # of the record
     name: str
     role: Role
-    ts_s: float
-    parts: int
+    ts_s: float  # sampling time (s)
+    parts: int  # points of the fine grid in a sampling time; even
+    # float64[(T - 1) parts + 1]: True command (V); the k-th sample is taken at point k times
+    # `parts`
     fine_V: Array
-    cut: int = 0
+    cut: int = 0  # samples at the beginning that are not recorded
 
     @property
     def step_s(self) -> float:
@@ -85,29 +74,16 @@ _BUSY = 15_000  # samples of a record from which on its grid is coarser
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
-    """The experiment on one plant.
+class Experiment:
+    """The experiment on one plant."""
 
-    Parameters
-    ----------
-    protocol
-        One of :data:`PROTOCOLS`.
-    drives
-        Commands of its records (V), one after the other.
-    centre_V, span_V
-        Middle and half width of the range that is used.
-    has_validation
-        Whether a record is for validation alone.
-    in_motion
-        Whether the records begin in mid-motion.
-    """
-
-    protocol: str
-    drives: tuple[Drive, ...]
+    protocol: str  # one of :data:`PROTOCOLS`
+    drives: tuple[Drive, ...]  # commands of its records (V), one after the other
+    # middle and half width of the range that is used
     centre_V: float
     span_V: float
-    has_validation: bool
-    in_motion: bool
+    has_validation: bool  # whether a record is for validation alone
+    in_motion: bool  # whether the records begin in mid-motion
 
     @property
     def samples(self) -> int:
@@ -351,17 +327,18 @@ PROTOCOLS: Mapping[str, Draw] = {
 """Commands between -1 and 1 by the name of the protocol; of a closed loop, its reference."""
 
 
-def take(protocol: str, rng: np.random.Generator) -> Taken:
+def draw_experiment(protocol: str, rng: np.random.Generator) -> Experiment:
     """Draw an experiment."""
     low, high = RANGES_V[int(rng.integers(len(RANGES_V)))]
     centre, span = 0.5 * (low + high), 0.5 * (high - low) * rng.uniform(0.8, 1.0)
     in_motion = protocol != "closed loop" and bool(rng.random() < 0.12)
     drives = tuple(
-        Drive(
-            d.name, d.role, d.ts_s, d.parts, centre + span * d.fine_V,
+        replace(
+            d,
+            fine_V=centre + span * d.fine_V,
             cut=int(rng.uniform(0.03, 0.12) * len(d.command_V)) if in_motion else 0,
         )
         for d in PROTOCOLS[protocol](rng)
-    )  # fmt: skip
+    )
     has_validation = any(d.role == "validation" for d in drives)
-    return Taken(protocol, drives, centre, span, has_validation, in_motion)
+    return Experiment(protocol, drives, centre, span, has_validation, in_motion)

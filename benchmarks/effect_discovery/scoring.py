@@ -12,7 +12,7 @@ from benchmarks.effect_discovery.forms import TIMED
 from rdpi_gym.support.store import Row
 
 LARGEST_RATIO = 1.15
-"""Of the validation error to the noise, for a case that counts as explained."""
+"""Largest ratio of the validation error to the noise of a case that counts as explained."""
 MARGIN = 0.1
 """By which the true share may lie outside of the interval."""
 EXPLAINED = 1.3

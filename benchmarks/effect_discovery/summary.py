@@ -19,33 +19,21 @@ Mask = Callable[[pd.DataFrame], "pd.Series[bool]"]
 
 @dataclass(frozen=True)
 class Target:
-    """A share that is asked for, and what the study reached.
+    """A share that is asked for, and what the study reached."""
 
-    Parameters
-    ----------
-    study, asks
-        The study, and the figure in words.
-    percent
-        Share of the cases that is asked for (%).
-    reached, cases
-        Cases that fulfil it, and all that it is asked of.
-    by_class
-        Of those that fulfil it, how many name another member of a class that the records of the
-        case cannot tell apart; None where a source has no classes.
-    falsely_added
-        Effects added that were not hidden, in words; None where that is a target of its own.
-    at_most
-        Whether the share is a limit from above.
-    """
-
+    # the study, and the figure in words
     study: str
     asks: str
-    percent: float
+    percent: float  # share of the cases that is asked for (%)
+    # cases that fulfil it, and all that it is asked of
     reached: int
     cases: int
+    # of those that fulfil it, how many name another member of a class that the records of the
+    # case cannot tell apart; None where a source has no classes
     by_class: int | None = None
+    # effects added that were not hidden, in words; None where that is a target of its own
     falsely_added: str | None = None
-    at_most: bool = False
+    at_most: bool = False  # whether the share is a limit from above
 
     @property
     def reached_percent(self) -> float:
@@ -61,7 +49,7 @@ class Target:
 
     @property
     def asked(self) -> str:
-        """What is asked, in words."""
+        """The share that is asked for, in words."""
         return f"{'at most ' if self.at_most else ''}{self.percent:g} %"
 
     def line(self) -> str:
@@ -145,28 +133,15 @@ _RENAMED = {"by_class": "first_by_class"}
 
 @dataclass(frozen=True)
 class Report:
-    """Tables of one source of truth.
+    """Tables of one source of truth."""
 
-    Parameters
-    ----------
-    title, made
-        Of the page, and how the rows were made.
-    targets
-        Targets beside what rows reached.
-    cases
-        Columns of the table of cases.
-    by_subject
-        The table by subject.
-    sections
-        Parts of the page below the targets.
-    """
-
+    # of the page, and how the rows were made
     title: str
     made: str
-    targets: Callable[[Sequence[Row]], list[Target]]
-    cases: Sequence[str]
-    by_subject: Callable[[Sequence[Row]], pd.DataFrame]
-    sections: Callable[[Sequence[Row]], list[str]]
+    targets: Callable[[Sequence[Row]], list[Target]]  # targets beside what rows reached
+    cases: Sequence[str]  # columns of the table of cases
+    by_subject: Callable[[Sequence[Row]], pd.DataFrame]  # the table by subject
+    sections: Callable[[Sequence[Row]], list[str]]  # parts of the page below the targets
 
     def case_table(self, rows: Sequence[Row]) -> pd.DataFrame:
         """Return the judged cases, a line each."""

@@ -71,7 +71,7 @@ def _moved_samples(view: View, s: Sampled, clock: Array) -> float:
 
 
 def _by_clock(plant: PlantModel, view: View, ts_s: float, counted: BoolArray) -> Array:
-    """What the effects of a model that go by the clock add to its displacement (µm)."""
+    """Contribution of a model's time-driven effects to its displacement (µm)."""
     record = Record(view.name, view.t_s, view.u_V, view.y_um, ts_s=ts_s)
 
     def simulated(left_out: Sequence[str]) -> Array:

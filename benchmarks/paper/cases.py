@@ -1,4 +1,4 @@
-"""What the paper shows and claims: its figures and numbers as cases to simulate."""
+"""Figures and numbers of the paper as cases to simulate."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ INVERSION_FREE = tuple(r for r in COMPENSATORS if r.structure == "inversion-free
 
 
 class Claim(Enum):
-    """What the paper says of a case."""
+    """Claim of the paper on a case."""
 
     LOOP = "the hysteresis loop widens with the frequency"
     SMALLER_TS = "reducing the sampling time improves the compensation: e(k) → 0"
@@ -39,25 +39,14 @@ class Claim(Enum):
 
 @dataclass(frozen=True)
 class Case:
-    """One simulation that stands for a panel or a number of the paper.
+    """One simulation that stands for a panel or a number of the paper."""
 
-    Parameters
-    ----------
-    label
-        Figure or section.
-    claim
-        What the paper says of it.
-    reading, sine
-        What is simulated.
-    paper_value
-        The number in the paper's text, where it has one.
-    """
-
-    label: str
-    claim: Claim
+    label: str  # figure or section
+    claim: Claim  # what the paper says of it
+    # what is simulated
     reading: Reading
     sine: Sine
-    paper_value: float | None = None
+    paper_value: float | None = None  # the number in the paper's text, where it has one
 
 
 def section_iii(frequency_hz: float, ts_s: float) -> Sine:

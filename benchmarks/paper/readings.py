@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from baselines.classical_inverse_kernels import classical_own_rate, pack_inverse
-from baselines.inversion_free_kernels import inversion_free_given_rate, inversion_free_own_rate
+from baselines.classical import classical_own_rate, pack_inverse
+from baselines.inversion_free import inversion_free_given_rate, inversion_free_own_rate
 from rdpi_gym.plant import RDPI, empty_state, pack
 from rdpi_gym.plant.cores.play import given_rate_block, rdpi_block
 from rdpi_gym.support.arrays import Array
@@ -21,33 +21,22 @@ LOWPASS_HZ = 500.0
 class Reading:
     """One way to read the paper's compensators.
 
-    Parameters
-    ----------
-    name
-        What tables call it.
-    structure
-        ``none`` (u = y_r), ``inversion-free`` (Eq. 6) or ``closed-form`` (the classical inverse).
-    rate
-        Rate that sets the compensator's thresholds: of its ``own`` command one sample ago, of the
-        ``reference``, or of the ``reference/A``.
-    plant_rate
-        Rate that sets the plant's: its ``own`` command's, or ``given``, the compensator's.
-    compensator_lowpass_hz, plant_lowpass_hz
-        Cut-off (Hz) of a first-order low-pass on the own rate; None is Eq. 5 as printed.
-    says
-        The reading in a sentence.
-
     Examples
     --------
     >>> READINGS["literal"].runs_on_own_rate, READINGS["given"].runs_on_own_rate
     (True, False)
     """
 
-    name: str
+    name: str  # what tables call it
+    # ``none`` (u = y_r), ``inversion-free`` (Eq. 6) or ``closed-form`` (the classical inverse).
     structure: Literal["none", "inversion-free", "closed-form"]
+    # rate that sets the compensator's thresholds: of its ``own`` command one sample ago, of the
+    # ``reference``, or of the ``reference/A``
     rate: Literal["own", "reference", "reference/A"]
-    says: str
+    says: str  # the reading in a sentence
+    # rate that sets the plant's: its ``own`` command's, or ``given``, the compensator's
     plant_rate: Literal["own", "given"] = "own"
+    # cut-off (Hz) of a first-order low-pass on the own rate; None is Eq. 5 as printed.
     compensator_lowpass_hz: float | None = None
     plant_lowpass_hz: float | None = None
 

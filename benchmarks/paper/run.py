@@ -33,41 +33,23 @@ DIVERGENCE_TS_S = 1e-4
 
 @dataclass(frozen=True)
 class PaperResults:
-    """Everything computed for the paper's figures and numbers.
+    """Everything computed for the paper's figures and numbers."""
 
-    Parameters
-    ----------
-    seed, realisations
-        What made the ensembles.
-    cases, verdicts
-        Every simulated case and the verdict on it, in the order of the paper.
-    runs
-        The run of each case.
-    sweep
-        Every reading over the sampling time, 50 Hz, Ts falling.
-    limits
-        Stability limits of the compensators on their own rate.
-    zeros_rad_s
-        The models' right-half-plane zeros (rad/s) as measured, by plant.
-    divergences
-        Two runs that differ in the last bits, by reading, at 50 Hz and Ts = 1e-4 s.
-    implementations
-        Readings on plants other than the literal model.
-    static_runs
-        Eq. 6 on plants without a rate, by their g.
-    """
-
+    # what made the ensembles
     seed: int
     realisations: int
+    # every simulated case and the verdict on it, in the order of the paper
     cases: tuple[Case, ...]
     verdicts: tuple[str, ...]
-    runs: tuple[Tracking, ...]
-    sweep: tuple[Tracking, ...]
-    limits: tuple[Limit, ...]
+    runs: tuple[Tracking, ...]  # the run of each case
+    sweep: tuple[Tracking, ...]  # every reading over the sampling time, 50 Hz, Ts falling
+    limits: tuple[Limit, ...]  # stability limits of the compensators on their own rate
+    # the models' right-half-plane zeros (rad/s) as measured, by plant
     zeros_rad_s: dict[str, float]
+    # two runs that differ in the last bits, by reading, at 50 Hz and Ts = 1e-4 s
     divergences: tuple[Divergence, ...]
-    implementations: tuple[Implementation, ...]
-    static_runs: tuple[StaticRun, ...] = ()
+    implementations: tuple[Implementation, ...]  # readings on plants other than the literal model
+    static_runs: tuple[StaticRun, ...] = ()  # Eq. 6 on plants without a rate, by their g.
 
     def find(self, label: str, reading: str, sine: Sine | None = None) -> Tracking:
         """Return the run of the first case with this label, reading and, if given, reference."""

@@ -1,4 +1,4 @@
-"""Where a compensator on its own rate is stable, and the model's zero: found by simulation."""
+"""Stability limits of compensators on their own rate, and the model's zero, by simulation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from baselines.stability import (
+from baselines.feedforward import (
     classical_polynomial,
     inversion_free_polynomial,
     spectral_radius,
@@ -43,17 +43,10 @@ def _ramp(reading: Reading, hysteresis: RDPI, ts_s: float, samples: int) -> Arra
 
 @dataclass(frozen=True)
 class SlidingLoop:
-    """What becomes of a small disturbance of the command while all plays slide.
+    """Dynamics of a small disturbance of the command while all plays slide."""
 
-    Parameters
-    ----------
-    ts_s
-        Sampling time (s).
-    b, c
-        Coefficients of z² + b z + c = 0, fitted to the simulated disturbance.
-    """
-
-    ts_s: float
+    ts_s: float  # sampling time (s)
+    # coefficients of z² + b z + c = 0, fitted to the simulated disturbance
     b: float
     c: float
 
@@ -95,52 +88,32 @@ def limit_s(reading: Reading, hysteresis: RDPI) -> float:
 
 @dataclass(frozen=True)
 class Side:
-    """A long slide on one side of the limit, after a kick of 1e-8 µm.
+    """A long slide on one side of the limit, after a kick of 1e-8 µm."""
 
-    Parameters
-    ----------
-    ts_s
-        Sampling time (s).
-    growth
-        Of a small disturbance, per sample.
-    max_error_um, rms_error_um
-        Largest and RMS error over the last third of the slide (µm).
-    max_rate_V_s
-        Largest rate of the command there (V/s).
-    ripple_um
-        Peak to peak of the error there (µm): zero where the disturbance has decayed.
-    """
-
-    ts_s: float
-    growth: float
+    ts_s: float  # sampling time (s)
+    growth: float  # of a small disturbance, per sample
+    # largest and RMS error over the last third of the slide (µm)
     max_error_um: float
     rms_error_um: float
-    max_rate_V_s: float
+    max_rate_V_s: float  # largest rate of the command there (V/s)
+    # peak to peak of the error there (µm): zero where the disturbance has decayed
     ripple_um: float
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A stability limit: predicted, found, and both sides of it.
+    """A stability limit: predicted, found, and both sides of it."""
 
-    Parameters
-    ----------
-    plant, reading
-        What was simulated.
-    predicted_s, found_s
-        The limit (s) from the loop's polynomial, and the one found by simulation.
-    above, below
-        Long slides at a sampling time 2 % above and below the limit found.
-    loops, predicted_loops
-        Fitted and predicted loops over a range of sampling times.
-    """
-
+    # what was simulated
     plant: str
     reading: Reading
+    # the limit (s) from the loop's polynomial, and the one found by simulation
     predicted_s: float
     found_s: float
+    # long slides at a sampling time 2 % above and below the limit found
     above: Side
     below: Side
+    # fitted and predicted loops over a range of sampling times
     loops: tuple[SlidingLoop, ...]
     predicted_loops: tuple[SlidingLoop, ...]
 
@@ -198,21 +171,11 @@ def zero_rad_s(hysteresis: RDPI) -> float:
 
 @dataclass(frozen=True)
 class Divergence:
-    """Two runs whose references differ by a relative 1e-15: how far their commands part.
+    """Two runs whose references differ by a relative 1e-15: how far their commands part."""
 
-    Parameters
-    ----------
-    reading
-        The compensator.
-    t_s
-        Time (s), ``(K,)``.
-    command_V
-        Difference of the commands (V), ``(K,)``.
-    """
-
-    reading: Reading
-    t_s: Array
-    command_V: Array
+    reading: Reading  # the compensator
+    t_s: Array  # time (s), ``(K,)``
+    command_V: Array  # difference of the commands (V), ``(K,)``
 
     @property
     def largest_V(self) -> float:

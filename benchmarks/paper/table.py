@@ -20,41 +20,24 @@ from rdpi_gym.plant import PAPER_CONVERTER, PAPER_SENSOR
 
 @dataclass(frozen=True)
 class Row:
-    """One row of paper.csv; its fields are the columns.
+    """One row of paper.csv; its fields are the columns."""
 
-    Parameters
-    ----------
-    case
-        Figure, section or number of the paper.
-    reading
-        How the compensator was read; empty where none ran.
-    plant
-        Parameter set, P5 of Section III-B or P10 of Section IV-B; empty where there is none.
-    frequency_hz, ts_s
-        Reference's frequency (Hz) and sampling time (s), where there are any.
-    max_error_um, rms_error_um
-        Over the last of three periods (µm), with the exact reference.
-    max_command_rate_V_s
-        There (V/s).
-    paper_value, unit
-        The number in the paper's text, where it has one, and its unit.
-    verdict
-        Whether the paper's claim holds in this row: at this sampling time.
-    series_verdict
-        Whether it holds over all sampling times of the row's reading and frequency.
-    """
-
-    case: str
-    reading: str = ""
+    case: str  # figure, section or number of the paper
+    reading: str = ""  # how the compensator was read; empty where none ran
+    # parameter set, P5 of Section III-B or P10 of Section IV-B; empty where there is none
     plant: str = ""
+    # reference's frequency (Hz) and sampling time (s), where there are any
     frequency_hz: float | None = None
     ts_s: float | None = None
+    # over the last of three periods (µm), with the exact reference
     max_error_um: float | None = None
     rms_error_um: float | None = None
-    max_command_rate_V_s: float | None = None
+    max_command_rate_V_s: float | None = None  # there (V/s)
+    # the number in the paper's text, where it has one, and its unit
     paper_value: float | None = None
     unit: str = ""
-    verdict: str = ""
+    verdict: str = ""  # whether the paper's claim holds in this row: at this sampling time
+    # whether it holds over all sampling times of the row's reading and frequency
     series_verdict: str = ""
 
 

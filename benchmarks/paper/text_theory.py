@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from baselines.stability import limiting_cutoff_hz
+from baselines.feedforward import limiting_cutoff_hz
 from benchmarks.paper.cases import SECTION_V, SWEEP_LABEL
 from benchmarks.paper.run import DIVERGENCE_TS_S, PLANTS, PaperResults
 from benchmarks.paper.stability import MARGIN, SLIDE_V_S

@@ -22,17 +22,6 @@ _BLOCK = 1 << 15
 class Sine:
     """The reference y_r(k) = amplitude sin(2π f k Ts) of a plant's simulation.
 
-    Parameters
-    ----------
-    plant
-        Name of the parameter set.
-    hysteresis
-        Its parameters.
-    amplitude_um
-        Amplitude (µm).
-    frequency_hz, ts_s
-        Frequency (Hz) and sampling time (s); a period is a whole number of samples.
-
     Raises
     ------
     InputError
@@ -45,9 +34,10 @@ class Sine:
     20
     """
 
-    plant: str
-    hysteresis: RDPI
-    amplitude_um: float
+    plant: str  # name of the parameter set
+    hysteresis: RDPI  # its parameters
+    amplitude_um: float  # amplitude (µm)
+    # frequency (Hz) and sampling time (s); a period is a whole number of samples
     frequency_hz: float
     ts_s: float
 
@@ -89,25 +79,17 @@ class Trace:
 
 @dataclass(frozen=True)
 class Tracking:
-    """How one reading tracked one sine.
+    """Tracking errors of one reading on one sine."""
 
-    Parameters
-    ----------
-    reading, sine
-        What ran.
-    max_error_um, rms_error_um, max_rate_V_s
-        Largest and RMS error (µm) and largest rate of the command (V/s), one value a realisation;
-        the first is that of the exact reference.
-    trace
-        The last period of the first realisation, where it was asked for.
-    """
-
+    # what ran
     reading: Reading
     sine: Sine
+    # largest and RMS error (µm) and largest rate of the command (V/s), one value a realisation;
+    # the first is that of the exact reference
     max_error_um: Array
     rms_error_um: Array
     max_rate_V_s: Array
-    trace: Trace | None = None
+    trace: Trace | None = None  # the last period of the first realisation, where it was asked for
 
     @property
     def max_error(self) -> float:

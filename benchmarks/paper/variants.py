@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baselines.stability import inversion_free_polynomial, spectral_radius
+from baselines.feedforward import inversion_free_polynomial, spectral_radius
 from benchmarks.paper.cases import SECTION_V
 from benchmarks.paper.readings import READINGS, Chain, Reading
 from benchmarks.paper.tracking import PERIODS, Sine, Tracking, ensemble_factors, track
@@ -21,20 +21,11 @@ def identified_g() -> float:
 
 @dataclass(frozen=True)
 class StaticRun:
-    """Eq. 6 and the exact inverse on a plant without a rate, 80 Hz, 40 µm, 50 µs.
+    """Eq. 6 and the exact inverse on a plant without a rate, 80 Hz, 40 µm, 50 µs."""
 
-    Parameters
-    ----------
-    g
-        S / a_0 of the plant, in plant and compensator.
-    run
-        Eq. 6 as printed.
-    smooth
-        The classical inverse, which is exact here: the command that Eq. 6 should find.
-    """
-
-    g: float
-    run: Tracking
+    g: float  # S / a_0 of the plant, in plant and compensator
+    run: Tracking  # Eq. 6 as printed.
+    # the classical inverse, which is exact here: the command that Eq. 6 should find.
     smooth: Tracking
 
     @property
@@ -82,18 +73,10 @@ _FINER = 10
 
 @dataclass(frozen=True)
 class Implementation:
-    """One reading on one plant that is not the literal model.
+    """One reading on one plant that is not the literal model."""
 
-    Parameters
-    ----------
-    plant
-        What the plant is, in words.
-    run
-        Errors and the command's rate, 80 Hz and 40 µm.
-    """
-
-    plant: str
-    run: Tracking
+    plant: str  # what the plant is, in words
+    run: Tracking  # errors and the command's rate, 80 Hz and 40 µm
 
 
 def on_bench(reading: Reading, sine: Sine, lanes: int, seed: int) -> Tracking:

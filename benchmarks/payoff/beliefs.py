@@ -25,21 +25,14 @@ NOISE_UM = 0.012
 class HiddenPlant:
     """A plant and the effects that a bare belief does not know.
 
-    Parameters
-    ----------
-    hidden
-        The effects.
-    base
-        The plant without them.
-
     Examples
     --------
     >>> HIDDEN_PLANTS[2].name, HIDDEN_PLANTS[2].slug
     ('P10 with creep and sensor_lag', 'p10-creep-sensor_lag')
     """
 
-    hidden: tuple[Effect, ...]
-    base: PlantModel = P10
+    hidden: tuple[Effect, ...]  # the effects
+    base: PlantModel = P10  # the plant without them
 
     @property
     def plant(self) -> PlantModel:
@@ -48,12 +41,12 @@ class HiddenPlant:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
         return f"{self.base.name} with {' and '.join(effect.full_name() for effect in self.hidden)}"
 
     @property
     def slug(self) -> str:
-        """What its files are called."""
+        """Stem of its files' names."""
         words = [self.base.name.lower(), *(effect.full_name() for effect in self.hidden)]
         return "-".join(words).replace(", ", "-").replace(" ", "-")
 
@@ -90,7 +83,7 @@ fitted to records of the plant; ``discovered``: what ``rdpi discover`` makes of 
 
 
 FOLDER = Path(__file__).parent / "beliefs"
-"""Where the beliefs of this release lie."""
+"""Folder of the beliefs of this release."""
 
 
 def make_beliefs(hidden: HiddenPlant, folder: Path, seed: int = 0) -> dict[str, PlantModel]:

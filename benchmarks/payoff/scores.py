@@ -46,28 +46,15 @@ _CASE = ("plant", "reference", "frequency_hz", "seed")
 
 @dataclass(frozen=True)
 class Task:
-    """One compensator on one plant with one belief, on all references side by side.
+    """One compensator on one plant with one belief, on all references side by side."""
 
-    Parameters
-    ----------
-    hidden
-        The plant.
-    controller
-        Name of the compensator.
-    name, belief
-        What it believes of the plant, and what that is called.
-    seed
-        Of the sensor's noise and of random references.
-    kept
-        Whether its rows are, so that they carry a hash of what they depend on.
-    """
-
-    hidden: HiddenPlant
-    controller: str
+    hidden: HiddenPlant  # the plant
+    controller: str  # name of the compensator
+    # what it believes of the plant, and what that is called
     name: str
     belief: PlantModel
-    seed: int
-    kept: bool = True
+    seed: int  # of the sensor's noise and of random references
+    kept: bool = True  # whether its rows are, so that they carry a hash of what they depend on
 
     @cached_property
     def code(self) -> str:
@@ -79,7 +66,7 @@ class Task:
         return hashlib.sha256(json.dumps([*own, *plants]).encode()).hexdigest()[:16]
 
     def key(self, case: Case) -> str:
-        """What names a row in a store."""
+        """Name of a row in a store."""
         return f"{self.hidden.slug}/{self.controller}/{self.name}/{case.name}/{self.seed}"
 
 

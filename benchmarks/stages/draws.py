@@ -1,4 +1,4 @@
-"""Which plants a score is over: a public seed, or one that whoever runs a leaderboard keeps."""
+"""Seeds of test plants: the public one, or one that whoever runs a leaderboard keeps private."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rdpi_gym.support.files import read_utf8
 
 _LARGEST = 2**10  # bytes of a seed file
 FEWEST_DIGITS, MOST_DIGITS = 20, 40
-"""Of a private seed: one of fewer could be found by trying all against the hash that tables show."""
+"""Digits of a private seed: a shorter one could be guessed from the hash that tables show."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class TestSeed:
 
     @property
     def label(self) -> str:
-        """What rows and tables say."""
+        """Name in rows and tables."""
         if self.is_public:
             return f"public seed {self.seed}"
         return f"private seed {hashlib.sha256(str(self.seed).encode()).hexdigest()[:8]}"

@@ -20,8 +20,7 @@ from rdpi_gym.envs.tasks.changing import ChangingPlant
 from rdpi_gym.envs.tasks.environment import TaskEnv
 from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_json
-from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support.files import read_json, replaced_folder, settled_folder, write_json
 from rdpi_gym.support.progress import Progress, silent
 from rdpi_gym.support.words import quoted
 
@@ -45,21 +44,11 @@ Infos = dict[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Collection:
-    """A dataset of episodes, written.
+    """A dataset of episodes, written."""
 
-    Parameters
-    ----------
-    root
-        Folder that ``MINARI_DATASETS_PATH`` names for ``minari.load_dataset``.
-    dataset_id
-        Under which Minari loads it from there.
-    document
-        All that it depends on, and what came out: ``collection.json``.
-    """
-
-    root: Path
-    dataset_id: str
-    document: dict[str, Any]
+    root: Path  # folder that ``MINARI_DATASETS_PATH`` names for ``minari.load_dataset``
+    dataset_id: str  # under which Minari loads it from there
+    document: dict[str, Any]  # all that it depends on, and what came out: ``collection.json``
 
     @property
     def data(self) -> Path:

@@ -98,7 +98,7 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
 def _errors_and_fails(
     table: pd.DataFrame, name: str, numbers: Sequence[int]
 ) -> tuple[Array, Array]:
-    """What each plant counts with (%), and 1 where the controller failed on it."""
+    """Return the score of each plant (%), and 1 where the controller failed on it."""
     own = table[table["controller"] == name].set_index("plant").loc[list(numbers)]
     rmse = own["rmse_percent"] if "rmse_percent" in own else pd.Series(np.nan, index=own.index)
     failed = own["failure"].to_numpy() != ""

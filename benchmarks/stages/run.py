@@ -49,21 +49,11 @@ def field() -> list[str]:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run leaves.
+    """Result of a run."""
 
-    Parameters
-    ----------
-    rows
-        Those that were asked for, the bound's among them.
-    computed
-        Number of rows that were not finished before.
-    notes
-        What a reader should know, one sentence each.
-    """
-
-    rows: list[Row]
-    computed: int
-    notes: tuple[str, ...]
+    rows: list[Row]  # those that were asked for, the bound's among them
+    computed: int  # number of rows that were not finished before
+    notes: tuple[str, ...]  # what a reader should know, one sentence each
 
 
 def run_tasks(

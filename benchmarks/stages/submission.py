@@ -25,8 +25,14 @@ from benchmarks.tracking.fingerprint import code_fingerprint
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_bytes, read_json, write_atomic, write_json
-from rdpi_gym.support.folders import check_plain, replaced_folder
+from rdpi_gym.support.files import (
+    check_plain,
+    read_bytes,
+    read_json,
+    replaced_folder,
+    write_atomic,
+    write_json,
+)
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import quoted, short

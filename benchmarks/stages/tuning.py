@@ -45,24 +45,16 @@ FINALISTS = 3
 
 @dataclass(frozen=True)
 class Figures:
-    """Errors of a controller over plants: RMSE in percent of the references' peak to peak.
+    """Errors of a controller over plants: RMSE in percent of the references' peak to peak."""
 
-    Parameters
-    ----------
-    iqm_percent, p90_percent, worst_percent
-        Mean of the middle half of the plants, the 90th percentile, and the largest.
-    failures, plants
-        Plants on which it fails as a ranking counts it, and all.
-    plant_samples
-        Samples that were simulated.
-    """
-
+    # mean of the middle half of the plants, the 90th percentile, and the largest
     iqm_percent: float
     p90_percent: float
     worst_percent: float
+    # plants on which it fails as a ranking counts it, and all
     failures: int
     plants: int
-    plant_samples: int
+    plant_samples: int  # samples that were simulated
 
     @property
     def objective(self) -> float:
@@ -76,34 +68,21 @@ class Figures:
 
 @dataclass(frozen=True)
 class Tuned:
-    """What a search found.
+    """Result of a search."""
 
-    Parameters
-    ----------
-    controller, task
-        Their names.
-    tuning
-        The settings, and how they were found.
-    trials
-        Settings that were tried.
-    before, after
-        On validation draws, which chose among the best trials and the defaults: with the class's
-        defaults, and with what was chosen.
-    certificate, warning
-        What the controller says of itself with these settings.
-    path
-        File of the settings.
-    """
-
+    # their names
     controller: str
     task: str
-    tuning: Tuning
-    trials: int
+    tuning: Tuning  # the settings, and how they were found
+    trials: int  # settings that were tried
+    # on validation draws, which chose among the best trials and the defaults: with the class's
+    # defaults, and with what was chosen
     before: Figures
     after: Figures
+    # what the controller says of itself with these settings
     certificate: str | None
     warning: str | None
-    path: Path
+    path: Path  # file of the settings
 
     def __str__(self) -> str:
         settings = ", ".join(f"{k} {v:.4g}" for k, v in self.tuning.settings.items())

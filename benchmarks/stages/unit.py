@@ -17,7 +17,7 @@ from rdpi_gym.envs.tasks import Lanes, StageTask, named_task
 from rdpi_gym.support.store import Row
 
 SUITE_VERSION = 1
-"""Of the tasks: rows of another are of other plants or another protocol."""
+"""Version of the tasks: rows of another are of other plants or another protocol."""
 SATURATED_PERCENT = 1.0
 """Samples (%) of a reference at the end of the command's range from which on it counts as a failure."""
 SLOWEST_US = 5000.0
@@ -29,40 +29,26 @@ DIVERGED, SATURATED, ERROR, SLOW = "diverged", "saturated", "error", "too slow"
 PASSES = 10
 """Passes over the same reference of a controller that ``repeats``; the last is scored."""
 PREVIEW, WHOLE, AGAIN = "preview", "whole reference", f"{PASSES} passes"
-"""What controllers are shown: those with the preview of the task are rivals, the others stand beside."""
+"""Information of controllers: those with the task's preview are ranked, the others only listed."""
 
 
 @dataclass(frozen=True)
 class Unit:
-    """What one worker does at a time; its rows are written when it is done.
+    """Work of one process at a time; its rows are written when it is done."""
 
-    Parameters
-    ----------
-    controller
-        As :func:`baselines.make_controller` takes it, or the name of the bound.
-    task
-        Short name of a task.
-    seed, draws
-        Of the test draws, and what rows say of it.
-    plants
-        Numbers of the plants.
-    stamp
-        Hash of all that the rows depend on.
-    factory
-        What makes the controller, where its name does not say.
-    """
-
-    controller: str
-    task: str
+    controller: str  # as :func:`baselines.make_controller` takes it, or the name of the bound
+    task: str  # short name of a task
+    # of the test draws, and what rows say of it
     seed: int
     draws: str
-    plants: tuple[int, ...]
-    stamp: str
+    plants: tuple[int, ...]  # numbers of the plants
+    stamp: str  # hash of all that the rows depend on
+    # what makes the controller, where its name does not say
     factory: ControllerFactory | None = None
 
     @property
     def keys(self) -> list[TaskKey]:
-        """Of its rows, in their order."""
+        """Names of its rows, in their order."""
         return [TASKS.key(_row(self, number)) for number in self.plants]
 
 

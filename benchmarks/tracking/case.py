@@ -82,4 +82,4 @@ class Case:
 CaseMaker: TypeAlias = Callable[[float, float], tuple[Case, ...]]
 """Makes the cases of a reference from its peak (µm) and the plant's base frequency (Hz)."""
 References: TypeAlias = Mapping[str, CaseMaker]
-"""What a file in ``references`` states as ``REFERENCES``."""
+"""Content of ``REFERENCES`` in a file of the folder ``references``."""

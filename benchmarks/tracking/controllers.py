@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 POLICIES = Path(baselines.__file__).parent / "learned" / "policies"
-"""Where the policies of this release lie, each in a folder of its name."""
+"""Folder of the policies of this release, each in a folder of its name."""
 _DESCRIPTION = "policy.json"
 
 

@@ -20,24 +20,13 @@ _GIVEN_UP_S, _FEWEST = 1.0, 3
 
 @dataclass(frozen=True)
 class Recording:
-    """What a run leaves, each ``float64[K, B]``.
+    """Signals of a run, each ``float64[K, B]``."""
 
-    Parameters
-    ----------
-    displacement_um
-        Of the plant, without the sensor (µm).
-    command_V
-        Applied command (V).
-    action
-        What set the command, before it was clipped to [-1, 1]; NaN where a controller said so.
-    measured_um
-        The sensor's reading (µm).
-    """
-
-    displacement_um: Array
-    command_V: Array
+    displacement_um: Array  # of the plant, without the sensor (µm)
+    command_V: Array  # applied command (V)
+    # what set the command, before it was clipped to [-1, 1]; NaN where a controller said so
     action: Array
-    measured_um: Array
+    measured_um: Array  # the sensor's reading (µm)
 
 
 def record(

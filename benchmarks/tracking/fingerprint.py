@@ -42,7 +42,7 @@ def code_fingerprint(controller: str, folder: Path = _BASELINES) -> str:
 
 @cache
 def _scoring() -> list[bytes]:
-    """What every score depends on."""
+    """Code that every score depends on."""
     files = room_files(*_ROOMS)
     files += [file for name in _SCORING for file in Path(__file__).parent.glob(name)]
     return code_parts(files)

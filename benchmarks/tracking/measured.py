@@ -34,22 +34,14 @@ SHOWN_S = 3.0
 
 @dataclass(frozen=True)
 class MeasuredScores:
-    """The feedforwards on measured records.
+    """The feedforwards on measured records."""
 
-    Parameters
-    ----------
-    table
-        Columns :data:`COLUMNS`: difference between command and applied voltage (V, percent of the
-        applied peak to peak), the same times the local gain (µm), and the sensor's zero (µm).
-    traces
-        Of each record, its last seconds: time (s), applied voltage and each command (V).
-    note
-        Why there are none, or how they were made.
-    """
-
+    # columns :data:`COLUMNS`: difference between command and applied voltage (V, percent of the
+    # applied peak to peak), the same times the local gain (µm), and the sensor's zero (µm)
     table: pd.DataFrame
+    # of each record, its last seconds: time (s), applied voltage and each command (V)
     traces: dict[str, dict[str, Array]]
-    note: str
+    note: str  # why there are none, or how they were made
 
 
 def score_measured(

@@ -38,55 +38,30 @@ from rdpi_gym.support.store import Row
 
 TRACE_SAMPLES = 200
 TRUE_PLANT = "true plant"
-"""What tables say in place of a belief for the bound."""
+"""Entry of tables in place of a belief for the bound."""
 # Lanes whose lengths differ by more are run apart: a short one would idle to the end of a long one.
 _LENGTH_RATIO = 4.0
 
 
 @dataclass(frozen=True)
 class Lane:
-    """One row to be: a case and a seed.
+    """One row to be: a case and a seed."""
 
-    Parameters
-    ----------
-    case
-        The reference.
-    seed
-        Draws the truth, the sensor's noise and a random reference.
-    keep_trace
-        Whether the row carries what its page draws.
-    """
-
-    case: Case
-    seed: int
-    keep_trace: bool = False
+    case: Case  # the reference
+    seed: int  # draws the truth, the sensor's noise and a random reference
+    keep_trace: bool = False  # whether the row carries what its page draws
 
 
 @dataclass(frozen=True)
 class Task:
-    """What one worker does at a time; its rows are written when it is done.
+    """Work of one process at a time; its rows are written when it is done."""
 
-    Parameters
-    ----------
-    controller
-        A name of ``baselines.CONTROLLERS``, or ``module:attribute``.
-    stage
-        The plant.
-    ts_s
-        Sampling time (s).
-    lanes
-        The rows to be computed.
-    stamps
-        Fingerprints that go into every row.
-    factory
-        What makes the controller, where its name does not say.
-    """
-
-    controller: str
-    stage: Stage
-    ts_s: float
-    lanes: tuple[Lane, ...]
-    stamps: tuple[tuple[str, str], ...] = ()
+    controller: str  # a name of ``baselines.CONTROLLERS``, or ``module:attribute``
+    stage: Stage  # the plant
+    ts_s: float  # sampling time (s)
+    lanes: tuple[Lane, ...]  # the rows to be computed
+    stamps: tuple[tuple[str, str], ...] = ()  # fingerprints that go into every row
+    # what makes the controller, where its name does not say
     factory: ControllerFactory | None = None
 
     @property
@@ -234,21 +209,11 @@ def _row(task: Task, lane: Lane) -> Row:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run leaves.
+    """Result of a run."""
 
-    Parameters
-    ----------
-    rows
-        The rows that were asked for, and the bound's beside them.
-    notes
-        What a reader of the results should know, one sentence each.
-    computed
-        Number of rows that were not finished before.
-    """
-
-    rows: list[Row]
-    notes: tuple[str, ...]
-    computed: int
+    rows: list[Row]  # the rows that were asked for, and the bound's beside them
+    notes: tuple[str, ...]  # what a reader of the results should know, one sentence each
+    computed: int  # number of rows that were not finished before
 
 
 def benchmark(

@@ -23,33 +23,22 @@ MEANING = {
     "identified with, so the plant itself is a guess there",
     WARNED: "the controller says something else of itself",
 }
-"""What a status can begin with, worst first."""
+"""First words of a status, worst first, and their meaning."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """What is measured of one run over its scored samples.
+    """Scores of one run over its scored samples."""
 
-    Parameters
-    ----------
-    rmse_um, max_um
-        Root mean square and largest tracking error (µm).
-    rmse_percent, max_percent
-        The same in percent of the reference's peak to peak.
-    command_variation_V_s
-        Total variation of the command per second (V/s).
-    max_command_step_V
-        Largest change of the command from one sample to the next (V).
-    saturated_percent
-        Samples (%) whose action lies at the end of the command range or beyond.
-    """
-
+    # root mean square and largest tracking error (µm)
     rmse_um: float
+    # the same in percent of the reference's peak to peak
     rmse_percent: float
     max_um: float
     max_percent: float
-    command_variation_V_s: float
-    max_command_step_V: float
+    command_variation_V_s: float  # total variation of the command per second (V/s)
+    max_command_step_V: float  # largest change of the command from one sample to the next (V)
+    # samples (%) whose action lies at the end of the command range or beyond
     saturated_percent: float
 
 
@@ -81,18 +70,10 @@ def score(
 
 @dataclass(frozen=True)
 class Caution:
-    """One thing to beware of.
+    """One thing to beware of."""
 
-    Parameters
-    ----------
-    word
-        A key of `MEANING`.
-    text
-        What it is here.
-    """
-
-    word: str
-    text: str
+    word: str  # a key of `MEANING`
+    text: str  # what it is here
 
     def __str__(self) -> str:
         return f"{self.word}: {self.text}"

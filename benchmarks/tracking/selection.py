@@ -1,4 +1,4 @@
-"""What a user asks the benchmark for, checked before anything runs."""
+"""Selection of controllers, plants and references, checked before anything runs."""
 
 from __future__ import annotations
 
@@ -96,33 +96,18 @@ DEFAULT_PLANTS = ("P5", "P10", "picma")
 
 @dataclass(frozen=True)
 class Selection:
-    """What is asked for.
+    """Controllers, plants, references and seeds to score."""
 
-    Parameters
-    ----------
-    controllers
-        Names of ``baselines.CONTROLLERS``, ``learned:`` and a policy, or ``module:attribute``.
-    stages
-        Plants, each with its sampling times.
-    references
-        Names of :data:`~benchmarks.tracking.stages.REFERENCES`.
-    seeds
-        Seeds; 0 is the nominal plant.
-    notes
-        What was left out, one sentence each.
-    trained_s
-        The sampling time (s) of each trained policy among the controllers, and of each that was made
-        already: it runs at no other.
-    factories
-        What makes a controller whose name does not say.
-    """
-
+    # names of ``baselines.CONTROLLERS``, ``learned:`` and a policy, or ``module:attribute``
     controllers: tuple[str, ...]
-    stages: tuple[Stage, ...]
-    references: tuple[str, ...]
-    seeds: tuple[int, ...]
-    notes: tuple[str, ...] = ()
+    stages: tuple[Stage, ...]  # plants, each with its sampling times
+    references: tuple[str, ...]  # names of :data:`~benchmarks.tracking.stages.REFERENCES`
+    seeds: tuple[int, ...]  # seeds; 0 is the nominal plant
+    notes: tuple[str, ...] = ()  # what was left out, one sentence each
+    # the sampling time (s) of each trained policy among the controllers, and of each that was
+    # made already: it runs at no other
     trained_s: Mapping[str, float] = field(default_factory=dict)
+    # what makes a controller whose name does not say
     factories: Mapping[str, ControllerFactory] = field(default_factory=dict)
 
     def runs_at(self, controller: str, stage: Stage, ts_s: float) -> bool:

@@ -16,7 +16,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.support.members import modules_of
+from rdpi_gym.support.plugins import modules_of
 
 SUITE_VERSION = 2
 SEEDS = 5
@@ -32,7 +32,7 @@ def _found() -> References:
 
 
 REFERENCES = _found()
-"""What makes the cases of a reference, by its name."""
+"""Makers of a reference's cases, by its name."""
 
 
 def cases(references: Sequence[str], amplitude_um: float, base_hz: float) -> tuple[Case, ...]:
@@ -52,26 +52,16 @@ COVERED = 1.5
 
 @dataclass(frozen=True)
 class Stage:
-    """A plant as it is scored, its sampling times, and the references' base frequency.
+    """A plant as it is scored, its sampling times, and the references' base frequency."""
 
-    Parameters
-    ----------
-    plant
-        The nominal truth: the plant with its rate band-limited and a noisy sensor.
-    ts_s
-        Sampling times (s) that the ranking is taken over.
-    base_hz
-        What the frequencies of all references but the sines are multiples of (Hz).
-    trained_ts_s
-        Further sampling times (s), at which trained policies run: they have a ranking of their own.
-    believed
-        What controllers are told of the plant; None: the plant itself.
-    """
-
+    # the nominal truth: the plant with its rate band-limited and a noisy sensor
     plant: PlantModel
-    ts_s: tuple[float, ...]
-    base_hz: float
+    ts_s: tuple[float, ...]  # sampling times (s) that the ranking is taken over
+    base_hz: float  # what the frequencies of all references but the sines are multiples of (Hz)
+    # further sampling times (s), at which trained policies run: they have a ranking of their
+    # own
     trained_ts_s: tuple[float, ...] = ()
+    # what controllers are told of the plant; None: the plant itself
     believed: PlantModel | None = None
 
     @property
@@ -94,7 +84,7 @@ class Stage:
         return replace(belief, effects=(), name=f"{belief.name} without effects")
 
     def is_told(self, kind: type[Core] | None) -> bool:
-        """Whether what controllers are told has that kind of hysteresis core; None: any."""
+        """Whether the belief has that kind of hysteresis core; None: any."""
         return kind is None or isinstance(self.belief("").hysteresis, kind)
 
     def layout(self, ts_s: float, controller: object) -> ObservationLayout:

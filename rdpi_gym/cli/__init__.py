@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from importlib import import_module
 
 import typer
 
-from rdpi_gym.cli.export import export
+from rdpi_gym.cli import bench, export, lab, models, search, tasks, training
 from rdpi_gym.cli.options import expanded
 from rdpi_gym.support.command import run_command
 
-COMMANDS = (
-    "bench",
-    "submit",
-    "score",
-    "reproduce",
-    "fit",
-    "compare",
-    "diagnose",
-    "add",
-    "discover",
-    "lab",
-    "simulate",
-    "effects",
-    "collect",
-    "train",
-    "tune",
-    "verify",
-)
+COMMANDS: dict[str, Callable[..., None]] = {
+    "bench": bench.bench,
+    "submit": tasks.submit,
+    "score": tasks.score,
+    "reproduce": bench.reproduce,
+    "fit": models.fit,
+    "compare": models.compare,
+    "diagnose": search.diagnose,
+    "add": search.add,
+    "discover": search.discover,
+    "lab": lab.lab,
+    "simulate": models.simulate,
+    "effects": models.effects,
+    "collect": training.collect,
+    "train": training.train,
+    "tune": training.tune,
+    "verify": export.verify,
+}
+"""In the order of the help."""
 
 app = typer.Typer(
     name="rdpi",
@@ -45,9 +46,9 @@ def rdpi() -> None:
     """Piezo positioning under hysteresis: plants, compensators, identification, benchmark."""
 
 
-for _name in COMMANDS:
-    app.command(name=_name)(expanded(getattr(import_module(f"rdpi_gym.cli.{_name}"), _name)))
-app.add_typer(export, name="export")
+for _name, _command in COMMANDS.items():
+    app.command(name=_name)(expanded(_command))
+app.add_typer(export.export, name="export")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""`rdpi bench`: scores controllers on reference signals and measured records, or on registered tasks."""
+"""`rdpi bench` and `rdpi reproduce`: scores of controllers, and the paper beside ours."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import rdpi_gym as rg
-from rdpi_gym.cli.options import OutOption, words
+from rdpi_gym.cli.options import OutOption, SeedOption, words
 from rdpi_gym.cli.tables import print_table
-from rdpi_gym.cli.task_scores import (
+from rdpi_gym.cli.tasks import (
     TASKS_HELP,
     DrawsOption,
     SeedFileOption,
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     import pandas as pd
-
 
 _LEGEND = (
     "RMSE: geometric mean over all cases, in percent of the reference's peak to peak, with its 95 % "
@@ -214,3 +213,26 @@ def _seconds(word: str) -> float:
         return float(word)
     except ValueError:
         raise InputError(f"--ts {word!r} is no number; give seconds, for example 2e-4") from None
+
+
+def reproduce(
+    out: OutOption = Path("results/paper"),
+    seed: SeedOption = 0,
+    realisations: Annotated[
+        int,
+        typer.Option(
+            min=2, help="Realisations of each compensator whose own rate may make it chatter."
+        ),
+    ] = 16,
+) -> None:
+    """Recompute the paper's figures and numbers, ours beside the paper's.
+
+    Writes paper.md with its figures, paper.csv, sweep.csv and implementation.csv.
+    """
+    with progress_bar() as show:
+        results = rg.reproduce(seed=seed, realisations=realisations, progress=show)
+        show("figures", 0, 0)
+        page = results.write(out)
+    print(results)
+    rows = len(results.to_dataframe())
+    print(f"{page}: the paper's figures and numbers beside ours; {rows} rows in paper.csv")

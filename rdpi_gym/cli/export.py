@@ -1,4 +1,4 @@
-"""`rdpi export`: a trained policy as ONNX; a plant or a controller as C or as an FMU."""
+"""`rdpi export` and `rdpi verify`: a policy as ONNX; a plant or a controller as C or as an FMU."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import typer
 from typer.core import TyperGroup
 
 import rdpi_gym as rg
-from rdpi_gym.cli.options import as_typed
+from rdpi_gym.cli.options import SeedOption, as_typed
 from rdpi_gym.support.command_line import check_folder
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.onnx_metadata import told
+from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.words import quoted
 
 ModelArgument: TypeAlias = Annotated[
@@ -121,3 +122,26 @@ def export_fmu(
     with as_typed(_TYPED):
         done = rg.export_fmu(model, out, controller=controller, ts_s=ts, preview=preview, fmi=fmi)
     print(done)
+
+
+def verify(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER", show_default=False, help="What rdpi export c wrote. Its code is run."
+        ),
+    ],
+    records: Annotated[int, typer.Option("--records", min=1, help="Random records.")] = 1000,
+    samples: Annotated[int, typer.Option("--samples", min=1, help="Samples of each.")] = 1000,
+    seed: SeedOption = 0,
+) -> None:
+    """Compile an exported folder, run its vectors and random records, and compare with Python."""
+    with progress_bar() as show:
+        found = rg.verify(folder, records=records, samples=samples, seed=seed, progress=show)
+    print(found)
+    if not found.passed:
+        failed = next(row for row in found.rows if not row.passed)
+        raise InputError(
+            f"{folder} is not what Python is: {failed.what} in {failed.precision} differ by "
+            f"{failed.largest:.2g}, {failed.allowed:.2g} are allowed; export it anew"
+        )

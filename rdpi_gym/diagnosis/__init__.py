@@ -1,4 +1,4 @@
-"""Where a model fails: its error taken apart by what the command was doing."""
+"""Model error by properties of the command."""
 
 from rdpi_gym.diagnosis.comparison.breakdown import Plane
 from rdpi_gym.diagnosis.comparison.compare import (

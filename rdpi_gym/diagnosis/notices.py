@@ -1,4 +1,4 @@
-"""What records cannot tell, what a verdict is under, what to do next: a code with its numbers."""
+"""Statements of a diagnosis by code: limits of the records, reservations, advice, findings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rdpi_gym.support.words import quoted
 
 
 class Code(Enum):
-    """What a notice is about; :mod:`rdpi_gym.diagnosis.words` has its text."""
+    """Subject of a notice; :mod:`rdpi_gym.diagnosis.texts` has its text."""
 
     # limits of the records
     STILL = "no record moves"

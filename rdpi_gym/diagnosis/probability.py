@@ -1,4 +1,4 @@
-"""How probable each effect is, from how a search went: fitted on studies whose truth is known."""
+"""Probabilities of effects from the course of a search, calibrated on studies whose truth is known."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ FORMAT, VERSION = "rdpi-probabilities", 1
 NONE, OTHER = "none", "something else"
 """Names of what is no effect of the catalogue: that none is missing, that another one is."""
 LEAST_PROBABLE = 0.5
-"""What is less probable is not added."""
+"""Least probability of an effect that is added."""
 COVERED = 0.9
-"""How often the set of probable effects holds all that are there."""
+"""Coverage of the set of probable effects."""
 # Shares of the excess beyond which nothing more is read from them: of a named effect, of another.
 _LEAST_SHARE, _LEAST_OTHER, _MOST_SHARE = 0.01, 0.003, 0.999
 _MOST_FLOORS, _MOST_RIVALS = 100.0, 3
@@ -31,7 +31,7 @@ _FITTED = Path(__file__).with_name("probabilities.json")
 
 
 class Sign(Protocol):
-    """What a search says of one effect: the part of a candidate that a probability is read from."""
+    """Evidence for one effect: the part of a candidate that a probability is read from."""
 
     @property
     def effect(self) -> str:
@@ -39,7 +39,7 @@ class Sign(Protocol):
 
     @property
     def share(self) -> float:
-        """Of the excess over the noise floor, what it takes in the round in which it was tried."""
+        """Share of the excess over the noise floor that it takes in the round in which it was tried."""
 
     @property
     def confidence(self) -> float:
@@ -52,25 +52,14 @@ class Sign(Protocol):
 
 @dataclass(frozen=True)
 class Course:
-    """How a search went, as far as probabilities are read from it.
+    """Course of a search, as far as probabilities are read from it."""
 
-    Parameters
-    ----------
-    base_um, end_um
-        Validation error of the base model and of the final one (µm rms).
-    floor_um
-        Noise and numerical floor together (µm rms).
-    added
-        What was added, in order.
-    tried
-        Every candidate of the first round.
-    """
-
+    # Validation error of the base model and of the final one (µm rms)
     base_um: float
     end_um: float
-    floor_um: float
-    added: Sequence[Sign]
-    tried: Sequence[Sign]
+    floor_um: float  # noise and numerical floor together (µm rms)
+    added: Sequence[Sign]  # what was added, in order
+    tried: Sequence[Sign]  # every candidate of the first round
 
     @property
     def common(self) -> dict[str, float]:
@@ -105,7 +94,7 @@ class Course:
         }
 
     def _behind(self, sign: Sign) -> float:
-        """How much more one effect would leave in the place of another that alone explains the data.
+        """Excess that one effect would leave in place of another that alone explains the data.
 
         The logarithm of the ratio of the excesses; 0 where there is no such effect.
         """
@@ -115,7 +104,7 @@ class Course:
         return min(max(ratio, 0.0), _FARTHEST)
 
     def _left_by(self, sign: Sign) -> float:
-        """What a candidate leaves of the excess, refitted in the first round (µm²)."""
+        """Excess that a candidate leaves, refitted in the first round (µm²)."""
         floor = max(self.floor_um, 1e-300) ** 2
         excess = max(self.base_um**2 - floor, 0.0)
         return (1.0 - min(max(sign.share, -1.0), 1.0)) * excess + _LEAST_LEFT * floor
@@ -131,24 +120,17 @@ NOTHING = ("empty", "base")
 
 @dataclass(frozen=True)
 class Calibration:
-    """Logistic regressions from features to probabilities, and what a probable set holds.
+    """Logistic regressions from features to probabilities, and what a probable set holds."""
 
-    Parameters
-    ----------
-    named, in_class, unnamed, other, none
-        Weights by feature, ``constant`` among them: that an effect which was added is there; that
-        it is, or one that the records do not tell from it; that one is there which was not added;
-        that something outside the catalogue is; that nothing is missing.
-    least
-        Probability from which on an effect belongs to the set of probable ones.
-    """
-
+    # Weights by feature, ``constant`` among them: that an effect which was added is there; that it
+    # is, or one that the records do not tell from it; that one is there which was not added; that
+    # something outside the catalogue is; that nothing is missing
     named: Mapping[str, float]
     in_class: Mapping[str, float]
     unnamed: Mapping[str, float]
     other: Mapping[str, float]
     none: Mapping[str, float]
-    least: float
+    least: float  # probability from which on an effect belongs to the set of probable ones
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file."""
@@ -170,7 +152,7 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Probabilities:
-    """How probable it is that each effect is there, given how a search went.
+    """Probabilities of effects, given the course of a search.
 
     Parameters
     ----------

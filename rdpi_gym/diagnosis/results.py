@@ -1,4 +1,4 @@
-"""What a search for missing effects found, and how it stands in its files."""
+"""Results of a search for missing effects, and their files."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Step:
-    """What was added to the model at once.
+    """Effects that were added to the model at once.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def steps_of(added: Iterable[Candidate]) -> tuple[Step, ...]:
 
 @dataclass(frozen=True)
 class Left:
-    """How much of what a model leaves follows from the input.
+    """Share of the residual of a model that follows from the input.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ class Left:
 
 @dataclass(frozen=True)
 class CoreChoice:
-    """Which kind of hysteresis a model has, and how that was decided.
+    """Kind of hysteresis of a model, and how it was chosen.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ class View:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What `diagnose`, `add_effect`, `discover` and `remove_effect` return.
+    """Result of `diagnose`, `add_effect`, `discover` and `remove_effect`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What records cannot tell in principle, however good the model is."""
+"""Limits of records: what they cannot tell in principle, however good the model is."""
 
 from __future__ import annotations
 

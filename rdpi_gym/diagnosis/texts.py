@@ -218,7 +218,7 @@ CHECKS: Mapping[str, str] = {
     "gain drift between repeats/cannot tell": _AGAIN + "the stroke has changed by {change} %: too "
     "uncertain.",
 }
-"""What tests without a model found: by the name of the test and its zone."""
+"""Findings of tests without a model, by the name of the test and its zone."""
 
 ADVICE: Mapping[str, str] = {
     "fading triangle": "Add a slow triangle whose amplitude decays from the full range to nothing.",
@@ -250,7 +250,7 @@ ADVICE: Mapping[str, str] = {
     "stair of holds": "Take a stair of steps up and down with holds from 0.05 to 50 s: creep goes on "
     "in the direction of the last step, drift does not.",
 }
-"""What would let a test tell more."""
+"""Experiments and actions that would let a test decide."""
 
 _FAR = "The model is far away from {record}: its RMS error is {percent:.3g} % of the measured peak to peak"
 _MOSTLY = "The figures below mostly show this."
@@ -462,7 +462,7 @@ COMPARISON: Mapping[str, str] = {
     "noise/rough": "the part of the residual that changes from sample to sample",
     "noise/coloured": "the part of the residual that changes from sample to sample (times {colour:.2g}: "
     "the noise is slower than white)",
-    "remark": "{text}",
+    "as written": "{text}",
     "left out/remark": "{record}: {remark}",
     "left out/quiet": "{record}: constant {input}, no part of the comparison",
     "left out/reversals": "{count} of {whole} samples lie before the first or after the last reversal of "
@@ -492,7 +492,7 @@ COMPARISON: Mapping[str, str] = {
     },
     **{f"models/by {by}": "By " + by + ": {parts}." for by in _OTHER},
 }
-"""What a comparison's numbers suggest, by its table and kind."""
+"""Findings of a comparison, by its table and kind."""
 
 _FASTER = "Sample faster than {n0:~3} Hz"
 REQUESTS: Mapping[Code, tuple[str, str]] = {
@@ -616,7 +616,7 @@ RECORDS: Mapping[str, str] = {
     "clock/record lags": "{record} lags" + _SHIFTED,
     "clock/record leads": "{record} leads" + _SHIFTED,
 }
-"""What is wrong with records."""
+"""Faults of records."""
 
 _LEFT = "what is left ({left:output} rms over the noise)"
 _HIDES = "an effect of less than {hidden:output} rms could hide"
@@ -733,7 +733,7 @@ SEARCH: Mapping[str, str] = {
     "unseen": "at most {percent:g} %, as no test without a model sees {effect} here: {reason_clause}",
     "vetoed": "{effect} vetoed: a test without a model denies it: {reason}",
 }
-"""What a search found and decided on its way."""
+"""Findings and decisions of a search."""
 
 _LOOPS_OF_HALF = (
     "Record a multisine below the first threshold beside loops of half the range: what changes the "
@@ -807,7 +807,7 @@ PORTRAIT: Mapping[str, str] = {
     "kin/even": "is even",
     "kin/odd": "is odd",
 }
-"""What is known of an effect that the catalogue does not have."""
+"""Portrait of an effect that the catalogue does not have."""
 
 TEXTS: Mapping[str, str] = {**CHECKS, **ADVICE, **COMPARISON, **RECORDS, **SEARCH, **PORTRAIT}
 """Every text of a statement."""

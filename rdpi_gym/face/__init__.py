@@ -6,6 +6,6 @@ and goes on. Nothing here computes.
 
 from pathlib import Path
 
-from rdpi_gym.support.lazy import attach
+from rdpi_gym.support.plugins import attach
 
 __all__, __getattr__ = attach(__name__, Path(__file__).with_suffix(".pyi"))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
@@ -28,7 +28,7 @@ from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.face.environments import layout as usual_layout
 from rdpi_gym.plant import PLANTS, PlantModel
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import plain
 from rdpi_gym.support.progress import Progress
@@ -104,12 +104,6 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
     """What the run itself remarked, one sentence each."""
     payoff: pd.DataFrame | None = field(kw_only=True, default=None)
     """Scores on plants with hidden effects, where all controllers and plants were asked for."""
-
-    @classmethod
-    def of(cls, found: evaluation.Evaluation, **further: Any) -> Self:
-        """Return the same scores as a result that shows itself."""
-        values = {f.name: getattr(found, f.name) for f in fields(evaluation.Evaluation)}
-        return cls(**values, **further)
 
     def _lines(self) -> Sequence[str]:
         tables = [

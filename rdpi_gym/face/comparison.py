@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self, TypeAlias, overload
+from typing import TYPE_CHECKING, ClassVar, TypeAlias, overload
 
 import numpy as np
 
 from rdpi_gym import diagnosis, measurement
+from rdpi_gym.diagnosis.search.inspection import Inspection, Response
+from rdpi_gym.diagnosis.search.plants import Refit
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.plant import PLANTS, PlantModel
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,11 +49,6 @@ class Comparison(DisplayMixin, diagnosis.Comparison):
     """
 
     saved_as: ClassVar[str] = "comparison"
-
-    @classmethod
-    def of(cls, found: diagnosis.Comparison) -> Self:
-        """Return the same comparison as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(diagnosis.Comparison)})
 
     def _lines(self) -> Sequence[str]:
         heads = ("overall", "far", "range", "records", "largest")
@@ -100,11 +97,6 @@ class ModelComparison(DisplayMixin, diagnosis.ModelComparison):
     """
 
     saved_as: ClassVar[str] = "models"
-
-    @classmethod
-    def of(cls, found: diagnosis.ModelComparison) -> Self:
-        """Return the same comparison as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(diagnosis.ModelComparison)})
 
     def _lines(self) -> Sequence[str]:
         first, *rest = self.findings.values()
@@ -225,3 +217,76 @@ def _named(models: Sequence[Model]) -> dict[str, PlantModel]:
             name = f"{base} {count}"
         found[name] = plant
     return found
+
+
+__all__ = ["Inspection", "Refit", "Response", "inspect", "respond"]
+
+
+@checked
+def inspect(data: measurement.Dataset | PathLike[str] | str) -> Inspection:
+    """Look through records as a search does, and keep them for models that are tried one by one.
+
+    Parameters
+    ----------
+    data
+        From :func:`rdpi_gym.load`, or the path of a measurement.
+
+    Returns
+    -------
+    Inspection
+        Its ``findings`` say what is no measurement; ``.respond(model)`` simulates a model on every
+        record within milliseconds, ``.refit(model, held)`` fits one from where it stands.
+
+    Raises
+    ------
+    InputError
+        No record to fit, or none to validate on; an argument of another type.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", hide="creep", seed=1, ts_factor=4.0)
+    >>> looked = rg.inspect(data.select("stairs", "sine-50hz", "validation-stairs", "quiet"))
+    >>> before = looked.respond(rg.plants["P5"]).errors
+    >>> looked.refit(rg.plants["P5"]).errors.train_rmse_um < before.train_rmse_um
+    True
+    """
+    dataset = as_dataset(data)
+    with in_words_of(dataset):
+        return Inspection(dataset)
+
+
+@checked
+def respond(
+    model: PlantModel | HasPlant | PathLike[str] | str,
+    data: measurement.Dataset | PathLike[str] | str,
+) -> Response:
+    """Simulate a model on every record as a search does, one offset free in each.
+
+    Parameters
+    ----------
+    model
+        A plant, a result that has one, the path of a plant file, or a plant's name.
+    data
+        From :func:`rdpi_gym.load`, or the path of a measurement; for one model after another on the
+        same records see :func:`inspect`.
+
+    Returns
+    -------
+    Response
+        ``model_um`` (µm) by record, and ``errors`` (µm rms).
+
+    Raises
+    ------
+    InputError
+        As :func:`inspect`; no such plant.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> found = rg.respond("P5", rg.simulate("P5", seed=1, ts_factor=4.0))
+    >>> found.errors.validation_rmse_um < 0.02
+    True
+    """
+    plant = as_plant(model)
+    return inspect(data).respond(plant)

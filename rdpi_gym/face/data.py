@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from os import PathLike
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 from rdpi_gym import measurement
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.measurement import DataOptions
-from rdpi_gym.support.checked import check_type
+from rdpi_gym.support.checks import check_type
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
 from rdpi_gym.support.words import quoted, some
@@ -43,11 +43,6 @@ class Dataset(DisplayMixin, measurement.Dataset):
     """
 
     saved_as: ClassVar[str] = "dataset"
-
-    @classmethod
-    def of(cls, data: measurement.Dataset) -> Self:
-        """Return the same records as a data set that shows itself."""
-        return cls(**{f.name: getattr(data, f.name) for f in fields(measurement.Dataset)})
 
     @property
     def summary(self) -> str:

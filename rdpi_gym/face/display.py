@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
+from dataclasses import fields
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
 
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.support.errors import InputError
@@ -15,6 +16,41 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rdpi_gym.report.chart import Chart
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@runtime_checkable
+class Result(Protocol):
+    """A result: it prints itself, draws itself, becomes a table, a page or a file.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> isinstance(rg.simulate("P5", seed=1, ts_factor=4.0), Result)
+    True
+    """
+
+    def _repr_html_(self) -> str:
+        """HTML of a notebook's cell: the answer, a table, a figure."""
+        ...
+
+    def plot(self) -> Any:
+        """Draw the result and return Matplotlib's axes."""
+        ...
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the result as a table."""
+        ...
+
+    def page(self, path: Path | str) -> Path:
+        """Write the result as a self-contained HTML page and return its path."""
+        ...
+
+    def save(self, path: Path | str) -> Path:
+        """Write the result to a file from which it can be loaded, and return its path."""
+        ...
+
 
 _ROWS = 40
 """Rows of a table that a notebook's cell shows."""
@@ -29,6 +65,12 @@ class DisplayMixin:
     saved_as: ClassVar[str]
     """Names the class in a file."""
     figure_inches: ClassVar[tuple[float, float]] = (9.0, 3.6)
+
+    @classmethod
+    def of(cls, found: Any, **further: Any) -> Self:
+        """Return a result of a room below, or of a class derived from this, as one that displays itself."""
+        names = [field.name for field in fields(cls) if hasattr(found, field.name)]  # type: ignore[arg-type]
+        return cls(**{name: getattr(found, name) for name in names} | further)
 
     def _lines(self) -> Sequence[str]:
         """Return the result in lines, the answer first."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rdpi_gym.envs.layout import ActionMode, ObservationLayout
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 
 if TYPE_CHECKING:
     import gymnasium

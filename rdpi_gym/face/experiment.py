@@ -19,7 +19,7 @@ from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.signals.experiments import PAUSE_S, standard_protocol
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.words import joined

@@ -15,7 +15,7 @@ from rdpi_gym.firmware.writing.fmu import write_fmu
 from rdpi_gym.firmware.writing.package import check_out, write_package
 from rdpi_gym.firmware.writing.source import header_text, source_text
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 

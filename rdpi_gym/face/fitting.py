@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rdpi_gym import identification, measurement
 from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.display import DisplayMixin
-from rdpi_gym.identification import interval_95
+from rdpi_gym.identification import cores, interval_95, kinds
+from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.measurement.quantities import in_output
-from rdpi_gym.support.checked import checked
+from rdpi_gym.plant import CORES, PlantModel
+from rdpi_gym.plant.effects import Effect
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.progress import Progress
-from rdpi_gym.support.words import pm
+from rdpi_gym.support.words import joined, pm
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from rdpi_gym.report.chart import Chart
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -43,11 +50,6 @@ class FitResult(DisplayMixin, identification.FitResult):
     """
 
     saved_as: ClassVar[str] = "fit"
-
-    @classmethod
-    def of(cls, found: identification.FitResult) -> Self:
-        """Return the same fit as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(identification.FitResult)})
 
     def _lines(self) -> Sequence[str]:
         errors = f"{in_output(self.train_rmse_um)} rms on the records fitted"
@@ -204,3 +206,288 @@ def fit(
             progress=progress,
         )
     return FitResult.of(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CoreFit(DisplayMixin, cores.CoreFit):
+    """A kind of hysteresis fitted to records; `plant` is ready to use.
+
+    Everything that ``rdpi_gym.identification.cores.CoreFit`` is, and it shows itself.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> found = rg.fit_core(rg.simulate("P5", seed=1, ts_factor=4.0), "rdpi")
+    >>> found.plant.hysteresis.name, found.to_dataframe()["parameter"].tolist()
+    ('rdpi', ['delta2_s'])
+    """
+
+    saved_as: ClassVar[str] = "core"
+
+    def _lines(self) -> Sequence[str]:
+        core = self.plant.hysteresis
+        errors = f"{in_output(self.train_rmse_um)} rms on the records fitted"
+        if self.validation_rmse_um is not None:
+            errors = f"{in_output(self.validation_rmse_um)} rms on validation records, {errors}"
+        gains = core.gains
+        used = sum(gain != 0.0 for gain in gains)
+        lines = [
+            f"Error {errors}.",
+            f"{core.title[0].upper()}{core.title[1:]}: {core.equation}.",
+            f"{used} of {len(gains)} gains are not zero.",
+        ]
+        if self.at_bound:
+            what = "stands at its bound" if len(self.at_bound) == 1 else "stand at their bounds"
+            lines.append(
+                f"- {joined(self.at_bound)} {what}: these records do not determine {'it' if len(self.at_bound) == 1 else 'them'}."
+            )
+        return lines
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the numbers of the shape.
+
+        Returns
+        -------
+        DataFrame
+            ``parameter``, ``value``, ``standard_error``, ``low`` and ``high`` of the 95 % interval,
+            ``unit``; a standard error is infinite where the data do not determine the value.
+        """
+        import pandas as pd
+
+        units = {p.name: p.unit for p in self.plant.hysteresis.shape}
+        rows = []
+        for name, value in self.shape.items():
+            error = self.standard_errors.get(name, math.inf)
+            low, high = interval_95(value, error)
+            unit = self.quantities.unit(units[name])
+            rows.append((name, value, error, low, high, unit))
+        heads = ["parameter", "value", "standard_error", "low", "high", "unit"]
+        return pd.DataFrame(rows, columns=heads)
+
+    def overview(self) -> pd.DataFrame:
+        """Return the numbers of the shape and the error of each record, as texts."""
+        import pandas as pd
+
+        units = {p.name: p.unit for p in self.plant.hysteresis.shape}
+        errors = self.standard_errors
+        rows = [
+            (
+                name,
+                f"{value:.5g}",
+                _error(errors.get(name, math.inf)),
+                self.quantities.unit(units[name]),
+            )
+            for name, value in self.shape.items()
+        ]
+        rows += [
+            (f"error of {name}", f"{value:.3g}", "", self.quantities.output.unit)
+            for name, value in self.rmse_um.items()
+        ]
+        return pd.DataFrame(rows, columns=["what", "value", "standard error", "unit"])
+
+    def _chart(self) -> Chart:
+        from rdpi_gym.report.chart import Chart
+        from rdpi_gym.report.fit import errors_panel
+
+        return Chart([errors_panel(self.rmse_um)])
+
+
+def _valued(effect: Effect) -> str:
+    values = ", ".join(f"{name} {value:.3g}" for name, value in effect.values.items())
+    return f"{effect.full_name()} ({values})"
+
+
+def _error(value: float) -> str:
+    return f"{value:.2g}" if math.isfinite(value) else "not determined"
+
+
+@checked
+def fit_core(
+    data: measurement.Dataset | PathLike[str] | str,
+    core: str,
+    *,
+    name: str = "fit",
+    progress: Progress | None = None,
+) -> CoreFit:
+    """Fit a kind of hysteresis to measured records.
+
+    Parameters
+    ----------
+    data
+        From :func:`rdpi_gym.load`, or the path of a measurement.
+    core
+        Name of the kind: a key of :data:`rdpi_gym.plant.CORES`.
+    name
+        Name of the plant.
+    progress
+        Called as ``progress(stage, done, total)``.
+
+    Returns
+    -------
+    CoreFit
+        It prints the error and the numbers; its `plant` is the model.
+
+    Raises
+    ------
+    InputError
+        An unknown core, no training record whose voltage moves, more gains than samples.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> found = rg.fit_core(rg.simulate("P5", seed=1, ts_factor=4.0), "rdpi")
+    >>> found.train_rmse_um < 0.05
+    True
+    """
+    if core not in CORES:
+        raise unknown_name("--core", core, tuple(CORES))
+    dataset = as_dataset(data)
+    with in_words_of(dataset):
+        found = cores.fit_core(dataset, CORES[core], name=name, progress=progress)
+    return CoreFit.of(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KindChoice(DisplayMixin, kinds.KindChoice):
+    """Kinds of hysteresis fitted to the same records; `plant` is that of the kind chosen.
+
+    Everything that ``rdpi_gym.identification.kinds.KindChoice`` is, and it shows itself.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
+    >>> found = rg.choose_kind(data.select("minor-loops", "validation-loops"))
+    >>> found.chosen.plant.hysteresis.name
+    'rdpi'
+    """
+
+    saved_as: ClassVar[str] = "kinds"
+
+    @property
+    def plant(self) -> PlantModel[Any]:
+        """The plant of the kind chosen."""
+        return self.chosen.plant
+
+    @property
+    def quantities(self) -> measurement.Quantities:
+        """What was measured."""
+        return self.chosen.quantities
+
+    def _lines(self) -> Sequence[str]:
+        core = self.plant.hysteresis
+        others = [fit for fit in self.fits if fit.plant.hysteresis.name != core.name]
+        error = in_output(self.chosen.validation_rmse_um or 0.0)
+        lines = [f"Kind of hysteresis: {core.name}, the {core.title}. Error {error} rms held out."]
+        apart = [fit for fit in others if fit.plant.hysteresis.name not in self.alike]
+        if apart:
+            nearest = apart[0]
+            lines.append(
+                f"The next kind, {nearest.plant.hysteresis.name}, leaves "
+                f"{in_output(nearest.validation_rmse_um or 0.0)}."
+            )
+        if self.clockwise is not None:
+            turn = "clockwise" if self.clockwise else "counter-clockwise"
+            lines.append(f"The loops turn {turn}.")
+        lines.append(f"Fitted beside it: {joined([_valued(e) for e in self.plant.effects])}.")
+        others_alike = [name for name in self.alike if name not in self.same]
+        if others_alike:
+            lines.append(
+                f"- Indistinguishable on these records: {joined([core.name, *others_alike])}. "
+                f"{core.name} is the simplest of those that leave least. To tell them apart: {core.experiment}"
+            )
+        if self.same:
+            lines.append(
+                f"- With the numbers found, {core.name} is the same model as {joined(list(self.same))}. "
+                f"What would show other numbers: {core.experiment}"
+            )
+        lines += [f"- {name} was not fitted: {why}" for name, why in self.refused.items()]
+        if self.left_out:
+            lines.append(
+                "- Left out of the fits, since they begin away from rest while others begin there, or "
+                f"no kind explains them as it does the others: {joined(list(self.left_out))}."
+            )
+        return lines
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the kinds, best first.
+
+        Returns
+        -------
+        DataFrame
+            ``kind``, ``held_out_um`` and ``fitted_um`` (rms), ``gains`` that are not zero,
+            ``at_bound``.
+        """
+        import pandas as pd
+
+        rows = [
+            {
+                "kind": fit.plant.hysteresis.name,
+                "held_out_um": fit.validation_rmse_um,
+                "fitted_um": fit.train_rmse_um,
+                "gains": sum(gain != 0.0 for gain in fit.plant.hysteresis.gains),
+                "at_bound": ", ".join(fit.at_bound),
+            }
+            for fit in self.fits
+        ]
+        return pd.DataFrame(rows)
+
+    def overview(self) -> pd.DataFrame:
+        """Return the kinds with their errors, as texts."""
+        frame = self.to_dataframe()
+        heads = {
+            "held_out_um": "held out ({output_unit})",
+            "fitted_um": "fitted ({output_unit})",
+            "at_bound": "at bound",
+        }
+        for name in ("held_out_um", "fitted_um"):
+            frame[name] = [f"{value:.3g}" for value in frame[name]]
+        return self._table_in_units(frame.rename(columns=heads))
+
+    def _names(self) -> Sequence[str]:
+        return tuple(fit.plant.hysteresis.name for fit in self.fits)
+
+    def _chart(self) -> Chart:
+        from rdpi_gym.report.chart import Chart
+        from rdpi_gym.report.fit import errors_panel
+
+        errors_um = {fit.plant.hysteresis.name: fit.validation_rmse_um or 0.0 for fit in self.fits}
+        return Chart([errors_panel(errors_um, "RMS error, held out ({output_unit})")])
+
+
+@checked
+def choose_kind(
+    data: measurement.Dataset | PathLike[str] | str,
+    *,
+    name: str = "fit",
+    progress: Progress | None = None,
+) -> KindChoice:
+    """Fit every kind of hysteresis to measured records and choose by the held-out error.
+
+    Parameters
+    ----------
+    data, name, progress
+        As :func:`fit_core`.
+
+    Returns
+    -------
+    KindChoice
+        It prints the kind, its rivals, and what these records cannot tell apart; its `plant` is the
+        model.
+
+    Raises
+    ------
+    InputError
+        No training record whose voltage moves.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> data = rg.simulate("P5", seed=1, ts_factor=4.0)
+    >>> rg.choose_kind(data.select("sine-10hz", "validation-loops")).clockwise
+    False
+    """
+    dataset = as_dataset(data)
+    with in_words_of(dataset):
+        found = kinds.choose_kind(dataset, name=name, progress=progress)
+    return KindChoice.of(found)

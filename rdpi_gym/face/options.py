@@ -8,7 +8,7 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 from rdpi_gym.measurement.options import DataOptions
-from rdpi_gym.support.checked import check_type
+from rdpi_gym.support.checks import check_type
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option
 from rdpi_gym.support.progress import Progress

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar
 
 import pandas as pd
 
 from benchmarks import paper
 from benchmarks.paper.cases import COMPENSATORS, SWEEP_LABEL, TABLE_TS_S
 from rdpi_gym.face.display import DisplayMixin
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.progress import Progress
 
 if TYPE_CHECKING:
@@ -28,11 +28,6 @@ class PaperResults(DisplayMixin, paper.PaperResults):
 
     saved_as: ClassVar[str] = "paper"
     figure_inches: ClassVar[tuple[float, float]] = (9.0, 4.6)
-
-    @classmethod
-    def of(cls, found: paper.PaperResults) -> Self:
-        """Return the same results as a result that shows itself."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(paper.PaperResults)})
 
     def _lines(self) -> Sequence[str]:
         smallest = min(TABLE_TS_S)

@@ -6,9 +6,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from rdpi_gym.face.result import Result
+from rdpi_gym.face.display import Result
 from rdpi_gym.face.saving import read_result
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 
 
 @checked
@@ -49,8 +49,7 @@ def _kinds() -> list[Any]:
     from rdpi_gym.face.benchmarking import Evaluation
     from rdpi_gym.face.comparison import Comparison, ModelComparison
     from rdpi_gym.face.data import Dataset
-    from rdpi_gym.face.fitting import FitResult
-    from rdpi_gym.face.fitting_core import CoreFit, KindChoice
+    from rdpi_gym.face.fitting import CoreFit, FitResult, KindChoice
     from rdpi_gym.face.paper import PaperResults
     from rdpi_gym.face.search import SearchResult
     from rdpi_gym.face.simulation import Simulation

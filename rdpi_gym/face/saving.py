@@ -18,9 +18,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from rdpi_gym.diagnosis.checks import Check
+from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, effect_from_dict
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.files import exists, parse_json, write_atomic
 from rdpi_gym.support.npz import Npz, open_npz
 from rdpi_gym.support.words import quoted, some
@@ -151,6 +154,9 @@ def _writer(arrays: dict[str, NDArray[Any]]) -> cattrs.Converter:
     converter.register_unstructure_hook(pd.DataFrame, keep_table)
     converter.register_unstructure_hook_func(_is_plant, lambda plant: plant.to_dict())
     converter.register_unstructure_hook(Effect, lambda effect: effect.to_dict())
+    # their sentences, in the words of this release
+    for kind in (Check, Finding):
+        converter.register_unstructure_hook(kind, kind.to_dict)
     # a user's own code is not saved
     converter.register_unstructure_hook_func(_is_classes, lambda classes: None)
     converter.register_unstructure_hook_func(_is_functions, lambda functions: None)
@@ -190,6 +196,12 @@ def _reader(archive: Npz) -> cattrs.Converter:
     )
     converter.register_structure_hook(
         Effect, lambda document, _: effect_from_dict(CATALOGUE, document, "effect")
+    )
+    converter.register_structure_hook(
+        Check, lambda document, _: Check.from_fields(Fields(document, "check"))
+    )
+    converter.register_structure_hook(
+        Finding, lambda document, _: Finding.from_fields(Fields(document, "finding"))
     )
     converter.register_structure_hook_func(_is_classes, lambda nothing, _: ())
     converter.register_structure_hook_func(_is_functions, lambda nothing, _: {})

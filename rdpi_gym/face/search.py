@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar
 
 import pandas as pd
 
@@ -26,7 +26,7 @@ from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
 from rdpi_gym.report.discovery_text import lines, staircase
-from rdpi_gym.support.checked import check_type, checked
+from rdpi_gym.support.checks import check_type, checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
 from rdpi_gym.support.progress import Progress
@@ -64,13 +64,6 @@ class SearchResult(DisplayMixin, results.SearchResult):
     """The records that were searched."""
     own: Own = field(kw_only=True, default=())
     """Effects of the user's own that were tried beside the catalogue; not saved."""
-
-    @classmethod
-    def of(cls, found: results.SearchResult, data: Dataset, own: Own = ()) -> Self:
-        """Return the same result as one that shows itself and goes on."""
-        values = {f.name: getattr(found, f.name) for f in fields(results.SearchResult)}
-        # of simulated records only what a measurement has
-        return cls(**values, data=Dataset.of(data), own=own)
 
     @checked
     def add(
@@ -124,7 +117,7 @@ class SearchResult(DisplayMixin, results.SearchResult):
         """
         with in_words_of(self.data):
             found = searches.remove_effect(self.data, self.plant, effect)
-        return SearchResult.of(found, self.data, self.own)
+        return SearchResult.of(found, data=self.data, own=self.own)
 
     @checked
     def experiment(self, rate_hz: float | None = None) -> PlannedExperiment | None:
@@ -340,7 +333,7 @@ def _search(
             core=_core(options),
             on_candidate=options.on_candidate,
         )
-    return SearchResult.of(found, dataset, own)
+    return SearchResult.of(found, data=Dataset.of(dataset), own=own)
 
 
 @with_options(CandidateOptions)
@@ -543,4 +536,4 @@ def _add(
         )
     if kind.name not in CATALOGUE and kind not in own:
         own = (*own, kind)
-    return SearchResult.of(found, dataset, own)
+    return SearchResult.of(found, data=Dataset.of(dataset), own=own)

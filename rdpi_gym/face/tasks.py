@@ -15,7 +15,7 @@ from benchmarks.stages.run import field, run_tasks
 from benchmarks.stages.tables import TaskScores
 from benchmarks.tracking.controllers import Made, named, shipped_policies
 from rdpi_gym.envs.tasks import TASKS
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 

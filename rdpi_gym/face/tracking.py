@@ -20,7 +20,7 @@ from rdpi_gym.face.benchmarking import make_controller
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import micrometres
 

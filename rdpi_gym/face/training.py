@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from baselines.learned.sweep import Sweep
+from benchmarks.stages import offline, tuning
+from benchmarks.stages.offline import CONTROLLERS, Collection
+from benchmarks.stages.tuning import Tuned
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.support.checked import checked
+from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
@@ -291,3 +295,133 @@ def _trainer(algorithm: str) -> Trainer:
         return trainer(algorithm)
     except ImportError as error:
         raise InputError(f"training needs {error.name}; {_INSTALL}") from error
+
+
+@checked
+def collect(
+    task: str = "Stage",
+    controllers: Sequence[str] = CONTROLLERS,
+    episodes: int = 40,
+    out: PathLike[str] | str = "results/dataset",
+    *,
+    steps: int | None = None,
+    seed: int = 0,
+    action: Literal["command", "increment"] = "command",
+    progress: Progress | None = None,
+) -> Collection:
+    """Write episodes of a task, driven by controllers, in Minari's format, for offline learning.
+
+    Plants, references and noise are training draws; no test draw is among them.
+
+    Parameters
+    ----------
+    task
+        Short name or id of a registered task.
+    controllers
+        Names, as :func:`make_controller` takes them, each for an equal share of the episodes;
+        ``true-plant-horizon`` alone is given the true plant, ``random`` draws actions evenly.
+    episodes
+        How many in all.
+    out
+        Folder of datasets; this one is the folder ``rdpi-TASK-v0`` in it.
+    steps
+        Of an episode; by default the task's.
+    seed
+        Of all draws.
+    action
+        How the environment reads actions: places in the command's range, or increments.
+    progress
+        Called as ``progress(stage, done, total)``.
+
+    Returns
+    -------
+    benchmarks.stages.offline.Collection
+        It prints the error of each controller; ``minari.MinariDataset`` takes its `data`.
+
+    Raises
+    ------
+    InputError
+        There is no such task or controller, a number is out of range, ``rdpi-gym[minari]`` is not
+        installed, or the folder holds a dataset of other options.
+    """
+    return offline.collect(
+        task, controllers, episodes, Path(out), steps=steps, seed=seed, action=action,
+        progress=progress,
+    )  # fmt: skip
+
+
+@checked
+def tune(
+    controller: str,
+    task: str = "Stage",
+    out: PathLike[str] | str = "results/tune",
+    *,
+    trials: int = 40,
+    seed: int = 0,
+    plants: int = 16,
+    progress: Progress | None = None,
+) -> Tuned:
+    """Find settings of a controller with Optuna; the same call goes on with an interrupted search.
+
+    Parameters
+    ----------
+    controller
+        Name of one with knobs, such as ``dual-loop``.
+    task
+        Short name or id of a registered task; its training draws are used, and its validation draws
+        to say what was found.
+    out
+        Folder of the search and of ``CONTROLLER.json``, the settings by task.
+    trials
+        Settings that are tried, the defaults among them.
+    seed
+        Of the draws and of the search.
+    plants
+        Training plants, each with every reference of the task.
+    progress
+        Called as ``progress(stage, done, total)``.
+
+    Returns
+    -------
+    benchmarks.stages.tuning.Tuned
+        It prints the error on validation plants with what was found and without.
+
+    Raises
+    ------
+    InputError
+        The controller has no knobs, there is no such task, a number is out of range, or
+        ``rdpi-gym[tune]`` is not installed.
+    """
+    return tuning.tune(
+        controller, task, Path(out), trials=trials, seed=seed, plants=plants, progress=progress
+    )
+
+
+@checked
+def certificate(controller: str, task: str = "Stage") -> str:
+    """Say what is certain of a controller's loop on what a task believes, before it drives anything.
+
+    Parameters
+    ----------
+    controller
+        Name of one that ships.
+    task
+        Short name or id of a registered task.
+
+    Returns
+    -------
+    str
+        One line: small gain, passivity or poles where one of them holds, and the controller's
+        warning where it has one.
+
+    Raises
+    ------
+    InputError
+        There is no such controller or task.
+
+    Examples
+    --------
+    >>> certificate("dual-loop", "Bare").split(":")[0]
+    'dual-loop on Bare, certificate'
+    """
+    return tuning.certified(controller, task)

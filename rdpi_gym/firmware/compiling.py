@@ -22,8 +22,8 @@ def compiler() -> list[str]:
     for words in filter(None, (shlex.split(named), ["cc"], ["gcc"], ["clang"])):
         if shutil.which(words[0]):
             return words
-    said = f"$CC is {named}, which is not there, and no" if named else "no"
-    raise InputError(f"{said} C compiler is found; install gcc or clang, or set CC")
+    none = f"$CC is {named}, which is not there, and no" if named else "no"
+    raise InputError(f"{none} C compiler is found; install gcc or clang, or set CC")
 
 
 def build(sources: Sequence[Path], out: Path, precision: int, include: Path) -> Path:

@@ -22,8 +22,8 @@ from baselines.classical import (
     ClassicalLowPassed,
     ClassicalReferenceRate,
     ClassicalStatic,
+    pack_inverse,
 )
-from baselines.classical_inverse_kernels import pack_inverse
 from baselines.inversion_free import (
     InversionFree,
     InversionFreeLiteral,
@@ -40,7 +40,7 @@ from rdpi_gym.support.errors import InputError
 Integer: TypeAlias = Literal["int32_t", "uint32_t", "int64_t"]
 
 TOLERANCE = 1e-6
-"""How far (fraction of the command range) the codes may be from the controller in double."""
+"""Largest difference (fraction of the command range) of the codes from the controller in double."""
 _ONE = 2**31
 _LARGEST = _ONE - 1
 # Bits of a sum of coefficients, after the integer's fraction of an accumulator, and of a rate.
@@ -61,17 +61,7 @@ _FEEDFORWARDS: frozenset[type[Baseline]] = frozenset(
 
 @dataclass(frozen=True)
 class FixedTable:
-    """Whole numbers that the code reads and never writes: one field of its struct of parameters.
-
-    Parameters
-    ----------
-    name
-        Identifier of C, lower case.
-    type
-        Of an element.
-    values
-        At least one.
-    """
+    """Whole numbers that the code reads and never writes: one field of its struct of parameters."""
 
     name: str
     type: Integer
@@ -80,19 +70,7 @@ class FixedTable:
 
 @dataclass(frozen=True)
 class FixedMemory:
-    """Whole numbers that the code keeps from sample to sample: one field of its struct of memory.
-
-    Parameters
-    ----------
-    name
-        Identifier of C, lower case.
-    type
-        Of an element.
-    rest
-        Where an episode begins; not read where `from_reference`.
-    from_reference
-        Whether it begins at the code of the first reference instead.
-    """
+    """Whole numbers that the code keeps from sample to sample: one field of its struct of memory."""
 
     name: str
     type: Integer
@@ -143,24 +121,10 @@ class FixedPoint:
     step: str
     notes: Sequence[str] = field(default_factory=tuple)
 
-    @property
-    def tolerance(self) -> int:
-        """How many codes a command may be from that of the controller in double, :data:`TOLERANCE`."""
-        return math.ceil(TOLERANCE * (self.high - self.low))
-
     def displacement_codes(self, displacement_um: ArrayLike) -> NDArray[np.int32]:
         """Return the codes of displacements (µm), of the same shape; beyond the scale its ends."""
         fraction = (np.asarray(displacement_um) - self.centre_um) / self.displacement_scale_um
         return _codes(fraction)
-
-    def command_codes(self, command_V: ArrayLike) -> NDArray[np.int32]:
-        """Return the codes of commands (V), of the same shape; beyond the scale its ends."""
-        return _codes(np.asarray(command_V) / self.voltage_scale_V)
-
-    def displacements_um(self, codes: ArrayLike) -> Array:
-        """Return displacements (µm) from their codes, of the same shape."""
-        place = np.asarray(codes, dtype=np.float64) / _ONE
-        return np.asarray(self.centre_um + self.displacement_scale_um * place)
 
     def commands_V(self, codes: ArrayLike) -> Array:
         """Return commands (V) from their codes, of the same shape."""

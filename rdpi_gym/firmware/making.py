@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from baselines.base import Baseline
 from baselines.lookup import GUARDED, LEARNED, make_controller
-from baselines.registry import CONTROLLERS, known_controller
+from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.fixed_point import FixedPoint, fixed_point_body
 from rdpi_gym.firmware.plants import plant_program
@@ -65,13 +65,7 @@ class PhysicalLayout(ObservationLayout):
 
 @dataclass(frozen=True)
 class ControllerTwin:
-    """A controller in Python, fed with what the C is fed with.
-
-    Parameters
-    ----------
-    made
-        The controller.
-    """
+    """A controller in Python, fed with what the C is fed with."""
 
     made: Baseline
 
@@ -114,12 +108,14 @@ def controller_program(
     preview: int | None = None,
 ) -> Program:
     """Return a controller's sample as C."""
-    made = _made(name, belief, ts_s, preview)
-    if hasattr(made, "plan"):
-        raise InputError(
-            f"{name} plans over the whole reference, which a controller that runs sample by sample does not have"
-        )
-    return traced_program(made, name)
+    if not name.startswith((LEARNED, GUARDED)):
+        kind = known_controller(name)
+        if hasattr(getattr(kind, "func", kind), "plan"):
+            raise InputError(
+                f"{name} plans over the whole reference before an episode, which code that runs sample "
+                "by sample does not have; name another, such as pi-classical-reference-rate"
+            )
+    return traced_program(_made(name, belief, ts_s, preview), name)
 
 
 def traced_program(made: Baseline, title: str) -> Program:
@@ -223,17 +219,14 @@ def _memory(recording: Recording, count: int) -> Traced:
 
 def _made(name: str, belief: PlantModel[Any], ts_s: float, preview: int | None) -> Baseline:
     """Return a controller with the preview, or with as much as it makes use of."""
-    learned = name.startswith((LEARNED, GUARDED))
-    if not learned and name not in CONTROLLERS:
-        raise InputError(f"{quoted(name)} is no controller of this package; rdpi list names them")
-    kind = ObservationLayout if learned else PhysicalLayout
+    kind = ObservationLayout if name.startswith((LEARNED, GUARDED)) else PhysicalLayout
 
     def make(samples: int) -> Baseline:
         made = make_controller(name, belief, kind.for_plant(belief, ts_s, preview=samples))
         assert isinstance(made, Baseline)
         return made
 
-    made = make(preview or 1)
+    made = make(1 if preview is None else preview)
     while preview is None and made.needed_preview > made.layout.preview:
         made = make(made.needed_preview)
     return made
@@ -263,16 +256,6 @@ def program_of(
         if preview is not None:
             raise InputError("preview is of controllers; leave it out, or name one")
         return plant_program(model, ts_s)
-    if not controller.startswith((LEARNED, GUARDED)):
-        kind = known_controller(controller)
-        if hasattr(getattr(kind, "func", kind), "plan"):
-            raise InputError(
-                f"{controller} plans over the whole reference before an episode, which code that runs "
-                "sample by sample does not have; name another, such as pi-classical-reference-rate"
-            )
-    if preview is not None:
-        # the layout's own words, before anything is traced
-        ObservationLayout.for_plant(model, ts_s, preview)
     return controller_program(controller, model, ts_s, preview)
 
 
@@ -291,8 +274,8 @@ def package_of(
         return Package(Source(program), recipe)
     recipe |= {"controller": _found_anywhere(controller or ""), "preview": program.preview}
     fixed, why = _fixed(program)
-    said = program.twin.made.warning() if isinstance(program.twin, ControllerTwin) else None
-    notes, warnings = (() if each is None else (each,) for each in (why, said))
+    warning = program.twin.made.warning() if isinstance(program.twin, ControllerTwin) else None
+    notes, warnings = (() if each is None else (each,) for each in (why, warning))
     return Package(Source(program, reach_um(model, ts_s), fixed), recipe, warnings, notes)
 
 

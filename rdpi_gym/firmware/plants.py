@@ -147,23 +147,7 @@ class _Plant:
 
 
 class PlantTwin:
-    """The plant in Python, from the same rest: what its C is held against.
-
-    Parameters
-    ----------
-    model
-        The plant.
-    ts_s
-        Sampling time (s).
-    rest_V
-        Command (V) at which it begins.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> PlantTwin(named_plant("P5"), 1e-3, 0.0).plant(np.array([[1.0]])).round(3).tolist()
-    [[0.729]]
-    """
+    """The plant in Python, from the same rest: what its C is held against."""
 
     def __init__(self, model: PlantModel[Any], ts_s: float, rest_V: float) -> None:
         self._model, self._ts_s, self._rest_V = model, ts_s, rest_V

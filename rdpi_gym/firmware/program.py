@@ -1,4 +1,4 @@
-"""What a piece of generated code is made of, before it is written: memory, tables, C text, its twin."""
+"""Parts of generated code before it is written: memory, tables, C text, a twin in Python; and values in C."""
 
 from __future__ import annotations
 
@@ -122,11 +122,6 @@ class Program:
     inexact_because: str = ""
     notes: Sequence[str] = field(default_factory=tuple)
 
-    @property
-    def memory_numbers(self) -> int:
-        """How many numbers it remembers."""
-        return int(np.sum([len(part.rest) for part in self.memory], dtype=int))
-
 
 _LARGEST_FLOAT, _SMALLEST_FLOAT = 3e38, 1.2e-38
 
@@ -176,28 +171,14 @@ C_TYPES: dict[Kind, str] = {"real": "rdpi_real", "int": "int32_t", "bool": "int3
 
 @dataclass(frozen=True)
 class Known:
-    """A number, a flag, None, or a tuple of them, known as the code is written.
-
-    Parameters
-    ----------
-    value
-        It.
-    """
+    """A number, a flag, None, or a tuple of them, known as the code is written."""
 
     value: Any
 
 
 @dataclass(frozen=True)
 class Number:
-    """A scalar that is known only as the code runs.
-
-    Parameters
-    ----------
-    text
-        Expression of C; a name, or in parentheses where it is more.
-    kind
-        Its type.
-    """
+    """A scalar that is known only as the code runs."""
 
     text: str
     kind: Kind = "real"
@@ -205,19 +186,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Block:
-    """An array in memory, contiguous, its last index running fastest.
-
-    Parameters
-    ----------
-    text
-        Expression of C that points at its first element.
-    shape
-        Known as the code is written.
-    kind
-        Of an element.
-    known
-        Its numbers where it is a table that nothing writes; else None.
-    """
+    """An array in memory, contiguous, its last index running fastest."""
 
     text: str
     shape: tuple[int, ...]

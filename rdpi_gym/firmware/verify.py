@@ -63,7 +63,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """What the difference is, in a word.
+        """The difference in a word.
 
         ``ok``; ``roundings`` where no more than roundings is seen, but they grow; ``decisions`` where
         a few records part from Python, as a decision hangs on the last bit; ``FAILED``.
@@ -77,16 +77,16 @@ class Row:
 
 @dataclass(frozen=True)
 class Verification:
-    """What :func:`verify` found; it prints as a table.
+    """Result of :func:`verify`; it prints as a table.
 
     Parameters
     ----------
     title
-        What was verified.
+        Of the program that was verified.
     rows
         The comparisons.
     remarks
-        What else is to be said, a sentence each.
+        Further findings, a sentence each.
     """
 
     title: str

@@ -106,10 +106,10 @@ def fit_core(
     validation = list(data.validation) if isinstance(data, Dataset) else []
     check_motion(moving)
     found = _fitted(kind, list(moving), name, progress or silent)
-    return stating(judged(found, validation), quantities)
+    return with_quantities(judged(found, validation), quantities)
 
 
-def stating(found: CoreFit, quantities: Quantities) -> CoreFit:
+def with_quantities(found: CoreFit, quantities: Quantities) -> CoreFit:
     """Return a fit that says what was measured, and whose plant does where it is no piezo's."""
     plant = found.plant
     if not quantities.are_standard:
@@ -417,7 +417,7 @@ def first_fit(
     return min(fits, key=lambda fit: fit.train_rmse_um)
 
 
-def or_none(fit: Callable[[], JointFit | None]) -> JointFit | None:
+def fit_or_none(fit: Callable[[], JointFit | None]) -> JointFit | None:
     """Return a fit, or None where it leaves the bounds of its numbers: one of several is dropped."""
     try:
         return fit()

@@ -14,18 +14,18 @@ import numpy as np
 from rdpi_gym.identification.cores import (
     CoreFit,
     first_fit,
+    fit_or_none,
     is_at_bound,
     judged,
-    or_none,
     responses_to,
-    stating,
     with_one_more,
+    with_quantities,
 )
 from rdpi_gym.identification.joint import NO_FIT, JointFit, fit_joint
 from rdpi_gym.identification.plausibility import check_motion
 from rdpi_gym.identification.residuals import (
     beats,
-    left_by,
+    centred_residual,
     pieces_of,
     pooled_rmse,
     simulate_record,
@@ -84,7 +84,7 @@ class KindFit:
 
 def held_out_fit(fit: JointFit, held_out: Sequence[Record]) -> KindFit:
     """Return a refit with what it leaves of records held out."""
-    lefts = [left_by(fit.variant, record) for record in held_out]
+    lefts = [centred_residual(fit.variant, record) for record in held_out]
     white = [float(np.mean(np.diff(left) ** 2)) / 2.0 if left.size > 1 else 0.0 for left in lefts]
     return KindFit(fit, pieces_of(lefts), np.array(white))
 
@@ -154,12 +154,12 @@ def same_models(
     changes the displacement by less than a thousandth.
     """
     met = {
-        case for case, numbers in core.cases.items() if _stands_at(core, numbers, records, errors)
+        case for case, numbers in core.cases.items() if _holds_at(core, numbers, records, errors)
     }
     return tuple(k.name for k in CORES.values() if k.name != core.name and met & set(k.cases))
 
 
-def _stands_at(
+def _holds_at(
     core: Core,
     numbers: Mapping[str, float],
     records: Sequence[Record],
@@ -253,7 +253,9 @@ def choose_kind(
     every, train, validation = train, from_rest(train), from_rest(validation)
     refused: dict[str, str] = {}
 
-    def begun(present: Mapping[str, Sequence[Effect]], records: Sequence[Record]) -> list[KindFit]:
+    def first_fits(
+        present: Mapping[str, Sequence[Effect]], records: Sequence[Record]
+    ) -> list[KindFit]:
         rivals = []
         for done, (kind, effects) in enumerate(present.items()):
             report("kinds of hysteresis", done, len(present))
@@ -267,37 +269,37 @@ def choose_kind(
         report("kinds of hysteresis", len(present), len(present))
         return rivals
 
-    rivals = begun(dict.fromkeys(CORES, beside(scale)), train)
+    rivals = first_fits(dict.fromkeys(CORES, beside(scale)), train)
     if not rivals:
         raise InputError(next(iter(refused.values())))
-    best = min(rivals, key=_left)
-    if _left(best) > _MUCH * float(best.white_um2.mean()):
+    best = min(rivals, key=_mean_square)
+    if _mean_square(best) > _MUCH * float(best.white_um2.mean()):
         wider = _near(rivals, _HOPEFUL)
         for done, rival in enumerate(wider):
             report("kinds with an effect more", done, len(wider))
             tried = (
-                or_none(partial(with_one_more, train, rival.fit, CATALOGUE[name], scale))
+                fit_or_none(partial(with_one_more, train, rival.fit, CATALOGUE[name], scale))
                 for name in _BESIDES
             )
             fits = [held_out_fit(fit, validation) for fit in tried if fit is not None]
-            more = min(fits, key=_left, default=rival)
-            if _left(more) < (1.0 - _TAKES) * _left(rival):
+            more = min(fits, key=_mean_square, default=rival)
+            if _mean_square(more) < (1.0 - _TAKES) * _mean_square(rival):
                 rivals[rivals.index(rival)] = more
     explainable = explained(train, [rival.fit for rival in rivals])
     if len(explainable) < len(train):
         hopeful = {w.core.name: w.fit.variant.effects for w in _near(rivals, _HOPEFUL)}
-        rivals = begun(hopeful, explainable)
+        rivals = first_fits(hopeful, explainable)
     near = _near(rivals, _NEAR)
     for done, rival in enumerate(near):
         report("kinds that come near", done, len(near))
         variant = rival.fit.variant
         core, effects = variant.hysteresis, variant.effects
-        fit = or_none(partial(fit_joint, explainable, core, effects, _PASSES, samples=_SAMPLES))
+        fit = fit_or_none(partial(fit_joint, explainable, core, effects, _PASSES, samples=_SAMPLES))
         if fit is not None:
             rivals[rivals.index(rival)] = held_out_fit(fit, validation)
     found = compare_kinds(rivals, explainable)
     stated = {
-        rival.core.name: stating(
+        rival.core.name: with_quantities(
             judged(_as_core_fit(rival.fit, explainable, name), validation), dataset.quantities
         )
         for rival in rivals
@@ -327,7 +329,7 @@ def explained(records: Sequence[Record], fits: Sequence[JointFit]) -> list[Recor
     """
     if len(records) < _FEWEST:
         return list(records)
-    least = np.array([min(_rms(left_by(f.variant, r)) for f in fits) for r in records])
+    least = np.array([min(_rms(centred_residual(f.variant, r)) for f in fits) for r in records])
     share = least / np.array([max(float(np.std(r.y_um[r.error_mask])), 1e-300) for r in records])
     untold = (least > _UNTOLD * np.median(least)) & (share > _UNTOLD * np.median(share))
     return [record for record, out in zip(records, untold, strict=True) if not out]
@@ -339,11 +341,11 @@ def _rms(left: Array) -> float:
 
 def _near(rivals: Sequence[KindFit], times: float) -> list[KindFit]:
     """Return the kinds that leave at most so many times what the best one leaves held out (rms)."""
-    least = min(map(_left, rivals))
-    return [rival for rival in rivals if _left(rival) <= times**2 * least]
+    least = min(map(_mean_square, rivals))
+    return [rival for rival in rivals if _mean_square(rival) <= times**2 * least]
 
 
-def _left(rival: KindFit) -> float:
+def _mean_square(rival: KindFit) -> float:
     return float(rival.pieces.mean())
 
 

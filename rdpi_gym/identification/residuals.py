@@ -154,7 +154,7 @@ PIECES = 8
 _DRAWS = 400
 
 
-def left_by(variant: Variant[Any], record: Record) -> Array:
+def centred_residual(variant: Variant[Any], record: Record) -> Array:
     """Return what a model leaves of the samples that count (µm), offset free."""
     left = (record.y_um - simulate_effects([variant], record)[:, 0])[record.error_mask]
     centred: Array = left - left.mean()

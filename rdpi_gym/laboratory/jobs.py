@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from rdpi_gym import face
-from rdpi_gym.laboratory import buying
-from rdpi_gym.laboratory.taking import experiment_shown
+from rdpi_gym.laboratory import compensator_comparison
+from rdpi_gym.laboratory.downloads import experiment_shown
 from rdpi_gym.laboratory.work import Tell
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import PlantModel
@@ -98,7 +98,7 @@ def add(
 
 def payoff(tell: Tell, **asked: Any) -> dict[str, Any]:
     """Let compensators track a reference with two beliefs."""
-    return buying.payoff(**asked, progress=tell.progress)
+    return compensator_comparison.payoff(**asked, progress=tell.progress)
 
 
 def refit_to_dict(refit: face.Refit) -> dict[str, Any]:

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from rdpi_gym import face
-from rdpi_gym.laboratory import bringing, jobs, views
-from rdpi_gym.laboratory.buying import course
-from rdpi_gym.laboratory.events import Events
+from rdpi_gym.laboratory import data_import, jobs, views
+from rdpi_gym.laboratory.compensator_comparison import course
 from rdpi_gym.laboratory.examples import examples, folder_of
 from rdpi_gym.laboratory.models import Models, Pending
 from rdpi_gym.laboratory.session import Step, check_folder
-from rdpi_gym.laboratory.telling import noise_um, state_of
+from rdpi_gym.laboratory.session_jobs import Events
+from rdpi_gym.laboratory.session_json import noise_um, state_of
 from rdpi_gym.measurement.settings import LARGEST
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.support.errors import InputError, printable
@@ -61,10 +61,10 @@ class Lab(Models):
         session = self.session
         check_folder(session.folder)
         try:
-            safe = bringing.safe_name(name)
+            safe = data_import.safe_name(name)
         except InputError as error:
             shown = printable(name)[-80:]
-            if len(session.files) < bringing.MOST_FILES:
+            if len(session.files) < data_import.MOST_FILES:
                 entry = {"bytes": 0, "problem": error.fact, "row": None, "column": None}
                 session.write({"do": "file", "name": shown, "entry": entry})
             self.events.changed()
@@ -76,8 +76,8 @@ class Lab(Models):
             async with self.acting:
                 self._check_count(safe)
                 part.replace(target)
-                bringing.refused_file(session.data_folder, safe).unlink(missing_ok=True)
-                if safe != bringing.SETTINGS:
+                data_import.refused_file(session.data_folder, safe).unlink(missing_ok=True)
+                if safe != data_import.SETTINGS:
                     self._note_file(safe, None)
         self.events.changed()
         return self.state()
@@ -85,12 +85,14 @@ class Lab(Models):
     def _check_count(self, name: str) -> None:
         """Refuse one file too many."""
         files = self.session.files
-        if len(files) >= bringing.MOST_FILES and name not in files:
-            raise InputError(f"there are {bringing.MOST_FILES} files already; take one out first")
+        if len(files) >= data_import.MOST_FILES and name not in files:
+            raise InputError(
+                f"there are {data_import.MOST_FILES} files already; take one out first"
+            )
 
-    def _note_file(self, name: str, problem: bringing.Problem | None) -> None:
+    def _note_file(self, name: str, problem: data_import.Problem | None) -> None:
         folder = self.session.data_folder
-        places = (folder / name, bringing.refused_file(folder, name))
+        places = (folder / name, data_import.refused_file(folder, name))
         size = next((p.stat().st_size for p in places if p.exists()), 0)
         entry = {
             "bytes": size,
@@ -114,10 +116,10 @@ class Lab(Models):
             raise InputError(f"there is no file {quoted(name)}; there are {some(session.files)}")
         check_folder(session.folder)
         with suppress(InputError):  # of a file that was refused by its name nothing was kept
-            safe = bringing.safe_name(name)
+            safe = data_import.safe_name(name)
             for path in (
                 session.data_folder / safe,
-                bringing.refused_file(session.data_folder, safe),
+                data_import.refused_file(session.data_folder, safe),
             ):
                 path.unlink(missing_ok=True)
         session.write({"do": "file", "name": name, "entry": None})
@@ -137,8 +139,8 @@ class Lab(Models):
         """
         session = self.session
         check_folder(session.folder)
-        found = await asyncio.to_thread(bringing.read, session.data_folder)
-        for file in bringing.data_files(session.data_folder):
+        found = await asyncio.to_thread(data_import.read, session.data_folder)
+        for file in data_import.data_files(session.data_folder):
             self._note_file(file.name, found.problems.get(file.name))
         for name, problem in found.problems.items():
             self._note_file(name, problem)
@@ -150,7 +152,7 @@ class Lab(Models):
                 found.problem or (first.line if first else "there are no data yet; drop a file")
             )
         known = core is None and not anew and session.steps
-        if known and bringing.same(found.data, session.data):
+        if known and data_import.same(found.data, session.data):
             self.events.changed()
             return self.state()
         await self._stop()
@@ -163,7 +165,7 @@ class Lab(Models):
     async def bring(self, sources: list[Path]) -> None:
         """Copy files and folders that the command line names, and open them."""
         for source in sources:
-            names = await asyncio.to_thread(bringing.copy_in, source, self.session.data_folder)
+            names = await asyncio.to_thread(data_import.copy_in, source, self.session.data_folder)
             for name in names:
                 self._note_file(name, None)
         await self.open()
@@ -184,8 +186,8 @@ class Lab(Models):
         folder, data_folder = folder_of(example), self.session.data_folder
         if folder is not None:
             await self._clear()
-            await asyncio.to_thread(bringing.copy_in, folder, data_folder)
-            bringing.write_settings(data_folder, example.settings, [])
+            await asyncio.to_thread(data_import.copy_in, folder, data_folder)
+            data_import.write_settings(data_folder, example.settings, [])
             return await self.open(anew=True)
 
         def simulated(data: face.Dataset) -> None:
@@ -220,10 +222,10 @@ class Lab(Models):
         check_folder(session.folder)
         folder = session.data_folder
         records = [r.name for r in session.data.records] if session.data is not None else []
-        records += [f.stem for f in bringing.data_files(folder) if f.stem not in records]
-        path = folder / bringing.SETTINGS
+        records += [f.stem for f in data_import.data_files(folder) if f.stem not in records]
+        path = folder / data_import.SETTINGS
         before = read_bytes(path, LARGEST) if path.exists() else None
-        bringing.write_settings(folder, changes, records)
+        data_import.write_settings(folder, changes, records)
         try:
             return await self.open()
         except InputError:

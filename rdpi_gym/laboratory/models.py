@@ -12,11 +12,9 @@ from typing import Any
 
 from rdpi_gym import face
 from rdpi_gym.laboratory import jobs, views
-from rdpi_gym.laboratory.desk import Desk
-from rdpi_gym.laboratory.entries import error_um
-from rdpi_gym.laboratory.events import Events
-from rdpi_gym.laboratory.session import Step
-from rdpi_gym.laboratory.telling import cards_of
+from rdpi_gym.laboratory.session import Step, error_um
+from rdpi_gym.laboratory.session_jobs import Events, SessionJobs
+from rdpi_gym.laboratory.session_json import cards_of
 from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
@@ -36,10 +34,10 @@ class Pending:
     held: tuple[str, ...] = ()
 
 
-class Models(Desk):
+class Models(SessionJobs):
     """A session whose models are tried, ranked on and made steps of.
 
-    Parameters are those of :class:`Desk`.
+    Parameters are those of :class:`SessionJobs`.
     """
 
     def __init__(self, folder: Path, events: Events, processes: int) -> None:

@@ -23,8 +23,8 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from rdpi_gym.laboratory.events import Events
 from rdpi_gym.laboratory.guard import Guard
+from rdpi_gym.laboratory.session_jobs import Events
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import BINARY, NO_LINK, parse_json
 from rdpi_gym.support.words import quoted
@@ -246,7 +246,7 @@ class Server:
         return endpoint
 
     async def _take(self, request: Request) -> Response:
-        from rdpi_gym.laboratory.taking import take
+        from rdpi_gym.laboratory.downloads import take
 
         rate = request.query_params.get("rate_hz")
         try:
@@ -314,7 +314,7 @@ async def _json(request: Request) -> Mapping[str, Any]:
 
 async def _received(request: Request, path: Path) -> None:
     """Write what is sent to a file, up to what is allowed."""
-    from rdpi_gym.laboratory.bringing import MOST_BYTES
+    from rdpi_gym.laboratory.data_import import MOST_BYTES
 
     size = 0
     try:
@@ -373,9 +373,11 @@ def _examples(lab: Lab, asked: Mapping[str, str]) -> Any:
 
 
 def _preview(lab: Lab, asked: Mapping[str, str]) -> Any:
-    from rdpi_gym.laboratory.previewing import preview
+    from rdpi_gym.laboratory.data_import import preview
 
-    return preview(lab.session, _text(asked, "file"), asked.get("separator"))
+    return preview(
+        lab.session.data_folder, lab.session.files, _text(asked, "file"), asked.get("separator")
+    )
 
 
 def _trace(lab: Lab, asked: Mapping[str, str]) -> Any:
@@ -398,14 +400,14 @@ def _trace(lab: Lab, asked: Mapping[str, str]) -> Any:
 
 
 def _views(lab: Lab, asked: Mapping[str, str]) -> Any:
-    from rdpi_gym.laboratory.residuals import residual_views
+    from rdpi_gym.laboratory.views import residual_views
 
     record, model_um = _modelled(lab, asked)
     return residual_views(record, model_um, lab.noise_um())
 
 
 def _brush(lab: Lab, asked: Mapping[str, str]) -> Any:
-    from rdpi_gym.laboratory.residuals import brushed
+    from rdpi_gym.laboratory.views import brushed
 
     record, model_um = _modelled(lab, asked)
     ends = (_optional(asked, "from_s"), _optional(asked, "to_s"))

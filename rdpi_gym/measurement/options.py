@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import get_type_hints
 
 from rdpi_gym.measurement.units import measured_by, plain_unit, ratio
-from rdpi_gym.support.checked import check_type
+from rdpi_gym.support.checks import check_type
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option
 from rdpi_gym.support.words import guess, quoted, short, some

@@ -10,7 +10,7 @@ from rdpi_gym.signals.base import Signal
 from rdpi_gym.signals.combine import Combination
 from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.members import Members
+from rdpi_gym.support.plugins import Members
 from rdpi_gym.support.words import guess
 
 SIGNALS: Mapping[str, type[Signal]] = Members("rdpi_gym.signals", Signal)  # type: ignore[type-abstract]

@@ -3,16 +3,70 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Callable
-from contextlib import suppress
-from typing import TextIO
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Any, TextIO
 
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.guard import INTERRUPTED, REFUSED, say_interrupted
-from rdpi_gym.support.interrupts import interruptible
+from rdpi_gym.support.guard import INTERRUPTED, REFUSED, end_at_once, say_interrupted
 from rdpi_gym.support.temporaries import FREE_SPACE, is_full
 from rdpi_gym.support.terminal import plain_output
+
+_IMPORTING = "<frozen importlib._bootstrap>"
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Raise KeyboardInterrupt at an interrupt, or end the process where that would be lost.
+
+    Afterwards interrupts are answered as before; where :func:`~rdpi_gym.support.guard.guard` was
+    called before, the command is over, and no interrupt can stop it any more.
+    """
+    before, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    ours = before in (signal.default_int_handler, end_at_once)
+    ours = ours and threading.current_thread() is threading.main_thread()
+    sys.unraisablehook = lambda what: end_at_once() if _is_interrupt(what) else hook(what)
+    try:
+        if ours:
+            signal.signal(signal.SIGINT, _on_interrupt)
+        yield
+    finally:
+        sys.unraisablehook = hook
+        if ours:
+            signal.signal(signal.SIGINT, signal.SIG_IGN if before is end_at_once else before)
+
+
+@contextmanager
+def uninterrupted_children() -> Iterator[None]:
+    """Start processes that Ctrl-C does not reach: who started them ends them.
+
+    A terminal sends the signal to all of them. It is held back here meanwhile, and comes after.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _on_interrupt(number: int, frame: FrameType | None) -> None:
+    while frame is not None:
+        if frame.f_code.co_filename == _IMPORTING:
+            end_at_once()
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _is_interrupt(what: Any) -> bool:
+    return what.exc_type is not None and issubclass(what.exc_type, KeyboardInterrupt)
+
 
 NO_READER = 141
 

@@ -17,9 +17,9 @@ from urllib.parse import urlsplit
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.backend.resource_tracker import ensure_running
 
+from rdpi_gym.support.command import uninterrupted_children
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.guard import SAFE_PATH
-from rdpi_gym.support.interrupts import uninterrupted_children
 
 C = TypeVar("C")
 R = TypeVar("R")

@@ -16,7 +16,7 @@ from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.plant.effects.base import Slot
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.torch_plant.translation import Lanes, UntranslatableError
+from rdpi_gym.torch_plant.translation import Lanes
 
 
 class TorchPlant:
@@ -85,19 +85,25 @@ class TorchPlant:
         inside = [0.0] * len(offsets) if effects else offsets
         self._offsets = self._tensor(np.array(offsets) - inside)
         self.parameters = {"core": self._tensor(pack(cores, ts_s, inside))}
-        self._stages: list[tuple[Slot, str, Callable[..., Any]]] = []
         for column in effects:
-            kind, name = type(column[0]), column[0].name
             pairs = zip(column, cores, strict=True)
             rows = np.array([effect.coefficients(ts_s, core) for effect, core in pairs])
-            self.parameters[name] = self._tensor(rows.T)
-            self._stages.append((kind.slot, name, self._lanes.translated(kind.block)))
-        self._rate = self._lanes.translated(rate_block)
-        self._core = self._lanes.translated(type(cores[0]).block)
+            self.parameters[column[0].name] = self._tensor(rows.T)
         self._state: list[Any] = []
         self._awaits = np.zeros(self.lanes, dtype=bool)
         self.reset()
-        self._check()
+        try:
+            translated = self._lanes.translated
+            self._rate, self._core = translated(rate_block), translated(type(cores[0]).block)
+            kinds = [type(column[0]) for column in effects]
+            self._stages = [(kind.slot, kind.name, translated(kind.block)) for kind in kinds]
+            self.simulate(torch.zeros(1, self.lanes, dtype=torch.float64, device=self.device))
+        except Exception as error:  # a kernel may do on tensors whatever its author did not foresee
+            reason = " ".join(str(error).split())[:200]
+            raise InputError(
+                f"plant {self.models[0].name} cannot be run in torch: {reason}; run it by rdpi_gym.plant.Plant"
+            ) from error
+        self.reset()
 
     @property
     def memory(self) -> Tensor:
@@ -212,16 +218,6 @@ class TorchPlant:
                 row[lane] = float(value)
                 self._state[0][2 + i, 0] = row
         self._awaits[:] = False
-
-    def _check(self) -> None:
-        """Refuse a core or an effect that does not run in torch, by running each for a sample."""
-        try:
-            self.simulate(torch.zeros(1, self.lanes, dtype=torch.float64, device=self.device))
-        except UntranslatableError as error:
-            raise InputError(
-                f"plant {self.models[0].name} cannot be run in torch: {error}; run it by rdpi_gym.plant.Plant"
-            ) from error
-        self.reset()
 
     def _tensor(self, values: ArrayLike) -> Tensor:
         return torch.tensor(np.asarray(values), dtype=torch.float64, device=self.device)

@@ -56,7 +56,7 @@ class Lanes:
     def translated(self, kernel: Any) -> Callable[..., Any]:
         """Return a compiled kernel, or a function that one calls, on tensors."""
         if kernel not in self._translated:
-            self._translated[kernel] = self._translate(kernel.py_func)
+            self._translated[kernel] = self._translate(getattr(kernel, "py_func", kernel))
         return self._translated[kernel]
 
     def _translate(self, function: FunctionType) -> Callable[..., Any]:
@@ -65,7 +65,8 @@ class Lanes:
         except (OSError, TypeError) as error:
             raise UntranslatableError(f"{function.__name__} has no source") from error
         (definition,) = tree.body
-        assert isinstance(definition, ast.FunctionDef)
+        if not isinstance(definition, ast.FunctionDef):
+            raise UntranslatableError(f"{function.__name__} is no function of a file")
         code = compile(_Translator().function(definition), f"<{function.__name__}>", "exec")
         known = function.__globals__ | {
             name: cell.cell_contents

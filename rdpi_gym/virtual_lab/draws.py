@@ -25,7 +25,7 @@ _STEP = 1e-3
 _SMALLEST = 1e-9  # of the largest singular value: below it a combination of columns is no column
 
 
-def left_over(
+def refit_residuals(
     plant: PlantModel,
     known: Sequence[Effect],
     span_V: float,
@@ -190,7 +190,7 @@ def hide(names: Sequence[str], truth: Truth, rng: np.random.Generator) -> Truth:
 
     An effect can be seen where it leaves :data:`VISIBLE` noise floors rms on one record at least,
     after all that a refit of the base model and of the other effects can take up of it
-    (:func:`~rdpi_gym.virtual_lab.draws.left_over`). Where a few draws in a row cannot, the
+    (:func:`~rdpi_gym.virtual_lab.draws.refit_residuals`). Where a few draws in a row cannot, the
     typical ranges are widened. This is judged on a coarser grid than the data are made on.
 
     Parameters
@@ -290,7 +290,9 @@ class View:
         least = max(VISIBLE * self._truth.noise_um, 1e-9 * self._truth.stroke_um)
         if max(float(np.std(d)) for d in differences) < least:
             return False  # too small even before a refit
-        found = left_over(self._truth.plant, known, self._truth.span_V, self.records, differences)
+        found = refit_residuals(
+            self._truth.plant, known, self._truth.span_V, self.records, differences
+        )
         return max(found.values()) >= least
 
     def displacements(self, effects: Sequence[Effect]) -> list[Array]:

@@ -15,14 +15,11 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json
 from rdpi_gym.support.progress import progress_bar
 from studies.agents.curves import PICTURE, curves_text, learning_bands, learning_curves
-from studies.agents.page import page_texts, walk_template
-from studies.agents.scores import Run, contestants, score_all
-from studies.agents.study import BASELINE, FULL, QUICK, Study
-from studies.agents.summary import gap_summary, summarise
-from studies.agents.tables import agents_text, gap_text
-from studies.agents.training import Training, all_trainings, train_all
-from studies.agents.walk import FILE, take_walk
-from studies.agents.worlds import GAP, GROUPS, World, with_literal
+from studies.agents.facts import FILE
+from studies.agents.page import page_texts, take_walk, walk_template
+from studies.agents.scores import GAP, GROUPS, Run, World, contestants, score_all, with_literal
+from studies.agents.tables import agents_text, gap_summary, gap_text, summarise
+from studies.agents.training import BASELINE, FULL, QUICK, Study, Training, all_trainings, train_all
 from studies.png import small_png
 
 _ROOT = Path(__file__).parents[2]
@@ -108,8 +105,10 @@ def _ship(study: Study, options: Namespace) -> None:
 
 
 def _see(study: Study, options: Namespace) -> None:
-    from studies.agents.seen import see  # torch, only where needed
-    from studies.agents.shipping import folder_bytes
+    from studies.agents.shipping import (
+        folder_bytes,
+        see,  # torch, only where needed
+    )
 
     policies = options.runs / "policies" if study is QUICK else POLICIES
     for folder in sorted(path for path in policies.iterdir() if path.is_dir()):
@@ -123,7 +122,7 @@ def _see(study: Study, options: Namespace) -> None:
 
 
 def _teach(study: Study, options: Namespace) -> None:
-    from studies.agents.students import teach  # torch, only where needed
+    from studies.agents.shipping import teach  # torch, only where needed
 
     policies = options.runs / "policies" if study is QUICK else POLICIES
     for task, timesteps in study.taught:

@@ -9,8 +9,7 @@ import pandas as pd
 
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
-from studies.agents.study import BASELINE
-from studies.agents.training import Training
+from studies.agents.training import BASELINE, Training
 
 COLUMNS = (
     "agent", "seed", "timesteps", "seconds", "rmse_um", "rmse_percent", "command_variation_V_s",

@@ -1,4 +1,4 @@
-"""What the pages on agents quote: numbers, tables and findings, all from committed results."""
+"""Numbers, tables and findings on the pages on agents, all from committed results."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.words import number
 from studies.agents import findings
 from studies.agents.curves import cost_view, training_costs
-from studies.agents.summary import ALL_GROUPS
+from studies.agents.tables import ALL_GROUPS
 from studies.agents.tasks import leaders, read_rankings, standing, standing_view
-from studies.agents.walk import FILE, FORMAT, VERSION
 from studies.student_seeds import RESULTS as STUDENTS
 from studies.student_seeds import RIVAL
 from studies.training_race import FIRST, SHORT, best_fixed, by_entrant
 from studies.training_race import RESULTS as RACE
 
+FORMAT, VERSION = "walk", 1
+FILE = "walk.json"
 HYPERPARAMETERS = Path(__file__).parents[2] / "baselines" / "learned" / "hyperparameters"
 HISTORY = "rdpi_gym.envs.wrappers.history.HistoryObservation"
 _MADE_BY = {"summary": "score", "gap": "gap", "curves": "curves", "shipped": "ship"}

@@ -1,15 +1,88 @@
-"""The pages on agents: templates beside this file, filled from committed results alone."""
+"""The pages on agents from their templates, and the walk of the page on training: its commands and what they print."""
 
 from __future__ import annotations
 
+import os
+import re
 import tempfile
+import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+import pandas as pd
+
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_json
-from studies.agents.facts import page_facts
-from studies.agents.study import Study
-from studies.agents.walk import FILE, FORMAT, STEPS, VERSION, Recorded, no_picture
-from studies.tutorial.template import fill
+from studies.agents.facts import FILE, FORMAT, VERSION, page_facts
+from studies.agents.training import Study
+from studies.tutorial.session import Session
+from studies.tutorial.template import FENCE, fill
+
+STEPS = 1_500_000
+"""Of the training that the page begins with."""
+RUN = "results/first-agent"
+"""Its folder."""
+_BLOCK = re.compile(rf"^{FENCE}\w.*?^{FENCE}$", re.M | re.S)
+
+
+class _Timed(Session):
+    """Runs commands, and keeps what each printed and took (s)."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, {})
+        self.taken: list[dict[str, Any]] = []
+
+    def run(self, command: str) -> list[str]:
+        began = time.perf_counter()
+        printed = super().run(command)
+        seconds = round(time.perf_counter() - began, 1)
+        self.taken.append({"command": command, "seconds": seconds, "printed": printed})
+        return printed
+
+
+class Recorded(Session):
+    """Says what commands printed when they were run.
+
+    Parameters
+    ----------
+    folder
+        Where results are looked up.
+    walk
+        As :func:`take_walk` returns it.
+    """
+
+    def __init__(self, folder: Path, walk: Mapping[str, Any]) -> None:
+        super().__init__(folder, {})
+        self._printed = {each["command"]: each["printed"] for each in walk["commands"]}
+
+    def run(self, command: str) -> list[str]:
+        """Return what the command printed."""
+        if command not in self._printed:
+            raise InputError(f"{FILE} has no {command!r}; run --stage walk again")
+        return list(self._printed[command])
+
+
+def take_walk(template: str) -> dict[str, Any]:
+    """Run the commands of a template in an empty folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        session = _Timed(Path(folder))
+        fill("\n\n".join(_BLOCK.findall(template)), session, no_picture)
+        curve = pd.read_csv(session.folder / RUN / "training.csv")
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "cores": os.cpu_count(),
+        "seconds": round(sum(each["seconds"] for each in session.taken), 1),
+        "commands": session.taken,
+        "curve": curve.drop(columns="training_reward").to_dict("records"),
+    }
+
+
+def no_picture(page: Path, section: str, choice: str) -> bytes:
+    """Refuse to draw: these pages show committed pictures alone."""
+    raise InputError(f"{page}, {section}: the pages of agents take no picture from a page")
+
 
 FOLDER = Path(__file__).parent / "pages"
 TEMPLATES = {path.stem: path for path in sorted(FOLDER.glob("*.md"))}

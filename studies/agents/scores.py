@@ -1,9 +1,10 @@
-"""Tracking scores of agents and compensators on held-out plants, all with the same belief."""
+"""Held-out plants, and tracking scores of agents and compensators on them, all with the same belief."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,19 +13,108 @@ import numpy as np
 import pandas as pd
 
 from baselines import FEEDFORWARDS, LEARNED, make_controller
+from baselines.learned.options import PLANTS, TrainingOptions
 from benchmarks.tracking.case import Case
 from benchmarks.tracking.episode import record
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
 from benchmarks.tracking.scoring import ERROR, Score, one_line, score, status, words
-from benchmarks.tracking.stages import cases, largest_rate_V_s
+from benchmarks.tracking.stages import NOISE_UM, Stage, cases, largest_rate_V_s, make_stage
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.controller import warning_of
+from rdpi_gym.envs.truth import randomise_effects, randomise_plant
+from rdpi_gym.plant import P10, PlantModel, Sensor, find_plant
+from rdpi_gym.plant.effects import Effect
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, named_rows
 from studies.agents.training import Training
-from studies.agents.worlds import TS_S, World
+
+TS_S = TrainingOptions.ts_s
+"""Sampling time (s) of trainings and scores."""
+LITERAL = ", literal"
+"""What the name of a world with a literal rate ends in."""
+HELD_OUT = 2**34
+"""Begins the entropy of every plant that is drawn here. Trainings draw from single numbers below
+2^32, their evaluations from 2^33."""
+
+_LAG, _CREEP, _MODE = PLANTS[0].effects
+
+
+@dataclass(frozen=True)
+class World:
+    """Plants that are drawn about a nominal one.
+
+    Examples
+    --------
+    >>> world = GROUPS[0]
+    >>> world.truth(3) == world.truth(3), world.truth(3) == world.truth(4)
+    (True, False)
+    >>> world.belief.effects
+    ()
+    """
+
+    name: str
+    # What tables call it.
+    nominal: PlantModel
+    # The plant with its effects.
+    literal: bool = False
+    # Whether its rate is left as the paper writes it, in place of low-passed; beliefs and agents
+    # are the same.
+    base_hz: float = 20.0
+    # Lowest frequency (Hz) of its references; the highest is five times as high.
+
+    @property
+    def stage(self) -> Stage:
+        """The nominal plant as the benchmark scores it, its rate low-passed and its sensor noisy."""
+        return make_stage(self.nominal, [TS_S])
+
+    @property
+    def belief(self) -> PlantModel:
+        """What all controllers hold: the nominal hysteresis without effects."""
+        return replace(self.stage.plant, effects=(), name=f"{self.nominal.name} without effects")
+
+    def truth(self, seed: int) -> PlantModel:
+        """Draw a plant about the nominal one, as widely as trainings do.
+
+        A literal plant is the low-passed one of the same seed, its rate's low-pass aside.
+        """
+        rng = np.random.default_rng([HELD_OUT, zlib.crc32(self.nominal.name.encode()), seed])
+        drawn = randomise_plant(self.stage.plant, TrainingOptions.randomise, rng)
+        drawn = randomise_effects(drawn, TrainingOptions.randomise_effects, rng)
+        if not self.literal:
+            return drawn
+        return drawn.with_hysteresis(replace(drawn.hysteresis, rate_bandwidth_hz=None))
+
+
+def _group(name: str, *effects: Effect) -> World:
+    sensor = Sensor(noise_um=NOISE_UM)
+    return World(name, replace(P10, name=f"P10, {name}", effects=effects, sensor=sensor))
+
+
+GROUPS = (
+    _group("all", _LAG, _CREEP, _MODE),
+    _group("lag", _LAG),
+    _group("resonance", _MODE),
+    _group("creep", _CREEP),
+    _group("bare"),
+)
+"""Which effects the plants of a group have: a lag, creep and a mode, one of them alone, or none;
+all have a noisy sensor."""
+
+GAP = {
+    "bare": World("bare", GROUPS[4].nominal),
+    "with effects": World("with effects", GROUPS[0].nominal),
+    "picma": World("picma", find_plant("picma")),
+    "picma at 1 Hz": World("picma at 1 Hz", find_plant("picma"), base_hz=1.0),
+}
+"""The domains of the gap. The record behind ``picma`` has 1 Hz: it is extrapolated at 20 to 100 Hz."""
+
+
+def with_literal(world: World) -> tuple[World, World]:
+    """Return a domain and its twin with a literal rate."""
+    return world, replace(world, name=f"{world.name}{LITERAL}", literal=True)
+
 
 COLUMNS = (
     "contestant", "kind", "training_seed", "world", "plant_seed", "ts_s", "rmse_um", "rmse_percent",
@@ -40,46 +130,30 @@ PREVIEW_INVERSION = "preview-inversion"
 
 @dataclass(frozen=True)
 class Contestant:
-    """What is scored.
-
-    Parameters
-    ----------
-    name
-        What tables call it.
-    kind
-        ``agent``, ``feedforward``, ``feedback``, or ``preview``: the only one that is not causal.
-    controller
-        Name for ``make_controller``.
-    seed
-        Of its training.
-    """
+    """What is scored."""
 
     name: str
+    # What tables call it.
     kind: str
+    # ``agent``, ``feedforward``, ``feedback``, or ``preview``: the only one that is not causal.
     controller: str
+    # Name for ``make_controller``.
     seed: int | None = None
+    # Of its training.
 
 
 @dataclass(frozen=True)
 class Run:
-    """One contestant in one world: all plants and references side by side.
-
-    Parameters
-    ----------
-    contestant
-        What is scored.
-    world
-        Where.
-    plants
-        Number of plants; their seeds are 0, 1, ...
-    references
-        Names in the benchmark's suite.
-    """
+    """One contestant in one world: all plants and references side by side."""
 
     contestant: Contestant
+    # What is scored.
     world: World
+    # Where.
     plants: int
+    # Number of plants; their seeds are 0, 1, ...
     references: tuple[str, ...]
+    # Names in the benchmark's suite.
 
     def key(self, plant_seed: int) -> str:
         """What names a row in a store."""
@@ -89,12 +163,11 @@ class Run:
     @property
     def code(self) -> str:
         """A hash of all that its rows depend on."""
-        own = [Path(__file__), Path(__file__).with_name("worlds.py")]
         parts = [
             code_fingerprint(self.contestant.controller),
             task_fingerprint(self.contestant.controller, self.world.nominal),
         ]
-        parts += [file.read_text(encoding="utf-8") for file in own]
+        parts.append(Path(__file__).read_text(encoding="utf-8"))
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
 
 

@@ -1,4 +1,4 @@
-"""The trainings of the study, each in a folder of its own."""
+"""Options of the study, and its trainings, each in a folder of its own."""
 
 from __future__ import annotations
 
@@ -6,37 +6,122 @@ import csv
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
+from baselines import CONTROLLERS, inverts_any_core, inverts_effects
 from baselines.learned.options import TrainingOptions
-from baselines.learned.training import trainer
+from rdpi_gym.envs.layout import ActionMode
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
-from studies.agents.study import Agent, Study
+
+BASELINE = "inversion-free-low-passed"
+"""What corrections correct, and what trainings are compared with: the best causal compensator on plants
+with all effects, where PI with a belief that lacks them is unstable."""
+
+
+@dataclass(frozen=True)
+class Agent:
+    """An algorithm and a reading of its actions."""
+
+    algorithm: Literal["ppo", "sac"]
+    # Of Stable-Baselines3.
+    action: ActionMode
+    # ``correction``: of :data:`BASELINE`; ``increment``: of the command alone.
+
+    @property
+    def name(self) -> str:
+        """What tables and folders call it."""
+        return f"{self.algorithm}-{self.action}"
+
+
+@dataclass(frozen=True)
+class Study:
+    """Options of the study; the comment under each says what it does."""
+
+    agents: tuple[Agent, ...] = (
+        Agent("ppo", "correction"),
+        Agent("ppo", "increment"),
+        Agent("sac", "correction"),
+        Agent("sac", "increment"),
+    )
+    # Each is trained with every seed.
+    seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
+    # Of weights, exploration, plants, references and noise of the trainings.
+    timesteps: int | None = None
+    # Steps of a training; None: `n_timesteps` of the algorithm's hyper-parameters.
+    lanes: int | None = None
+    # Plants side by side; None: `n_envs` of the hyper-parameters.
+    every: int | None = None
+    # Steps between evaluations and checkpoints; None: a twentieth of all.
+    rivals: tuple[str, ...] = tuple(
+        name for name in CONTROLLERS if not (inverts_effects(name) or inverts_any_core(name))
+    )
+    # What agents are compared with. Without effects in the belief those left out are others' doubles.
+    plants: int = 10
+    # Held-out plants of a group, each drawn with a seed of its own.
+    references: tuple[str, ...] = ("sine", "triangle", "multisine", "raster", "nested-loops")
+    # Of the benchmark's suite; sines of 25 to 100 Hz, the others about 20 Hz.
+    domains: tuple[str, ...] = ("bare", "with effects", "picma", "picma at 1 Hz")
+    # Of the gap, see `worlds.GAP`.
+    resamples: int = 2000
+    # Of the bootstrap.
+    taught: tuple[tuple[str, int], ...] = (
+        ("Stage", 28_800_000),
+        ("Resonance", 28_800_000),
+        ("Creep", 9_600_000),
+        ("Lag", 9_600_000),
+    )
+    # Tasks that students are taught on; one of Creep is the best on Bare too, and for how many steps of all plants together.
+
+    def options(self, agent: Agent, seed: int, out: Path) -> dict[str, Any]:
+        """Return what is asked of a training: fields of `TrainingOptions`."""
+        return {
+            "out": out,
+            "seed": seed,
+            "timesteps": self.timesteps,
+            "lanes": self.lanes,
+            "every": self.every,
+            "action": agent.action,
+            "baseline": BASELINE,
+        }
+
+
+FULL = Study()
+"""What the published tables are made of."""
+
+QUICK = Study(
+    agents=(Agent("ppo", "correction"), Agent("sac", "increment")),
+    seeds=(0,),
+    timesteps=512,
+    lanes=4,
+    every=512,
+    rivals=("none", BASELINE, "preview-inversion"),
+    plants=2,
+    references=("triangle",),
+    domains=("bare", "picma"),
+    resamples=100,
+    taught=(("Bare", 1),),
+)
+"""Every step of the study in seconds; its agents have learned nothing."""
+
 
 _CONFIG, _CONFIG_FORMAT = "config.json", ("rdpi-training", 1)
 
 
 @dataclass(frozen=True)
 class Training:
-    """One agent, trained with one seed.
-
-    Parameters
-    ----------
-    study
-        What it belongs to.
-    agent, seed
-        Which one.
-    runs
-        Folder of all trainings.
-    """
+    """One agent, trained with one seed."""
 
     study: Study
+    # What it belongs to.
     agent: Agent
     seed: int
+    # Which one.
     runs: Path
+    # Folder of all trainings.
 
     @property
     def folder(self) -> Path:
@@ -105,6 +190,11 @@ def train_all(
 
 def train_one(training: Training) -> Path:
     """Train one agent, or go on; the same call again does what is left, so it may be repeated."""
-    chosen = trainer(training.agent.algorithm)
+    try:
+        from baselines.learned.training import trainer
+
+        chosen = trainer(training.agent.algorithm)
+    except ImportError as error:
+        raise InputError(f"training needs {error.name}; install rdpi-gym[rl]") from error
     options = training.study.options(training.agent, training.seed, training.folder)
     return chosen.train(chosen.Options(**options))

@@ -24,28 +24,15 @@ _FAULT = 3
 
 @dataclass(frozen=True)
 class Board:
-    """One of QEMU's boards.
+    """One of QEMU's boards."""
 
-    Parameters
-    ----------
-    core
-        Its processor, for people.
-    machine
-        QEMU's name of it.
-    flags
-        What the compiler is told of its processor.
-    code, data
-        Sizes of its memories, as the linker takes them.
-    clock_hz
-        Of its system timer.
-    """
-
-    core: str
-    machine: str
-    flags: Sequence[str]
+    core: str  # its processor, for people
+    machine: str  # QEMU's name of it
+    flags: Sequence[str]  # what the compiler is told of its processor
+    # sizes of its memories, as the linker takes them
     code: str
     data: str
-    clock_hz: int
+    clock_hz: int  # of its system timer
 
     def instructions(self, ticks: float) -> float:
         """Return the instructions that its system timer counted."""

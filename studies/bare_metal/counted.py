@@ -1,4 +1,4 @@
-"""What a piece of generated code costs on a board: bytes, instructions of a step, distance from Python."""
+"""Cost of generated code on a board: bytes, instructions of a step, distance from Python."""
 
 from __future__ import annotations
 
@@ -19,28 +19,17 @@ _ENTRY = {
 
 @dataclass(frozen=True)
 class Cost:
-    """What one of them costs.
+    """Cost of one piece of code."""
 
-    Parameters
-    ----------
-    code_bytes, constant_bytes
-        Of the object; what it calls of the compiler's library comes on top in `linked_bytes`.
-    linked_bytes
-        Code and constants with all that they need of libraries.
-    state_bytes
-        Of an instance.
-    instructions, most_instructions
-        Of a step with its acknowledgement: the mean of the vectors, and the most.
-    away
-        Largest difference from Python as a fraction of the command range, or of the stroke.
-    """
-
+    # of the object; what it calls of the compiler's library comes on top in `linked_bytes`
     code_bytes: int
     constant_bytes: int
-    linked_bytes: int
-    state_bytes: int
+    linked_bytes: int  # code and constants with all that they need of libraries
+    state_bytes: int  # of an instance
+    # of a step with its acknowledgement: the mean of the vectors, and the most
     instructions: float
     most_instructions: float
+    # largest difference from Python as a fraction of the command range, or of the stroke
     away: float
 
 

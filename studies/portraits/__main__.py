@@ -29,14 +29,12 @@ from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
 from studies.portraits.plants import PROTOCOLS, Measured, measured
 from studies.portraits.sorts import SORTS, Sort
-from studies.rows import study_rows
+from studies.runner import Files, Study, study_rows
 
 RESULTS = Path(__file__).parents[1] / "results" / "portraits"
 _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis")
@@ -176,19 +174,10 @@ def _tracking_um(found: Measured, belief: PlantModel) -> float:
     return float(np.std(error))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study, print and write its table."""
-    options = Options("portraits", studies.portraits.__doc__, out=RESULTS, seed=1, jobs=2)
-    options.add_number("--plants", 100, "plants, the sorts in turn")
-    return options.run(arguments, _study)
-
-
-def _study(chosen: Namespace) -> None:
+def _files(chosen: Namespace) -> Files:
     own = sorted(Path(__file__).parent.glob("*.py"))
     rows = study_rows(cases(chosen.plants, chosen.seed), run_case, chosen, _ROOMS, own)
-    text = report(rows, chosen.plants, chosen.seed)
-    print(text)
-    write_atomic(chosen.out / "portraits.md", text)
+    return {"portraits.md": report(rows, chosen.plants, chosen.seed)}
 
 
 def report(rows: Sequence[Row], plants: int, seed: int) -> str:
@@ -273,6 +262,11 @@ def _pair(before: pd.Series, after: pd.Series) -> str:
     first, second = (float(np.exp(np.log(x.astype(float)).mean())) for x in (before, after))
     return f"{first:.3g} to {second:.3g}"
 
+
+main = Study(
+    "portraits", studies.portraits.__doc__, _files, RESULTS, 1, 2,
+    (("--plants", 100, "plants, the sorts in turn"),),
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.effect_discovery.plants import Foreign, draw_plant, noise_of
-from benchmarks.effect_discovery.protocols import Drive, Taken
+from benchmarks.effect_discovery.protocols import Drive, Experiment
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role
 from rdpi_gym.signals.experiments import PAUSE_S, standard_protocol
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.virtual_lab.draws import MaskedError, left_over
+from rdpi_gym.virtual_lab.draws import MaskedError, refit_residuals
 from studies.portraits.sorts import SORTS, Sort, World, drawn_numbers
 
 PROTOCOLS = ("standard", "bursts")
@@ -27,27 +27,17 @@ _RAMP_S = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A plant with its records.
+    """A plant with its records."""
 
-    Parameters
-    ----------
-    sort
-        What it has.
-    plant, fastest_1_s, numbers
-        As :class:`~studies.portraits.sorts.World` has them.
-    floors
-        What a refit of the bare model leaves of the effect, on the record to fit that shows most, in
-        noise floors.
-    dataset
-        The records.
-    """
-
-    sort: Sort
+    sort: Sort  # what it has
+    # as :class:`~studies.portraits.sorts.World` has them
     plant: Foreign
     fastest_1_s: float
     numbers: dict[str, float]
+    # what a refit of the bare model leaves of the effect, on the record to fit that shows most,
+    # in noise floors
     floors: float
-    dataset: Dataset
+    dataset: Dataset  # the records
 
     def answer(self, drive: Drive) -> Array:
         """Displacement (µm) at the samples of a command, without noise."""
@@ -67,24 +57,30 @@ def measured(name: str, protocol: str, seed: int, number: int) -> Measured:
 
 
 def _drawn(name: str, protocol: str, rng: np.random.Generator) -> Measured:
-    taken = _standard(rng) if protocol == PROTOCOLS[0] else _bursts(rng)
-    plant = draw_plant(taken, rng)
-    longest_s = max(d.duration_s for d in taken.drives)
+    experiment = _standard(rng) if protocol == PROTOCOLS[0] else _bursts(rng)
+    plant = draw_plant(experiment, rng)
+    longest_s = max(d.duration_s for d in experiment.drives)
     numbers = drawn_numbers(SORTS[name], longest_s, rng)
-    steps = [float(np.quantile(np.abs(np.diff(d.command_V)), 0.99)) / d.ts_s for d in taken.drives]
-    empty = Dataset(f"{name}, {protocol}", tuple(_records(taken)))
-    found = Measured(SORTS[name], plant, max(steps) / taken.span_V, numbers, 0.0, empty)
-    found = _sized(found, taken, math.exp(rng.uniform(math.log(_WANTED[0]), math.log(_WANTED[1]))))
+    steps = [
+        float(np.quantile(np.abs(np.diff(d.command_V)), 0.99)) / d.ts_s for d in experiment.drives
+    ]
+    empty = Dataset(f"{name}, {protocol}", tuple(_records(experiment)))
+    found = Measured(SORTS[name], plant, max(steps) / experiment.span_V, numbers, 0.0, empty)
+    found = _sized(
+        found, experiment, math.exp(rng.uniform(math.log(_WANTED[0]), math.log(_WANTED[1])))
+    )
     records = tuple(
         replace(r, y_um=y + noise_of(plant, len(y), rng))
-        for r, y in zip(empty.records, map(found.answer, taken.drives), strict=True)
+        for r, y in zip(empty.records, map(found.answer, experiment.drives), strict=True)
     )
     return replace(found, dataset=replace(empty, records=records))
 
 
-def _sized(found: Measured, taken: Taken, wanted: float) -> Measured:
-    fits = [k for k, d in enumerate(taken.drives) if d.role == "train" and np.ptp(d.command_V) > 0]
-    drives = [taken.drives[k] for k in fits]
+def _sized(found: Measured, experiment: Experiment, wanted: float) -> Measured:
+    fits = [
+        k for k, d in enumerate(experiment.drives) if d.role == "train" and np.ptp(d.command_V) > 0
+    ]
+    drives = [experiment.drives[k] for k in fits]
     records = [found.dataset.records[k] for k in fits]
     every = max(1, sum(len(r.u_V) for r in records) // _LOOKED_AT)
     without = replace(found, numbers={**found.numbers, "size": 0.0})
@@ -95,7 +91,7 @@ def _sized(found: Measured, taken: Taken, wanted: float) -> Measured:
         trial = replace(found, numbers=numbers)
         more = [trial.answer(d) - y for d, y in zip(drives, still, strict=True)]
         room = _LARGEST * 2.0 * found.plant.stroke_um / max(float(np.ptp(d)) for d in more)
-        left = left_over(model, (), taken.span_V, records, more, (), every)
+        left = refit_residuals(model, (), experiment.span_V, records, more, (), every)
         found = replace(trial, floors=max(left.values()) / found.plant.noise_um)
         if wanted / _TOLERANCE < found.floors < wanted * _TOLERANCE or room < 1.01:
             break
@@ -103,9 +99,9 @@ def _sized(found: Measured, taken: Taken, wanted: float) -> Measured:
     return found
 
 
-def _records(taken: Taken) -> list[Record]:
+def _records(experiment: Experiment) -> list[Record]:
     records, begins = [], 0.0
-    for d in taken.drives:
+    for d in experiment.drives:
         u = d.command_V
         t = begins + d.ts_s * np.arange(len(u), dtype=np.float64)
         records.append(Record(d.name, t, u, u, ts_s=d.ts_s, role=d.role))
@@ -118,17 +114,17 @@ def _grid(seconds: float, ts_s: float) -> Array:
     return ts_s / _PARTS * np.arange((samples - 1) * _PARTS + 1, dtype=np.float64)
 
 
-def _standard(rng: np.random.Generator) -> Taken:
+def _standard(rng: np.random.Generator) -> Experiment:
     """Take the laboratory's own protocol about zero, at a half or a quarter of its sampling rates."""
     span = float(rng.choice([10.0, 50.0]))
     drives = []
     for e in standard_protocol(0.0, span, 0.02 * span, seed=int(rng.integers(1000))):
         ts_s = e.ts_s * (4.0 if e.ts_s >= 5e-4 else 2.0)
         drives.append(Drive(e.name, e.role, ts_s, _PARTS, e.signal(_grid(e.duration_s, ts_s))))
-    return Taken(PROTOCOLS[0], tuple(drives), 0.0, span, True, False)
+    return Experiment(PROTOCOLS[0], tuple(drives), 0.0, span, True, False)
 
 
-def _bursts(rng: np.random.Generator) -> Taken:
+def _bursts(rng: np.random.Generator) -> Experiment:
     """Take random levels with holds, bursts of a slow multisine that wander, and a fast multisine."""
     centre, span = float(rng.choice([0.0, 50.0])), float(rng.choice([10.0, 50.0]))
 
@@ -168,4 +164,4 @@ def _bursts(rng: np.random.Generator) -> Taken:
         sines("validation-bursts", "validation", 10.0, 2e-3, slow, True),
         sines("validation-fast", "validation", 0.6, 2e-4, fast, False),
     )
-    return Taken(PROTOCOLS[1], drives, centre, span, True, False)
+    return Experiment(PROTOCOLS[1], drives, centre, span, True, False)

@@ -22,24 +22,12 @@ from rdpi_gym.support.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A plant under way during one record.
+    """A plant under way during one record."""
 
-    Parameters
-    ----------
-    plant
-        Its hysteresis.
-    drive
-        The record.
-    fastest_1_s
-        Rate of the command, over its span, that is the unit of rates (1/s).
-    numbers
-        Drawn for the effect.
-    """
-
-    plant: Foreign
-    drive: Drive
-    fastest_1_s: float
-    numbers: Mapping[str, float]
+    plant: Foreign  # its hysteresis
+    drive: Drive  # the record
+    fastest_1_s: float  # rate of the command, over its span, that is the unit of rates (1/s)
+    numbers: Mapping[str, float]  # drawn for the effect
 
     @property
     def s(self) -> Array:
@@ -140,23 +128,14 @@ def _relaxing(w: World) -> Array:
 
 @dataclass(frozen=True)
 class Sort:
-    """One sort of effect.
+    """One sort of effect."""
 
-    Parameters
-    ----------
-    place, memory, parity
-        What is true of it.
-    displace
-        The displacement (µm) on the fine grid.
-    tau_s
-        Range of its time constant (s).
-    """
-
+    # what is true of it
     place: str
     memory: bool
     parity: str
-    displace: Callable[[World], Array]
-    tau_s: tuple[float, float] = (0.2, 20.0)
+    displace: Callable[[World], Array]  # the displacement (µm) on the fine grid
+    tau_s: tuple[float, float] = (0.2, 20.0)  # range of its time constant (s)
 
 
 SORTS: Mapping[str, Sort] = {

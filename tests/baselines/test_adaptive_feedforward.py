@@ -10,11 +10,12 @@ import pytest
 
 from baselines.adaptive_feedforward import AdaptiveFeedforward
 from baselines.least_squares import ForgettingLeastSquares
-from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10, Sensor
 from rdpi_gym.plant.effects import load_effect
 from rdpi_gym.signals import Triangle
+from tests.baselines.playing import play
 
 TS = 1e-4
 BARE = replace(limit_band(P10, 800.0), sensor=Sensor(noise_um=0.01))
@@ -33,24 +34,16 @@ def stage(f0_hz):
     return replace(BARE, effects=effects)
 
 
-def play(controller, truths, reference_um=TRIANGLE):
-    task = TrackingTask(truths, LAYOUT)
-    lanes = task.lanes
-    rngs = [np.random.default_rng(lane) for lane in range(lanes)]
-    observation, state = task.reset(np.repeat(reference_um, lanes, axis=1), rngs), None
-    errors = []
-    for _ in range(len(reference_um) - 1):
-        action, state = controller.predict(observation, state)
-        observation = task.step(LAYOUT.place_to_V(action[:, 0]))
-        errors.append(task.error_um.copy())
-    return np.array(errors), state
+def played(controller, truths, reference_um=TRIANGLE):
+    rngs = [np.random.default_rng(lane) for lane in range(len(truths))]
+    return play(controller, truths, np.repeat(reference_um, len(truths), axis=1), rngs)
 
 
 @pytest.fixture(scope="module")
 def learned():
     """Errors (µm) and estimates on stages with a mode at 700 Hz and, loaded, at 350 Hz."""
     controller = AdaptiveFeedforward(BARE, LAYOUT, {"lead_samples": 4.0})
-    errors, state = play(controller, [stage(700.0), stage(350.0)])
+    _, errors, state, _ = played(controller, [stage(700.0), stage(350.0)])
     return errors, controller.fit.theta(controller.rows.of(state, "fit"))
 
 
@@ -85,7 +78,7 @@ def test_a_known_stage_needs_no_learning():
     """With the plant as belief the prior is the answer: nothing is worse before it has learned."""
     truth = stage(700.0)
     learning = AdaptiveFeedforward(truth, LAYOUT, {})
-    errors, _ = play(learning, [truth], TRIANGLE[:600])
+    errors = played(learning, [truth], TRIANGLE[:600]).errors_um
     assert learning.lead == 4
     first = 100.0 * np.sqrt(np.mean(errors**2)) / 80.0
     assert first < 0.25

@@ -11,10 +11,11 @@ from scipy.optimize import nnls
 from baselines import make_controller
 from baselines.adaptive_inverse import AdaptiveInverse
 from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
-from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.signals import Triangle
+from tests.baselines.playing import play
 
 TS = 1e-4
 BELIEF = limit_band(P10, 800.0)
@@ -44,13 +45,8 @@ def test_wrong_weights_are_learned_and_driven_by():
     u = make_controller("classical-reference-rate", BELIEF, LAYOUT).command_block(r)
     assert percent(Plant(truth, TS).simulate(u) - r) > 1.0
     controller = AdaptiveInverse(BELIEF, LAYOUT, {})
-    task = TrackingTask(truth, LAYOUT)
-    observation, state, errors = task.reset(r), None, []
-    for _ in range(len(r)):
-        action, state = controller.predict(observation, state)
-        observation = task.step(LAYOUT.place_to_V(action[:, 0]))
-        errors.append(task.error_um.copy())
-    assert percent(np.array(errors)) < 0.1
+    _, errors, state, _ = play(controller, truth, r)
+    assert percent(errors) < 0.1
     weights = controller.fit.theta(controller.rows.of(state, "fit"))[:-1, 0]
     assert weights.sum() == pytest.approx(truth.hysteresis.A, rel=0.02)
 

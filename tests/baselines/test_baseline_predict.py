@@ -6,20 +6,28 @@ import pickle
 import subprocess
 import sys
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
 from baselines import CONTROLLERS, FEEDFORWARDS, known_controller, make_controller
 from baselines.static_gain import StaticGain
-from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import P5, P10, RDPI, Plant, PlantModel
 from rdpi_gym.support.errors import InputError
+from tests.baselines.playing import play, rms
+from tests.looping import over
 
 TS = 1e-3  # every literal loop is stable here, so traces are reproducible
 OFFSET = PlantModel(
     P10.hysteresis.band_limited(300.0), "offset", (5.0, 70.0), (35.0, 15.0), offset_um=3.0
 )
+
+
+def available():
+    """Every controller that can be made here."""
+    return [name for name in CONTROLLERS if name != "h-infinity" or find_spec("slycot")]
 
 
 def references(layout, samples=150, lanes=3):
@@ -36,139 +44,114 @@ def references(layout, samples=150, lanes=3):
     return np.float64(shown) * layout.scale_um + layout.centre_um
 
 
-def play(controller, truth, layout, r):
-    """Run a controller; return commands and errors, float64[K, B], row 0 at rest."""
-    lanes = r.shape[1]
-    task = TrackingTask([truth] * lanes, layout)
-    observation = task.reset(r)
-    if hasattr(controller, "plan"):
-        controller.plan(r)
-    commands, errors, state = [task.command_V.copy()], [task.error_um.copy()], None
-    starts = np.ones(lanes, dtype=bool)
-    for _ in range(len(r) - 1):
-        action, state = controller.predict(observation, state, starts, deterministic=True)
-        starts = np.zeros(lanes, dtype=bool)
-        assert action.shape == (lanes, 1)
-        assert action.dtype == np.float32
-        assert np.all(np.abs(action) <= 1.0)
-        if layout.action == "command":
-            command = layout.place_to_V(np.float64(action[:, 0]))
-        else:
-            command = task.command_V + layout.action_scale_V * np.float64(action[:, 0])
-        observation = task.step(command)
-        commands.append(task.command_V.copy())
-        errors.append(task.error_um.copy())
-    return np.array(commands), np.array(errors)
-
-
-@pytest.mark.parametrize("name", FEEDFORWARDS)
-@pytest.mark.parametrize("belief", [P10, OFFSET], ids=["P10", "offset"])
-def test_samples_and_blocks_agree(name, belief):
+@over("belief", [P10, OFFSET])
+def test_samples_and_blocks_agree(belief):
     layout = ObservationLayout.for_plant(belief, TS)
     r = references(layout)
-    controller = make_controller(name, belief, layout)
-    commands, _ = play(controller, belief, layout, r)
-    state = controller.start(r[0])
-    block = controller.command_block(r[1:], state)
-    span = layout.command_range_V[1] - layout.command_range_V[0]
-    np.testing.assert_allclose(commands[1:], block, atol=1e-7 * span)  # actions are float32
-    split = controller.start(r[0])
-    parts = [controller.command_block(part, split) for part in np.split(r[1:], [1, 60])]
-    np.testing.assert_array_equal(np.concatenate(parts), block)
-    np.testing.assert_array_equal(split, state)
+    for name in FEEDFORWARDS:
+        controller = make_controller(name, belief, layout)
+        commands = play(controller, belief, r).commands_V
+        state = controller.start(r[0])
+        block = controller.command_block(r[1:], state)
+        span = np.ptp(layout.command_range_V)
+        np.testing.assert_allclose(commands, block, atol=1e-7 * span, err_msg=name)  # float32
+        split = controller.start(r[0])
+        parts = [controller.command_block(part, split) for part in np.split(r[1:], [1, 60])]
+        np.testing.assert_array_equal(np.concatenate(parts), block, name)
+        np.testing.assert_array_equal(split, state, name)
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_lanes_equal_single_runs(name):
+def test_actions_are_places_lanes_equal_single_runs_and_wide_increments_set_the_same_commands():
     layout = ObservationLayout.for_plant(P10, TS)
+    wide = ObservationLayout.for_plant(P10, TS, action="increment", action_scale_V=30.0)
     r = references(layout)
     truth = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))
-    together, _ = play(make_controller(name, P10, layout), truth, layout, r)
-    for b in range(r.shape[1]):
-        alone, _ = play(make_controller(name, P10, layout), truth, layout, r[:, b : b + 1])
-        np.testing.assert_allclose(together[:, b], alone[:, 0], atol=1e-9)
+    for name in available():
+        together = play(make_controller(name, P10, layout), truth, r)
+        assert together.actions.shape == (len(r) - 1, 3, 1), name
+        assert together.actions.dtype == np.float32, name
+        assert np.all(np.abs(together.actions) <= 1.0), name
+        for b in range(r.shape[1]):
+            alone = play(make_controller(name, P10, layout), truth, r[:, b : b + 1])
+            np.testing.assert_allclose(
+                together.commands_V[:, b], alone.commands_V[:, 0], atol=1e-9, err_msg=name
+            )
+        by_increment = play(make_controller(name, P10, wide), truth, r)
+        np.testing.assert_allclose(
+            by_increment.commands_V, together.commands_V, atol=1e-3, err_msg=name
+        )
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_an_episode_that_begins_anew_repeats_and_leaves_the_other_lane_alone(name):
+def test_an_episode_that_begins_anew_repeats_and_leaves_the_other_lane_alone():
     layout = ObservationLayout.for_plant(P5, TS)
-    controller = make_controller(name, P5, layout)
-    rng = np.random.default_rng(0)
-    shown = rng.uniform(-0.5, 0.5, (30, 2, layout.size)).astype(np.float32)
-    shown[15:, 0] = shown[:15, 0]
-    if hasattr(controller, "plan"):
-        controller.plan(rng.uniform(-5, 5, (40, 2)))
-    state, actions = None, []
-    for k, observation in enumerate(shown):
-        starts = np.array([k in (0, 15), k == 0])
-        action, state = controller.predict(observation, state, starts)
-        actions.append(action)
-    actions = np.array(actions)
-    np.testing.assert_array_equal(actions[15:, 0], actions[:15, 0])
-    state, plain = None, []
-    for observation in shown:
-        action, state = controller.predict(observation, state)
-        plain.append(action)
-    np.testing.assert_array_equal(actions[:, 1], np.array(plain)[:, 1])
+    for name in available():
+        controller = make_controller(name, P5, layout)
+        rng = np.random.default_rng(0)
+        shown = rng.uniform(-0.5, 0.5, (30, 2, layout.size)).astype(np.float32)
+        shown[15:, 0] = shown[:15, 0]
+        if hasattr(controller, "plan"):
+            controller.plan(rng.uniform(-5, 5, (40, 2)))
+        state, actions = None, []
+        for k, observation in enumerate(shown):
+            starts = np.array([k in (0, 15), k == 0])
+            action, state = controller.predict(observation, state, starts)
+            actions.append(action)
+        actions = np.array(actions)
+        np.testing.assert_array_equal(actions[15:, 0], actions[:15, 0], name)
+        state, plain = None, []
+        for observation in shown:
+            action, state = controller.predict(observation, state)
+            plain.append(action)
+        np.testing.assert_array_equal(actions[:, 1], np.array(plain)[:, 1], name)
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_memory_belongs_to_the_caller(name):
+def test_memory_belongs_to_the_caller_and_controllers_can_be_pickled():
     layout = ObservationLayout.for_plant(P5, TS)
-    controller = make_controller(name, P5, layout)
-    if hasattr(controller, "plan"):
-        controller.plan(np.linspace(0, 5, 40)[:, None])
-    rng = np.random.default_rng(1)
-    observation = rng.uniform(-0.5, 0.5, layout.size).astype(np.float32)
-    _, state = controller.predict(observation)
-    kept = state.copy()
-    first, later = controller.predict(observation, state)
-    controller.predict(-observation, state)
-    controller.predict(-observation)
-    again, _ = controller.predict(observation, state)
-    np.testing.assert_array_equal(state, kept)
-    np.testing.assert_array_equal(first, again)
-    assert first.shape == (1,)
-    assert not np.shares_memory(state, later)
-    copy = pickle.loads(pickle.dumps(controller))
-    np.testing.assert_array_equal(copy.predict(observation, state)[0], first)
+    for name in available():
+        controller = make_controller(name, P5, layout)
+        if hasattr(controller, "plan"):
+            controller.plan(np.linspace(0, 5, 40)[:, None])
+        rng = np.random.default_rng(1)
+        observation = rng.uniform(-0.5, 0.5, layout.size).astype(np.float32)
+        _, state = controller.predict(observation)
+        kept = state.copy()
+        first, later = controller.predict(observation, state)
+        controller.predict(-observation, state)
+        controller.predict(-observation)
+        again, _ = controller.predict(observation, state)
+        np.testing.assert_array_equal(state, kept, name)
+        np.testing.assert_array_equal(first, again, name)
+        assert first.shape == (1,), name
+        assert not np.shares_memory(state, later), name
+        copy = pickle.loads(pickle.dumps(controller))
+        np.testing.assert_array_equal(copy.predict(observation, state)[0], first, name)
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_commands_stay_in_range_and_increments_in_theirs(name):
+def test_commands_stay_in_range_and_increments_in_theirs():
     narrow = replace(P10, command_range_V=(-20.0, 25.0))
-    for options in ({}, {"action": "increment", "action_scale_V": 1.5}):
-        layout = ObservationLayout.for_plant(narrow, TS, **options)
-        r = references(ObservationLayout.for_plant(P10, TS))
-        commands, _ = play(make_controller(name, narrow, layout), narrow, layout, r)
-        assert commands.min() >= -20.0 - 1e-5
-        assert commands.max() <= 25.0 + 1e-5
-        if options:
-            assert np.abs(np.diff(commands, axis=0)).max() == pytest.approx(1.5, rel=1e-5)
-        else:
-            assert commands.max() == pytest.approx(25.0, rel=1e-6)
+    r = references(ObservationLayout.for_plant(P10, TS))
+    for name in available():
+        for options in ({}, {"action": "increment", "action_scale_V": 1.5}):
+            layout = ObservationLayout.for_plant(narrow, TS, **options)
+            commands = play(make_controller(name, narrow, layout), narrow, r).commands_V
+            assert commands.min() >= -20.0 - 1e-5, name
+            assert commands.max() <= 25.0 + 1e-5, name
+            if options:
+                steps = np.abs(np.diff(commands, axis=0, prepend=0.0))
+                assert steps.max() == pytest.approx(1.5, rel=1e-5), name
+            else:
+                assert commands.max() == pytest.approx(25.0, rel=1e-6), name
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_increments_wide_enough_set_the_same_commands(name):
-    wide = ObservationLayout.for_plant(P10, TS, action="increment", action_scale_V=30.0)
-    plain = ObservationLayout.for_plant(P10, TS)
-    r = references(plain)
-    truth = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))
-    by_increment, _ = play(make_controller(name, P10, wide), truth, wide, r)
-    by_place, _ = play(make_controller(name, P10, plain), truth, plain, r)
-    np.testing.assert_allclose(by_increment, by_place, atol=1e-3)
-
-
-@pytest.mark.parametrize("name", FEEDFORWARDS)
-def test_a_feedforward_knows_which_increments_were_applied(name):
+def test_a_feedforward_knows_which_increments_were_applied():
     layout = ObservationLayout.for_plant(P10, TS, action="increment", action_scale_V=1.5)
     r = references(layout)
-    controller = make_controller(name, P10, layout)
-    block = controller.command_block(r[1:], controller.start(r[0]))
-    assert np.abs(np.diff(block, axis=0)).max() == pytest.approx(1.5)
-    applied, _ = play(controller, P10, layout, r)
-    np.testing.assert_allclose(applied[1:], block, atol=1e-5)
+    for name in FEEDFORWARDS:
+        controller = make_controller(name, P10, layout)
+        block = controller.command_block(r[1:], controller.start(r[0]))
+        assert np.abs(np.diff(block, axis=0)).max() == pytest.approx(1.5), name
+        applied = play(controller, P10, r).commands_V
+        np.testing.assert_allclose(applied, block, atol=1e-5, err_msg=name)
 
 
 def test_where_the_command_is_clipped_the_inversion_free_memory_is_the_plant_s():
@@ -187,9 +170,9 @@ def test_the_belief_is_read_and_the_offset_compensated():
     layout = ObservationLayout.for_plant(OFFSET, TS)
     r = references(layout)
     for name in ("inversion-free-literal", "classical-literal", "classical-low-passed"):
-        _, errors = play(make_controller(name, OFFSET, layout), OFFSET, layout, r)
-        _, plain = play(make_controller("none", OFFSET, layout), OFFSET, layout, r)
-        assert np.sqrt(np.mean(errors**2)) < 0.5 * np.sqrt(np.mean(plain**2))
+        errors = play(make_controller(name, OFFSET, layout), OFFSET, r).errors_um
+        plain = play(make_controller("none", OFFSET, layout), OFFSET, r).errors_um
+        assert rms(errors) < 0.5 * rms(plain), name
 
 
 def test_static_gain_is_the_chord_of_the_virgin_curve():
@@ -213,8 +196,8 @@ def test_a_model_without_plays_is_a_gain():
     layout = ObservationLayout.for_plant(model, TS)
     r = references(layout)
     for name in (*FEEDFORWARDS, "preview-inversion"):
-        commands, _ = play(make_controller(name, model, layout), model, layout, r)
-        np.testing.assert_allclose(commands[1:], r[1:] / 2.0, atol=1e-5)
+        commands = play(make_controller(name, model, layout), model, r).commands_V
+        np.testing.assert_allclose(commands, r[1:] / 2.0, atol=1e-5, err_msg=name)
 
 
 def test_bad_input_is_one_line():

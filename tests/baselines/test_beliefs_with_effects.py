@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from baselines import make_controller
 from baselines.inverses.delay import LinearUndo
 from baselines.pi import gains_within_margin, simc_gains
-from baselines.preview_inversion import SMOOTHING_HZ, learning_recursion
+from baselines.preview import SMOOTHING_HZ, learning_recursion
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import make_signal
+from tests.looping import over
 
 TS = 5e-5
 BARE = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))
@@ -54,7 +55,7 @@ CONVERGES = {
 }
 
 
-@pytest.mark.parametrize("name", CONVERGES)
+@over("name", CONVERGES)
 def test_preview_inversion_inverts_the_effects_of_its_belief(name):
     belief, r = plant_with(**CONVERGES[name]), references()
     u = make_controller("preview-inversion", belief, ObservationLayout.for_plant(belief, TS)).plan(
@@ -138,7 +139,7 @@ SLOW = {
 }
 
 
-@pytest.mark.parametrize("name", SLOW)
+@over("name", SLOW)
 def test_pi_gains_leave_a_margin_for_lags_and_modes(name):
     belief = plant_with(**SLOW[name])
     gains = gains_within_margin(simc_gains(belief.hysteresis, TS), belief, TS)

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines.classical_inverse_kernels import inverse_memory, pack_inverse
+from baselines.classical import inverse_memory, pack_inverse
 from rdpi_gym.plant import RDPI, Plant, PlantModel, pack, settled_memory
 from rdpi_gym.plant.cores.play import given_rate_block, rate_block
 

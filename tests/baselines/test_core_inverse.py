@@ -18,11 +18,6 @@ TS_S = 1e-3
 SCALE = DataScale(
     centre_V=0.0, span_V=30.0, stroke_um=20.0, fastest_V_s=400.0, shortest_s=TS_S, longest_s=4.0
 )
-CASES = [
-    pytest.param(start, id=f"{name}-{k}")
-    for name, kind in CORES.items()
-    for k, start in enumerate(kind.starts(SCALE))
-]
 
 
 def bench(core: Core, reach_um: float) -> PlantModel:
@@ -30,21 +25,19 @@ def bench(core: Core, reach_um: float) -> PlantModel:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("core", CASES)
-def test_on_its_own_plant_a_reference_is_followed_to_a_ten_thousandth_of_the_stroke(
-    core: Core,
-) -> None:
+def test_on_its_own_plant_a_reference_is_followed_to_a_ten_thousandth_of_the_stroke() -> None:
     t = TS_S * np.arange(900)
     path = 18.0 * np.sin(2 * np.pi * 1.7 * t) + 7.0 * np.sin(2 * np.pi * 5.1 * t)
-    slow = core if core.rises_at(TS_S) else core.with_shape({"delta2_s": 0.0})
-    plant = bench(slow, 5.0)
-    # what the plant itself has done can be done again
-    reference = Plant(plant, TS_S).simulate(path)[:, None]
-    layout = ObservationLayout.for_plant(plant, ts_s=TS_S)
-    command = make_controller("core-inverse", plant, layout).command_block(reference)  # type: ignore[attr-defined]
-    assert np.all(np.abs(command) <= 30.0)
-    error = Plant(plant, TS_S).simulate(command) - reference
-    assert float(np.max(np.abs(error))) < 1e-4 * float(np.ptp(reference))
+    for core in (start for kind in CORES.values() for start in kind.starts(SCALE)):
+        slow = core if core.rises_at(TS_S) else core.with_shape({"delta2_s": 0.0})
+        plant = bench(slow, 5.0)
+        # what the plant itself has done can be done again
+        reference = Plant(plant, TS_S).simulate(path)[:, None]
+        layout = ObservationLayout.for_plant(plant, ts_s=TS_S)
+        command = make_controller("core-inverse", plant, layout).command_block(reference)  # type: ignore[attr-defined]
+        assert np.all(np.abs(command) <= 30.0), core
+        error = Plant(plant, TS_S).simulate(command) - reference
+        assert float(np.max(np.abs(error))) < 1e-4 * float(np.ptp(reference)), core
 
 
 def test_beyond_the_reach_it_stays_at_the_limit_and_comes_back_from_there() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -13,6 +12,7 @@ from baselines.inverses.preview_filter import preview_weights
 from rdpi_gym.plant import P10, pack
 from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.plant.effects import CATALOGUE
+from tests.looping import over
 
 TS = 1e-4
 
@@ -56,7 +56,7 @@ def test_along_a_parabola_derivatives_undo_a_linear_effect_exactly(case, slope, 
 
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), rest=st.floats(-30, 30))
-@pytest.mark.parametrize("name", ["creep", "asymmetry", "gain_drift", "thermal_drift"])
+@over("name", ["creep", "asymmetry", "gain_drift", "thermal_drift"])
 def test_exact_for_any_input(name, seed, rest):
     rng = np.random.default_rng(seed)
     x = rest + np.concatenate([[0.0], np.cumsum(rng.normal(0, 3, 80))])
@@ -123,7 +123,7 @@ def test_weights_have_the_moments_and_the_smallest_sum_of_squares(series, half):
     assert np.abs(rest).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", INVERSES)
+@over("name", INVERSES)
 def test_blocks_may_be_split(name):
     effect = CATALOGUE[name]()
     inverse = INVERSES[name](effect, setting(), ahead=3)

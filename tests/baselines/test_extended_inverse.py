@@ -9,11 +9,13 @@ import pytest
 
 from baselines import make_controller
 from baselines.inverses import INVERSES
-from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import Sine
 from rdpi_gym.support.errors import InputError
+from tests.baselines.playing import play, rms
+from tests.looping import over
 
 TS = 5e-5
 BARE = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))
@@ -48,18 +50,7 @@ def sine(frequency_hz, amplitude_um=40.0, offset_um=0.0, periods=4):
 
 def track(name, belief, truth, layout, r):
     """Errors of a run through predict, float64[K-1, B]."""
-    controller = make_controller(name, belief, layout)
-    task = TrackingTask([truth] * r.shape[1], layout)
-    observation, state, errors = task.reset(r), None, []
-    for _ in range(len(r) - 1):
-        action, state = controller.predict(observation, state)
-        observation = task.step(layout.place_to_V(np.float64(action[:, 0])))
-        errors.append(task.error_um.copy())
-    return np.array(errors)
-
-
-def rms(errors):
-    return float(np.sqrt(np.mean(errors**2)))
+    return play(make_controller(name, belief, layout), truth, r).errors_um
 
 
 MIXED = plant_with(
@@ -73,27 +64,28 @@ MIXED = plant_with(
 )
 
 
-@pytest.mark.parametrize("name", ["extended-inverse", "pi-extended-inverse"])
-@pytest.mark.parametrize("offset_um", [0.0, 3.0])
-def test_without_effects_it_is_the_classical_inverse(name, offset_um):
-    belief = replace(BARE, offset_um=offset_um)
-    layout = ObservationLayout.for_plant(belief, TS)
+def test_without_effects_it_is_the_classical_inverse():
     r, _ = sine(100.0)
-    plain = name.replace("extended-inverse", "classical-reference-rate")
-    found, expected = (track(n, belief, belief, layout, r) for n in (name, plain))
-    np.testing.assert_array_equal(found, expected)
+    for name in ("extended-inverse", "pi-extended-inverse"):
+        for offset_um in (0.0, 3.0):
+            belief = replace(BARE, offset_um=offset_um)
+            layout = ObservationLayout.for_plant(belief, TS)
+            plain = name.replace("extended-inverse", "classical-reference-rate")
+            found, expected = (track(n, belief, belief, layout, r) for n in (name, plain))
+            np.testing.assert_array_equal(found, expected, name)
 
 
-@pytest.mark.parametrize("name", ["slew_limit", "mains_hum"])
-def test_what_has_no_stable_inverse_is_passed_over_and_named(name):
-    belief = plant_with(BARE, **{name: {}})
-    layout = ObservationLayout.for_plant(belief, TS)
-    controller = make_controller("extended-inverse", belief, layout)
-    plain = make_controller("classical-reference-rate", BARE, layout)
+def test_effects_without_a_stable_inverse_are_passed_over_and_named():
     r, _ = sine(100.0)
-    np.testing.assert_array_equal(controller.command_block(r), plain.command_block(r))
-    assert f"{name} of belief P10 passed over" in controller.warning()
-    assert make_controller("pi-extended-inverse", belief, layout).warning() == controller.warning()
+    for name in ("slew_limit", "mains_hum"):
+        belief = plant_with(BARE, **{name: {}})
+        layout = ObservationLayout.for_plant(belief, TS)
+        controller = make_controller("extended-inverse", belief, layout)
+        plain = make_controller("classical-reference-rate", BARE, layout)
+        np.testing.assert_array_equal(controller.command_block(r), plain.command_block(r), name)
+        assert f"{name} of belief P10 passed over" in controller.warning()
+        fed_back = make_controller("pi-extended-inverse", belief, layout)
+        assert fed_back.warning() == controller.warning()
 
 
 def test_initial_memory_is_set_and_nothing_is_missing():
@@ -126,33 +118,27 @@ BY_DERIVATIVES = {
 }
 
 
-def test_what_is_named_here_has_an_inverse():
+def test_on_a_static_plant_effects_are_undone_exactly_or_lags_fall_by_three_orders():
     assert {*EXACT, *BY_DERIVATIVES} <= {*INVERSES, "congruency"}
-
-
-@pytest.mark.parametrize("name", EXACT)
-def test_on_a_static_plant_an_effect_without_a_pole_to_cancel_is_undone_exactly(name):
-    belief = plant_with(STATIC, **{name: EXACT[name]})
-    layout = whole_layout(belief)
     r, _ = sine(20.0, amplitude_um=20.0, offset_um=15.0)
-    controller = make_controller("extended-inverse", belief, layout)
-    u = controller.command_block(r[1:], controller.start(r[0]))
-    plant = Plant(belief, TS)
-    plant.reset(u0_V=0.0)
-    y = plant.simulate(np.concatenate([np.zeros((1, 1)), u]))
-    assert np.abs(y - r).max() < 1e-9 * 40.0
-    assert controller.warning() is None
-
-
-@pytest.mark.parametrize("name", BY_DERIVATIVES)
-def test_on_a_static_plant_a_lag_falls_by_three_orders_of_magnitude(name):
-    truth = plant_with(STATIC, **{name: BY_DERIVATIVES[name]})
-    layout = whole_layout(truth)
+    for name, values in EXACT.items():  # without a pole to cancel
+        belief = plant_with(STATIC, **{name: values})
+        layout = whole_layout(belief)
+        controller = make_controller("extended-inverse", belief, layout)
+        u = controller.command_block(r[1:], controller.start(r[0]))
+        plant = Plant(belief, TS)
+        plant.reset(u0_V=0.0)
+        y = plant.simulate(np.concatenate([np.zeros((1, 1)), u]))
+        assert np.abs(y - r).max() < 1e-9 * 40.0, name
+        assert controller.warning() is None, name
     r, late = sine(50.0)
-    bare, known = (
-        rms(track("extended-inverse", b, truth, layout, r)[late]) for b in (STATIC, truth)
-    )
-    assert known < 1e-3 * bare
+    for name, values in BY_DERIVATIVES.items():
+        truth = plant_with(STATIC, **{name: values})
+        layout = whole_layout(truth)
+        bare, known = (
+            rms(track("extended-inverse", b, truth, layout, r)[late]) for b in (STATIC, truth)
+        )
+        assert known < 1e-3 * bare, name
 
 
 # Effect, its parameters, frequency (Hz), offset (µm), and the factor by which the error falls.
@@ -180,16 +166,18 @@ FALLS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "values", "hz", "offset_um", "factor"), FALLS)
-def test_the_error_falls_when_the_belief_knows_the_effect(name, values, hz, offset_um, factor):
-    truth = plant_with(BARE, **{name: values})
-    layout = whole_layout(truth)
-    r, late = sine(hz, amplitude_um=20.0 if offset_um else 40.0, offset_um=offset_um)
-    bare, known = (rms(track("extended-inverse", b, truth, layout, r)[late]) for b in (BARE, truth))
-    assert bare / known > factor
-    floor = rms(track("classical-reference-rate", BARE, BARE, layout, r)[late])
-    # a resonance amplifies, and another rate law changes, what the classical inverse leaves
-    assert known < (1.5 if name in ("resonance", "rate_law") else 1.05) * floor
+def test_the_error_falls_when_the_belief_knows_the_effect():
+    for name, values, hz, offset_um, factor in FALLS:
+        truth = plant_with(BARE, **{name: values})
+        layout = whole_layout(truth)
+        r, late = sine(hz, amplitude_um=20.0 if offset_um else 40.0, offset_um=offset_um)
+        bare, known = (
+            rms(track("extended-inverse", b, truth, layout, r)[late]) for b in (BARE, truth)
+        )
+        assert bare / known > factor, (name, hz)
+        floor = rms(track("classical-reference-rate", BARE, BARE, layout, r)[late])
+        # a resonance amplifies, and another rate law changes, what the classical inverse leaves
+        assert known < (1.5 if name in ("resonance", "rate_law") else 1.05) * floor, (name, hz)
 
 
 def test_several_effects_at_once():
@@ -199,7 +187,7 @@ def test_several_effects_at_once():
     assert bare / known > 30.0
 
 
-@pytest.mark.parametrize("preview", [1, 4, 40])
+@over("preview", [1, 4, 40])
 def test_samples_and_blocks_agree_and_splitting_changes_nothing(preview):
     layout = ObservationLayout.for_plant(MIXED, TS, preview=preview)
     r = np.concatenate([sine(hz, periods=hz / 25.0)[0][:1200] for hz in (50.0, 100.0)], axis=1)
@@ -214,13 +202,7 @@ def test_samples_and_blocks_agree_and_splitting_changes_nothing(preview):
     np.testing.assert_array_equal(np.concatenate(parts), block)
     np.testing.assert_array_equal(other, state)
 
-    task, memory, played = TrackingTask([MIXED] * 2, layout), None, []
-    observation = task.reset(r)
-    for _ in range(len(r) - 1):
-        action, memory = controller.predict(observation, memory)
-        observation = task.step(layout.place_to_V(np.float64(action[:, 0])))
-        played.append(task.command_V.copy())
-    np.testing.assert_allclose(played, block, atol=1e-7 * 160.0)
+    np.testing.assert_allclose(play(controller, MIXED, r).commands_V, block, atol=1e-7 * 160.0)
 
 
 def test_an_episode_that_begins_anew_leaves_the_other_lane_alone():

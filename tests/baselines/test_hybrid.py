@@ -9,10 +9,11 @@ import pytest
 
 from baselines.adaptive_feedforward import AdaptiveFeedforward
 from baselines.hybrid import Hybrid
-from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import load_effect
+from tests.baselines.playing import play
 
 TS = 1e-4
 BELIEF = limit_band(P10, 800.0)
@@ -27,13 +28,8 @@ def played():
     r = np.where(time < 0.03, 10.0 * np.sin(2 * np.pi * 25.0 * time) ** 3, -10.0)[:, None]
     every = {}
     for kind in (Hybrid, AdaptiveFeedforward):
-        controller, task = kind(BELIEF, LAYOUT, {}), TrackingTask(CREEPING, LAYOUT)
-        observation, state, rows = task.reset(r), None, []
-        for _ in range(len(r)):
-            action, state = controller.predict(observation, state)
-            observation = task.step(LAYOUT.place_to_V(action[:, 0]))
-            rows.append((float(task.command_V[0]), float(task.error_um[0])))
-        every[kind] = np.array(rows)
+        commands, errors, _, _ = play(kind(BELIEF, LAYOUT, {}), CREEPING, r)
+        every[kind] = np.hstack([commands, errors])
     return every
 
 

@@ -20,7 +20,7 @@ from baselines.learned.imitation.fitting import Learner, Loop
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.imitation.rounds import Options, train
 from baselines.learned.imitation.student import ERRORS, UNIT_UM, WEIGHTED, Student, fresh_arrays
-from baselines.learned.imitation.teacher import taught_lanes, visit
+from baselines.learned.imitation.teacher import roll_out, student_lanes
 from benchmarks.stages.unit import Unit, run_unit
 from rdpi_gym.cli import main
 from rdpi_gym.envs.tasks.one_effect import RESONANCE_TASK
@@ -42,13 +42,13 @@ def _small_task(monkeypatch):
 
 @pytest.fixture(scope="module")
 def met():
-    lanes = taught_lanes(TASK, "training", range(2), 0)
-    policy = StudentPolicy.untaught(lanes.belief, lanes.layout(), hidden=4)
-    return policy, visit(lanes, policy)
+    lanes = student_lanes(TASK, "training", range(2), 0)
+    policy = StudentPolicy.untrained(lanes.belief, lanes.layout(), hidden=4)
+    return policy, roll_out(lanes, policy)
 
 
 def again(policy, numbers=range(2)):
-    return visit(taught_lanes(TASK, "training", numbers, 0), policy)
+    return roll_out(student_lanes(TASK, "training", numbers, 0), policy)
 
 
 def network(policy, met):
@@ -84,12 +84,12 @@ def test_the_teacher_says_what_the_true_plants_make_of_another_student(plant, do
     }[plant]
     belief = structure_belief("bouc_wen") if plant == "of another kind" else nominal
     task = replace(TASK, nominals=(nominal,), beliefs=(belief,), samples=1501, first=1001)
-    lanes = partial(taught_lanes, task, "training", range(3), 0)
-    policy = StudentPolicy.untaught(belief, task.layout(), hidden=4)
+    lanes = partial(student_lanes, task, "training", range(3), 0)
+    policy = StudentPolicy.untrained(belief, task.layout(), hidden=4)
     policy = replace(policy, feedforward=dict(policy.feedforward) | {"doubt": doubt})
-    before = visit(lanes(), policy)
+    before = roll_out(lanes(), policy)
     learner = drives(policy, before, 0.05)
-    after = visit(lanes(), replace(policy, student=learner.student))
+    after = roll_out(lanes(), replace(policy, student=learner.student))
     with torch.no_grad():
         said = Loop(learner.tensors, WEIGHTED, before).run(0, 1500).numpy() - before.left
     said, found = said[700:], (after.left - before.left)[700:]
@@ -99,8 +99,8 @@ def test_the_teacher_says_what_the_true_plants_make_of_another_student(plant, do
 
 
 def test_the_fit_runs_the_student_that_drove_and_lessens_its_error(met):
-    policy, untaught = met
-    arrays = network(policy, untaught)
+    policy, untrained = met
+    arrays = network(policy, untrained)
     arrays["head_bias"][WEIGHTED + 1 : WEIGHTED + 1 + ERRORS] = 0.05
     learner = Learner(arrays, WEIGHTED)
     drove = again(replace(policy, student=learner.student))
@@ -127,9 +127,9 @@ def test_a_training_that_was_interrupted_ends_as_one_that_was_not(tmp_path, monk
         calls.append(None)
         if len(calls) == 7:  # in the third round: the base, its score, a row, two rounds and a row
             raise KeyboardInterrupt
-        return visit(lanes, student)
+        return roll_out(lanes, student)
 
-    monkeypatch.setattr(rounds, "visit", interrupted)
+    monkeypatch.setattr(rounds, "roll_out", interrupted)
     with pytest.raises(KeyboardInterrupt):
         train(options(tmp_path / "cut"))
     assert pd.read_csv(tmp_path / "cut" / "training.csv")["timesteps"].tolist() == [0, 200]
@@ -147,10 +147,10 @@ def test_every_round_has_plants_of_its_own(tmp_path, monkeypatch):
 
     def noted(task, split, numbers, seed):
         drawn.append((split, *numbers))
-        return taught_lanes(task, split, numbers, seed)
+        return student_lanes(task, split, numbers, seed)
 
     asked = options(tmp_path / "run", timesteps=200)
-    monkeypatch.setattr(rounds, "taught_lanes", noted)
+    monkeypatch.setattr(rounds, "student_lanes", noted)
     train(asked)
     assert drawn == [
         ("training", 0), ("validation", 0), ("validation", 0),
@@ -237,7 +237,7 @@ def test_a_policy_is_whole_or_refused_in_one_line(met, tmp_path):
 def test_tasks_that_cannot_be_taught_are_refused():
     changing = replace(TASK, schedule=lambda model, rng: {})
     with pytest.raises(InputError, match="take Stage and score it there"):
-        taught_lanes(changing, "training", range(1), 0)
+        student_lanes(changing, "training", range(1), 0)
     with pytest.raises(InputError, match="lanes is 0"):
         Options(lanes=0)
 
@@ -247,5 +247,7 @@ def test_the_shipped_student_leaves_less_than_what_it_corrects():
     task = replace(STAGE, samples=1500)
     found = []
     for each in (policy, replace(policy, student=Student.blank(42, 64, WEIGHTED))):
-        found.append(visit(taught_lanes(task, "validation", [100], 0), each).score.percent.mean())
+        found.append(
+            roll_out(student_lanes(task, "validation", [100], 0), each).score.percent.mean()
+        )
     assert found[0] < 0.6 * found[1]

@@ -12,6 +12,7 @@ from baselines.pi import gains_within_margin, simc_gains
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
+from tests.looping import over
 
 TS = 1e-4
 FORMS = [form for kind in CATALOGUE.values() for form in forms_of(kind)[1:]]
@@ -45,7 +46,7 @@ DERIVATIVES = [
 ]
 
 
-@pytest.mark.parametrize(("name", "words", "values"), DERIVATIVES)
+@over("name, words, values", DERIVATIVES)
 def test_along_a_parabola_a_linear_form_is_undone_exactly(name, words, values):
     effect = BY_FORM[name, words](**values)
     k = np.arange(3000.0)
@@ -83,7 +84,7 @@ EXACT = [
 ]
 
 
-@pytest.mark.parametrize(("name", "words", "values"), EXACT)
+@over("name, words, values", EXACT)
 def test_exact_for_any_input(name, words, values):
     effect = BY_FORM[name, words](**values)
     x = np.clip(20.0 + np.cumsum(np.random.default_rng(1).normal(0, 3, 80)), -45, 45)
@@ -91,7 +92,7 @@ def test_exact_for_any_input(name, words, values):
     np.testing.assert_allclose(found, x[1:], atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", UNDONE, ids=full_name)
+@over("kind", UNDONE)
 def test_blocks_may_be_split(kind):
     inverse = inverse_of(kind)(kind(), Setting(TS, P10.hysteresis, 40.0, 0.0), ahead=3)
     y = np.cumsum(np.random.default_rng(0).normal(0, 1, (50, 2)), axis=0)
@@ -102,7 +103,7 @@ def test_blocks_may_be_split(kind):
     np.testing.assert_array_equal(state, whole)
 
 
-@pytest.mark.parametrize("kind", FORMS, ids=full_name)
+@over("kind", FORMS)
 def test_a_form_is_never_undone_by_the_inverse_of_another(kind):
     """It has an inverse that states it, or is followed with the rate, or is named as passed over."""
     belief = replace(P10, effects=(kind(),))
@@ -125,10 +126,8 @@ def test_a_form_is_never_undone_by_the_inverse_of_another(kind):
         assert "\n" not in controller.warning()
 
 
-@pytest.mark.parametrize(
-    "words", ["about the middle of the range", "odd and even", "to the fourth degree"]
-)
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@over("words", ["about the middle of the range", "odd and even", "to the fourth degree"])
+@over("sign", [-1.0, 1.0])
 def test_congruency_of_any_power_is_undone_with_the_plays(words, sign):
     kind = BY_FORM["congruency", words]
     shares = {p.name: sign * 0.1 for p in kind.parameters if p.name.startswith("coefficient")}
@@ -157,7 +156,7 @@ STRONG = {
 }
 
 
-@pytest.mark.parametrize("kind", UNDONE, ids=full_name)
+@over("kind", UNDONE)
 def test_a_form_that_is_known_is_followed_better_than_one_that_is_not(kind):
     own = STRONG.get(kind.name, {})
     effect = kind().with_values({k: v for k, v in own.items() if k in kind().values})

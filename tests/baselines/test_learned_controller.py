@@ -112,16 +112,18 @@ def test_a_longer_preview_changes_nothing():
     np.testing.assert_array_equal(*found)
 
 
-def test_a_shorter_preview_is_another_observation_layout():
-    layout = ObservationLayout.for_plant(P10, 1e-4, preview=1)
-    controller = LearnedController(make_policy("command"), P10, layout)
+def test_what_a_policy_cannot_run_with_is_refused():
+    def made(policy, ts_s=1e-4, preview=2):
+        return LearnedController(
+            policy, P10, ObservationLayout.for_plant(P10, ts_s, preview=preview)
+        )
+
     with pytest.raises(InputError, match="another observation layout than one of preview 1"):
-        controller.predict(np.zeros((1, 4), dtype=np.float32))
-
-
-def test_another_sampling_time_is_another_observation_layout():
+        made(make_policy("command"), preview=1).predict(np.zeros((1, 4), dtype=np.float32))
     with pytest.raises(InputError, match=r"Ts = 0\.0001 s belongs to another observation layout"):
-        LearnedController(make_policy("command"), P10, ObservationLayout.for_plant(P10, 5e-5))
+        made(make_policy("command"), ts_s=5e-5)
+    with pytest.raises(InputError, match="preview-inversion"):
+        made(make_policy("correction", baseline="preview-inversion"))
 
 
 def test_on_a_plant_of_another_size_it_acts_in_proportion_and_says_so():
@@ -137,12 +139,6 @@ def test_on_a_plant_of_another_size_it_acts_in_proportion_and_says_so():
         corrections.append(corrected - controller.baseline.predict(shown)[0][0, 0])
     assert corrections[0] == pytest.approx(corrections[1], abs=1e-6)
     assert abs(corrections[0]) > 1e-3
-
-
-def test_a_baseline_that_plans_ahead_is_refused():
-    policy = make_policy("correction", baseline="preview-inversion")
-    with pytest.raises(InputError, match="preview-inversion"):
-        LearnedController(policy, P10, ObservationLayout.for_plant(P10, 1e-4, preview=2))
 
 
 def test_commands_stay_in_the_range():

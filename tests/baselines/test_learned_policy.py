@@ -17,7 +17,6 @@ import torch
 
 from baselines import make_controller
 from baselines.learned import policy as policies
-from baselines.learned import policy as policy_module
 from baselines.learned.controller import find_learned
 from baselines.learned.policy import Network, Policy, find_policy
 from rdpi_gym.envs import ObservationLayout
@@ -39,42 +38,23 @@ def make_policy(action="correction", history=3, seed=0, output="Hardtanh", **fie
     return Policy(shown, history, 100.0, 0.02, actor, baseline, **fields)
 
 
-def test_a_policy_comes_back_as_it_was_saved(tmp_path):
+def test_a_policy_comes_back_as_it_was_saved_and_another_takes_its_place(tmp_path):
     saved = make_policy(training={"algorithm": "ppo", "seed": 3})
     folder = saved.save(tmp_path / "policy")
     assert sorted(path.name for path in folder.iterdir()) == ["policy.json", "weights.pt"]
-    found = Policy.load(folder)
+    found, x = Policy.load(folder), torch.randn(5, 14)
     assert (found.layout, found.history, found.baseline) == (saved.layout, 3, "classical-static")
     assert (found.frequency_hz, found.error, found.training) == (100.0, 0.02, saved.training)
-    x = torch.randn(5, 14)
     assert torch.equal(found.actor(x), saved.actor(x))
     assert not any(p.requires_grad for p in found.actor.parameters())
-
-
-def test_saving_again_replaces_the_policy_and_leaves_nothing_else(tmp_path):
-    make_policy(seed=0).save(tmp_path / "policy")
-    make_policy(seed=1).save(tmp_path / "policy")
+    make_policy(seed=1).save(folder)
     assert [path.name for path in tmp_path.iterdir()] == ["policy"]
-    x = torch.randn(5, 14)
-    assert torch.equal(Policy.load(tmp_path / "policy").actor(x), make_policy(seed=1).actor(x))
-
-
-def test_a_folder_of_something_else_is_not_overwritten(tmp_path):
-    (tmp_path / "thesis.txt").write_text("mine")
+    assert torch.equal(Policy.load(folder).actor(x), make_policy(seed=1).actor(x))
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.txt").write_text("mine")
     with pytest.raises(InputError, match="holds no policy"):
-        make_policy().save(tmp_path)
-    assert (tmp_path / "thesis.txt").read_text() == "mine"
-
-
-@pytest.mark.parametrize("name", ["policy.json", "weights.pt"])
-@pytest.mark.parametrize("part", [0.0, 0.5, 0.98])
-def test_a_file_that_was_cut_off_is_one_line(tmp_path, name, part):
-    folder = make_policy().save(tmp_path / "policy")
-    content = (folder / name).read_bytes()
-    (folder / name).write_bytes(content[: int(part * len(content))])
-    with pytest.raises(InputError, match="cut off") as caught:
-        Policy.load(folder)
-    assert "\n" not in str(caught.value)
+        make_policy().save(tmp_path / "other")
+    assert (tmp_path / "other" / "thesis.txt").read_text() == "mine"
 
 
 def changed(folder, **fields):
@@ -87,48 +67,60 @@ def widths(*values):
     return {"widths": list(values), "activation": "Tanh", "output": "Hardtanh"}
 
 
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"version": 2}, "version 2"),
-        ({"format": "rdpi-plant"}, "rdpi-plant"),
-        ({"history": 4}, "another observation layout"),
-        ({"network": widths(14, 9, 1)}, "does not fit"),
-        ({"network": widths(14, 8, 8, 1)}, "does not fit"),
-        ({"network": widths(15, 8, 1)}, "does not fit"),
-        ({"network": {**widths(14, 8, 1), "activation": "os.system"}}, "os.system"),
-        ({"baseline": None}, "correction"),
-        ({"scaling": {"frequency_hz": 100.0, "error": 0.0}}, "error is 0"),
-        ({"scaling": None}, "does not describe"),
-        ({"layout": {"preview": 2}}, "does not describe"),
-        ({"baseline": "notes:open_me"}, "'notes:open_me' is no controller of this package"),
-        ({"baseline": "learned:ppo-correction"}, "is no controller of this package"),
-        ({"baseline": ["pi"]}, "is no controller of this package"),
-        ({"history": True}, "history is True"),
-        ({"history": 10**9}, "history is 1000000000"),
-        ({"network": widths(14, 10**6, 1)}, "widths are"),
-        ({"network": widths(14, *[8] * 1000, 1)}, "64 at most"),
-        ({"network": {**widths(14, 8, 1), "output": ["Tanh"]}}, "activation"),
-        ({"network": {**widths(14, 8, 1), "extra": 1}}, "does not describe"),
-        ({"network": [1]}, "does not describe"),
-        ({"scaling": {"frequency_hz": "100", "error": 0.02}}, "'100' is no number"),
-        ({"training": 3}, "training is no mapping"),
-        ({"weights_sha256": 3}, "is not the file that was saved with it"),
-    ],
+REFUSED = (
+    ({"version": 2}, "version 2"),
+    ({"format": "rdpi-plant"}, "rdpi-plant"),
+    ({"history": 4}, "another observation layout"),
+    ({"network": widths(14, 9, 1)}, "does not fit"),
+    ({"network": widths(14, 8, 8, 1)}, "does not fit"),
+    ({"network": widths(15, 8, 1)}, "does not fit"),
+    ({"network": {**widths(14, 8, 1), "activation": "os.system"}}, "os.system"),
+    ({"baseline": None}, "correction"),
+    ({"scaling": {"frequency_hz": 100.0, "error": 0.0}}, "error is 0"),
+    ({"scaling": None}, "does not describe"),
+    ({"layout": {"preview": 2}}, "does not describe"),
+    ({"baseline": "notes:open_me"}, "'notes:open_me' is no controller of this package"),
+    ({"baseline": "learned:ppo-correction"}, "is no controller of this package"),
+    ({"baseline": ["pi"]}, "is no controller of this package"),
+    ({"history": True}, "history is True"),
+    ({"history": 10**9}, "history is 1000000000"),
+    ({"network": widths(14, 10**6, 1)}, "widths are"),
+    ({"network": widths(14, *[8] * 1000, 1)}, "64 at most"),
+    ({"network": {**widths(14, 8, 1), "output": ["Tanh"]}}, "activation"),
+    ({"network": {**widths(14, 8, 1), "extra": 1}}, "does not describe"),
+    ({"network": [1]}, "does not describe"),
+    ({"scaling": {"frequency_hz": "100", "error": 0.02}}, "'100' is no number"),
+    ({"training": 3}, "training is no mapping"),
+    ({"weights_sha256": 3}, "is not the file that was saved with it"),
 )
-def test_a_description_that_fits_nothing_is_one_line(tmp_path, fields, message):
-    folder = changed(make_policy().save(tmp_path / "policy"), **fields)
-    with pytest.raises(InputError, match=message) as caught:
-        Policy.load(folder)
-    assert "\n" not in str(caught.value)
 
 
-def test_weights_that_are_not_finite_are_refused(tmp_path):
-    policy = make_policy()
+def test_a_folder_that_fits_nothing_is_one_line(tmp_path):
+    folder = make_policy().save(tmp_path / "policy")
+
+    def refused(message, case):
+        with pytest.raises(InputError, match=message) as caught:
+            Policy.load(folder)
+        assert "\n" not in str(caught.value), case
+
+    for fields, message in REFUSED:
+        make_policy().save(folder)
+        changed(folder, **fields)
+        refused(message, fields)
+    for name in ("policy.json", "weights.pt"):
+        for part in (0.0, 0.5, 0.98):
+            make_policy().save(folder)
+            content = (folder / name).read_bytes()
+            (folder / name).write_bytes(content[: int(part * len(content))])
+            refused("cut off", (name, part))
+    for weights in ([1, 2], {"0.bias": torch.zeros(8)}, torch.zeros(3)):
+        with_weights(folder, weights)
+        refused(r"weights\.pt (does not fit the network|holds a)", weights)
     with torch.no_grad():
+        policy = make_policy()
         policy.actor[0].bias[2] = float("nan")
-    with pytest.raises(InputError, match=r"weights.pt holds a weight in '0.bias' that is not fin"):
-        Policy.load(policy.save(tmp_path / "policy"))
+    policy.save(folder)
+    refused(r"weights.pt holds a weight in '0.bias' that is not fin", "NaN")
 
 
 def test_a_file_beside_a_policy_is_not_imported(tmp_path, monkeypatch):
@@ -147,6 +139,16 @@ def with_weights(folder, weights):
     return changed(folder, weights_sha256=digest)
 
 
+def packed_again(path, compression=zipfile.ZIP_STORED, pickled=None):
+    """Write an archive again, perhaps with another pickle in it; return its digest."""
+    with zipfile.ZipFile(path) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w", compression) as archive:
+        for name, content in entries.items():
+            archive.writestr(name, pickled if pickled and name.endswith(".pkl") else content)
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
 def test_weights_of_a_billion_numbers_in_a_small_file_are_refused(tmp_path):
     folder = make_policy().save(tmp_path / "policy")
     weights = dict(Policy.load(folder).actor.state_dict())
@@ -156,30 +158,11 @@ def test_weights_of_a_billion_numbers_in_a_small_file_are_refused(tmp_path):
         Policy.load(folder)
 
 
-@pytest.mark.parametrize("weights", [[1, 2], {"0.bias": torch.zeros(8)}, torch.zeros(3)])
-def test_other_things_than_the_weights_of_the_network(tmp_path, weights):
-    folder = make_policy().save(tmp_path / "policy")
-    with pytest.raises(InputError, match=r"weights\.pt (does not fit the network|holds a)"):
-        Policy.load(with_weights(folder, weights))
-
-
 def test_weights_that_expand_are_refused(tmp_path):
     folder = make_policy().save(tmp_path / "policy")
-    path = folder / "weights.pt"
-    with zipfile.ZipFile(path) as archive:
-        entries = {name: archive.read(name) for name in archive.namelist()}
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in entries.items():
-            archive.writestr(name, content)
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = packed_again(folder / "weights.pt", zipfile.ZIP_DEFLATED)
     with pytest.raises(InputError, match=r"weights\.pt holds no weights alone"):
         Policy.load(changed(folder, weights_sha256=digest))
-
-
-def test_an_empty_name_is_not_the_current_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(make_policy().save(tmp_path / "policy"))
-    with pytest.raises(InputError, match="the name of the policy is empty"):
-        find_policy("")
 
 
 class Bomb:
@@ -187,29 +170,11 @@ class Bomb:
         return (sys.exit, ("code of a policy was executed",))
 
 
-def test_weights_that_carry_code_are_refused_and_the_code_is_not_run(tmp_path, monkeypatch):
+def test_weights_that_carry_code_are_refused_and_the_code_is_not_run(tmp_path):
     folder = make_policy().save(tmp_path / "policy")
-    path = folder / "weights.pt"
-    with zipfile.ZipFile(path) as archive:
-        entries = {name: archive.read(name) for name in archive.namelist()}
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, content in entries.items():
-            archive.writestr(
-                name, pickle.dumps(Bomb(), protocol=2) if name.endswith(".pkl") else content
-            )
-    monkeypatch.setattr(policies.hashlib, "sha256", lambda _: Same(folder))
+    digest = packed_again(folder / "weights.pt", pickled=pickle.dumps(Bomb(), protocol=2))
     with pytest.raises(InputError, match=r"weights\.pt holds no weights alone"):
-        Policy.load(folder)
-
-
-class Same:
-    """A hash that agrees with whatever the description says."""
-
-    def __init__(self, folder):
-        self.stated = json.loads((folder / "policy.json").read_text())["weights_sha256"]
-
-    def hexdigest(self):
-        return self.stated
+        Policy.load(changed(folder, weights_sha256=digest))
 
 
 def test_the_folder_of_a_policy_is_a_controllers_name(tmp_path):
@@ -219,7 +184,10 @@ def test_the_folder_of_a_policy_is_a_controllers_name(tmp_path):
     assert controller.warning() is None
 
 
-def test_a_name_without_a_policy_is_one_line(tmp_path):
+def test_a_name_without_a_policy_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(make_policy().save(tmp_path / "policy"))
+    with pytest.raises(InputError, match="the name of the policy is empty"):
+        find_policy("")
     with pytest.raises(InputError, match=r"no policy is at .*nowhere.*policy\.json"):
         find_policy(str(tmp_path / "nowhere"))
 
@@ -232,7 +200,7 @@ def test_a_network_that_cannot_be_kept_is_refused():
 
 
 def test_every_shipped_policy_is_whole_and_all_are_small():
-    folders = sorted(policy_module.SHIPPED.glob("*/policy.json"))
+    folders = sorted(policies.SHIPPED.glob("*/policy.json"))
     for path in folders:
         policy = find_learned(path.parent.name)
         controller = make_controller(
@@ -240,7 +208,7 @@ def test_every_shipped_policy_is_whole_and_all_are_small():
         )
         shown = np.zeros((2, policy.layout.size), dtype=np.float32)
         assert np.isfinite(controller.predict(shown)[0]).all()
-    size = sum(path.stat().st_size for path in policy_module.SHIPPED.glob("*/*"))
+    size = sum(path.stat().st_size for path in policies.SHIPPED.glob("*/*"))
     assert size < 2**20
 
 

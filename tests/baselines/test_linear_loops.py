@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from baselines import make_controller
-from baselines.loops.bandwidth import measure_loop
 from baselines.loops.certificates import certify
 from baselines.loops.path import belief_path
 from baselines.loops.systems import LinearSystem, gain, integrator, unit_delay
@@ -17,6 +16,8 @@ from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import load_effect
 from rdpi_gym.support.errors import InputError
+from tests.baselines.loop_response import measure_loop
+from tests.baselines.playing import play
 
 TS = 1e-4
 STATIC = P10.with_hysteresis(P10.hysteresis.static())
@@ -74,16 +75,16 @@ def test_the_loop_that_runs_is_the_loop_that_was_designed(name):
     assert np.abs(y - expected).max() < 0.03 * np.abs(expected).max() + 2e-5  # actions are float32
 
 
-@pytest.mark.parametrize("name", DAMPERS)
-def test_a_damper_damps_its_mode_and_one_that_has_moved(name):
-    controller = made(name, STAGE, {})
-    for factor in (1.0, 0.85, 1.15):
-        moved = belief_path(stage(resonance={"f0_hz": 739.0 * factor}), TS).dynamics
-        loop = unit_delay() * controller.feedback * moved
-        z = np.exp(2j * np.pi * TS * 739.0 * factor * np.linspace(0.98, 1.02, 41))
-        left = np.abs(1.0 / (1.0 + loop.response(z)))
-        assert loop.closed().radius < 1.0
-        assert left.max() < (0.5 if factor == 1.0 else 1.0)
+def test_a_damper_damps_its_mode_and_one_that_has_moved():
+    for name in DAMPERS:
+        controller = made(name, STAGE, {})
+        for factor in (1.0, 0.85, 1.15):
+            moved = belief_path(stage(resonance={"f0_hz": 739.0 * factor}), TS).dynamics
+            loop = unit_delay() * controller.feedback * moved
+            z = np.exp(2j * np.pi * TS * 739.0 * factor * np.linspace(0.98, 1.02, 41))
+            left = np.abs(1.0 / (1.0 + loop.response(z)))
+            assert loop.closed().radius < 1.0, name
+            assert left.max() < (0.5 if factor == 1.0 else 1.0), name
 
 
 def test_a_loop_that_a_load_makes_unstable_is_withdrawn_and_does_not_ring_on():
@@ -92,14 +93,9 @@ def test_a_loop_that_a_load_makes_unstable_is_withdrawn_and_does_not_ring_on():
     moved = belief_path(loaded, TS).dynamics
     assert (unit_delay() * controller.feedback * moved).closed().radius > 1.01
     r = 20.0 * np.sin(2.0 * np.pi * 30.0 * TS * np.arange(3000))[:, None]
-    task, state = TrackingTask(loaded, controller.layout), None
-    observation, errors = task.reset(r), []
-    for _ in range(len(r) - 1):
-        action, state = controller.predict(observation, state)
-        observation = task.step(controller.layout.place_to_V(np.float64(action[:, 0])))
-        errors.append(abs(task.error_um[0]))
-    assert max(errors) < 30.0
-    assert max(errors[-500:]) < 2.0
+    errors = np.abs(play(controller, loaded, r).errors_um)
+    assert errors.max() < 30.0
+    assert errors[-500:].max() < 2.0
 
 
 def test_a_belief_without_a_mode_gives_a_controller_without_notch_or_damper():
@@ -121,14 +117,7 @@ def test_pi_warns_of_a_mode_that_its_belief_lacks_and_is_right():
     largest = []
     for belief in (banded, truth):
         controller = make_controller("pi-classical-reference-rate", belief, layout)
-        task, state = TrackingTask(truth, layout), None
-        observation = task.reset(r)
-        errors = []
-        for _ in range(len(r) - 1):
-            action, state = controller.predict(observation, state)
-            observation = task.step(layout.place_to_V(np.float64(action[:, 0])))
-            errors.append(abs(task.error_um[0]))
-        largest.append(max(errors))
+        largest.append(np.abs(play(controller, truth, r).errors_um).max())
         said = controller.warning()
         assert (said is None) == (belief is truth)
         assert belief is truth or float(said.split("below ")[1].split(" Hz")[0]) > 1000.0
@@ -137,23 +126,22 @@ def test_pi_warns_of_a_mode_that_its_belief_lacks_and_is_right():
     assert largest[1] < 2.0
 
 
-@pytest.mark.parametrize(
-    ("samples", "gain_per_sample", "word"),
-    [(1, 0.3, "passive"), (2, 0.4, "small gain"), (4, 0.2, "small gain in part"), (4, 0.6, None)],
-)
-def test_the_certificate_is_as_strong_as_the_loop(samples, gain_per_sample, word):
-    loop = integrator(1.0).times(gain_per_sample)
-    for _ in range(samples):
-        loop = unit_delay() * loop
+def test_the_certificate_is_as_strong_as_the_loop():
     z = np.exp(1j * np.geomspace(1e-4, np.pi, 500))
-    found = certify([loop], z, (0.5, 2.0))
-    line = found.line()
-    assert (line is None) == (word is None)
-    assert line is None or line.startswith(f"{word}:")
-    rng = np.random.default_rng(0)
-    low, high = found.sector
-    largest = worst_growth(loop, low**found.share, high**found.share, rng)
-    assert word is None or largest < 1.0
+    for samples, gain_per_sample, word in (
+        (1, 0.3, "passive"), (2, 0.4, "small gain"), (4, 0.2, "small gain in part"), (4, 0.6, None),
+    ):  # fmt: skip
+        loop = integrator(1.0).times(gain_per_sample)
+        for _ in range(samples):
+            loop = unit_delay() * loop
+        found = certify([loop], z, (0.5, 2.0))
+        line = found.line()
+        assert (line is None) == (word is None)
+        assert line is None or line.startswith(f"{word}:")
+        rng = np.random.default_rng(0)
+        low, high = found.sector
+        largest = worst_growth(loop, low**found.share, high**found.share, rng)
+        assert word is None or largest < 1.0, word
 
 
 def worst_growth(loop: LinearSystem, low, high, rng):

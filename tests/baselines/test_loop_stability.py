@@ -10,16 +10,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from baselines import FEEDFORWARDS, make_controller
-from baselines.classical_inverse_kernels import classical_own_rate, pack_inverse
-from baselines.inversion_free_kernels import inversion_free_own_rate
-from baselines.preview_inversion import learning_recursion
-from baselines.stability import (
+from baselines.classical import classical_own_rate, pack_inverse
+from baselines.feedforward import (
     classical_polynomial,
     inversion_free_polynomial,
     limiting_cutoff_hz,
     nyquist_gain,
     spectral_radius,
 )
+from baselines.inversion_free import inversion_free_own_rate
+from baselines.preview import learning_recursion
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import P5, P10, RDPI, empty_state, pack
 
@@ -44,69 +44,63 @@ def ramp_ripple(name, model, ts_s):
     return ripple(make_controller(name, wide, layout).command_block(ramp(ts_s)))
 
 
-@pytest.mark.parametrize(
-    ("model", "name", "limit_s"),
-    [
+def test_sampling_time_limit_by_simulation_on_both_sides():
+    for model, name, limit_s in (
         (P5, "inversion-free-literal", 0.252e-3),
         (P10, "inversion-free-literal", 0.382e-3),
         (P5, "classical-literal", 0.151e-3),
         (P10, "classical-literal", 0.194e-3),
-    ],
-)
-def test_sampling_time_limit_by_simulation_on_both_sides(model, name, limit_s):
-    assert ramp_ripple(name, model, 0.98 * limit_s) > 0.1
-    assert ramp_ripple(name, model, 1.02 * limit_s) < 1e-8
-    unstable, stable = 0.5 * limit_s, 2.0 * limit_s
-    while stable - unstable > 0.002 * limit_s:
-        middle = 0.5 * (unstable + stable)
-        if ramp_ripple(name, model, middle) > 1e-4:
-            unstable = middle
-        else:
-            stable = middle
-    assert stable == pytest.approx(limit_s, rel=0.01)
+    ):
+        assert ramp_ripple(name, model, 0.98 * limit_s) > 0.1, name
+        assert ramp_ripple(name, model, 1.02 * limit_s) < 1e-8, name
+        unstable, stable = 0.5 * limit_s, 2.0 * limit_s
+        while stable - unstable > 0.002 * limit_s:
+            middle = 0.5 * (unstable + stable)
+            if ramp_ripple(name, model, middle) > 1e-4:
+                unstable = middle
+            else:
+                stable = middle
+        assert stable == pytest.approx(limit_s, rel=0.01), name
 
 
-@pytest.mark.parametrize("model", [P5, P10])
-@pytest.mark.parametrize(
-    ("kernel", "packed"),
-    [
-        (inversion_free_own_rate, lambda model, ts: pack([model], ts, [0.0])),
-        (classical_own_rate, lambda model, ts: pack_inverse([model], ts)),
-    ],
-)
-def test_low_pass_limit_by_simulation_on_both_sides(model, kernel, packed):
+def test_low_pass_limit_by_simulation_on_both_sides():
     ts_s = 1e-5
     r, u = ramp(ts_s, 20_000), np.empty((20_000, 1))
-    found = []
-    for factor in (0.95, 1.10):
-        low_passed = model.hysteresis.band_limited(factor * limiting_cutoff_hz(model.hysteresis))
-        kernel(r, packed(low_passed, ts_s), empty_state(low_passed.n, 1), ts_s, u)
-        found.append(ripple(u))
-    assert found[0] < 1e-6
-    assert found[1] > 0.1
+    for model in (P5, P10):
+        for kernel, packed in (
+            (inversion_free_own_rate, lambda each: pack([each], ts_s, [0.0])),
+            (classical_own_rate, lambda each: pack_inverse([each], ts_s)),
+        ):
+            found = []
+            for factor in (0.95, 1.10):
+                limit = limiting_cutoff_hz(model.hysteresis)
+                low_passed = model.hysteresis.band_limited(factor * limit)
+                kernel(r, packed(low_passed), empty_state(low_passed.n, 1), ts_s, u)
+                found.append(ripple(u))
+            assert found[0] < 1e-6
+            assert found[1] > 0.1
 
 
-@pytest.mark.parametrize("ts_s", [2e-6, 5e-5, 1e-3])
-def test_low_passed_compensators_stay_within_the_limit(ts_s):
+def test_low_passed_compensators_stay_within_the_limit():
     model = unlimited(P5.with_hysteresis(replace(P5.hysteresis, delta2_s=2e-3)))
-    layout = ObservationLayout.for_plant(model, ts_s)
-    for name in ("inversion-free-low-passed", "classical-low-passed"):
-        controller = make_controller(name, model, layout)
-        limit = limiting_cutoff_hz(model.hysteresis)
-        assert controller.model.rate_bandwidth_hz == pytest.approx(0.6 * limit)
-        assert controller.warning() is None
-        samples = round(0.2 / ts_s) + 2000  # past the last threshold
-        assert ripple(controller.command_block(ramp(ts_s, samples))) < 1e-6
+    limit = limiting_cutoff_hz(model.hysteresis)
+    for ts_s in (2e-6, 5e-5, 1e-3):
+        layout = ObservationLayout.for_plant(model, ts_s)
+        for name in ("inversion-free-low-passed", "classical-low-passed"):
+            controller = make_controller(name, model, layout)
+            assert controller.model.rate_bandwidth_hz == pytest.approx(0.6 * limit)
+            assert controller.warning() is None
+            samples = round(0.2 / ts_s) + 2000  # past the last threshold
+            assert ripple(controller.command_block(ramp(ts_s, samples))) < 1e-6, (name, ts_s)
 
 
-@pytest.mark.parametrize(("weight", "decays"), [(0.95, True), (1.05, False)])
-def test_reference_rate_needs_a_loop_gain_below_one(weight, decays):
-    model = P5.with_hysteresis(RDPI.from_law([1.0, weight], 1.0, 3e-4))
-    ripple_found = ramp_ripple("inversion-free-reference-rate", model, 1e-4)
-    assert (ripple_found < 1e-8) == decays
-    layout = ObservationLayout.for_plant(model, 1e-4)
-    warning = make_controller("inversion-free-reference-rate", model, layout).warning()
-    assert (warning is None) == decays
+def test_reference_rate_needs_a_loop_gain_below_one():
+    name = "inversion-free-reference-rate"
+    for weight, decays in ((0.95, True), (1.05, False)):
+        model = P5.with_hysteresis(RDPI.from_law([1.0, weight], 1.0, 3e-4))
+        assert (ramp_ripple(name, model, 1e-4) < 1e-8) == decays
+        layout = ObservationLayout.for_plant(model, 1e-4)
+        assert (make_controller(name, model, layout).warning() is None) == decays
 
 
 def test_literal_with_a_loop_gain_above_one_has_a_longest_sampling_time_too():

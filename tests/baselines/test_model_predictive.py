@@ -11,10 +11,11 @@ from scipy.optimize import minimize
 from baselines import model_predictive
 from baselines.loops.systems import LinearSystem
 from baselines.model_predictive import ModelPredictive, horizon_gains
-from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import load_effect
+from tests.baselines.playing import play
 
 TS = 1e-4
 
@@ -49,20 +50,14 @@ def test_the_gains_are_the_minimum_of_the_horizon_s_price():
     assert on_r @ r + on_x @ x + on_last @ last == pytest.approx(found, abs=1e-6)
 
 
-def play(controller, truth, samples):
-    task = TrackingTask(truth, LAYOUT)
+def settled(controller, truth, samples=1100):
     level = np.full((samples, 1), 10.0)
     level[:100, 0] = np.linspace(0.0, 10.0, 100)
-    observation, state, errors = task.reset(level), None, []
-    for _ in range(samples):
-        action, state = controller.predict(observation, state)
-        observation = task.step(LAYOUT.place_to_V(action[:, 0]))
-        errors.append(task.error_um[0])
-    return np.abs(errors)
+    return np.abs(play(controller, truth, level).errors_um[:, 0])
 
 
 def test_an_offset_that_nobody_believes_is_gone_after_a_tenth_of_a_second():
-    errors = play(ModelPredictive(BELIEF, LAYOUT, {}), stage(739.0, offset_um=1.0), 1100)
+    errors = settled(ModelPredictive(BELIEF, LAYOUT, {}), stage(739.0, offset_um=1.0))
     assert errors[20] > 0.5
     assert errors[-200:].max() < 2e-3
 
@@ -72,7 +67,8 @@ def test_a_band_is_lowered_until_the_certificate_covers_a_moved_mode(monkeypatch
     assert bold.band_hz < 100.0
     assert "small gain: stable" in bold.certificate()
     moved = stage(0.6 * 739.0)
-    assert play(bold, moved, 1100)[-200:].max() < 0.2
+    assert settled(bold, moved)[-200:].max() < 0.2
     monkeypatch.setattr(model_predictive, "MOST_GAIN", np.inf)  # what it would be without
-    assert play(ModelPredictive(BELIEF, LAYOUT, {"band_hz": 200.0}), moved, 1100)[-200:].max() > 5.0
+    unchecked = ModelPredictive(BELIEF, LAYOUT, {"band_hz": 200.0})
+    assert settled(unchecked, moved)[-200:].max() > 5.0
     assert ModelPredictive(limit_band(P10, 800.0), LAYOUT, {}).certificate() is None

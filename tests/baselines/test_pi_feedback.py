@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from baselines import FEEDFORWARDS, make_controller
 from baselines.pi import simc_gains
-from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import P5, P10, RDPI, Sensor
+from tests.baselines.playing import play
 
 models = st.builds(
     lambda a0, s, delta2, hz: RDPI((a0, s), (1.0,), delta2, hz),
@@ -52,32 +53,23 @@ def test_the_published_rule_for_a_pure_delay():
     assert 0 < kp < ki * 1e-4 / 3
 
 
-def run(name, belief, truth, layout, r, rng=None):
-    task = TrackingTask(truth, layout)
-    observation = task.reset(r[:, None], rng)
-    controller = make_controller(name, belief, layout)
-    state, errors, commands = None, [], []
-    for _ in range(len(r) - 1):
-        action, state = controller.predict(observation, state)
-        observation = task.step(layout.place_to_V(np.float64(action)))
-        errors.append(task.error_um[0])
-        commands.append(task.command_V[0])
-    return np.array(errors), np.array(commands)
+def run(name, belief, truth, layout, r, rngs=None):
+    commands, errors, _, _ = play(make_controller(name, belief, layout), truth, r[:, None], rngs)
+    return errors[:, 0], commands[:, 0]
 
 
-@pytest.mark.parametrize("name", ["pi", *(f"pi-{each}" for each in FEEDFORWARDS)])
-def test_feedback_settles_where_the_belief_is_wrong(name):
-    ts_s = 1e-3
+def test_feedback_settles_where_the_belief_is_wrong():
     belief = P10.with_hysteresis(
         replace(P10.hysteresis, weights=tuple(1.2 * a for a in P10.hysteresis.weights))
     )
-    layout = ObservationLayout.for_plant(P10, ts_s)
+    layout = ObservationLayout.for_plant(P10, 1e-3)
     r = np.concatenate([np.zeros(5), np.full(120, 20.0)])
-    errors, _ = run(name, belief, P10, layout, r)
-    assert np.abs(errors[-5:]).max() < 1e-3
-    if name != "pi":
-        open_loop, _ = run(name.removeprefix("pi-"), belief, P10, layout, r)
-        assert np.abs(open_loop[-5:]).max() > 1.0
+    for name in ("pi", *(f"pi-{each}" for each in FEEDFORWARDS)):
+        errors, _ = run(name, belief, P10, layout, r)
+        assert np.abs(errors[-5:]).max() < 1e-3, name
+        if name != "pi":
+            open_loop, _ = run(name.removeprefix("pi-"), belief, P10, layout, r)
+            assert np.abs(open_loop[-5:]).max() > 1.0, name
 
 
 def test_anti_windup_leaves_the_limit_at_once():

@@ -1,4 +1,4 @@
-"""`examples/ppo_from_scratch.py`: it learns, ends with a policy, and its seed reproduces it."""
+"""`examples/ppo_from_scratch.py` of docs/interoperability.md: it learns, ends with a policy, and its seed reproduces it."""
 
 import runpy
 from dataclasses import replace

@@ -17,11 +17,13 @@ from baselines import (
     known_controller,
     make_controller,
 )
-from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import randomise_plant
 from rdpi_gym.plant import P5, P10, Plant
 from rdpi_gym.signals import make_signal
 from rdpi_gym.support.errors import InputError
+from tests.baselines.playing import play
+from tests.looping import over
 
 
 def band_limited(model, hz=800.0):
@@ -35,31 +37,26 @@ def rms(model, ts_s, u, r):
     return np.sqrt(np.mean((r - plant.simulate(u))[1:] ** 2, axis=0))
 
 
-@pytest.mark.parametrize(("frequency_hz", "percent"), [(50, 0.01), (100, 0.03), (200, 0.09)])
-@pytest.mark.parametrize("model", [P5, P10], ids=["P5", "P10"])
-def test_periodic_yardsticks(model, frequency_hz, percent):
-    """On the literal plants, the last of six periods."""
-    ts_s = 2e-5
-    period = round(1 / frequency_hz / ts_s)
-    amplitude = model.reference_um[1]
-    r = amplitude * np.sin(2 * np.pi * np.arange(6 * period) / period)[:, None]
-    u = make_controller("preview-inversion", model, ObservationLayout.for_plant(model, ts_s)).plan(
-        r
-    )
-    plant = Plant(model, ts_s)
-    error = (r - plant.simulate(u))[-period:]
-    assert 100 * np.sqrt(np.mean(error**2)) / amplitude < percent
-    smooth = amplitude * 2 * np.pi * frequency_hz * ts_s / model.hysteresis.a0
-    assert np.abs(np.diff(u, axis=0)).max() < 2 * smooth  # it does not dither
-
-
-@pytest.mark.parametrize("model", [P5, P10], ids=["P5", "P10"])
-def test_where_the_sampled_plant_has_minimum_phase_it_nears_no_error(model):
-    plant, ts_s = band_limited(model), 5e-5
-    r = make_signal("sine", amplitude_um=10.0, frequency_hz=100.0, smooth_start_s=0.01)
-    reference = r(ts_s * np.arange(800))[:, None]
-    planned = make_controller("preview-inversion", plant, ObservationLayout.for_plant(plant, ts_s))
-    assert rms(plant, ts_s, planned.plan(reference), reference)[0] < 2e-5 * 10.0
+def test_periodic_yardsticks_and_minimum_phase():
+    """On the literal plants, the last of six periods; without error where the phase is minimal."""
+    for model in (P5, P10):
+        amplitude, ts_s = model.reference_um[1], 2e-5
+        for frequency_hz, percent in ((50, 0.01), (100, 0.03), (200, 0.09)):
+            period = round(1 / frequency_hz / ts_s)
+            r = amplitude * np.sin(2 * np.pi * np.arange(6 * period) / period)[:, None]
+            layout = ObservationLayout.for_plant(model, ts_s)
+            u = make_controller("preview-inversion", model, layout).plan(r)
+            error = (r - Plant(model, ts_s).simulate(u))[-period:]
+            assert 100 * np.sqrt(np.mean(error**2)) / amplitude < percent, frequency_hz
+            smooth = amplitude * 2 * np.pi * frequency_hz * ts_s / model.hysteresis.a0
+            assert np.abs(np.diff(u, axis=0)).max() < 2 * smooth  # it does not dither
+        plant, ts_s = band_limited(model), 5e-5
+        signal = make_signal("sine", amplitude_um=10.0, frequency_hz=100.0, smooth_start_s=0.01)
+        r = signal(ts_s * np.arange(800))[:, None]
+        planned = make_controller(
+            "preview-inversion", plant, ObservationLayout.for_plant(plant, ts_s)
+        )
+        assert rms(plant, ts_s, planned.plan(r), r)[0] < 2e-5 * 10.0
 
 
 def benchmark_references(amplitude_um, ts_s, samples):
@@ -77,36 +74,28 @@ def benchmark_references(amplitude_um, ts_s, samples):
     return np.stack([signal(ts_s * np.arange(samples)) for signal in signals], axis=1)
 
 
-def tracked(controller, truths, layout, r):
+def tracked(controller, truths, r):
     """Return the RMS error (µm) of every lane."""
-    if hasattr(controller, "plan"):
-        controller.plan(r)
-    task = TrackingTask(truths, layout)
-    observation, state, errors = task.reset(r), None, []
-    for _ in range(len(r) - 1):
-        action, state = controller.predict(observation, state)
-        observation = task.step(layout.place_to_V(np.float64(action[:, 0])))
-        errors.append(task.error_um.copy())
-    return np.sqrt(np.mean(np.array(errors) ** 2, axis=0))
+    return np.sqrt(np.mean(play(controller, truths, r).errors_um ** 2, axis=0))
 
 
-@pytest.mark.parametrize("ts_s", [5e-5, 1e-3])
-@pytest.mark.parametrize("model", [P5, P10], ids=["P5", "P10"])
-@pytest.mark.parametrize("spread", [0.0, 0.05])
+@over("ts_s", [5e-5, 1e-3])
+@over("model", [P5, P10])
+@over("spread", [0.0, 0.05])
 def test_full_preview_is_a_bound_whatever_the_true_plant(model, ts_s, spread):
     plant = band_limited(model)
     layout = ObservationLayout.for_plant(plant, ts_s)
     r = benchmark_references(model.reference_um[1], ts_s, min(1600, round(0.4 / ts_s)))
     truths = [randomise_plant(plant, spread, np.random.default_rng(s)) for s in range(r.shape[1])]
     scores = {
-        name: tracked(make_controller(name, plant, layout), truths, layout, r)
+        name: tracked(make_controller(name, plant, layout), truths, r)
         for name in CONTROLLERS
         # where the plant rises with its newest command, a search in each sample is exact as well;
         # one of those that step in NumPy stands for all
         if not inverts_any_core(name)
         and (name == "dual-loop" or not hasattr(CONTROLLERS[name], "knobs"))
     }
-    bound = tracked(FullPreviewInversion(truths, layout), truths, layout, r)
+    bound = tracked(FullPreviewInversion(truths, layout), truths, r)
     own = scores.pop("preview-inversion")
     if spread == 0.0:  # the belief is the truth: they are the same
         np.testing.assert_array_equal(own, bound)
@@ -129,7 +118,7 @@ def test_full_preview_is_made_by_no_name_and_asks_for_a_plant_a_lane():
         FullPreviewInversion([P5, P5], layout).plan(np.zeros((10, 3)))
 
 
-@pytest.mark.parametrize("ts_s", [2e-5, 2e-4, 5e-3])
+@over("ts_s", [2e-5, 2e-4, 5e-3])
 def test_never_worse_than_a_stable_feedforward_on_its_belief(ts_s):
     """Steps and a reference out of reach included; literal, band-limited and static belief."""
     for model in (P5, band_limited(P10), P10.with_hysteresis(P10.hysteresis.static())):

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from importlib.util import find_spec
 
 import pytest
 
@@ -48,43 +49,38 @@ def test_the_settings_of_the_task_with_the_same_effects_are_taken_else_of_the_fi
     assert (given.plant_samples, turned(RINGING, LAYOUT).plant_samples) == (0, 1000)
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"shade": 1.0}, "turned has no setting 'shade'; did you mean 'share'? It has share, cut"),
-        ({"share": 2.0}, "share is 2.0; give 0.5 to 1.5"),
-        ({"cutoff_hz": float("nan")}, "cutoff_hz is nan; give 1 to 1000 Hz"),
-        ({"cutoff_hz": "10"}, "cutoff_hz is '10'; give 1 to 1000 Hz"),
-    ],
+REFUSED = (
+    ({"shade": 1.0}, "turned has no setting 'shade'; did you mean 'share'? It has share, cut"),
+    ({"share": 2.0}, "share is 2.0; give 0.5 to 1.5"),
+    ({"cutoff_hz": float("nan")}, "cutoff_hz is nan; give 1 to 1000 Hz"),
+    ({"cutoff_hz": "10"}, "cutoff_hz is '10'; give 1 to 1000 Hz"),
 )
-def test_a_bad_setting_is_one_clear_line(turned, settings, said):
-    with pytest.raises(InputError) as error:
-        turned(P5, LAYOUT, settings)
-    assert str(error.value).startswith(said)
-    assert "\n" not in str(error.value)
+DAMAGED = (
+    (["controller"], "pi", "holds settings of 'pi'; give those of turned"),
+    (["tasks"], [], "tasks is []"),
+    (["tasks", "Bare", "settings", "share"], 7, "task Bare: share is 7; give 0.5 to 1.5"),
+    (["tasks", "Bare", "settings"], {"os": 1}, "task Bare: turned has no setting 'os'"),
+    (["tasks", "Bare", "seed"], -1, "task Bare: seed is -1"),
+    (["tasks", "Bare"], 3, "task Bare is 3; give command"),
+)
 
 
-@pytest.mark.parametrize(
-    ("keys", "value", "said"),
-    [
-        (["controller"], "pi", "holds settings of 'pi'; give those of turned"),
-        (["tasks"], [], "tasks is []"),
-        (["tasks", "Bare", "settings", "share"], 7, "task Bare: share is 7; give 0.5 to 1.5"),
-        (["tasks", "Bare", "settings"], {"os": 1}, "task Bare: turned has no setting 'os'"),
-        (["tasks", "Bare", "seed"], -1, "task Bare: seed is -1"),
-        (["tasks", "Bare"], 3, "task Bare is 3; give command"),
-    ],
-)
-def test_a_damaged_file_is_one_clear_line(tmp_path, keys, value, said):
-    path = write_tunings(tmp_path / "turned.json", "turned", {"Bare": found(0.9)})
-    document = place = json.loads(path.read_text())
-    for key in keys[:-1]:
-        place = place[key]
-    place[keys[-1]] = value
-    path.write_text(json.dumps(document))
-    with pytest.raises(InputError, match=r"turned\.json") as error:
-        read_tunings(path, "turned", KNOBS)
-    assert said in str(error.value)
+def test_bad_settings_and_damaged_files_are_one_clear_line(turned, tmp_path):
+    for settings, words in REFUSED:
+        with pytest.raises(InputError) as error:
+            turned(P5, LAYOUT, settings)
+        assert str(error.value).startswith(words)
+        assert "\n" not in str(error.value)
+    for keys, value, words in DAMAGED:
+        path = write_tunings(tmp_path / "turned.json", "turned", {"Bare": found(0.9)})
+        document = place = json.loads(path.read_text())
+        for key in keys[:-1]:
+            place = place[key]
+        place[keys[-1]] = value
+        path.write_text(json.dumps(document))
+        with pytest.raises(InputError, match=r"turned\.json") as error:
+            read_tunings(path, "turned", KNOBS)
+        assert words in str(error.value)
 
 
 def test_every_committed_file_is_of_a_controller_that_takes_it():
@@ -94,9 +90,11 @@ def test_every_committed_file_is_of_a_controller_that_takes_it():
         assert read_tunings(path, kind.name, kind.knobs), path
 
 
-@pytest.mark.parametrize("file", sorted(FOLDER.glob("*.json")), ids=lambda file: file.stem)
-def test_no_settings_that_ship_leave_a_loop_outside_its_stability_limit(file):
-    for name in json.loads(file.read_text())["tasks"]:
-        task = TASKS[name]
-        controller = make_controller(file.stem, task.belief(), task.layout())
-        assert "stability limit" not in (controller.warning() or "")
+def test_no_settings_that_ship_leave_a_loop_outside_its_stability_limit():
+    for file in sorted(FOLDER.glob("*.json")):
+        if file.stem == "h-infinity" and not find_spec("slycot"):
+            continue
+        for name in json.loads(file.read_text())["tasks"]:
+            task = TASKS[name]
+            controller = make_controller(file.stem, task.belief(), task.layout())
+            assert "stability limit" not in (controller.warning() or ""), (file.stem, name)

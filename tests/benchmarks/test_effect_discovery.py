@@ -22,7 +22,14 @@ from benchmarks.effect_discovery.forms import EFFECTS, FORMS, Mechanism
 from benchmarks.effect_discovery.independent import INDEPENDENT
 from benchmarks.effect_discovery.physics import linear, plays_by_substeps, plays_by_turning_points
 from benchmarks.effect_discovery.plants import Foreign
-from benchmarks.effect_discovery.protocols import PROTOCOLS, Drive, Taken, held, smooth, take
+from benchmarks.effect_discovery.protocols import (
+    PROTOCOLS,
+    Drive,
+    Experiment,
+    draw_experiment,
+    held,
+    smooth,
+)
 from benchmarks.effect_discovery.row import run_case
 from benchmarks.effect_discovery.scoring import judge, judge_statements, judgements
 from benchmarks.effect_discovery.summary import (
@@ -41,6 +48,7 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import named_rows
 from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError
+from tests.looping import over
 
 THRESHOLDS, WEIGHTS = np.array([0.7, 2.1, 5.0, 9.3]), np.array([0.2, 0.3, 0.1, 0.15])
 
@@ -48,7 +56,7 @@ THRESHOLDS, WEIGHTS = np.array([0.7, 2.1, 5.0, 9.3]), np.array([0.2, 0.3, 0.1, 0
 def bench(u_fine, ts_s, parts, hidden=(), delta2_s=0.0):
     plant = Foreign(1.0, THRESHOLDS, WEIGHTS, delta2_s, 0.0, 20.0, 30.0, 0.01, 0.0)
     drive = Drive("run", "train", ts_s, parts, u_fine)
-    return Bench(plant, tuple(hidden), Taken("", (drive,), 0.0, 20.0, False, False))
+    return Bench(plant, tuple(hidden), Experiment("", (drive,), 0.0, 20.0, False, False))
 
 
 def package(u, ts_s, *effects, delta2_s=0.0):
@@ -69,7 +77,7 @@ def steps(samples=3000, seed=0):
 # --- the other formulation is the same physics where the forms are the same ---
 
 
-@pytest.mark.parametrize("history", [(), (15.0, -8.0), (-19.0, 10.0, -3.0, 1.0)])
+@over("history", [(), (15.0, -8.0), (-19.0, 10.0, -3.0, 1.0)])
 def test_plays_from_turning_points_are_plays(history):
     u = np.random.default_rng(1).normal(1.0, 9.0, 4000)
     by_turns = plays_by_turning_points(u, THRESHOLDS, WEIGHTS, history)
@@ -82,21 +90,21 @@ def test_plays_from_turning_points_are_plays(history):
     )
 
 
-@pytest.mark.parametrize("delta2_s", [0.0, 2e-4])
+@over("delta2_s", [0.0, 2e-4])
 def test_a_held_command_moves_the_plant_as_the_sampled_model_says(delta2_s):
     u = steps()
     (y,) = bench(held(u, 8), 1e-3, 8, delta2_s=delta2_s).displacements()
     np.testing.assert_allclose(y, package(u, 1e-3, delta2_s=delta2_s), atol=1e-11)
 
 
-@pytest.mark.parametrize("delta2_s", [0.0, 5e-4])
+@over("delta2_s", [0.0, 5e-4])
 def test_a_smooth_command_differs_by_its_turns_between_the_samples_alone(delta2_s):
     def curve(t):
         return 18.0 * np.sin(2.0 * math.pi * 3.0 * t) * np.exp(-0.4 * t)
 
     one = bench(smooth(curve, 4000, 1e-3, 16), 1e-3, 16, delta2_s=delta2_s)
     (y,) = one.displacements()
-    u = one.taken.drives[0].command_V
+    u = one.experiment.drives[0].command_V
     # a turn lies up to a Ts² / 8 beyond its samples, 18 (2 pi 3)² 1e-6 / 8 V = 0.8 mV
     np.testing.assert_allclose(y, package(u, 1e-3, delta2_s=delta2_s), atol=1e-3)
     (straight,) = one.displacements(linear=True)
@@ -183,7 +191,7 @@ def test_a_foreign_case_is_always_the_same_and_another_seed_is_another_plant():
         np.testing.assert_array_equal(a.y_um, b.y_um)
 
 
-@pytest.mark.parametrize("subject", [("saturation",), ("mains_hum", "delay")])
+@over("subject", [("saturation",), ("mains_hum", "delay")])
 def test_what_is_hidden_shows_and_the_noise_is_what_is_stated(subject):
     study = "single" if len(subject) == 1 else "double"
     made = foreign.prepare(Case(study, subject, 5))
@@ -197,15 +205,15 @@ def test_what_is_hidden_shows_and_the_noise_is_what_is_stated(subject):
 def test_a_protocol_keeps_to_its_range_and_its_size():
     for protocol in PROTOCOLS:
         for seed in range(8):
-            taken = take(protocol, np.random.default_rng(seed))
-            assert 4_000 <= taken.samples <= 40_000, (protocol, seed)
-            for drive in taken.drives:
-                reach = np.max(np.abs(drive.fine_V - taken.centre_V))
-                assert reach <= 1.001 * taken.span_V, (protocol, seed)
+            experiment = draw_experiment(protocol, np.random.default_rng(seed))
+            assert 4_000 <= experiment.samples <= 40_000, (protocol, seed)
+            for drive in experiment.drives:
+                reach = np.max(np.abs(drive.fine_V - experiment.centre_V))
+                assert reach <= 1.001 * experiment.span_V, (protocol, seed)
                 assert drive.parts % 2 == 0, (protocol, seed)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@over("kind", KINDS)
 def test_a_degradation_keeps_what_is_true_beside_its_record(kind):
     t = np.arange(4000) * 1e-3
     u = 10.0 * np.sin(6.0 * t)
@@ -594,9 +602,8 @@ def test_the_second_study_runs_in_parts_and_its_tables_are_written_without_a_run
         assert (tmp_path / name).read_bytes() == content, name
 
 
-@pytest.mark.parametrize(
-    ("command", "folder", "seed"),
-    [(hidden_effects, "hidden", "0"), (foreign_effects, "foreign", "2027")],
+@over(
+    "command, folder, seed", [(hidden_effects, "hidden", "0"), (foreign_effects, "foreign", "2027")]
 )
 def test_committed_tables_are_those_of_the_committed_rows(command, folder, seed, tmp_path):
     committed = Path(hidden_effects.__file__).parents[1] / "studies" / "results" / folder
@@ -622,9 +629,9 @@ REFUSED = [
 
 
 def test_bad_words_are_one_line_and_status_2(tmp_path, capsys):
-    (tmp_path / "taken").write_text("")
-    taken = (hidden_effects, ["--out", str(tmp_path / "taken")], "is a file")
-    for command, words, message in (*REFUSED, taken):
+    (tmp_path / "experiment").write_text("")
+    experiment = (hidden_effects, ["--out", str(tmp_path / "experiment")], "is a file")
+    for command, words, message in (*REFUSED, experiment):
         out = tmp_path / "out"
         assert command.main(["--out", str(out), *words], engine=silent) == 2, words
         error = capsys.readouterr().err

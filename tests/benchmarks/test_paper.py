@@ -1,6 +1,7 @@
 """The paper's figures and numbers: errors against Ts, the stability limits, Section V, verdicts."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -38,6 +39,7 @@ from benchmarks.paper.verdicts import (
 )
 from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B, RDPI
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 # max / RMS |e| at 50 Hz, amplitude 10, as printed: at Ts = 1e-3, 1e-4, 1e-5, 1e-6 s
 TABLE = {
@@ -64,8 +66,7 @@ def agrees(value: float, printed: str) -> bool:
     return abs(value - float(printed)) <= max(0.01 * float(printed), half_unit)
 
 
-@pytest.mark.parametrize("ts_s", TABLE_TS_S)
-@pytest.mark.parametrize("reading", TABLE)
+@over("reading, ts_s", product(TABLE, TABLE_TS_S))
 def test_table_of_errors_against_ts(reading, ts_s):
     run = track(READINGS[reading], section_iii(50.0, ts_s), 1, seed=0)
     largest, rms = TABLE[reading][TABLE_TS_S.index(ts_s)].split("/")
@@ -73,10 +74,7 @@ def test_table_of_errors_against_ts(reading, ts_s):
     assert agrees(run.rms_error, rms)
 
 
-@pytest.mark.parametrize(
-    ("hz", "largest", "rms"),
-    [(1.0, 0.02226, 0.01399), (25.0, 0.5592, 0.3556), (50.0, 1.111, 0.7235)],
-)
+@over("hz, largest, rms", [(1.0, 0.02226, 0.01399), (25.0, 0.5592, 0.3556), (50.0, 1.111, 0.7235)])
 def test_literal_anchors_at_one_millisecond(hz, largest, rms):
     run = track(READINGS["literal"], section_iii(hz, 1e-3), 4, seed=0)
     assert run.reproducible
@@ -84,7 +82,7 @@ def test_literal_anchors_at_one_millisecond(hz, largest, rms):
     assert run.rms_error == pytest.approx(rms, rel=0.002)
 
 
-@pytest.mark.parametrize("ts_s", STARRED)
+@over("ts_s", STARRED)
 def test_starred_entries_lie_within_the_spread(ts_s):
     run = track(READINGS["literal"], section_iii(50.0, ts_s), 32, seed=0)
     largest, rms = STARRED[ts_s]
@@ -103,13 +101,13 @@ def test_literal_rms_falls_like_root_ts_and_maximum_does_not():
     assert runs[1].median_max_rate > 100.0 * smooth.max_rate
 
 
-@pytest.mark.parametrize("reading", ["given", "low-passed in both"])
+@over("reading", ["given", "low-passed in both"])
 def test_same_thresholds_in_both_give_an_error_proportional_to_ts(reading):
     runs = [track(READINGS[reading], section_iii(50.0, ts), 1, seed=0) for ts in (1e-5, 1e-6)]
     assert order(*runs) == pytest.approx((1.0, 1.0), abs=0.02)
 
 
-@pytest.mark.parametrize(("reading", "plant"), LIMITS_MS)
+@over("reading, plant", LIMITS_MS)
 def test_stability_limit_on_both_sides(reading, plant):
     limit = stability_limit(plant, MODELS[plant], READINGS[reading])
     assert round(1e3 * limit.found_s, 3) == LIMITS_MS[reading, plant]
@@ -138,7 +136,7 @@ def test_sliding_loop_is_the_polynomial_of_any_model(share, delta2_s, ratio, rea
     assert (predicted.growth < 1.0) == (ratio > 1.0)
 
 
-@pytest.mark.parametrize(("plant", "zero"), [("P5", 6629.0), ("P10", 5153.0)])
+@over("plant, zero", [("P5", 6629.0), ("P10", 5153.0)])
 def test_right_half_plane_zero(plant, zero):
     assert zero_rad_s(MODELS[plant]) == pytest.approx(zero, abs=0.5)
 
@@ -149,8 +147,8 @@ def test_last_bits_of_the_reference_move_the_literal_command_only():
     assert divergence(READINGS["given"], sine).largest_V < 1e-12
 
 
-@pytest.mark.parametrize(
-    ("reading", "largest"),
+@over(
+    "reading, largest",
     [
         ("none", "10.6"),
         ("given", ".50"),
@@ -172,18 +170,19 @@ def test_section_v_literal_exceeds_the_bound_in_every_realisation():
     assert judge_bound(run).startswith("does not hold")
 
 
-@pytest.mark.parametrize("sine", [section_iii(50.0, 1e-4), SECTION_V])
+@over("sine", [section_iii(50.0, 1e-4), SECTION_V])
 def test_classical_inverse_with_the_same_thresholds_is_exact(sine):
     run = track(READINGS["closed-form same thresholds"], sine, 1, seed=0)
     assert run.max_error < 1e-12 * sine.amplitude_um
 
 
-@pytest.mark.parametrize("reading", READINGS)
+@over("reading", READINGS)
 def test_length_of_the_blocks_changes_nothing(reading, monkeypatch):
     sine = section_iii(50.0, 1e-3)
     whole = track(READINGS[reading], sine, 1, seed=0, keep_trace=True)
-    monkeypatch.setattr(tracking, "_BLOCK", 7)
-    parts = track(READINGS[reading], sine, 1, seed=0, keep_trace=True)
+    with monkeypatch.context() as patch:
+        patch.setattr(tracking, "_BLOCK", 7)
+        parts = track(READINGS[reading], sine, 1, seed=0, keep_trace=True)
     assert parts.max_error == pytest.approx(whole.max_error, rel=1e-12, abs=1e-14)
     assert parts.rms_error == pytest.approx(whole.rms_error, rel=1e-12, abs=1e-14)
     assert parts.max_rate == pytest.approx(whole.max_rate, rel=1e-12)
@@ -241,7 +240,7 @@ def test_paper_s_own_sampling_times_bring_smaller_errors_above_1_hz():
         assert falls(series) == smaller, hz
 
 
-@pytest.mark.parametrize("g", [0.5, 1.5, 2.0])
+@over("g", [0.5, 1.5, 2.0])
 def test_eq_6_without_a_rate_needs_g_below_one(g):
     sine = replace(SECTION_V, hysteresis=static_plant(g))
     exact = track(READINGS["closed-form same thresholds"], sine, 1, seed=0)

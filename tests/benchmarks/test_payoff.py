@@ -28,12 +28,13 @@ from rdpi_gym.face import benchmarking
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 LAG = HIDDEN_PLANTS[2]
 TABLES = Path(__file__).parents[2] / "studies" / "results" / "payoff"
 
 
-@pytest.mark.parametrize("hidden", HIDDEN_PLANTS, ids=lambda hidden: hidden.slug)
+@over("hidden", HIDDEN_PLANTS)
 def test_the_beliefs_of_this_release_name_what_is_hidden(hidden):
     found = stored_beliefs(hidden)
     assert tuple(found) == BELIEFS
@@ -190,8 +191,8 @@ class _Records:
         self.records = truth.experiments()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
+@over(
+    "arguments, said",
     [
         (["--seed", "-1"], "--seed is -1; give 0 or more"),
         (["--jobs", "0"], "--jobs is 0; give the number of processes"),

@@ -16,6 +16,7 @@ from benchmarks.paper import (
 from benchmarks.paper.cases import section_iii
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 COLUMNS = (
     "case,reading,plant,frequency_hz,ts_s,max_error_um,rms_error_um,max_command_rate_V_s,"
@@ -135,8 +136,8 @@ def test_progress_goes_from_0_to_1():
     assert shares[-1] < 1.0
 
 
-@pytest.mark.parametrize(
-    ("words", "expected"),
+@over(
+    "words, expected",
     [
         (["--seed", "-1"], "--seed"),
         (["--realisations", "1"], "--realisations"),
@@ -162,7 +163,7 @@ def test_a_file_as_folder_is_refused_before_anything_is_computed(tmp_path, capsy
     assert path.read_text() == "kept"
 
 
-@pytest.mark.parametrize(("seed", "realisations"), [(-1, 16), (0, 1)])
+@over("seed, realisations", [(-1, 16), (0, 1)])
 def test_bad_arguments_are_refused(seed, realisations):
     with pytest.raises(InputError):
         reproduce_paper(seed, realisations, [], [])

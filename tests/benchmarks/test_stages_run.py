@@ -18,6 +18,7 @@ from benchmarks.stages.unit import WORST_PERCENT
 from benchmarks.tracking.episode import play
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 
 class Wrapped:
@@ -130,8 +131,8 @@ def test_the_bound_is_within_the_noise_while_a_load_comes_and_has_no_rank():
     assert ranking(rows)["rank"].tolist() == ["bound", "1"]
 
 
-@pytest.mark.parametrize(
-    ("asked", "said"),
+@over(
+    "asked, said",
     [
         ({"controllers": ["pii"]}, "no controller is named 'pii'; did you mean 'pi'"),
         ({"tasks": ["Stag"]}, "no task is named 'Stag'; did you mean 'Stage'"),

@@ -13,6 +13,7 @@ from rdpi_gym.face.benchmarking import first_of
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.cores.duhem import Duhem
 from rdpi_gym.plant.cores.stop import Stop
+from tests.looping import over
 
 SMALL = [
     "bench", "--controllers", "none,classical-static", "--references", "sine",
@@ -113,8 +114,8 @@ def test_by_default_only_controllers_that_suit_the_core_run_and_one_line_says_wh
     assert [mixed.is_ranked(name) for name in mixed.controllers] == [False, True]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
+@over(
+    "arguments, said",
     [
         (["--plants", "P5,P10", "--belief", "P5"], "2 plants and a belief; give the one plant"),
         (["--controllers", "pid"], "did you mean 'pi'"),
@@ -182,8 +183,8 @@ def broken(tmp_path, monkeypatch, request):
     return name
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
+@over(
+    "name, said",
     [
         ("Broken", "makes a Broken without predict"),
         ("Raises", r"raises OSError: no way \(broken\w*.py, line 10\)"),

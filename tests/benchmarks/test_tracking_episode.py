@@ -3,11 +3,11 @@
 import time
 
 import numpy as np
-import pytest
 
 from benchmarks.tracking import episode
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import named_plant
+from tests.looping import over
 
 
 class Sluggish:
@@ -22,8 +22,8 @@ class Sluggish:
         return np.zeros((1, 1)), state
 
 
-@pytest.mark.parametrize(
-    ("seconds", "decisions"),
+@over(
+    "seconds, decisions",
     [
         ((0.3, 0.0), 300),  # the first compiles
         ((0.0, 0.0, 0.0, 0.3, 0.0), 300),  # or a later one

@@ -19,6 +19,7 @@ from benchmarks.tracking.selection import select
 from rdpi_gym.plant import P5
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import RowStore
+from tests.looping import over
 
 MINE = """
 import numpy as np
@@ -235,8 +236,8 @@ def test_a_controller_of_ones_own_scores_as_the_same_baseline(tmp_path, mine):
     assert rmse[f"{mine}:static"] == rmse["classical-static"]
 
 
-@pytest.mark.parametrize(
-    ("name", "reason"),
+@over(
+    "name, reason",
     [
         ("Raises", "error: RuntimeError: out of ideas, sorry"),
         ("NaN", "error: the controller's action at sample 22 is not finite"),
@@ -304,8 +305,8 @@ def test_noise_free_static_inverse_is_exact_on_a_static_plant(tmp_path):
     assert all(row["max_um"] < 1e-5 for row in outcome.rows)
 
 
-@pytest.mark.parametrize(
-    ("asked", "said"),
+@over(
+    "asked, said",
     [
         ({"controllers": ["clasical-static"]}, "did you mean 'classical-static'"),
         ({"plants": ["P10-statik"]}, "did you mean 'P10-static'"),

@@ -1,5 +1,6 @@
 import itertools
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from benchmarks.tracking.scoring import one_line, score, status, words
 from benchmarks.tracking.stages import REFERENCES, SPREAD, cases, make_stage, truth
 from rdpi_gym.plant import P5, P10, RDPI, PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects.creep import Creep
+from tests.looping import over
 
 TRACKING = Path(studies.__file__).parent / "results" / "tracking"
 ALL = cases(REFERENCES, amplitude_um=10.0, base_hz=10.0)
@@ -76,8 +78,7 @@ def test_long_reasons_are_cut():
     assert len(one_line("x" * 1000)) == 200
 
 
-@pytest.mark.parametrize("case", ALL, ids=lambda case: case.name)
-@pytest.mark.parametrize("ts_s", [5e-5, 2e-4, 1e-3])
+@over("ts_s, case", product([5e-5, 2e-4, 1e-3], ALL))
 def test_references_begin_at_rest_and_are_scored_over_whole_periods(case: Case, ts_s: float):
     first, end = case.window(ts_s)
     r = case.samples(ts_s, centre_um=4.0, rest_um=-7.0, seed=3)

@@ -15,6 +15,7 @@ import minari
 
 from benchmarks.stages import offline
 from rdpi_gym.cli import main
+from tests.looping import over
 
 PAGE = (Path(__file__).parents[2] / "docs" / "interoperability.md").read_text(encoding="utf-8")
 SMALL = ("--task", "Bare", "--controllers", "classical-static,random", "--episodes", "3")
@@ -93,8 +94,8 @@ def test_a_dataset_of_other_options_is_refused_and_kept(tmp_path, capsys):
     assert "holds no dataset of `rdpi collect`" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
+@over(
+    "words, message",
     [
         (["--task", "Stag"], "no task is named 'Stag'; did you mean 'Stage'?"),
         (["--controllers", "classical-statik"], "classical-static"),

@@ -6,9 +6,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from rdpi_gym.cli.effects import effects
+from rdpi_gym.cli.models import effects
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 app = typer.Typer(rich_markup_mode=None)
 app.command()(effects)
@@ -30,7 +31,7 @@ def test_the_list_shows_every_effect_with_its_parameters(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["creep", "mains_hum"])
+@over("name", ["creep", "mains_hum"])
 def test_one_effect_is_shown_in_full(name):
     shown = " ".join(run(name).split())
     kind = CATALOGUE[name]

@@ -5,6 +5,7 @@ import pytest
 import rdpi_gym as rg
 from rdpi_gym.cli import main
 from tests.firmware.programs import needs_compiler
+from tests.looping import over
 
 
 @pytest.fixture(autouse=True)
@@ -44,8 +45,8 @@ def test_an_fmu_of_either_version(tmp_path, capsys):
     assert (tmp_path / "pi.fmu").stat().st_size > 1000
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
+@over(
+    "words, message",
     [
         (["c", "P55"], "'P55' is neither a plant file nor one of"),
         (["c", "P5", "--controller", "clasical-static"], "did you mean 'classical-static'?"),
@@ -63,9 +64,9 @@ def test_an_fmu_of_either_version(tmp_path, capsys):
         (["results/policy"], "rdpi export onnx POLICY"),
         (["c"], "Missing argument 'MODEL'"),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_one_line_and_leaves_nothing(words, message, tmp_path, capsys):
-    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken").mkdir(exist_ok=True)
     (tmp_path / "taken" / "notes.txt").write_text("mine")
     assert main(["export", *words]) == 2
     said = capsys.readouterr().err

@@ -196,8 +196,10 @@ def test_bad_input_is_one_line(words, said, data, own_effect, tmp_path, capsys):
     assert said in refused(named, tmp_path / "out", capsys)
 
 
-@pytest.mark.parametrize("name", ["creep", "unknown"])
-def test_effect_that_is_there_already_is_not_added(name, data, tmp_path, capsys):
-    has = replace(P5, effects=(CATALOGUE[name](),)).save(tmp_path / "has.json")
-    words = ["add", name, data, "--model", has]
-    assert f"has {name} already" in refused(words, tmp_path / "out", capsys)
+def test_effect_that_is_there_already_is_not_added(data, tmp_path_factory, capsys, subtests):
+    for name in ["creep", "unknown"]:
+        with subtests.test(name=name):
+            tmp_path = tmp_path_factory.mktemp("case")
+            has = replace(P5, effects=(CATALOGUE[name](),)).save(tmp_path / "has.json")
+            words = ["add", name, data, "--model", has]
+            assert f"has {name} already" in refused(words, tmp_path / "out", capsys)

@@ -8,6 +8,7 @@ import pytest
 import rdpi_gym as rg
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 NAMES = {
     "300 letters": "a" * 300,
@@ -38,8 +39,8 @@ def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
-@pytest.mark.parametrize("command", COMMANDS)
+@over("name", NAMES.values())
+@over("command", COMMANDS)
 def test_a_command_refuses_a_name_in_one_line(command, name, here, capsys):
     assert main([word.replace("@", name) for word in command.split()]) == 2
     said = capsys.readouterr().err
@@ -48,8 +49,8 @@ def test_a_command_refuses_a_name_in_one_line(command, name, here, capsys):
     assert len(said) < 400
 
 
-@pytest.mark.parametrize("name", [*NAMES.values(), "a\0b"], ids=[*NAMES, "NUL"])
-@pytest.mark.parametrize("read", [rg.load, rg.load_result, rg.verify, rg.simulate])
+@over("name", [*NAMES.values(), "a\0b"])
+@over("read", [rg.load, rg.load_result, rg.verify, rg.simulate])
 def test_the_functions_refuse_it_too(read, name, here):
     with pytest.raises(InputError) as refused:
         read(name)

@@ -3,7 +3,6 @@
 import warnings
 
 import numpy as np
-import pytest
 
 from rdpi_gym.cli import main
 from rdpi_gym.measurement import Record, write_csv
@@ -80,52 +79,66 @@ def called(command, u, y, folder, capsys):
     return status, printed.out + printed.err
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("kind", ["one step", "one spike", "alternating"])
-def test_every_command_answers_on_jumps(kind, command, tmp_path, capsys):
-    u = VOLTAGES[kind]
-    status, printed = called(command, u, measured(u), tmp_path, capsys)
-    assert status == 0
-    if command in ("diagnose", "discover"):
-        assert "Cannot be told: " in printed
-        assert "1 record: nothing is held out but a part of it" in printed
+def test_every_command_answers_on_jumps(tmp_path_factory, capsys, subtests):
+    for kind in ["one step", "one spike", "alternating"]:
+        for command in COMMANDS:
+            with subtests.test(kind=kind, command=command):
+                tmp_path = tmp_path_factory.mktemp("case")
+                u = VOLTAGES[kind]
+                status, printed = called(command, u, measured(u), tmp_path, capsys)
+                assert status == 0
+                if command in ("diagnose", "discover"):
+                    assert "Cannot be told: " in printed
+                    assert "1 record: nothing is held out but a part of it" in printed
 
 
-@pytest.mark.parametrize("command", ["fit", "diagnose", "add", "discover"])
-def test_a_sensor_that_is_unplugged_is_named(command, tmp_path, capsys):
-    status, said = called(command, MIXED, np.full(N, 3.0), tmp_path, capsys)
-    assert status == 2
-    assert "the displacement never changes: it is 3 µm in run; check the sensor" in said
+def test_a_sensor_that_is_unplugged_is_named(tmp_path_factory, capsys, subtests):
+    for command in ["fit", "diagnose", "add", "discover"]:
+        with subtests.test(command=command):
+            tmp_path = tmp_path_factory.mktemp("case")
+            status, said = called(command, MIXED, np.full(N, 3.0), tmp_path, capsys)
+            assert status == 2
+            assert "the displacement never changes: it is 3 µm in run; check the sensor" in said
 
 
 JUMPS = {"one step", "one spike", "alternating"}
 
 
-@pytest.mark.parametrize("kind", sorted(VOLTAGES.keys() - JUMPS))
-def test_other_commands_of_the_amplifier(kind, tmp_path, capsys):
-    u = VOLTAGES[kind]
-    called("fit", u, measured(u), tmp_path, capsys)
+def test_other_commands_of_the_amplifier(tmp_path_factory, capsys, subtests):
+    for kind in sorted(VOLTAGES.keys() - JUMPS):
+        with subtests.test(kind=kind):
+            tmp_path = tmp_path_factory.mktemp("case")
+            u = VOLTAGES[kind]
+            called("fit", u, measured(u), tmp_path, capsys)
 
 
-@pytest.mark.parametrize("kind", DISPLACEMENTS)
-def test_other_readings_of_the_sensor(kind, tmp_path, capsys):
-    called("fit", MIXED, DISPLACEMENTS[kind](measured(MIXED)), tmp_path, capsys)
+def test_other_readings_of_the_sensor(tmp_path_factory, capsys, subtests):
+    for kind in DISPLACEMENTS:
+        with subtests.test(kind=kind):
+            tmp_path = tmp_path_factory.mktemp("case")
+            called("fit", MIXED, DISPLACEMENTS[kind](measured(MIXED)), tmp_path, capsys)
 
 
-@pytest.mark.parametrize("kind", ["quantised", "unplugged", "moves only where it is held out"])
-def test_comparisons_with_such_readings(kind, tmp_path, capsys):
-    called("compare", MIXED, DISPLACEMENTS[kind](measured(MIXED)), tmp_path, capsys)
+def test_comparisons_with_such_readings(tmp_path_factory, capsys, subtests):
+    for kind in ["quantised", "unplugged", "moves only where it is held out"]:
+        with subtests.test(kind=kind):
+            tmp_path = tmp_path_factory.mktemp("case")
+            called("compare", MIXED, DISPLACEMENTS[kind](measured(MIXED)), tmp_path, capsys)
 
 
-@pytest.mark.parametrize("kind", ["last sample only", "step train", "twenty samples"])
-def test_searches_on_such_commands(kind, tmp_path, capsys):
-    u = VOLTAGES[kind]
-    called("add", u, measured(u), tmp_path, capsys)
+def test_searches_on_such_commands(tmp_path_factory, capsys, subtests):
+    for kind in ["last sample only", "step train", "twenty samples"]:
+        with subtests.test(kind=kind):
+            tmp_path = tmp_path_factory.mktemp("case")
+            u = VOLTAGES[kind]
+            called("add", u, measured(u), tmp_path, capsys)
 
 
-@pytest.mark.parametrize("kind", ["quantised", "moves only where it is fitted"])
-def test_searches_on_such_readings(kind, tmp_path, capsys):
-    called("add", MIXED, DISPLACEMENTS[kind](measured(MIXED)), tmp_path, capsys)
+def test_searches_on_such_readings(tmp_path_factory, capsys, subtests):
+    for kind in ["quantised", "moves only where it is fitted"]:
+        with subtests.test(kind=kind):
+            tmp_path = tmp_path_factory.mktemp("case")
+            called("add", MIXED, DISPLACEMENTS[kind](measured(MIXED)), tmp_path, capsys)
 
 
 def test_noise_for_a_displacement_decides_nothing(tmp_path, capsys):

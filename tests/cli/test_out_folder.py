@@ -7,6 +7,7 @@ import pytest
 from rdpi_gym.cli import main
 from rdpi_gym.support.command_line import check_folder
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 COMMANDS = (
     ["bench"],
@@ -30,8 +31,8 @@ def taken(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("below", ["", "sub", "sub/further"])
-@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: words[0])
+@over("below", ["", "sub", "sub/further"])
+@over("words", COMMANDS)
 def test_file_in_the_way_is_one_line(words, below, taken, capsys):
     out = taken / below
     assert main([*words, "--out", str(out)]) == 2

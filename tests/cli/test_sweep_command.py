@@ -16,6 +16,7 @@ from baselines.learned.settings import SHIPPED, read_settings, read_values
 from baselines.learned.stable_baselines import ALGORITHMS, StableBaselinesLearner
 from baselines.learned.training import Course
 from rdpi_gym.cli import main
+from tests.looping import over
 
 YAML = """
 default:
@@ -104,8 +105,8 @@ def test_a_training_that_diverges_is_a_trial_that_failed(tmp_path, monkeypatch, 
     assert "1 of which diverged" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
+@over(
+    "words, message",
     [
         (["--sweep", "0"], "sweep is 0; give the number of trials"),
         (["--lanes", "3"], "3 lanes for 4 plants"),
@@ -139,7 +140,7 @@ def test_without_optuna_it_says_what_to_install(monkeypatch, capsys):
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "native-ppo"])
+@over("algorithm", ["ppo", "sac", "td3", "native-ppo"])
 def test_a_shipped_space_begins_at_the_shipped_values_and_holds_what_the_algorithm_takes(
     algorithm, tmp_path
 ):

@@ -110,9 +110,8 @@ def test_what_a_link_leads_to_is_not_handed_in(tmp_path, capsys):
     assert not any("of the user" in f.read_text(errors="replace") for f in out.rglob("*.txt"))
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
+def test_bad_words_are_answered_in_one_line(capsys, tmp_path_factory, monkeypatch, subtests):
+    for words, said in [
         (["bench", "--task", "Stag"], "did you mean 'Stage'"),
         (["bench", "--task", "Stage", "--plants", "P5"], "--plants is not for registered tasks"),
         (["bench", "--draws", "3"], "--draws and --seed-file are of registered tasks"),
@@ -120,11 +119,11 @@ def test_what_a_link_leads_to_is_not_handed_in(tmp_path, capsys):
         (["bench", "--task", "Bare", "--seed-file", "no-such-file"], "no-such-file cannot be read"),
         (["submit", "pii"], "did you mean 'pi'"),
         (["score", "no-such-folder"], "does not exist"),
-    ],
-)
-def test_bad_words_are_answered_in_one_line(words, said, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert said in refused(capsys, *words)
+    ]:
+        with subtests.test(words=words, said=said):
+            tmp_path = tmp_path_factory.mktemp("case")
+            monkeypatch.chdir(tmp_path)
+            assert said in refused(capsys, *words)
 
 
 def test_bench_ranks_on_a_task_and_goes_on(tmp_path, capsys):

@@ -13,6 +13,7 @@ from baselines.learned import environments
 from baselines.learned.policy import Policy
 from rdpi_gym.cli import main
 from rdpi_gym.face import training
+from tests.looping import over
 
 YAML = """
 default:
@@ -102,8 +103,8 @@ def test_it_trains_on_a_plants_file_from_the_command_alone(tmp_path):
     assert (policy.layout.action, policy.layout.scale_um) == ("command", 10.0)
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
+@over(
+    "words, message",
     [
         (["--lanes", "0"], "lanes is 0"),
         (["--lanes", "3"], "3 lanes for 4 plants"),
@@ -135,8 +136,8 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, messa
     assert [path.name for path in tmp_path.iterdir()] == ["small.yml"]
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
+@over(
+    "text, message",
     [
         ("default: [", "YAML"),
         ("default:\n  n_envs: 2", "n_timesteps is None"),

@@ -12,6 +12,7 @@ from baselines.tuning import read_tunings
 from benchmarks.stages import tuning
 from rdpi_gym.cli import main
 from rdpi_gym.envs.tasks import TASKS
+from tests.looping import over
 
 
 @pytest.fixture(autouse=True)
@@ -60,8 +61,8 @@ def test_settings_outside_the_stability_limit_are_not_chosen(monkeypatch, tmp_pa
         assert found.tuning.settings != best
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
+@over(
+    "words, said",
     [
         (["pi"], "'pi' has no knobs to turn; those that have are"),
         (["dual-lop"], "did you mean 'dual-loop'?"),

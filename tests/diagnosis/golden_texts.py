@@ -26,7 +26,7 @@ from rdpi_gym.diagnosis.search.verdict import NumericalFloor
 from rdpi_gym.diagnosis.suitability import limits, unrelated
 from rdpi_gym.diagnosis.words import headline, in_words, sized
 from rdpi_gym.identification.scale import data_scale
-from rdpi_gym.laboratory import buying
+from rdpi_gym.laboratory import compensator_comparison
 from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import CORES, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
@@ -265,7 +265,7 @@ _CAUTIONS = (
 def _cautions(q: Quantities) -> Iterator[tuple[str, Any]]:
     for (i, blind), (k, knowing) in product(enumerate(_CAUTIONS), enumerate(_CAUTIONS)):
         said = [[Caution(*each) for each in part] for part in (blind, knowing)]
-        yield f"cautions {i} {k}", list(buying._warnings(*said))
+        yield f"cautions {i} {k}", list(compensator_comparison._warnings(*said))
 
 
 CHOSEN = (_limits, _findings, _advice, _reservations)

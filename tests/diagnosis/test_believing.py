@@ -26,6 +26,7 @@ from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
 from rdpi_gym.report.discovery_text import lines
 from rdpi_gym.virtual_lab import Truth, simulate_dataset
+from tests.looping import over
 
 NOISE_UM = 0.012
 BARE = Variant(P10.hysteresis, ())
@@ -175,7 +176,7 @@ def begun_about(starts, effects=(), lasting=400):
     return pair, {r.name: np.arange(r.u_V.size) < lasting for r in pair}
 
 
-@pytest.mark.parametrize("lasting", [400, 1700])
+@over("lasting", [400, 1700])
 def test_a_memory_that_spoils_a_part_of_an_opening_is_seen_however_long_it_is(lasting):
     pair, openings = begun_about((0.0, 25.0), lasting=lasting)
     setting = Setting((pair[0],), (pair[1],), data_scale(pair))

@@ -11,6 +11,7 @@ from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.measurement import Dataset, Record, load, measured_data
 from rdpi_gym.measurement.loading import DATA_HINT
 from rdpi_gym.plant import P5, Plant, settled_memory
+from tests.looping import over
 
 TS = 1e-3
 
@@ -49,7 +50,7 @@ def test_coarse_steps_are_seen_and_fine_ones_are_not():
     assert checks(fine)["coarse resolution"].zone == "no"
 
 
-@pytest.mark.parametrize(("closed", "zone"), [(True, "yes"), (False, "no")])
+@over("closed, zone", [(True, "yes"), (False, "no")])
 def test_command_that_follows_the_sensor_is_a_closed_loop(closed, zone):
     rng = np.random.default_rng(1)
     samples = 4000

@@ -11,6 +11,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals.experiments import standard_protocol
+from tests.looping import over
 
 NOISE_UM = 0.012
 
@@ -62,7 +63,7 @@ def test_bare_plant_leaves_every_test_silent(bare):
     assert found(bare) == set()
 
 
-@pytest.mark.parametrize("name", CASES)
+@over("name", CASES)
 def test_effect_is_found_and_named(name):
     values, expected, size = CASES[name]
     checks = {check.name: check for check in run_checks(measured([CATALOGUE[name](*values)]))}
@@ -88,7 +89,7 @@ def change_y(dataset, factor):
     return Dataset("changed", tuple(replace(r, y_um=factor * r.y_um) for r in dataset.records))
 
 
-@pytest.mark.parametrize("change", CHANGES)
+@over("change", CHANGES)
 def test_what_is_found_depends_on_no_convention(change):
     effects = [CATALOGUE[n](*CASES[n][0]) for n in ("rate_law", "asymmetry", "creep", "delay")]
     plain = run_checks(measured(effects))
@@ -105,8 +106,8 @@ def test_half_the_sampling_time_finds_the_same():
         assert found(measured(effects, halve=halve)) == {"saturation", "congruency", "creep"}
 
 
-@pytest.mark.parametrize(
-    ("name", "values", "kind"),
+@over(
+    "name, values, kind",
     [
         ("delay", (1.3e-4,), ("delay",)),
         ("sensor_lag", (1.3e-4,), ("sensor_lag", "actuator_lag")),

@@ -11,6 +11,7 @@ from rdpi_gym.identification import fit
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, P10, Plant, named_plant, settled_memory
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 
 def test_perfect_model_has_no_error_but_the_offset(sine_record, dataset):
@@ -161,8 +162,8 @@ def test_steady_move_of_the_residual_is_called_slow(sine_record, dataset):
     assert "moves by 0.3 µm, which suggests creep" in compare(dataset(moved), P5).findings["drift"]
 
 
-@pytest.mark.parametrize(
-    ("factor", "words"),
+@over(
+    "factor, words",
     [
         (1e3, "close to 10^3"),
         (1e-6, "close to 10^-6"),
@@ -200,7 +201,7 @@ def test_sixteen_samples_are_enough(dataset):
     assert json.loads(document)["by_frequency"] == []
 
 
-@pytest.mark.parametrize("free_memory", [False, True])
+@over("free_memory", [False, True])
 def test_errors_are_those_that_the_fit_states(sine_record, dataset, free_memory):
     plant = Plant(P5, 1e-3)
     t = np.arange(3000) * 1e-3

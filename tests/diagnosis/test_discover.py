@@ -24,6 +24,7 @@ from rdpi_gym.signals.experiments import polyline
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fields import Fields
 from rdpi_gym.virtual_lab.independent import simulate_truth
+from tests.looping import over
 
 NOISE_UM = 0.012
 _WALK = polyline([0.0, 40.0, -40.0, 30.0, -20.0, 12.0, -8.0, 3.0, 0.0], 400.0)
@@ -208,12 +209,12 @@ def test_results_are_saved_and_loaded_back(lagging, tmp_path):
     assert added["effect"] == "sensor_lag"
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "said"),
+@over(
+    "key, value, said",
     [
         ("verdict", "perhaps", "the verdict 'perhaps'; expected one of"),
         ("noise_floor", "small", "\"noise_floor\" is 'small'; expected a number"),
-        pytest.param("noise_floor", 10**400, "too large for a whole number", id="huge"),
+        ("noise_floor", 10**400, "too large for a whole number"),
         ("base", None, '"base" is None; expected an object'),
         ("steps", [{"effect": 3}], '"steps" 1: "effect" is 3; expected a text'),
         ("rounds", [[1]], "is 1; expected an object"),

@@ -18,6 +18,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 FAILURES = [
     InputError("weights are below 0 µm/V"),
@@ -85,7 +86,7 @@ def of_core(name, fault, start, effects):
     return start.name == name
 
 
-@pytest.mark.parametrize("error", FAILURES, ids=lambda error: type(error).__name__)
+@over("error", FAILURES)
 def test_a_candidate_without_a_fit_is_dropped_with_a_remark(creeping, fault, error):
     made = fault(error, partial(with_effect, "delay"))
     found = diagnosis.diagnose(creeping, catalogue=FEW)
@@ -158,7 +159,7 @@ def test_no_portrait_without_blocks(leaning, fault):
     assert any(note.startswith("no portrait of what is missing") for note in found.notes)
 
 
-@pytest.mark.parametrize("name", ["stop", "rdpi"])
+@over("name", ["stop", "rdpi"])
 def test_a_comb_for_wider_records_loses_no_weight(name):
     """A search that judges within all records meets a wider comb: no threshold of it was there before."""
     t = np.arange(2000) * 1e-3

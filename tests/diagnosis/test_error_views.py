@@ -11,6 +11,7 @@ from rdpi_gym.diagnosis.comparison.spectrum import PARTS
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, Plant
 from rdpi_gym.plant.effects import CATALOGUE
+from tests.looping import over
 
 TS = 1e-3
 NOISE_UM = 0.01
@@ -61,8 +62,8 @@ def test_linear_error_is_coherent_and_a_disturbance_is_not():
     assert "could be taken by a linear filter" in text
 
 
-@pytest.mark.parametrize(
-    ("change", "part", "words"),
+@over(
+    "change, part, words",
     [
         (lambda r: replace(r, y_um=1.05 * r.y_um), "gain_um", "a gain that is off"),
         (lambda r: replace(r, y_um=np.roll(r.y_um, 2)), "width_um", "a lag, a delay"),
@@ -78,7 +79,6 @@ def test_linear_error_is_coherent_and_a_disturbance_is_not():
             "not periodic",
         ),
     ],
-    ids=["gain", "late", "even", "third harmonic", "drift"],
 )
 def test_periodic_error_is_named_by_its_largest_part(change, part, words):
     result = compared(change(sine()))

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rdpi_gym.diagnosis import half_cycles
+from tests.looping import over
 
 
 @given(
@@ -80,7 +81,7 @@ def test_steps_and_holds_have_direction_but_no_frequency():
     assert not cycles.rising.all()
 
 
-@pytest.mark.parametrize(("u", "rising"), [(np.arange(50.0), True), (-np.arange(50.0), False)])
+@over("u, rising", [(np.arange(50.0), True), (-np.arange(50.0), False)])
 def test_one_ramp_is_one_stretch(u, rising):
     cycles = half_cycles(u, 1e-3)
     assert cycles.rising.tolist() == [rising]

@@ -12,6 +12,7 @@ from rdpi_gym.diagnosis.features.rests import find_rests
 from rdpi_gym.measurement import Dataset, Record, write_csv
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE
+from tests.looping import over
 
 TS_S, SAMPLES = 1e-3, 12_000
 T_S = TS_S * np.arange(SAMPLES)
@@ -66,8 +67,8 @@ def suggested(data):
     return {effect for c in run_checks(data) if c.zone == "yes" for effect in c.suggests}
 
 
-@pytest.mark.parametrize("name", list(COMMANDS))
-@pytest.mark.parametrize("effects", [(), (LAG,)], ids=["none", "lag"])
+@over("name", list(COMMANDS))
+@over("effects", [(), (LAG,)])
 def test_no_check_suggests_what_is_not_there(name, effects):
     there = {effect.name for effect in effects}
     assert suggested(measured(name, *effects)) <= there
@@ -79,15 +80,15 @@ FALSE = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["sines", "random", "cycle"])
-@pytest.mark.parametrize("model", [P10, OFF], ids=["true model", "weights that are off"])
+@over("name", ["sines", "random", "cycle"])
+@over("model", [P10, OFF])
 def test_compare_says_nothing_that_is_not_so(name, model):
     found = compare(measured(name), model).findings
     told = " ".join(text for key, text in found.items() if key != "plane" or name == "cycle")
     assert [words for words in FALSE if words in told] == []
 
 
-@pytest.mark.parametrize("name", ["sines", "random", "cycle"])
+@over("name", ["sines", "random", "cycle"])
 def test_the_command_line_says_no_more(name, tmp_path, capsys):
     path = write_csv(measured(name).records[0], tmp_path / f"{name}.csv")
     out = ["--out", str(tmp_path / "out")]
@@ -111,7 +112,7 @@ def test_creep_in_rests_is_still_found():
     assert late.zone != "yes"  # rests of 24 ms tell nothing of a minute
 
 
-@pytest.mark.parametrize("name", ["sines", "random"])
+@over("name", ["sines", "random"])
 def test_a_drift_that_is_there_is_still_said(name):
     told = compare(measured(name, add=0.2 * T_S), P10).findings["clock"]
     assert told.endswith("on a straight line: creep that still goes on, or drift.")
@@ -124,7 +125,7 @@ def test_the_error_of_a_gain_over_one_cycle_is_no_drift():
     assert "slower than a spectrum" in told["spectrum"]
 
 
-@pytest.mark.parametrize("power", [3, 5])
+@over("power", [3, 5])
 def test_the_shoulder_of_a_wave_is_no_rest(power):
     """However flat a command passes through a point, it does not stop there."""
     x = np.linspace(-1.0, 1.0, 8001)

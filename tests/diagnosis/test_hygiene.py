@@ -13,6 +13,7 @@ from rdpi_gym.diagnosis.suitability import limits
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import Plant, named_plant
+from tests.looping import over
 
 TS_S = 1e-3
 
@@ -103,8 +104,8 @@ ORDINARY = {
 }
 
 
-@pytest.mark.parametrize("case", list(ORDINARY))
-@pytest.mark.parametrize("noise_um", [0.0, 0.01])
+@over("case", list(ORDINARY))
+@over("noise_um", [0.0, 0.01])
 def test_steps_corners_ringing_coarse_steps_and_hum_are_no_faults(case, noise_um):
     u, y = ORDINARY[case]
     run = Record("run", np.arange(6000) * TS_S, u, noisy(y, noise_um), ts_s=TS_S)
@@ -122,7 +123,7 @@ def test_a_sensor_that_drops_out_is_left_out_with_a_margin():
     assert left_out[-1] in range(1049, 1055)
 
 
-@pytest.mark.parametrize("step_um", [0.0, 0.05])
+@over("step_um", [0.0, 0.05])
 def test_a_frozen_displacement_is_left_out(step_um):
     run = record(sine())
     y = run.y_um.copy()
@@ -148,7 +149,7 @@ def test_a_stage_with_lost_motion_and_no_noise_is_not_frozen():
     assert kinds(looked(Record("gap", np.arange(6000) * TS_S, u, y, ts_s=TS_S))) == []
 
 
-@pytest.mark.parametrize("upper", [True, False])
+@over("upper", [True, False])
 def test_a_converter_that_clips_is_left_out(upper):
     run = record(sine())
     rail = 20.0 if upper else -20.0
@@ -207,7 +208,7 @@ def multisine(samples=6000):
     return 10.0 * np.sum(waves, axis=0)
 
 
-@pytest.mark.parametrize("hidden", [(), ("actuator_lag", 0.004), ("sensor_lag", 0.004)])
+@over("hidden", [(), ("actuator_lag", 0.004), ("sensor_lag", 0.004)])
 def test_a_clipped_command_is_rebuilt_to_a_thirtieth_of_what_was_lost(hidden):
     effects = (rg.effects[hidden[0]](hidden[1]),) if hidden else ()
     u = multisine()
@@ -277,7 +278,7 @@ def test_what_is_late_by_a_sample_in_every_record_is_no_delay(protocols):
     assert all(r.error_mask.all() for r in found.dataset.records)
 
 
-@pytest.mark.parametrize("effect", ["delay", "sensor_lag", "actuator_lag"])
+@over("effect", ["delay", "sensor_lag", "actuator_lag"])
 def test_what_the_plant_lags_is_no_clock(effect):
     assert inspect(rg.simulate("P10", hide=effect, seed=4)).findings == ()
 

@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 from rdpi_gym.diagnosis.features.noise import noise_floor, quiet_noise, repeat_noise, rough_part
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Record
+from tests.looping import over
 
 TS = 1e-3
 NOISE_UM = 0.02
@@ -38,7 +39,7 @@ def test_rough_part_leaves_out_what_is_smooth():
     assert rough_part(smooth + white(20_000)) == pytest.approx(NOISE_UM, rel=0.03)
 
 
-@pytest.mark.parametrize("drift", [0.0, 1.0])
+@over("drift", [0.0, 1.0])
 def test_quiet_record_with_drift_creep_and_hum(drift):
     t = np.arange(8000) * TS
     course = drift * (0.05 * t + 0.1 * np.sin(2 * np.pi * 50.2 * t) + 0.02 * (t - 4.0) ** 2)
@@ -70,7 +71,7 @@ def test_floor_is_the_smallest_that_is_said():
     assert "the quiet record rest" in text_of(origin)
 
 
-@pytest.mark.parametrize("still", [True, False])
+@over("still", [True, False])
 def test_slow_noise_is_not_taken_for_little_noise(still):
     records = [quiet(slow(8000, 1))] if still else []
     residual = slow(8000, 3)

@@ -9,6 +9,7 @@ from rdpi_gym.diagnosis import half_cycles
 from rdpi_gym.diagnosis.features.cycles import harmonics, orders_off_mains, steady_periods
 from rdpi_gym.diagnosis.features.rests import find_rests
 from rdpi_gym.measurement import Record
+from tests.looping import over
 
 TS = 1e-3
 
@@ -57,7 +58,7 @@ def test_equal_loops_inside_a_record_are_found():
     assert 150 <= found.first < 300
 
 
-@pytest.mark.parametrize(
+@over(
     "u",
     [
         np.linspace(0.0, 1.0, 3000),
@@ -67,7 +68,6 @@ def test_equal_loops_inside_a_record_are_found():
         np.full(3000, 2.0),
         np.sin(2 * np.pi * np.arange(250) / 100),
     ],
-    ids=["ramp", "chirp", "decay", "walk", "constant", "two and a half periods"],
 )
 def test_what_does_not_repeat_has_no_periods(u):
     assert periods_of(u) is None

@@ -16,6 +16,7 @@ from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.report.discovery_text import lines
 from rdpi_gym.virtual_lab import Truth, simulate_dataset
+from tests.looping import over
 
 NOISE_UM = 0.012
 NAMES = (
@@ -54,8 +55,8 @@ def clocks(data, kind=None):
     return record_clocks(outcome.fit.variant, train, validation, NOISE_UM)
 
 
-@pytest.mark.parametrize("name", ["sine-50hz", "validation-chirp"])
-@pytest.mark.parametrize("effects", [(), (LAG,)])
+@over("name", ["sine-50hz", "validation-chirp"])
+@over("effects", [(), (LAG,)])
 def test_a_record_that_was_fitted_or_not_and_has_another_clock_is_named(name, effects):
     data = protocol(*effects)
     kind = type(effects[0]) if effects else None

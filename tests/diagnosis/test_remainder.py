@@ -22,6 +22,7 @@ from rdpi_gym.plant.effects.base import in_chain_order
 from rdpi_gym.signals import BandLimitedNoise, DecayingSine, Multisine, Sine
 from rdpi_gym.signals.experiments import polyline
 from rdpi_gym.virtual_lab.truth import Truth
+from tests.looping import over
 
 NOISE_UM = 0.012
 TRUTH = Truth(P10, (), noise_um=NOISE_UM, seed=0)
@@ -98,7 +99,7 @@ def left_by_rdpi(train, validation, noise_um=NOISE_UM, quiet=()):
     return remainder(variant, train, validation, scale, noise_um, quiet=quiet)
 
 
-@pytest.mark.parametrize("kind", [bouc_wen, preisach, relays, coleman_hodgdon])
+@over("kind", [bouc_wen, preisach, relays, coleman_hodgdon])
 def test_hysteresis_of_another_kind_follows_from_the_input(kind):
     found = left_by_rdpi(*measure(kind))
     assert found.share >= 0.7
@@ -108,7 +109,7 @@ def test_hysteresis_of_another_kind_follows_from_the_input(kind):
     assert "follows from the input" in found.sentence
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@over("seed", [0, 1])
 def test_a_force_that_nobody_recorded_is_not_predicted_and_may_not_be_denied(seed):
     """A learner that fails proves nothing: what is left could follow by a law it cannot learn."""
     found = left_by_rdpi(*measure(force, seed))
@@ -159,7 +160,7 @@ def test_units_do_not_matter():
     assert left_by_rdpi(*other, 1e3 * NOISE_UM).share == pytest.approx(share, abs=0.02)
 
 
-@pytest.mark.parametrize(("kind", "follows"), [(preisach, True), (force, False)])
+@over("kind, follows", [(preisach, True), (force, False)])
 def test_held_out_quarters_will_do(kind, follows):
     train, validation = zip(*(hold_out_quarter(r) for r in measure(kind)[0]), strict=True)
     assert (left_by_rdpi(train, validation).share >= FOLLOWS) == follows
@@ -285,14 +286,19 @@ def mixture(protocol, follows, disturbs, share, seed):
     return remainder(plant, first, rest, data_scale(measured), NOISE_UM)
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-@pytest.mark.parametrize(
-    ("follows", "disturbs", "share"),
+@over("protocol", PROTOCOLS)
+@over(
+    "follows, disturbs, share",
     [
-        (sprung, quick, 0.0), (sprung, slow, 0.6), (ringing, quick, 0.3), (creeping, drift, 0.3),
-        (wild, slow, 0.0), (wild, quick, 0.6), (wild, drift, 1.0),
+        (sprung, quick, 0.0),
+        (sprung, slow, 0.6),
+        (ringing, quick, 0.3),
+        (creeping, drift, 0.3),
+        (wild, slow, 0.0),
+        (wild, quick, 0.6),
+        (wild, drift, 1.0),
     ],
-)  # fmt: skip
+)
 def test_the_interval_holds_the_share_that_follows_from_the_input(
     protocol, follows, disturbs, share
 ):
@@ -301,7 +307,7 @@ def test_the_interval_holds_the_share_that_follows_from_the_input(
     assert found.low <= found.share <= found.high
 
 
-@pytest.mark.parametrize("follows", [sprung, ringing])
+@over("follows", [sprung, ringing])
 def test_a_spring_or_a_resonance_that_the_model_lacks_follows_surely(follows):
     assert mixture("random", follows, quick, 1.0, seed=4).low > 0.8
 

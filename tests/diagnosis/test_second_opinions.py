@@ -20,6 +20,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, RDPI
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
 from rdpi_gym.virtual_lab.independent import simulate_truth
+from tests.looping import over
 
 NOISE_UM = 0.01
 UNLIKE = RDPI((1.0, 0.3, 0.0, 0.15, 0.0, 0.25), (4.0, 9.0, 11.0, 20.0, 23.0), 2e-5)
@@ -142,7 +143,7 @@ def shaken_record(variant, off_s, ts=1e-3, fine=50):
     return Record("run", k * ts, u[taken], y, ts_s=ts, jitter_s=off_s)
 
 
-@pytest.mark.parametrize("off_s", [2e-5, 6e-5, 1.2e-4])
+@over("off_s", [2e-5, 6e-5, 1.2e-4])
 def test_the_numerical_floor_holds_what_uneven_samples_change(off_s):
     lag = CATALOGUE["sensor_lag"](time_constant_s=3e-3)
     variant = Variant(replace(P10.hysteresis, delta2_s=1e-3), (lag,))

@@ -96,3 +96,47 @@ def test_every_field_of_a_text_has_a_value():
             for key in TEXTS:
                 if code[0] not in "[." and re.fullmatch(code, key):
                     assert fields(TEXTS[key]) <= values, f"{where}: {key}"
+
+
+WRITERS = {"text_of", "template", "request_of", "headline", "experiment_for", "sentences_of"}
+SENTENCES = {
+    "sentence", "sentences", "next_step", "headline", "remainder", "noise_origin", "sampling",
+    "undecided", "next_experiment", "evidence", "remarks", "limits", "left_out",
+}  # fmt: skip
+SEARCHES = {
+    "startswith", "endswith", "split", "rsplit", "partition", "rpartition", "find", "index", "count",
+    "removeprefix", "removesuffix", "replace", "match", "search", "fullmatch", "findall",
+}  # fmt: skip
+
+
+def is_text(node):
+    """Whether an expression is what the renderer wrote, or a field of a result that holds it."""
+    if isinstance(node, ast.Subscript):
+        return is_text(node.value)
+    if isinstance(node, ast.Call):
+        return isinstance(node.func, ast.Name) and node.func.id in WRITERS
+    return isinstance(node, ast.Attribute) and node.attr in SENTENCES
+
+
+def is_reading(node):
+    """Whether a text is compared, searched or cut."""
+    if isinstance(node, ast.Compare):
+        compared = any(isinstance(op, ast.In | ast.NotIn | ast.Eq | ast.NotEq) for op in node.ops)
+        return compared and any(map(is_text, [node.left, *node.comparators]))
+    searched = isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+    if not searched or node.func.attr not in SEARCHES:
+        return False
+    return any(map(is_text, [node.func.value, *node.args]))
+
+
+def readings(tree):
+    """Where a text is read."""
+    return [node for node in ast.walk(tree) if is_reading(node)]
+
+
+def test_nothing_reads_a_sentence():
+    for room in ("diagnosis", "report", "face", "cli", "laboratory"):
+        for path in (ROOT / "rdpi_gym" / room).rglob("*.py"):
+            found = readings(ast.parse(path.read_text(encoding="utf-8")))
+            assert found == [], f"{path}: {[ast.unparse(node) for node in found]}"
+    assert len(readings(ast.parse("'rest' in a.sentence or text_of(b).split(':')[0]"))) == 2

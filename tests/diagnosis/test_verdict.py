@@ -15,6 +15,7 @@ from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.virtual_lab import Truth, simulate_dataset
+from tests.looping import over
 
 NOISE_UM = 0.012
 DYNAMIC = ("sine-50hz", "multisine", "validation-chirp", "validation-noise")
@@ -31,8 +32,8 @@ CREEP, LAG = CATALOGUE["creep"](0.012023907418648538), CATALOGUE["sensor_lag"](0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("hidden", "seed", "names"),
+@over(
+    "hidden, seed, names",
     [
         ([SLEW], 7, ("triangle-slow", *DYNAMIC)),
         ([CREEP, LAG], 11, ("stairs", "validation-stairs", *DYNAMIC)),
@@ -68,7 +69,7 @@ def test_steps_between_samples_change_nothing_without_an_effect():
     np.testing.assert_allclose(simulate_between(bare, record, 5), coarse, atol=1e-9)
 
 
-@pytest.mark.parametrize(("added", "good"), [(True, "explained"), (False, "no missing effect")])
+@over("added, good", [(True, "explained"), (False, "no missing effect")])
 def test_the_same_judgement_with_and_without_steps(added, good):
     lagging = Variant(P10.hysteresis, (LAG,))
     record = sampled(lagging, 4e-4)
@@ -82,8 +83,8 @@ def test_the_same_judgement_with_and_without_steps(added, good):
     assert judge(setting, lagging, 1.1 * NOISE_UM, NOISE_UM, floor, added).sampling is None
 
 
-@pytest.mark.parametrize(
-    ("floors", "shown", "verdict", "says"),
+@over(
+    "floors, shown, verdict, says",
     [
         (1.3, 3.0, "explained", True),
         (2.0, 3.0, "explained", True),

@@ -20,6 +20,7 @@ import pytest
 import typer
 
 from rdpi_gym.cli import app
+from tests.looping import over
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -253,7 +254,7 @@ def test_no_page_indents_commands_in_place_of_a_block():
         assert not found, f"{page.name}: {found}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=[p.relative_to(ROOT).as_posix() for p in PAGES])
+@over("page", PAGES)
 def test_commands_that_a_page_shows_or_mentions_exist(page):
     group = typer.main.get_command(app)
     context = group.make_context("rdpi", [], resilient_parsing=True)
@@ -261,7 +262,7 @@ def test_commands_that_a_page_shows_or_mentions_exist(page):
     for line in commands(page):
         words = shlex.split(line)
         if words[:1] == ["rdpi"] and words[1:2] and words[1] in known:
-            group.get_command(context, words[1]).make_context(words[1], words[2:], parent=context)
+            understood(group, context, words[1:])
         if words[:2] == ["python", "-m"]:
             assert runnable(words[2]), line
     text = page.read_text(encoding="utf-8")
@@ -269,6 +270,14 @@ def test_commands_that_a_page_shows_or_mentions_exist(page):
         assert name in known, f"rdpi {name}"
     for module in re.findall(r"python -m ([\w.]+)", text):
         assert runnable(module.rstrip(".")), f"python -m {module}"
+
+
+def understood(group, context, words):
+    """Parse a command, and the command inside it where it is a group."""
+    name, *rest = words
+    made = group.get_command(context, name).make_context(name, rest, parent=context)
+    if isinstance(made.command, typer.core.TyperGroup) and rest:
+        understood(made.command, made, rest)
 
 
 def runnable(module):
@@ -279,7 +288,7 @@ def runnable(module):
     return path.with_suffix(".py").is_file() or (path / "__main__.py").is_file()
 
 
-@pytest.mark.parametrize("page", PAGES, ids=[p.relative_to(ROOT).as_posix() for p in PAGES])
+@over("page", PAGES)
 def test_links_lead_somewhere(page):
     for link in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8")):
         if link.startswith("gallery/"):  # made when the site is built

@@ -15,6 +15,7 @@ from studies.effect_pages.panels import panels_of
 from studies.effect_pages.study import PICTURES, bare_records, study_effect
 from studies.effect_pages.text import page_texts
 from studies.effect_pages.tracking import stored_rows, tracked
+from tests.looping import over
 
 PAGES = Path(__file__).parents[2] / "docs" / "effects"
 MAKE = "run python -m studies.effect_pages"
@@ -30,7 +31,7 @@ def test_every_effect_has_a_page():
     assert set(PICTURES) == own & set(HIDEABLE)
 
 
-@pytest.mark.parametrize("name", list(page_texts()))
+@over("name", list(page_texts()))
 def test_committed_page_is_what_the_command_makes(name):
     assert (PAGES / name).read_text(encoding="utf-8") == page_texts()[name], MAKE
 
@@ -44,7 +45,7 @@ def test_pictures_are_small_and_no_file_is_left_over():
         assert len(content) < 40_000, name
 
 
-@pytest.mark.parametrize("name", list(PICTURES))
+@over("name", list(PICTURES))
 def test_a_page_says_all_that_its_file_declares(name):
     kind, text = CATALOGUE[name], (PAGES / f"{name}.md").read_text(encoding="utf-8")
     said = (kind.equation, kind.source, kind.signature, kind.experiment)
@@ -60,7 +61,7 @@ def test_a_page_says_all_that_its_file_declares(name):
         assert f"[`{other}`]({other}.md)" in text
 
 
-@pytest.mark.parametrize("name", ["creep", "slew_limit"])
+@over("name", ["creep", "slew_limit"])
 def test_committed_tracking_errors_are_what_the_command_computes(name):
     computed = list(tracked(CATALOGUE[name]().with_values(PICTURES[name].values)))
     for ours, stored in zip(computed, stored_rows(name), strict=True):

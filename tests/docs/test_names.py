@@ -3,9 +3,8 @@
 import re
 from pathlib import Path
 
-import pytest
-
 import rdpi_gym
+from tests.looping import over
 
 ROOT = Path(__file__).parents[2]
 ROOMS = "rdpi_gym|baselines|benchmarks|studies|tests|docs|examples"
@@ -85,8 +84,8 @@ def test_every_name_leads_somewhere():
     assert found == {}
 
 
-@pytest.mark.parametrize(
-    ("text", "names"),
+@over(
+    "text, names",
     [
         ("see docs/diagnosis.md and `docs/laboratory.md`", {"docs/diagnosis.md"}),
         ("theory.md, section 1", {"theory.md"}),

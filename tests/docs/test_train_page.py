@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import typer
 
 from baselines.learned.options import PLANTS, REFERENCES, TrainingOptions
 from benchmarks.effect_discovery.__main__ import options
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ
-from rdpi_gym.cli import app
 from rdpi_gym.cli import main as rdpi
 from rdpi_gym.envs import PiezoTrackingEnv
 from rdpi_gym.plant import P10
@@ -21,11 +19,21 @@ from rdpi_gym.support.files import write_atomic, write_json
 from studies.agents.__main__ import DOCS, OUT, STAGES
 from studies.agents.__main__ import main as agents
 from studies.agents.facts import HYPERPARAMETERS, page_facts
-from studies.agents.page import TEMPLATES, WALK, page_texts, walk_template
-from studies.agents.study import FULL, QUICK
-from studies.agents.summary import gap_summary, summarise
-from studies.agents.walk import FILE, RUN, STEPS, Recorded, take_walk
-from studies.agents.worlds import GROUPS, LITERAL, TS_S
+from studies.agents.page import (
+    FILE,
+    RUN,
+    STEPS,
+    TEMPLATES,
+    WALK,
+    Recorded,
+    page_texts,
+    take_walk,
+    walk_template,
+)
+from studies.agents.scores import GROUPS, LITERAL, TS_S
+from studies.agents.tables import gap_summary, summarise
+from studies.agents.training import FULL, QUICK
+from tests.looping import over
 
 ROOT = Path(__file__).parents[2]
 TRAIN, AGENTS = (TEMPLATES[name].read_text(encoding="utf-8") for name in (WALK, "agents"))
@@ -146,8 +154,8 @@ def test_what_cannot_be_told_apart_is_said_so(tmp_path):
     assert "**lag**: not to be told from the best" in facts["findings"]["standing"]
 
 
-@pytest.mark.parametrize(
-    ("group", "errors", "said"),
+@over(
+    "group, errors, said",
     [
         ("bare", (1.2, 0.5, 0.4), "verdicts.bare is ahead, the prose says = behind"),
         ("all", (2.2, 1.5, 0.5), "best_kinds.all is feedback"),
@@ -159,7 +167,7 @@ def test_tables_that_contradict_the_prose_are_refused(tmp_path, group, errors, s
         page_texts(FULL, write_results(tmp_path, ERRORS | {group: errors}))
 
 
-@pytest.mark.parametrize("name", ["summary.csv", "gap.csv", "curves.csv", "shipped.csv", FILE])
+@over("name", ["summary.csv", "gap.csv", "curves.csv", "shipped.csv", FILE])
 def test_a_missing_result_is_named(tmp_path, name):
     (write_results(tmp_path) / name).unlink()
     with pytest.raises(InputError, match=re.escape(name)):
@@ -186,18 +194,6 @@ def test_a_walk_is_taken_command_by_command(tmp_path):
 def test_a_quick_walk_trains_for_a_few_steps():
     assert f"--timesteps {STEPS} --out {RUN}\n" in walk_template(FULL)
     assert f"--timesteps {QUICK.timesteps} --out {RUN}\n" in walk_template(QUICK)
-
-
-@pytest.mark.parametrize("command", sorted(set(commands(TRAIN))))
-def test_every_command_is_understood(command):
-    _, name, *words = shlex.split(command)
-    group = typer.main.get_command(app)
-    context = group.make_context("rdpi", [name], resilient_parsing=True)
-    made = group.get_command(context, name).make_context(name, words, parent=context)
-    if isinstance(made.command, typer.core.TyperGroup):
-        inner, *words = words
-        made = made.command.get_command(made, inner).make_context(inner, words, parent=made)
-    assert made.params
 
 
 def test_commands_on_other_machines_are_understood():

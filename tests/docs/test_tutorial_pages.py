@@ -5,9 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 
-from rdpi_gym.cli import app
 from rdpi_gym.measurement import DATA_HINT, DataOptions, load, measured_data
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
@@ -15,6 +13,7 @@ from studies.tutorial.__main__ import TEMPLATES
 from studies.tutorial.__main__ import main as make
 from studies.tutorial.session import ELISION, Session
 from studies.tutorial.template import CONSOLE, FENCE, PROMPT, contradiction, fill, is_claim, quoted
+from tests.looping import over
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -41,12 +40,7 @@ def as_pattern(line):
     return "(.+)".join(re.escape(part) for part in re.split(r"\{\{.*?\}\}", line))
 
 
-def commands():
-    lines = [line for path in TEMPLATES.values() for line in path.read_text("utf-8").splitlines()]
-    return sorted({line for line in lines if line.startswith(f"{PROMPT}rdpi ")})
-
-
-@pytest.mark.parametrize("name", list(TEMPLATES))
+@over("name", list(TEMPLATES))
 def test_page_is_made_from_its_template(name):
     template = prose_and_commands(TEMPLATES[name].read_text(encoding="utf-8"))
     wanted = [as_pattern(line) for line in template if not is_claim(line)]
@@ -56,7 +50,7 @@ def test_page_is_made_from_its_template(name):
         assert re.fullmatch(pattern, line), MAKE
 
 
-@pytest.mark.parametrize("name", list(TEMPLATES))
+@over("name", list(TEMPLATES))
 def test_every_command_of_a_page_has_printed_something(name):
     page = (DOCS / f"{name}.md").read_text(encoding="utf-8")
     for block in re.findall(r"^```console\n(.*?)^```$", page, flags=re.M | re.S):
@@ -64,15 +58,6 @@ def test_every_command_of_a_page_has_printed_something(name):
             assert said.strip() or "make_data" in block
     assert "/tmp" not in page
     assert "Traceback" not in page
-
-
-@pytest.mark.parametrize("command", commands())
-def test_every_command_is_understood(command):
-    _, _, name, *words = command.split()
-    group = typer.main.get_command(app)
-    context = group.make_context("rdpi", [name], resilient_parsing=True)
-    parsed = group.get_command(context, name).make_context(name, words, parent=context)
-    assert parsed.params
 
 
 def test_pictures_exist_are_small_and_none_is_left_over():
@@ -103,8 +88,8 @@ def test_numbers_and_names_are_filled_in(session):
         quoted("{{add.json:steps.5.size}}", session.folder)
 
 
-@pytest.mark.parametrize(
-    ("claim", "holds"),
+@over(
+    "claim, holds",
     [
         ("steps.0.effect = creep", True),
         ("steps.0.effect = delay", False),
@@ -163,8 +148,8 @@ def test_a_variable_stands_for_a_path_both_ways(session):
     assert session.run("python say.py $DATA/a.csv") == ["$DATA/a.csv"]
 
 
-@pytest.mark.parametrize(
-    ("command", "said"),
+@over(
+    "command, said",
     [
         ("rdpi simulate --hide crep", "'crep' is unknown"),
         ("rm -r results", "a page runs rdpi, python, head and nothing else"),

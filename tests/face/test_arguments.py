@@ -5,10 +5,11 @@ import inspect
 import pytest
 
 import rdpi_gym as rg
+from tests.looping import over
 
 
-@pytest.mark.parametrize(
-    ("call", "expected"),
+@over(
+    "call, expected",
     [
         (lambda data: rg.fit(data, plays="ten"), "fit: plays is 'ten'; give a whole number"),
         (lambda data: rg.fit(data, plays=2.5), "fit: plays is 2.5; give a whole number"),

@@ -10,6 +10,7 @@ import rdpi_gym as rg
 from rdpi_gym import cli
 from rdpi_gym.cli import main
 from rdpi_gym.plant import PlantModel
+from tests.looping import over
 
 FOLDER = Path(cli.__file__).parent
 # What a command may know besides `import rdpi_gym as rg`.
@@ -114,7 +115,7 @@ def test_effects(tmp_path):
     assert (tmp_path / "command" / "effects.md").read_text() == page.read_text()
 
 
-@pytest.mark.parametrize("file", sorted(FOLDER.glob("*.py")), ids=lambda file: file.stem)
+@over("file", sorted(FOLDER.glob("*.py")))
 def test_a_command_knows_the_face_alone(file):
     tree = ast.parse(file.read_text(encoding="utf-8"))
     found = [alias.name for n in ast.walk(tree) if isinstance(n, ast.Import) for alias in n.names]

@@ -9,6 +9,7 @@ import rdpi_gym as rg
 from rdpi_gym.diagnosis.notices import RECORDS, Notice
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 
 def recorded(low, high):
@@ -18,7 +19,7 @@ def recorded(low, high):
     return rg.Dataset("one", (Record("one", t, u, 0.1 * u, ts_s=1e-3),))
 
 
-@pytest.mark.parametrize("code", RECORDS)
+@over("code", RECORDS)
 def test_it_starts_and_ends_where_a_stage_rests_and_stays_in_range(code):
     planned = rg.plan_experiment(Notice(code, ("rdpi", "stop")), recorded(20.0, 100.0), "P5")
     assert planned.u_V[0] == planned.u_V[-1] == 20.0  # the command nearest 0 V
@@ -42,9 +43,7 @@ def test_the_same_motion_again_is_sampled_four_times_as_fast():
     assert np.allclose(planned.u_V[::4], data.records[0].u_V, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("rate", "said"), [(1.0, "too slow"), (1e7, "samples; give"), (-1.0, "above 0")]
-)
+@over("rate, said", [(1.0, "too slow"), (1e7, "samples; give"), (-1.0, "above 0")])
 def test_a_rate_that_cannot_be_played_is_one_line(rate, said):
     with pytest.raises(InputError, match=said):
         rg.plan_experiment("steps with holds", recorded(-10.0, 10.0), "P5", rate)

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 import rdpi_gym as rg
+from tests.looping import over
 
 HEAVY = ("torch", "plotly", "matplotlib", "pandas", "scipy", "numba", "h5py", "joblib", "cattrs")
 
@@ -20,7 +21,7 @@ def loaded_by(statement):
     return json.loads(answer.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize(
+@over(
     "statement",
     [
         "import rdpi_gym",

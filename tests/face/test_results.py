@@ -11,13 +11,6 @@ from matplotlib.axes import Axes
 
 import rdpi_gym as rg
 
-NAMES = ("data", "model", "comparison", "models", "found", "scores", "paper")
-
-
-@pytest.fixture(params=NAMES)
-def result(request, results):
-    return results[request.param]
-
 
 def same(one, other):
     """Whether two values are equal in every number, text and array."""
@@ -39,15 +32,19 @@ def same(one, other):
     return one == other or (one != one and other != other)
 
 
-def test_is_a_result(result):
-    assert isinstance(result, rg.Result)
+def test_is_a_result(results, subtests):
+    for name, result in results.items():
+        with subtests.test(name):
+            assert isinstance(result, rg.Result)
 
 
-def test_first_line_is_short_and_has_a_number(result):
-    first = repr(result).splitlines()[0]
-    assert re.search(r"\d", first)
-    assert len(first) <= 400
-    assert "object at 0x" not in repr(result)
+def test_first_line_is_short_and_has_a_number(results, subtests):
+    for name, result in results.items():
+        with subtests.test(name):
+            first = repr(result).splitlines()[0]
+            assert re.search(r"\d", first)
+            assert len(first) <= 400
+            assert "object at 0x" not in repr(result)
 
 
 @pytest.mark.parametrize(
@@ -66,11 +63,13 @@ def test_the_number_has_its_unit(results, name, unit):
     assert unit in repr(results[name]).splitlines()[0]
 
 
-def test_a_notebook_shows_the_answer_a_table_and_a_figure(result):
-    html = result._repr_html_()
-    assert html.startswith("<div><p><strong>")
-    assert "<table" in html
-    assert 'src="data:image/png;base64,' in html
+def test_a_notebook_shows_the_answer_a_table_and_a_figure(results, subtests):
+    for name, result in results.items():
+        with subtests.test(name):
+            html = result._repr_html_()
+            assert html.startswith("<div><p><strong>")
+            assert "<table" in html
+            assert 'src="data:image/png;base64,' in html
 
 
 def test_what_a_user_wrote_is_escaped_in_a_notebook(data):
@@ -81,20 +80,24 @@ def test_what_a_user_wrote_is_escaped_in_a_notebook(data):
     assert "&lt;script&gt;" in named._repr_html_()
 
 
-def test_plot_gives_axes_with_lines_and_units(result):
-    try:
-        axes = np.atleast_1d(result.plot())
-        assert all(isinstance(each, Axes) for each in axes)
-        assert all(each.has_data() for each in axes)
-        assert any("(" in each.get_xlabel() for each in axes)
-    finally:
-        plt.close("all")
+def test_plot_gives_axes_with_lines_and_units(results, subtests):
+    for name, result in results.items():
+        with subtests.test(name):
+            try:
+                axes = np.atleast_1d(result.plot())
+                assert all(isinstance(each, Axes) for each in axes)
+                assert all(each.has_data() for each in axes)
+                assert any("(" in each.get_xlabel() for each in axes)
+            finally:
+                plt.close("all")
 
 
-def test_becomes_a_table(result):
-    table = result.to_dataframe()
-    assert isinstance(table, pd.DataFrame)
-    assert len(table)
+def test_becomes_a_table(results, subtests):
+    for name, result in results.items():
+        with subtests.test(name):
+            table = result.to_dataframe()
+            assert isinstance(table, pd.DataFrame)
+            assert len(table)
 
 
 def test_table_is_the_callers_own(comparison):
@@ -103,17 +106,21 @@ def test_table_is_the_callers_own(comparison):
     assert comparison.rmse_um() > 0
 
 
-def test_becomes_a_page_that_fetches_nothing(result, tmp_path):
-    path = result.page(tmp_path / "page.html")
-    text = path.read_text(encoding="utf-8")
-    assert text.startswith("<!DOCTYPE html>")
-    assert "default-src 'none'" in text
+def test_becomes_a_page_that_fetches_nothing(results, tmp_path, subtests):
+    for name, result in results.items():
+        with subtests.test(name):
+            path = result.page(tmp_path / "page.html")
+            text = path.read_text(encoding="utf-8")
+            assert text.startswith("<!DOCTYPE html>")
+            assert "default-src 'none'" in text
 
 
-def test_is_saved_and_loaded_to_the_last_bit(result, tmp_path):
-    path = result.save(tmp_path / "result.npz")
-    assert same(rg.load_result(path), result)
-    assert same(type(result).load(path), result)
+def test_is_saved_and_loaded_to_the_last_bit(results, tmp_path, subtests):
+    for name, result in results.items():
+        with subtests.test(name):
+            path = result.save(tmp_path / "result.npz")
+            assert same(rg.load_result(path), result)
+            assert same(type(result).load(path), result)
 
 
 def test_a_loaded_result_goes_on(data, tmp_path):

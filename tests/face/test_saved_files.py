@@ -108,12 +108,14 @@ def test_a_field_that_is_missing(saved):
     assert "rmse_um" in refused(write(saved, document, arrays))
 
 
-@pytest.mark.parametrize("place", [-1, "a999", "document", 1.5, None, ["a0"]])
-def test_an_array_that_is_not_there(data, tmp_path, place):
-    path = data.save(tmp_path / "data.npz")
-    document, arrays = document_of(path)
-    document["result"]["records"][0]["u_V"] = place
-    refused(write(path, document, arrays))
+def test_an_array_that_is_not_there(data, tmp_path_factory, subtests):
+    for place in [-1, "a999", "document", 1.5, None, ["a0"]]:
+        with subtests.test(place=place):
+            tmp_path = tmp_path_factory.mktemp("case")
+            path = data.save(tmp_path / "data.npz")
+            document, arrays = document_of(path)
+            document["result"]["records"][0]["u_V"] = place
+            refused(write(path, document, arrays))
 
 
 def test_pickled_objects_are_refused(data, tmp_path):
@@ -151,27 +153,29 @@ def test_a_deeply_nested_document(saved):
     refused(saved)
 
 
-@pytest.mark.parametrize("rows", [100_000_000, -1, 2.5, "many", None])
-def test_the_rows_of_a_table_are_those_of_its_columns(scores, tmp_path, rows):
-    path = scores.save(tmp_path / "scores.npz")
-    document, arrays = document_of(path)
-    table = document["result"]["table"]
-    table["rows"] = rows
-    tracemalloc.start()
-    refused(write(path, document, arrays))
-    assert tracemalloc.get_traced_memory()[1] < 2**24
-    tracemalloc.stop()
+def test_the_rows_of_a_table_are_those_of_its_columns(scores, tmp_path_factory, subtests):
+    for rows in [100_000_000, -1, 2.5, "many", None]:
+        with subtests.test(rows=rows):
+            tmp_path = tmp_path_factory.mktemp("case")
+            path = scores.save(tmp_path / "scores.npz")
+            document, arrays = document_of(path)
+            table = document["result"]["table"]
+            table["rows"] = rows
+            tracemalloc.start()
+            refused(write(path, document, arrays))
+            assert tracemalloc.get_traced_memory()[1] < 2**24
+            tracemalloc.stop()
 
 
-@pytest.mark.parametrize(
-    "values", [["a", "b"], [1j, 2.0], np.array(["2020-01-01"], dtype="M8[s]"), [b"a"]]
-)
-def test_an_array_of_anything_but_numbers_is_refused(data, tmp_path, values):
-    path = data.save(tmp_path / "data.npz")
-    document, arrays = document_of(path)
-    document["result"]["records"][0]["u_V"] = "other"
-    arrays["other"] = np.array(values)
-    assert "arrays hold numbers" in refused(write(path, document, arrays))
+def test_an_array_of_anything_but_numbers_is_refused(data, tmp_path_factory, subtests):
+    for values in [["a", "b"], [1j, 2.0], np.array(["2020-01-01"], dtype="M8[s]"), [b"a"]]:
+        with subtests.test(values=values):
+            tmp_path = tmp_path_factory.mktemp("case")
+            path = data.save(tmp_path / "data.npz")
+            document, arrays = document_of(path)
+            document["result"]["records"][0]["u_V"] = "other"
+            arrays["other"] = np.array(values)
+            assert "arrays hold numbers" in refused(write(path, document, arrays))
 
 
 def test_flipped_bits_give_a_result_or_one_line(saved):
@@ -188,3 +192,30 @@ def test_flipped_bits_give_a_result_or_one_line(saved):
             said.append(str(error))
     assert all("\n" not in line and len(line) < 400 for line in said)
     assert len(said) > 100  # of an archive every member has a check sum
+
+
+def test_checks_and_findings_are_saved_as_the_sentences_of_their_release(
+    comparison, found, tmp_path
+):
+    for result, key, kept in (
+        (comparison, "checks", {"sentence": "It creeps.", "next_step": "Wait."}),
+        (found, "findings", {"sentence": "3 stand alone.", "next_step": "Look for contacts."}),
+    ):
+        path = result.save(tmp_path / f"{key}.npz")
+        document, arrays = document_of(path)
+        written = document["result"][key]
+        assert [each.to_dict() for each in getattr(rg.load_result(path), key)] == written
+        assert repr(rg.load_result(path)) == repr(result)
+        for each in written:  # in other words
+            each |= kept
+        old = rg.load_result(write(path, document, arrays))
+        assert [each.to_dict() for each in getattr(old, key)] == written
+
+
+def test_a_check_without_its_sentence_or_in_no_zone_is_damage(comparison, tmp_path):
+    path = comparison.save(tmp_path / "comparison.npz")
+    document, arrays = document_of(path)
+    for damage in ({"sentence": None}, {"zone": "perhaps"}, {"value": "much"}, {"suggests": 3}):
+        changed = json.loads(json.dumps(document))
+        changed["result"]["checks"][0] |= damage
+        refused(write(path, changed, arrays))

@@ -5,6 +5,7 @@ import pytest
 import rdpi_gym as rg
 from rdpi_gym.face.search import candidates_of
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
+from tests.looping import over
 
 
 def names(result):
@@ -55,8 +56,8 @@ def test_results_with_a_plant_stand_for_it(data, found):
     assert rg.compare(data, found).model == found.plant
 
 
-@pytest.mark.parametrize(
-    ("call", "expected"),
+@over(
+    "call, expected",
     [
         (lambda data: rg.discover(3), "data is 3; give a Dataset, a path or text"),
         (lambda data: rg.discover(data, 3), "model is 3"),

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rdpi_gym.support import folders
+from rdpi_gym.support import files
 from rdpi_gym.support.errors import InputError
 
 KILLED, REFUSED, CRASHED = 99, 2, 70
@@ -51,7 +51,7 @@ class Injection:
         """Disturb this process from now on."""
         for name in _CALLS:
             setattr(os, name, self._disturbed(name, getattr(os, name)))
-        folders._exchange = self._disturbed("exchange", folders._exchange)
+        files._exchange = self._disturbed("exchange", files._exchange)
 
     def _disturbed(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
         def disturbed(*arguments: Any, **options: Any) -> Any:

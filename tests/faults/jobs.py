@@ -12,9 +12,14 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from rdpi_gym.support import folders
-from rdpi_gym.support.files import read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support import files
+from rdpi_gym.support.files import (
+    read_json,
+    replaced_folder,
+    settled_folder,
+    write_atomic,
+    write_json,
+)
 from rdpi_gym.support.store import named_rows
 from tests.faults.injection import Job, disturb, without_waiting
 
@@ -58,8 +63,8 @@ def whole_folder(exchange: bool) -> Job:
         return {path.name: path.read_text() for path in place.iterdir()}
 
     def work(folder: Path) -> None:
-        own = folders._exchange if exchange else lambda one, other: False
-        with patch.object(folders, "_exchange", own):
+        own = files._exchange if exchange else lambda one, other: False
+        with patch.object(files, "_exchange", own):
             write(folder, "new")
 
     name = f"folder, {'one step' if exchange else 'two renames'}"

@@ -6,6 +6,7 @@ from rdpi_gym.support.errors import InputError
 from studies.bare_metal.boards import BOARDS, missing, object_of, program_of, ran
 from studies.bare_metal.counted import cost, write_sources
 from studies.firmware_cost import ASKED
+from tests.looping import over
 
 needs_tools = pytest.mark.skipif(
     missing() is not None, reason=f"{missing()} is not installed: nothing runs on emulated boards"
@@ -27,8 +28,8 @@ def costs(tmp_path_factory):
 
 
 @needs_tools
-@pytest.mark.parametrize("precision", AWAY)
-@pytest.mark.parametrize("core", BOARDS)
+@over("precision", AWAY)
+@over("core", BOARDS)
 def test_the_vectors_come_out_on_the_board(core, precision, costs):
     found = costs[core, precision]
     assert found.away <= AWAY[precision]
@@ -55,7 +56,7 @@ def test_a_plant_runs_too(tmp_path):
 
 
 @needs_tools
-@pytest.mark.parametrize(("core", "precision"), [("M4F", 32), ("M0+", 31)])
+@over("core, precision", [("M4F", 32), ("M0+", 31)])
 def test_an_exported_main_runs_on_the_board(core, precision, tmp_path):
     package = package_of(named_plant("P5"), 1e-4, "pi-inversion-free-reference-rate")
     for name, text in package.files().items():
@@ -76,7 +77,7 @@ def test_what_the_compiler_refuses_is_said(tmp_path):
 
 
 @needs_tools
-@pytest.mark.parametrize("core", BOARDS)
+@over("core", BOARDS)
 def test_a_fault_is_said(core, tmp_path):
     source = tmp_path / "far.c"
     source.write_text("int main(void) { return *(volatile int *)0x60000001; }\n")

@@ -23,8 +23,7 @@ import numpy as np
 
 from rdpi_gym.measurement import load
 from rdpi_gym.plant import P5
-from rdpi_gym.support.files import write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.files import replaced_folder, write_atomic, write_json
 from rdpi_gym.support.store import named_rows
 from tests.fuzz import readers
 from tests.fuzz.readers import Case, Learner, Subject
@@ -134,7 +133,7 @@ def _session(folder: Path) -> None:
 
 def _go_on(folder: Path) -> Any:
     """Open a session, tell its state, and write to its journal and settings."""
-    from rdpi_gym.laboratory.bringing import read, write_settings
+    from rdpi_gym.laboratory.data_import import read, write_settings
     from rdpi_gym.laboratory.session import Session
 
     told = readers.read_journal(folder)
@@ -144,14 +143,14 @@ def _go_on(folder: Path) -> Any:
 
 
 def _copy_in(folder: Path) -> Any:
-    from rdpi_gym.laboratory.bringing import copy_in
+    from rdpi_gym.laboratory.data_import import copy_in
 
     return copy_in(folder, folder.parent / "taken")
 
 
 def _copy_over(folder: Path) -> Any:
     """Copy into a folder whose entries are attacked."""
-    from rdpi_gym.laboratory.bringing import copy_in
+    from rdpi_gym.laboratory.data_import import copy_in
 
     with tempfile.TemporaryDirectory() as name:
         _records(Path(name))

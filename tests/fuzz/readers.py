@@ -746,7 +746,7 @@ def journal(stack: ExitStack) -> Reader:
 
 def read_journal(folder: Path) -> Any:
     from rdpi_gym.laboratory.session import Session
-    from rdpi_gym.laboratory.telling import state_of
+    from rdpi_gym.laboratory.session_json import state_of
 
     session = Session(folder)
     return json.dumps(state_of(session, None, None, {}), allow_nan=False)
@@ -765,7 +765,7 @@ def session_data(stack: ExitStack) -> Reader:
 
     def read(folder: Path) -> Any:
         """Tell the state, change a setting, take one file and all into another session."""
-        from rdpi_gym.laboratory.bringing import copy_in, write_settings
+        from rdpi_gym.laboratory.data_import import copy_in, write_settings
 
         def tried(action: Callable[[], Any]) -> str:
             try:

@@ -50,7 +50,7 @@ class Instant:
 
 
 def main() -> None:
-    with patch("rdpi_gym.laboratory.desk.Workers", Instant):
+    with patch("rdpi_gym.laboratory.session_jobs.Workers", Instant):
         server = Server(bind(), Path(sys.argv[1]), processes=1)
         print(server.place.port, server.place.token, flush=True)
         asyncio.run(server.run())

@@ -9,32 +9,29 @@ import socket
 import pytest
 
 import rdpi_gym as rg
-from rdpi_gym.laboratory.events import Events
+from rdpi_gym.laboratory.downloads import notebook_of
 from rdpi_gym.laboratory.lab import Lab
 from rdpi_gym.laboratory.opening import session_folder
 from rdpi_gym.laboratory.session import JOURNAL, Session, Step
-from rdpi_gym.laboratory.taking import notebook_of
+from rdpi_gym.laboratory.session_jobs import Events
 from tests.laboratory.test_lab import Played
 
 SECRET = "what the user has elsewhere"
 
 
-@pytest.fixture
-def elsewhere(tmp_path):
-    """A folder of the user, outside the session."""
-    folder = tmp_path / "home"
-    folder.mkdir()
-    (folder / "thesis.csv").write_text(SECRET)
-    return folder
+def places(folder):
+    """A session, and a folder of the user outside it."""
+    session, elsewhere = folder / "session", folder / "home"
+    for made in (session / "data", session / "refused", elsewhere):
+        made.mkdir(parents=True)
+    (session / JOURNAL).touch()
+    (elsewhere / "thesis.csv").write_text(SECRET)
+    return session, elsewhere
 
 
 @pytest.fixture
 def session(tmp_path):
-    folder = tmp_path / "session"
-    (folder / "data").mkdir(parents=True)
-    (folder / "refused").mkdir()
-    (folder / JOURNAL).touch()
-    return folder
+    return places(tmp_path)[0]
 
 
 def step(**changes):
@@ -80,27 +77,28 @@ LINKS = {
 }
 
 
-@pytest.mark.parametrize("kind", LINKS)
-def test_a_session_with_a_link_or_a_special_file_is_refused(session, elsewhere, kind, monkeypatch):
-    monkeypatch.chdir(session.parent)  # the address of a socket is short
-    LINKS[kind](session.relative_to(session.parent), elsewhere)
-    with pytest.raises(
-        rg.InputError, match="is a link or no regular file; this folder may hold neither"
-    ):
-        session_folder(session)
-    with pytest.raises(
-        rg.InputError, match="is a link or no regular file; this folder may hold neither"
-    ):
-        Session(session)
-    assert (elsewhere / "thesis.csv").read_text() == SECRET
-
-
-@pytest.mark.parametrize("kind", ["data", "a file", "settings"])
-@pytest.mark.parametrize("act", ["put", "delete", "open", "settings", "clear"])
-def test_a_link_that_comes_while_it_is_open_is_not_followed(
-    session, elsewhere, kind, act, monkeypatch
+def test_a_session_with_a_link_or_a_special_file_is_refused(
+    monkeypatch, subtests, tmp_path_factory
 ):
-    monkeypatch.setattr("rdpi_gym.laboratory.desk.Workers", Played)
+    for kind in LINKS:
+        with subtests.test(kind=kind):
+            tmp_path = tmp_path_factory.mktemp("case")
+            session, elsewhere = places(tmp_path)
+            monkeypatch.chdir(session.parent)  # the address of a socket is short
+            LINKS[kind](session.relative_to(session.parent), elsewhere)
+            with pytest.raises(
+                rg.InputError, match="is a link or no regular file; this folder may hold neither"
+            ):
+                session_folder(session)
+            with pytest.raises(
+                rg.InputError, match="is a link or no regular file; this folder may hold neither"
+            ):
+                Session(session)
+            assert (elsewhere / "thesis.csv").read_text() == SECRET
+
+
+def attack(session, elsewhere, kind, act, monkeypatch):
+    monkeypatch.setattr("rdpi_gym.laboratory.session_jobs.Workers", Played)
 
     async def write(path):
         path.write_bytes(b"foreign")
@@ -125,12 +123,22 @@ def test_a_link_that_comes_while_it_is_open_is_not_followed(
     assert [(f.name, f.read_text()) for f in elsewhere.iterdir()] == [("thesis.csv", SECRET)]
 
 
+def test_a_link_that_comes_while_it_is_open_is_not_followed(
+    monkeypatch, subtests, tmp_path_factory
+):
+    for act in ["put", "delete", "open", "settings", "clear"]:
+        for kind in ["data", "a file", "settings"]:
+            with subtests.test(act=act, kind=kind):
+                tmp_path = tmp_path_factory.mktemp("case")
+                session, elsewhere = places(tmp_path)
+                attack(session, elsewhere, kind, act, monkeypatch)
+
+
 CODE = "s1 = 0\nimport os; os.system('true')\ns1"
 
 
-@pytest.mark.parametrize(
-    "events",
-    [
+def test_a_name_of_a_step_that_is_none_is_damage(subtests, tmp_path_factory):
+    for events in [
         [step(id=CODE)],
         [step(id="s1; print(1)")],
         [step(id="ｓ1")],
@@ -143,12 +151,13 @@ CODE = "s1 = 0\nimport os; os.system('true')\ns1"
         [step(train_um="__import__('os')")],
         [step(label=["x"])],
         [step(held=[1])],
-    ],
-)
-def test_a_name_of_a_step_that_is_none_is_damage(session, events):
-    journal(session, *events)
-    with pytest.raises(rg.InputError, match=r"journal\.jsonl, line \d is damaged"):
-        Session(session)
+    ]:
+        with subtests.test(events=events):
+            tmp_path = tmp_path_factory.mktemp("case")
+            session, _ = places(tmp_path)
+            journal(session, *events)
+            with pytest.raises(rg.InputError, match=r"journal\.jsonl, line \d is damaged"):
+                Session(session)
 
 
 def test_every_text_of_a_journal_is_quoted_in_the_notebook(session):
@@ -192,10 +201,8 @@ BAD_SETTINGS = {
 }
 
 
-@pytest.mark.parametrize("as_folder", [True, False])
-@pytest.mark.parametrize("kind", BAD_SETTINGS)
-def test_bad_settings_beside_a_record_are_one_line(session, tmp_path, kind, as_folder, monkeypatch):
-    monkeypatch.setattr("rdpi_gym.laboratory.desk.Workers", Played)
+def bring_settings(session, tmp_path, kind, as_folder, monkeypatch):
+    monkeypatch.setattr("rdpi_gym.laboratory.session_jobs.Workers", Played)
     rig = tmp_path / "rig"
     rig.mkdir()
     (rig / "run.csv").write_text("t,u,y\n" + "".join(f"{k},{k % 9},{k}\n" for k in range(40)))
@@ -221,3 +228,12 @@ def test_bad_settings_beside_a_record_are_one_line(session, tmp_path, kind, as_f
         return json.dumps(lab.state())
 
     assert "run.csv" in asyncio.run(opened())
+
+
+def test_bad_settings_beside_a_record_are_one_line(monkeypatch, subtests, tmp_path_factory):
+    for kind in BAD_SETTINGS:
+        for as_folder in [True, False]:
+            with subtests.test(kind=kind, as_folder=as_folder):
+                tmp_path = tmp_path_factory.mktemp("case")
+                session, _ = places(tmp_path)
+                bring_settings(session, tmp_path, kind, as_folder, monkeypatch)

@@ -3,9 +3,8 @@
 import asyncio
 import json
 
-import pytest
-
 from rdpi_gym.laboratory.guard import ADDRESS_NEEDED, TICKET_USED, Guard
+from tests.looping import over
 
 TOKEN, TICKET, PORT = "a-token", "a-ticket", 8080
 OURS = {"authorization": f"Bearer {TOKEN}"}
@@ -38,13 +37,17 @@ def test_the_token_opens_the_session():
     assert ask(headers=OURS)[0] == 200
 
 
-@pytest.mark.parametrize(
-    "headers", [{}, {"authorization": "Bearer other"}, {"authorization": f"Ticket {TICKET}"},
-                {"cookie": f"rdpi_lab={TOKEN}"}, {"authorization": TOKEN}],
-)  # fmt: skip
-@pytest.mark.parametrize(
-    "path", ["/api/state", "/api/take/model.json", "/api/files/run.csv", "/other"]
+@over(
+    "headers",
+    [
+        {},
+        {"authorization": "Bearer other"},
+        {"authorization": f"Ticket {TICKET}"},
+        {"cookie": f"rdpi_lab={TOKEN}"},
+        {"authorization": TOKEN},
+    ],
 )
+@over("path", ["/api/state", "/api/take/model.json", "/api/files/run.csv", "/other"])
 def test_without_it_there_is_one_line(path, headers):
     status, _, body = ask(path, headers)
     assert (status, body.strip()) == (403, ADDRESS_NEEDED)
@@ -62,7 +65,7 @@ def test_the_ticket_of_a_browser_gives_the_token_once():
     assert (status, json.loads(body)) == (403, {"problem": TICKET_USED})
 
 
-@pytest.mark.parametrize("given", ["", "Ticket ", "Ticket other", f"Bearer {TOKEN}"])
+@over("given", ["", "Ticket ", "Ticket other", f"Bearer {TOKEN}"])
 def test_no_other_word_gives_it(given):
     assert ask("/api/token", {"authorization": given})[0] == 403
 
@@ -76,12 +79,12 @@ def test_no_secret_is_kept_where_other_servers_of_this_machine_receive_it():
         assert b"set-cookie" not in ask(path, headers)[1]
 
 
-@pytest.mark.parametrize("host", ["evil.example", f"evil.example:{PORT}", "127.0.0.1:81", ""])
+@over("host", ["evil.example", f"evil.example:{PORT}", "127.0.0.1:81", ""])
 def test_a_name_that_is_pointed_at_this_machine_is_not_ours(host):
     assert ask(headers=OURS, host=host)[0] == 403
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", f"https://127.0.0.1:{PORT}"])
+@over("origin", ["http://evil.example", "null", f"https://127.0.0.1:{PORT}"])
 def test_another_page_may_not_ask(origin):
     assert ask(headers={**OURS, "origin": origin})[0] == 403
     assert ask(headers={**OURS, "origin": f"http://localhost:{PORT}"})[0] == 200

@@ -8,8 +8,8 @@ import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.laboratory import jobs
-from rdpi_gym.laboratory.events import Events
 from rdpi_gym.laboratory.lab import Lab
+from rdpi_gym.laboratory.session_jobs import Events
 
 CREEP, DELAY = rg.effects["creep"](), rg.effects["delay"]()
 BASE = replace(rg.plants["P5"], effects=())
@@ -70,7 +70,7 @@ async def begun(lab, count):
 @pytest.fixture
 def play(tmp_path, monkeypatch):
     """Run a scene in a laboratory whose base model and creep are refitted."""
-    monkeypatch.setattr("rdpi_gym.laboratory.desk.Workers", Played)
+    monkeypatch.setattr("rdpi_gym.laboratory.session_jobs.Workers", Played)
     monkeypatch.setattr(Lab, "_say", lambda self, step: None)
 
     def run(scene):

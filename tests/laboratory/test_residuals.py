@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rdpi_gym.laboratory.residuals import brushed, residual_views
+from rdpi_gym.laboratory.views import brushed, residual_views
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.errors import InputError
 

@@ -108,7 +108,7 @@ def test_from_files_to_a_model_that_is_there_again(lab, records, tmp_path):
 
 
 def test_what_is_too_large_or_no_json_or_no_data_is_one_line(lab, monkeypatch):
-    monkeypatch.setattr("rdpi_gym.laboratory.bringing.MOST_BYTES", 2**20)
+    monkeypatch.setattr("rdpi_gym.laboratory.data_import.MOST_BYTES", 2**20)
     kind = "application/octet-stream"
     status, said = lab.ask("PUT", "/api/files/run.csv", bytes(2**20 + 1), kind)
     assert (status, said["problem"]) == (400, "the file is larger than 1 MiB; give a smaller one")

@@ -41,15 +41,25 @@ def test_a_ranking_that_the_server_took_with_it_is_not_running_any_more(tmp_path
     assert Session(tmp_path).ranking_of(step).status == "cancelled"
 
 
-@pytest.mark.parametrize(
-    "line", ["{}}", "3", "[1]", "{}", '{"do": "step"}', '{"do": "step", "step": {"id": "s1"}}',
-             '{"do": "go", "path": 3}', '{"do": "file", "name": [], "entry": {}}'],
-)  # fmt: skip
-def test_damage_within_the_journal_is_said_with_its_line(tmp_path, line):
-    made(Session(tmp_path))
-    (tmp_path / JOURNAL).write_bytes(line.encode() + b"\n" + (tmp_path / JOURNAL).read_bytes())
-    with pytest.raises(rg.InputError, match=r"journal\.jsonl, line 1 is damaged"):
-        Session(tmp_path)
+def test_damage_within_the_journal_is_said_with_its_line(tmp_path_factory, subtests):
+    for line in [
+        "{}}",
+        "3",
+        "[1]",
+        "{}",
+        '{"do": "step"}',
+        '{"do": "step", "step": {"id": "s1"}}',
+        '{"do": "go", "path": 3}',
+        '{"do": "file", "name": [], "entry": {}}',
+    ]:
+        with subtests.test(line=line):
+            tmp_path = tmp_path_factory.mktemp("case")
+            made(Session(tmp_path))
+            (tmp_path / JOURNAL).write_bytes(
+                line.encode() + b"\n" + (tmp_path / JOURNAL).read_bytes()
+            )
+            with pytest.raises(rg.InputError, match=r"journal\.jsonl, line 1 is damaged"):
+                Session(tmp_path)
 
 
 def test_a_step_made_after_an_undo_ends_what_could_be_redone(tmp_path):

@@ -131,6 +131,13 @@ def test_an_archive_that_expands_to_gigabytes(tmp_path, refusal) -> None:
     assert "run.npz, 'y': expands to 3052 MiB; what is read of this file" in refusal(path)
 
 
+def test_bytes_count_as_the_doubles_that_they_become(tmp_path, refusal, monkeypatch) -> None:
+    monkeypatch.setattr("rdpi_gym.support.npz.FREE_BYTES", 2**20)
+    monkeypatch.setattr("rdpi_gym.support.npz.EXPANSION", 1)
+    path = archive(tmp_path / "run.npz", y=npy(np.zeros(2**18, dtype=np.int8)))
+    assert "run.npz, 'y': expands to 0 MiB" in refusal(path)
+
+
 @contextmanager
 def taking_at_most(most_bytes: int):
     """Fail where the statements inside take more memory."""

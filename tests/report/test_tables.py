@@ -5,14 +5,14 @@ import re
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.report.tables import SEARCH_FROM_ROWS, format_number, heading, table_html
+from tests.looping import over
 
 
-@pytest.mark.parametrize(
-    ("name", "shown"),
+@over(
+    "name, shown",
     [
         ("rmse_um", "RMSE (µm)"),
         ("nrmse_percent", "NRMSE (%)"),
@@ -50,7 +50,7 @@ def test_booleans_are_words():
     assert ">no<" in html
 
 
-@pytest.mark.parametrize("value", [1.5e-7, 3.14159, -2.0, 12345678.0, 0.0])
+@over("value", [1.5e-7, 3.14159, -2.0, 12345678.0, 0.0])
 def test_four_digits_are_true(value):
     shown = float(format_number(value).replace("\N{MINUS SIGN}", "-"))
     assert math.isclose(shown, value, rel_tol=5e-4)

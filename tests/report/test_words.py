@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from rdpi_gym.diagnosis import compare
 from rdpi_gym.measurement import Dataset, Record
@@ -31,24 +30,29 @@ def opening(page):
     return found.group(1)
 
 
-@pytest.mark.parametrize("kind", ["discovery", "diagnosis", "comparison"])
-def test_first_sentence_is_the_answer_with_its_unit(kind, request, tmp_path):
-    path = tmp_path / "report.html"
-    if kind == "comparison":
-        dataset = Dataset("two", (sine(), sine("held", role="validation")))
-        page = write_compare_page(path, compare(dataset, named_plant("P5-static")))
-    else:
-        page = write_discovery_page(path, "a stage", request.getfixturevalue(f"made_{kind}")())
-    first = opening(page).split(". ")[:2]
-    assert re.search(r"\d [µn]m", ". ".join(first)), first
+def test_first_sentence_is_the_answer_with_its_unit(request, tmp_path_factory, subtests):
+    for kind in ["discovery", "diagnosis", "comparison"]:
+        with subtests.test(kind=kind):
+            tmp_path = tmp_path_factory.mktemp("case")
+            path = tmp_path / "report.html"
+            if kind == "comparison":
+                dataset = Dataset("two", (sine(), sine("held", role="validation")))
+                page = write_compare_page(path, compare(dataset, named_plant("P5-static")))
+            else:
+                page = write_discovery_page(
+                    path, "a stage", request.getfixturevalue(f"made_{kind}")()
+                )
+            first = opening(page).split(". ")[:2]
+            assert re.search(r"\d [µn]m", ". ".join(first)), first
 
 
-@pytest.mark.parametrize("room", ["rdpi_gym", "benchmarks", "baselines"])
-def test_odd_phrases_are_gone(room):
-    found = [
-        (path.relative_to(ROOT).as_posix(), phrase)
-        for path in (ROOT / room).rglob("*.py")
-        for phrase in ODD
-        if phrase in path.read_text(encoding="utf-8")
-    ]
-    assert found == []
+def test_odd_phrases_are_gone(subtests):
+    for room in ["rdpi_gym", "benchmarks", "baselines"]:
+        with subtests.test(room=room):
+            found = [
+                (path.relative_to(ROOT).as_posix(), phrase)
+                for path in (ROOT / room).rglob("*.py")
+                for phrase in ODD
+                if phrase in path.read_text(encoding="utf-8")
+            ]
+            assert found == []

@@ -12,10 +12,9 @@ pytest.importorskip("stable_baselines3")
 from rdpi_gym.support.errors import InputError
 from studies.agents import scores, training
 from studies.agents.__main__ import main
-from studies.agents.study import FULL, QUICK
-from studies.agents.summary import estimate, interquartile_mean, summarise
-from studies.agents.training import all_trainings
-from studies.agents.worlds import GAP, GROUPS, with_literal
+from studies.agents.scores import GAP, GROUPS, with_literal
+from studies.agents.tables import estimate, interquartile_mean, summarise
+from studies.agents.training import QUICK, all_trainings
 
 
 @pytest.fixture(scope="module")
@@ -112,24 +111,10 @@ def test_a_literal_plant_is_the_other_without_its_low_pass():
         assert not world.belief.effects
 
 
-def test_the_full_study_has_what_it_is_to_compare():
-    assert len(FULL.seeds) == 5
-    assert {agent.name for agent in FULL.agents} == {
-        "ppo-correction", "ppo-increment", "sac-correction", "sac-increment",
-    }  # fmt: skip
-    assert set(FULL.domains) == set(GAP)
-    kinds = [one.kind for one in scores.contestants(FULL.rivals, [])]
-    assert kinds.count("preview") == 1
-    assert min(kinds.count("feedforward"), kinds.count("feedback")) > 4
-
-
-def test_an_outlier_does_not_move_the_interquartile_mean():
+def test_the_interquartile_mean_is_moved_by_no_outlier_and_no_repetition():
     draws = np.arange(1.0, 9.0)
     assert interquartile_mean(draws) == pytest.approx(4.5)
     assert interquartile_mean(np.append(draws[:-1], np.inf)) == pytest.approx(4.5)
-
-
-def test_scores_that_are_repeated_have_the_same_interquartile_mean():
     draws = np.random.default_rng(2).uniform(size=10)
     assert interquartile_mean(np.tile(draws, 5)) == pytest.approx(interquartile_mean(draws))
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from rdpi_gym.plant import CORES
 from studies import effects_on_cores as study
+from tests.looping import over
 
 RESULT = Path(study.RESULTS) / "effects_on_cores.md"
 
@@ -21,7 +21,7 @@ def test_every_kind_stands_bare_and_with_an_effect():
     }
 
 
-@pytest.mark.parametrize("kind", ["stop", "duhem"])
+@over("kind", ["stop", "duhem"])
 def test_what_is_hidden_shows_and_is_drawn_again_by_its_seed(kind):
     case = study.Case(kind, True, 0, 3)
     core, hidden, data = study.drawn(case)

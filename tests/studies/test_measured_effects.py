@@ -2,40 +2,21 @@
 
 from dataclasses import replace
 
-import pytest
-
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step
 from rdpi_gym.plant import P5
 from studies.measured_effects import summary
+from tests.looping import over
 
 BASE, AFTER = Errors(0.3, 0.4, 2.0, {}), Errors(0.1, 0.2, 1.0, {})
 CREEP = Candidate("creep", AFTER, {}, {}, 0.9, 0.5, (), "the holds creep")
 FOUND = SearchResult(
-    kind="discovery",
-    title="",
-    plant=P5,
-    steps=(Step((CREEP,)),),
-    rounds=((CREEP,),),
-    removed=(),
-    noise_floor_um=0.1,
-    noise_origin="noise floor 0.1 µm rms, from a quiet record",
-    numerical_floor_um=0.0,
-    base=BASE,
-    final=AFTER,
-    given=None,
-    verdict="unexplained",
-    sampling=None,
-    undecided=None,
-    unexplained_rmse_um=0.17,
-    remainder="What is left follows from the input.",
-    next_experiment="Record steps.",
-    indistinguishable=(),
-    findings=(),
-    limits=(),
-    checks=(),
-    views=(),
-    seconds=1.0,
-)
+    kind="discovery", title="", plant=P5, steps=(Step((CREEP,)),), rounds=((CREEP,),), removed=(),
+    noise_floor_um=0.1, noise_origin="noise floor 0.1 µm rms, from a quiet record",
+    numerical_floor_um=0.0, base=BASE, final=AFTER, given=None, verdict="unexplained",
+    sampling=None, undecided=None, unexplained_rmse_um=0.17,
+    remainder="What is left follows from the input.", next_experiment="Record steps.",
+    indistinguishable=(), findings=(), limits=(), checks=(), views=(), seconds=1.0,
+)  # fmt: skip
 
 
 def test_errors_step_by_step():
@@ -46,8 +27,8 @@ def test_errors_step_by_step():
     assert "- creep: confidence 90 %, no remark" in text
 
 
-@pytest.mark.parametrize(
-    ("experiment", "end"),
+@over(
+    "experiment, end",
     [
         ("Record steps.", "\n\nNext experiment: Record steps."),
         (None, "- creep: confidence 90 %, no remark"),

@@ -1,12 +1,12 @@
 """The study of portraits: its plants are fair, and a portrait that cannot tell is not right."""
 
 import numpy as np
-import pytest
 
 from rdpi_gym.diagnosis.portrait.portrait import Portrait, Value
 from studies.portraits.__main__ import answers, cases, main, report
 from studies.portraits.plants import PROTOCOLS, measured
 from studies.portraits.sorts import SORTS
+from tests.looping import over
 
 DRAWN = Portrait(
     "behind", {"behind": 1.0}, True, 1.0, (Value(0.3, 0.1),), "even", {"even": 1.0}, None, None, None,
@@ -20,7 +20,7 @@ def test_sorts_and_protocols_take_turns():
     assert {sort.place for sort in SORTS.values()} == {"before", "in", "behind"}
 
 
-@pytest.mark.parametrize(("tau_s", "near"), [(0.5, True), (0.16, True), (0.61, False)])
+@over("tau_s, near", [(0.5, True), (0.16, True), (0.61, False)])
 def test_what_is_said_is_right_or_not(tau_s, near):
     sort = SORTS["output follows past u^2"]
     row = answers(DRAWN, sort, {"tau_s": tau_s, "second_tau_s": 9.0})

@@ -1,10 +1,12 @@
 """`python -m studies NAME`: every study by its name, options read and refused as everywhere."""
 
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from studies.__main__ import main, studies
+from tests.looping import over
 
 HERE = Path(__file__).parents[2] / "studies"
 
@@ -17,7 +19,7 @@ def test_every_study_is_listed_with_a_line(capsys):
     assert all(line for line in listed.values())
 
 
-@pytest.mark.parametrize("name", studies())
+@over("name", studies())
 def test_bad_options_are_one_line_before_anything_is_measured(name, tmp_path, capsys):
     (tmp_path / "taken").write_text("kept")
     for words, said in (
@@ -39,8 +41,16 @@ def test_an_unknown_study_is_named(capsys):
 
 
 def test_numbers_below_their_least_are_refused(capsys):
-    assert main(["vector-speed", "--rounds", "0"]) == 2
-    assert capsys.readouterr().err == "vector_speed: --rounds is 0; give 1 or more\n"
+    pytest.importorskip("torch")
+    declared = []
+    for name in studies():
+        place = f"studies.{name}.__main__" if (HERE / name).is_dir() else f"studies.{name}"
+        numbers = getattr(import_module(place).main, "numbers", ())
+        declared += [(name, option) for option, *_ in numbers]
+    assert ("vector_speed", "--rounds") in declared
+    for name, option in declared:
+        assert main([name, option, "0"]) == 2, (name, option)
+        assert capsys.readouterr().err == f"{name}: {option} is 0; give 1 or more\n"
 
 
 def test_help_is_text_and_status_0(capsys):

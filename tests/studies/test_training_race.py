@@ -47,8 +47,3 @@ def test_the_command_trains_and_scores_each_seed_once(tmp_path, monkeypatch, cap
     assert "\nReached: " in said
     rows = pd.read_csv(tmp_path / "out" / "seeds.csv")
     assert rows["iqm_percent"].tolist() == [0.2, 0.5, 0.1] * 2
-
-
-def test_a_number_of_plants_that_is_none_is_one_line(capsys):
-    assert training_race.main(["--plants", "0"]) == 2
-    assert capsys.readouterr().err == "training_race: --plants is 0; give 1 or more\n"

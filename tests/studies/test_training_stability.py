@@ -40,8 +40,3 @@ def test_the_command_trains_each_seed_and_says_which_ends_worse(tmp_path, monkey
     table = pd.read_csv(tmp_path / "out" / "seeds.csv")
     assert table["last_over_best"].tolist() == [1.0, 1.8]
     assert len(pd.read_csv(tmp_path / "out" / "curves.csv")) == 6
-
-
-def test_a_number_of_seeds_that_is_none_is_one_line(capsys):
-    assert training_stability.main(["--seeds", "0"]) == 2
-    assert capsys.readouterr().err == "training_stability: --seeds is 0; give 1 or more\n"

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pandas as pd
-import pytest
 
 from studies import vector_speed
 from studies.vector_speed import bytes_a_lane, operations_a_lane, roofline
+from tests.looping import over
 
 PAGE = Path(__file__).parents[2] / "docs" / "vector-environment.md"
 
@@ -61,7 +61,7 @@ def test_the_page_counts_as_the_code_does():
     assert f"**{sum(done.values())} operations**" in page
 
 
-@pytest.mark.parametrize("case", vector_speed.CASES)
+@over("case", vector_speed.CASES)
 def test_every_case_is_measured(case):
     table = vector_speed.measure(rounds=2, duration_s=0.001, lanes=3, threads=[1], cases=[case])
     assert table["case"].tolist() == [case]

@@ -9,10 +9,9 @@ import threading
 
 import pytest
 
-from rdpi_gym.support import folders
+from rdpi_gym.support import files
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.folders import replaced_folder, settled_folder
+from rdpi_gym.support.files import replaced_folder, settled_folder, write_atomic
 from rdpi_gym.support.temporaries import temporary
 
 posix = pytest.mark.skipif(os.name == "nt", reason="rights and locks of POSIX")
@@ -92,7 +91,7 @@ def test_writers_at_the_same_time_leave_one_of_their_files(tmp_path):
 @pytest.mark.parametrize("exchange", [True, False])
 def test_a_folder_that_could_not_be_filled_is_the_old_one(exchange, tmp_path, monkeypatch):
     if not exchange:
-        monkeypatch.setattr(folders, "_exchange", lambda one, other: False)
+        monkeypatch.setattr(files, "_exchange", lambda one, other: False)
     target = tmp_path / "set"
     for text in ("old", "new"):
         with replaced_folder(target) as fresh:

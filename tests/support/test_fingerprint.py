@@ -1,7 +1,5 @@
 """Fingerprints change with what the code does, and with nothing else."""
 
-import pytest
-
 from rdpi_gym.support.fingerprint import code_parts, fingerprint
 
 SOURCE = '''"""A module."""
@@ -30,9 +28,8 @@ def stamp(folder, name, text):
     return fingerprint(code_parts([folder / name]))
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
+def test_comments_docstrings_imports_and_places_change_nothing(tmp_path_factory, subtests):
+    for old, new in [
         ('"""A module."""', '"""Another sentence."""'),
         ("# Eq. 4", "# Eq. 5"),
         ("Domains switch", "Most domains switch"),
@@ -42,14 +39,18 @@ def stamp(folder, name, text):
         ('        "The law."\n', ""),
         ("        from math import sqrt\n", ""),
         ("\n\n\nclass", "\n\n\n\n\nclass"),
-    ],
-)
-def test_comments_docstrings_imports_and_places_change_nothing(tmp_path, old, new):
-    assert old in SOURCE
-    before = stamp(tmp_path, "a.py", SOURCE)
-    assert stamp(tmp_path, "room/b.py", SOURCE.replace(old, new)) == before
+    ]:
+        with subtests.test(old=old, new=new):
+            tmp_path = tmp_path_factory.mktemp("case")
+            assert old in SOURCE
+            before = stamp(tmp_path, "a.py", SOURCE)
+            assert stamp(tmp_path, "room/b.py", SOURCE.replace(old, new)) == before
 
 
-@pytest.mark.parametrize(("old", "new"), [("1.0", "2.0"), ("sqrt(v)", "v"), ("self.x", "self.y")])
-def test_what_the_code_does_changes_it(tmp_path, old, new):
-    assert stamp(tmp_path, "a.py", SOURCE) != stamp(tmp_path, "a.py", SOURCE.replace(old, new))
+def test_what_the_code_does_changes_it(tmp_path_factory, subtests):
+    for old, new in [("1.0", "2.0"), ("sqrt(v)", "v"), ("self.x", "self.y")]:
+        with subtests.test(old=old, new=new):
+            tmp_path = tmp_path_factory.mktemp("case")
+            assert stamp(tmp_path, "a.py", SOURCE) != stamp(
+                tmp_path, "a.py", SOURCE.replace(old, new)
+            )

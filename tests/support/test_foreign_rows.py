@@ -24,36 +24,49 @@ def written(opened, folder, row):
     return opened(folder)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [{"rmse_um": "0.5"}, {"rmse_um": -1}, {"rmse_um": True}, {"status": 3}, {"status": None},
-     {"seed": float("inf")}, {"frequency_hz": {}}],
-)  # fmt: skip
-def test_a_score_that_no_run_writes_is_no_row(change, tmp_path):
-    assert len(written(TRACKING.open, tmp_path, SCORED).rows) == 1
-    store = written(TRACKING.open, tmp_path, {**SCORED, **change})
-    assert (store.rows, store.damaged) == ({}, 1)
+def test_a_score_that_no_run_writes_is_no_row(tmp_path_factory, subtests):
+    for change in [
+        {"rmse_um": "0.5"},
+        {"rmse_um": -1},
+        {"rmse_um": True},
+        {"status": 3},
+        {"status": None},
+        {"seed": float("inf")},
+        {"frequency_hz": {}},
+    ]:
+        with subtests.test(change=change):
+            tmp_path = tmp_path_factory.mktemp("case")
+            assert len(written(TRACKING.open, tmp_path, SCORED).rows) == 1
+            store = written(TRACKING.open, tmp_path, {**SCORED, **change})
+            assert (store.rows, store.damaged) == ({}, 1)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [{"plant": 0.5}, {"stamp": 3}, {"failure": None}, {"certificate": 0.5}, {"tuning_samples": []}],
-)
-def test_a_task_that_no_run_writes_is_no_row(change, tmp_path):
-    assert len(written(TASKS.open, tmp_path, TASK).rows) == 1
-    store = written(TASKS.open, tmp_path, {**TASK, **change})
-    assert (store.rows, store.damaged) == ({}, 1)
+def test_a_task_that_no_run_writes_is_no_row(tmp_path_factory, subtests):
+    for change in [
+        {"plant": 0.5},
+        {"stamp": 3},
+        {"failure": None},
+        {"certificate": 0.5},
+        {"tuning_samples": []},
+    ]:
+        with subtests.test(change=change):
+            tmp_path = tmp_path_factory.mktemp("case")
+            assert len(written(TASKS.open, tmp_path, TASK).rows) == 1
+            store = written(TASKS.open, tmp_path, {**TASK, **change})
+            assert (store.rows, store.damaged) == ({}, 1)
 
 
-@pytest.mark.parametrize("there", [True, False])
-def test_rows_are_not_appended_through_a_link(there, tmp_path):
-    outside = tmp_path / "outside.jsonl"
-    if there:
-        named_rows(outside).append([{"key": "a"}])
-    before = outside.read_bytes() if there else None
-    (tmp_path / "rows.jsonl").symlink_to(outside)
-    with pytest.raises(InputError, match=r"rows\.jsonl cannot be written") as caught:
-        named_rows(tmp_path / "rows.jsonl").append([{"key": "b"}])
-    assert "\n" not in str(caught.value)
-    assert (outside.read_bytes() if there else None) == before
-    assert outside.exists() == there
+def test_rows_are_not_appended_through_a_link(tmp_path_factory, subtests):
+    for there in [True, False]:
+        with subtests.test(there=there):
+            tmp_path = tmp_path_factory.mktemp("case")
+            outside = tmp_path / "outside.jsonl"
+            if there:
+                named_rows(outside).append([{"key": "a"}])
+            before = outside.read_bytes() if there else None
+            (tmp_path / "rows.jsonl").symlink_to(outside)
+            with pytest.raises(InputError, match=r"rows\.jsonl cannot be written") as caught:
+                named_rows(tmp_path / "rows.jsonl").append([{"key": "b"}])
+            assert "\n" not in str(caught.value)
+            assert (outside.read_bytes() if there else None) == before
+            assert outside.exists() == there

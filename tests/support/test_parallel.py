@@ -11,6 +11,7 @@ from benchmarks import hidden_effects
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
+from tests.looping import over
 
 # Functions are made inside functions: what pickles by value needs no import in another process.
 
@@ -29,7 +30,7 @@ def closed_port():
     return f"127.0.0.1:{port}"
 
 
-@pytest.mark.parametrize("jobs", [1, 2, -1])
+@over("jobs", [1, 2, -1])
 def test_every_case_has_one_result(jobs):
     assert sorted(run_cases(squares(), list(range(7)), jobs)) == [k * k for k in range(7)]
 
@@ -87,7 +88,7 @@ def test_a_process_has_one_thread(monkeypatch):
     assert list(run_cases(seen, names, jobs=2)) == ["1", "1"]
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@over("jobs", [1, 2])
 def test_what_a_case_raises_is_raised(jobs):
     def fails(number):
         raise InputError(f"case {number} is no case")
@@ -106,7 +107,7 @@ def test_without_ray_the_extra_is_named(monkeypatch):
         list(run_cases(squares(), [1], ray_address="auto"))
 
 
-@pytest.mark.parametrize("address", ["nonsense", "a b:c", "http://127.0.0.1"])
+@over("address", ["nonsense", "a b:c", "http://127.0.0.1"])
 def test_an_address_that_is_none_is_refused_in_one_line(address):
     pytest.importorskip("ray", reason="Ray is not installed")
     with pytest.raises(
@@ -116,7 +117,7 @@ def test_an_address_that_is_none_is_refused_in_one_line(address):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("scheme", ["", "ray://"])
+@over("scheme", ["", "ray://"])
 def test_the_commands_say_in_one_line_that_nobody_answers(scheme, closed_port, tmp_path, capsys):
     pytest.importorskip("ray", reason="Ray is not installed")
     address = scheme + closed_port

@@ -12,7 +12,7 @@ from rdpi_gym.plant import P5, P10, Converter, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.virtual_lab import HIDEABLE, Truth, draws, hide, simulate_dataset
-from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, View, draw_effect, left_over
+from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, View, draw_effect, refit_residuals
 from rdpi_gym.virtual_lab.independent import twins
 from tests.looping import over
 
@@ -129,10 +129,10 @@ def test_a_refit_takes_up_weights_delta2_and_offsets_and_no_hum(plain):
         for k, r in enumerate(view.records)
     ]
     largest = max(float(np.std(d)) for d in shift)
-    left = left_over(P10, (), plain.span_V, view.records, shift)
+    left = refit_residuals(P10, (), plain.span_V, view.records, shift)
     assert max(left.values()) < 0.05 * largest
     hum = [0.02 * np.sin(2 * np.pi * 50.0 * r.t_s) for r in view.records]
-    left = left_over(P10, (), plain.span_V, view.records, hum)
+    left = refit_residuals(P10, (), plain.span_V, view.records, hum)
     assert left["quiet"] == pytest.approx(0.02 / math.sqrt(2), rel=0.01)
 
 
@@ -143,8 +143,8 @@ def test_what_is_known_is_refitted_too(plain):
         a - b
         for a, b in zip(view.displacements([longer]), view.displacements([delay]), strict=True)
     ]
-    unknown = left_over(P10, (), plain.span_V, view.records, difference)
-    known = left_over(P10, (delay,), plain.span_V, view.records, difference)
+    unknown = refit_residuals(P10, (), plain.span_V, view.records, difference)
+    known = refit_residuals(P10, (delay,), plain.span_V, view.records, difference)
     assert max(known.values()) < 0.1 * max(unknown.values())
 
 
@@ -156,7 +156,7 @@ def test_what_is_hidden_shows_above_the_noise(name):
     difference = [
         a - b for a, b in zip(view.displacements(truth.hidden), view.displacements([]), strict=True)
     ]
-    left = left_over(plant, (), truth.span_V, view.records, difference)
+    left = refit_residuals(plant, (), truth.span_V, view.records, difference)
     assert max(left.values()) >= VISIBLE * noise_um
 
 
@@ -206,7 +206,7 @@ def test_what_is_outside_the_catalogue_is_no_rdpi_model(kind):
     outsider = draw_outsider(kind, truth, np.random.default_rng(0))
     records = View(truth).records
     y = [outsider.displacement(truth, r.t_s, r.u_V) for r in records]
-    left = left_over(P10, (), truth.span_V, records, y)
+    left = refit_residuals(P10, (), truth.span_V, records, y)
     assert max(left.values()) > 5 * truth.noise_um
 
 

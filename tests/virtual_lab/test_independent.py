@@ -132,7 +132,7 @@ def test_every_twin_is_of_an_effect_and_has_a_number_of_its_own():
 
 
 def test_nothing_is_shared_with_what_is_fitted():
-    allowed = {f"rdpi_gym.support.{name}" for name in ("arrays", "errors", "members")}
+    allowed = {f"rdpi_gym.support.{name}" for name in ("arrays", "errors", "plugins")}
     for path in Path(independent.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []

@@ -20,7 +20,7 @@ from baselines.learned.imitation.student import (
     Float32,
     Student,
 )
-from baselines.learned.imitation.teacher import RENEWED, Surroundings, Systems, Visited
+from baselines.learned.imitation.teacher import RENEWED, LoopModel, Rollout, Systems
 from rdpi_gym.support.arrays import Array
 
 WINDOW = 2 * HALF + 1
@@ -43,7 +43,7 @@ class Loop:
         What was met.
     """
 
-    def __init__(self, tensors: Mapping[str, Tensor], weighted: int, visited: Visited) -> None:
+    def __init__(self, tensors: Mapping[str, Tensor], weighted: int, visited: Rollout) -> None:
         self._p, self._weighted = tensors, weighted
         self._seen = torch.from_numpy(visited.seen).transpose(1, 2)
         self._error, self._before, self._left = map(
@@ -54,7 +54,7 @@ class Loop:
         self._errors = torch.zeros(lanes, ERRORS)
         self._corrections = torch.zeros(lanes, CORRECTIONS)
         self._ones = torch.ones(lanes, 1)
-        self._around = _Around(visited.surroundings, visited.seen.shape[1])
+        self._around = _LoopModel(visited.loop_model, visited.seen.shape[1])
 
     def run(self, begin: int, end: int) -> Tensor:
         """Return the errors that are left after the decisions of a stretch, ``[K, B]``."""
@@ -110,10 +110,10 @@ class _Systems:
         self._x = self._x.detach()
 
 
-class _Around:
-    """Surroundings on tensors, in µm and V: absolute where they are not linear, and else what has changed."""
+class _LoopModel:
+    """Loop model on tensors, in µm and V: absolute where they are not linear, and else what has changed."""
 
-    def __init__(self, given: Surroundings, inputs: int) -> None:
+    def __init__(self, given: LoopModel, inputs: int) -> None:
         self._given, lanes = given, given.wanted_um.shape[1]
         self._wanted, self._gave = map(torch.from_numpy, (given.wanted_um, given.given_um))
         self._inverse, self._plays, self._estimate = map(
@@ -220,18 +220,12 @@ FIXED = ("middle", "spread")
 
 @dataclass
 class Learner:
-    """A network that is being fitted, with its optimiser.
-
-    Parameters
-    ----------
-    arrays
-        As :class:`~baselines.learned.imitation.student.Student` has them; a copy is learned.
-    weighted
-        As there.
-    """
+    """A network that is being fitted, with its optimiser."""
 
     arrays: Mapping[str, Float32]
+    # As :class:`~baselines.learned.imitation.student.Student` has them; a copy is learned.
     weighted: int
+    # As there.
 
     def __post_init__(self) -> None:
         tensors = {name: torch.tensor(each) for name, each in self.arrays.items()}
@@ -245,7 +239,7 @@ class Learner:
         arrays = {name: each.detach().numpy().copy() for name, each in self.tensors.items()}
         return Student(arrays, self.weighted)
 
-    def fit(self, visited: Visited, weights: Array, rate: float) -> float:
+    def fit(self, visited: Rollout, weights: Array, rate: float) -> float:
         """Go once through what was visited, a step of the optimiser a stretch.
 
         At decision k the student would have seen what was seen, but for its errors and corrections,

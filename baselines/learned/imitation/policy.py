@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.adaptive_dual_loop import AdaptiveDualLoop, CorrectedAdaptive
-from baselines.learned.envelope import checked_seen
+from baselines.learned.envelope import checked_envelope
 from baselines.learned.imitation.student import (
     ARRAYS,
     MOST_UM,
@@ -20,17 +20,17 @@ from baselines.learned.imitation.student import (
     SCALES,
     WEIGHTED,
     Float32,
+    OnDecision,
     Student,
-    TaughtAdaptive,
-    Witness,
-    seen_by,
+    StudentFeedforward,
+    input_count,
 )
 from baselines.learned.policy import (
     DESCRIPTION,
-    Trained,
+    SavedPolicy,
+    check_digest,
     check_preview,
-    check_whole,
-    read_as,
+    reading,
     write_policy,
 )
 from baselines.tuning import Settings, checked_settings
@@ -38,8 +38,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_bytes, read_json
-from rdpi_gym.support.folders import settled_folder
+from rdpi_gym.support.files import read_bytes, read_json, settled_folder
 from rdpi_gym.support.npz import open_npz
 from rdpi_gym.support.words import quoted
 
@@ -49,7 +48,7 @@ _LARGEST = 2**24  # bytes
 
 
 @dataclass(frozen=True)
-class StudentPolicy(Trained):
+class StudentPolicy(SavedPolicy):
     """A student, and what it was taught on.
 
     Parameters
@@ -72,7 +71,7 @@ class StudentPolicy(Trained):
     >>> import tempfile
     >>> from rdpi_gym.plant import P10
     >>> layout = ObservationLayout.for_plant(P10, 1e-4, preview=8)
-    >>> policy = StudentPolicy.untaught(P10, layout, hidden=4)
+    >>> policy = StudentPolicy.untrained(P10, layout, hidden=4)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     found = StudentPolicy.load(policy.save(Path(folder) / "mine"))
     >>> found.student.width, found.baseline
@@ -88,11 +87,11 @@ class StudentPolicy(Trained):
     seen: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def untaught(cls, belief: PlantModel, layout: ObservationLayout, hidden: int) -> StudentPolicy:
+    def untrained(cls, belief: PlantModel, layout: ObservationLayout, hidden: int) -> StudentPolicy:
         """Return a policy that adds nothing to the controller with its committed settings."""
         feedforward = CorrectedAdaptive(belief, layout)
         return cls(
-            Student.blank(seen_by(feedforward), hidden, WEIGHTED),
+            Student.blank(input_count(feedforward), hidden, WEIGHTED),
             layout,
             tuple(sorted(effect.name for effect in belief.effects)),
             AdaptiveDualLoop(belief, layout).settings,
@@ -107,7 +106,7 @@ class StudentPolicy(Trained):
     def save(self, folder: Path) -> Path:
         """Write ``policy.json`` and ``weights.npz``; what was in the folder is replaced as a whole.
 
-        Weights that half precision holds, as those of :meth:`Student.halved`, are written in it.
+        Weights that half precision holds, as those of :meth:`Student.rounded_to_half`, are written in it.
         """
         weights = io.BytesIO()
         kept = {
@@ -140,7 +139,7 @@ class StudentPolicy(Trained):
                 f"{source} is of an earlier release, whose students saw another residual; teach it again: "
                 "its training.command says how"
             )
-        with read_as("student", source):
+        with reading("student", source):
             layout = dict(document["layout"])
             low, high = layout.pop("command_range_V")
             weighted = document["weighted"]
@@ -157,7 +156,7 @@ class StudentPolicy(Trained):
                     CorrectedAdaptive.name, CorrectedAdaptive.knobs, document["feedforward"]
                 ),
                 dict(document["training"]),
-                checked_seen(document.get("seen")),
+                checked_envelope(document.get("seen")),
             )
 
 
@@ -168,7 +167,7 @@ def _shortest(weights: Float32) -> NDArray[np.floating[Any]]:
 
 
 def _arrays(path: Path, sha256: str) -> dict[str, Any]:
-    check_whole(read_bytes(path, _LARGEST), sha256, path.name)
+    check_digest(read_bytes(path, _LARGEST), sha256, path.name)
     try:
         with open_npz(path) as archive:
             return {name: archive.read(name).astype(np.float32) for name in ARRAYS}
@@ -177,7 +176,7 @@ def _arrays(path: Path, sha256: str) -> dict[str, Any]:
 
 
 class StudentController(AdaptiveDualLoop):
-    """What a student does in its training, from the same observations, at its own sampling time.
+    """A student with the controller that it corrects, at the sampling time of its training.
 
     The base runs with the settings that the student was taught on.
 
@@ -187,8 +186,8 @@ class StudentController(AdaptiveDualLoop):
         What was learned.
     belief, layout
         As :class:`baselines.base.Baseline`.
-    witness
-        Told of every sample, by a training.
+    on_decision
+        Called with every sample, by a training.
 
     Raises
     ------
@@ -199,7 +198,7 @@ class StudentController(AdaptiveDualLoop):
     --------
     >>> from rdpi_gym.plant import P10
     >>> layout = ObservationLayout.for_plant(P10, 1e-4, preview=8)
-    >>> policy = StudentPolicy.untaught(P10, layout, hidden=4)
+    >>> policy = StudentPolicy.untrained(P10, layout, hidden=4)
     >>> taught, base = StudentController(policy, P10, layout), AdaptiveDualLoop(P10, layout)
     >>> shown = np.full((1, layout.size), 0.1, dtype=np.float32)
     >>> bool(taught.predict(shown)[0] == base.predict(shown)[0])
@@ -211,17 +210,19 @@ class StudentController(AdaptiveDualLoop):
         policy: StudentPolicy,
         belief: PlantModel,
         layout: ObservationLayout,
-        witness: Witness | None = None,
+        on_decision: OnDecision | None = None,
     ) -> None:
         policy.check_runs(layout)
-        self.policy, self._witness = policy, witness
+        self.policy, self._on_decision = policy, on_decision
         super().__init__(belief, layout, policy.loop)
         self.plant_samples += int(policy.training.get("at_timesteps", 0))
 
     def adaptive(self, belief: PlantModel, layout: ObservationLayout) -> CorrectedAdaptive:
         """Return the feedforward with the student beside it."""
         policy = self.policy
-        return TaughtAdaptive(belief, layout, policy.feedforward, policy.student, self._witness)
+        return StudentFeedforward(
+            belief, layout, policy.feedforward, policy.student, self._on_decision
+        )
 
     @property
     def needed_preview(self) -> int:

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 
 from baselines.adaptive_dual_loop import AdaptiveDualLoop
-from baselines.learned.checkpoint import Kept, load_checkpoint, save_checkpoint
+from baselines.learned.checkpoint import CheckpointContent, load_checkpoint, save_checkpoint
 from baselines.learned.folder import (
     CHECKPOINT,
     CURVE,
@@ -33,7 +33,7 @@ from baselines.learned.folder import (
 from baselines.learned.imitation.fitting import Learner
 from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.imitation.student import UNIT_UM, WEIGHTED, fresh_arrays
-from baselines.learned.imitation.teacher import Score, Visited, taught_lanes, visit
+from baselines.learned.imitation.teacher import Rollout, Score, roll_out, student_lanes
 from rdpi_gym.envs.tasks import Lanes, StageTask, named_task
 from rdpi_gym.envs.tasks.task import Split
 from rdpi_gym.support.arrays import Array
@@ -89,7 +89,7 @@ class Options:
                 f"lanes is {self.lanes}, and every plant of {self.task} has {references} references; "
                 f"give a multiple of {references}"
             )
-        taught_lanes(self.stage, "validation", range(1), self.seed)
+        student_lanes(self.stage, "validation", range(1), self.seed)
 
     @property
     def stage(self) -> StageTask:
@@ -116,36 +116,28 @@ class Options:
 
 
 LAST_SHARE = 0.03
-"""What is left of the learning rate at the end."""
+"""Learning rate at the end over that at the begin."""
 WORSE, NEAR = 1.4, 1.15
 """Times the least error of a round: from the first on what was fitted since is taken back, up to the
 second a network is kept to be taken up again."""
 SLOWER = 0.7
-"""What is left of the learning rate whenever something was taken back."""
+"""Factor on the learning rate whenever a network was taken back."""
 SETTLED = 100
 """Samples from which on what is seen sets the network's scales: before, nothing is estimated."""
 
 
 @dataclass(frozen=True)
 class Base:
-    """What is measured once of the controller that is corrected.
-
-    Parameters
-    ----------
-    policy
-        A student that adds nothing.
-    arrays
-        The network to begin with, its scales those of what is seen.
-    weights
-        Of each reference: one over the RMS error that the base leaves (1 / units).
-    held_out
-        Its score on the validation draws.
-    """
+    """Measurements of the controller that is corrected, made once."""
 
     policy: StudentPolicy
+    # A student that adds nothing.
     arrays: Mapping[str, Any]
+    # The network to begin with, its scales those of what is seen.
     weights: Array
+    # Of each reference: one over the RMS error that the base leaves (1 / units).
     held_out: Score
+    # Its score on the validation draws.
 
 
 class Rounds:
@@ -190,7 +182,7 @@ class Rounds:
                 self.progress("teaching", self.done, self.count)
         policy = StudentPolicy.load(out / POLICY)
         if not policy.seen:
-            replace(policy, seen=witnessed(policy, self.options)).save(out / POLICY)
+            replace(policy, seen=measured_envelope(policy, self.options)).save(out / POLICY)
         return out / POLICY
 
     @property
@@ -209,7 +201,7 @@ class Rounds:
         return self.done
 
     def tensors(self) -> Mapping[str, Any]:
-        """See :meth:`baselines.learned.checkpoint.Keepable.tensors`."""
+        """See :meth:`baselines.learned.checkpoint.Checkpointable.tensors`."""
         tally = torch.tensor([self._least, self.taken_back, self._is_back], dtype=torch.float64)
         return {"now": self._held(), "good": self._good, "tally": {"tally": tally}}
 
@@ -217,8 +209,8 @@ class Rounds:
         """Nothing: what was visited is not kept."""
         return {}
 
-    def restore(self, kept: Kept) -> None:
-        """See :meth:`baselines.learned.checkpoint.Keepable.restore`."""
+    def restore(self, kept: CheckpointContent) -> None:
+        """See :meth:`baselines.learned.checkpoint.Checkpointable.restore`."""
         self._take_up(kept.tensors["now"])
         self._good = kept.tensors["good"]
         least, taken_back, is_back = kept.tensors["tally"]["tally"].tolist()
@@ -243,7 +235,7 @@ class Rounds:
         Where it drove much worse than ever before, the loop that the last fits left is about to
         become unstable: a network of before is taken up again, and fitted more slowly from then on.
         """
-        visited = visit(self._lanes("training", self.done), self._policy())
+        visited = roll_out(self._lanes("training", self.done), self._policy())
         weights = np.tile(self._base.weights, self._plants)
         error = float(np.mean(visited.score.rmse_um * weights)) / UNIT_UM
         if error > WORSE * self._least and not self._is_back:
@@ -263,7 +255,7 @@ class Rounds:
     def _lanes(self, split: Split, number: int) -> Lanes:
         count = self._plants if split == "training" else self.options.held_out
         numbers = range(number * count, (number + 1) * count)
-        return taught_lanes(self.task, split, numbers, self.options.seed)
+        return student_lanes(self.task, split, numbers, self.options.seed)
 
     def _policy(self) -> StudentPolicy:
         return replace(self._base.policy, student=self._learner.student)
@@ -274,9 +266,9 @@ class Rounds:
 
     def _measured_base(self) -> Base:
         lanes = self._lanes("training", 0)
-        policy = StudentPolicy.untaught(lanes.belief, lanes.layout(), self.options.hidden)
-        met = visit(lanes, policy)
-        held_out = visit(self._lanes("validation", 0), policy).score
+        policy = StudentPolicy.untrained(lanes.belief, lanes.layout(), self.options.hidden)
+        met = roll_out(lanes, policy)
+        held_out = roll_out(self._lanes("validation", 0), policy).score
         middle, spread = _scales(met)
         arrays = fresh_arrays(self.options.seed, middle, spread, self.options.hidden, WEIGHTED)
         rms = np.sqrt(np.mean(met.score.rmse_um.reshape(self._plants, -1) ** 2, axis=0))
@@ -285,8 +277,10 @@ class Rounds:
     def _keep(self, reward: float | None) -> None:
         """Evaluate, and write what a reader and a later run find: policy, curve, checkpoint."""
         out, policy = self.options.out, self._policy()
-        policy = replace(policy, student=policy.student.halved())  # as it is kept, so it is judged
-        score = visit(self._lanes("validation", 0), policy).score
+        policy = replace(
+            policy, student=policy.student.rounded_to_half()
+        )  # as it is kept, so it is judged
+        score = roll_out(self._lanes("validation", 0), policy).score
         best = min((row["rmse_percent"] or math.inf for row in self.rows), default=math.inf)
         seconds = self._before_s + time.perf_counter() - self._began
         row: Row = {
@@ -305,7 +299,7 @@ class Rounds:
         save_checkpoint(out / CHECKPOINT, self, progress, finished=self.done == self.count)
 
     def _story(self, row: Row) -> dict[str, Any]:
-        """What a policy says of how it came about."""
+        """Return the record of the training in a policy."""
         names = ("seed", "timesteps", "lanes", "hidden", "learning_rate")
         return {
             "algorithm": "imitation",
@@ -323,10 +317,10 @@ class Rounds:
         }
 
 
-def witnessed(policy: StudentPolicy, options: Options) -> Mapping[str, float]:
+def measured_envelope(policy: StudentPolicy, options: Options) -> Mapping[str, float]:
     """Return how far the loops of a student go on training draws, four times as many as are held out."""
     numbers = range(4 * options.held_out)
-    return visit(taught_lanes(options.stage, "training", numbers, options.seed), policy).largest
+    return roll_out(student_lanes(options.stage, "training", numbers, options.seed), policy).largest
 
 
 def _figures(score: Score, prefix: str) -> Row:
@@ -337,7 +331,7 @@ def _figures(score: Score, prefix: str) -> Row:
     }
 
 
-def _scales(met: Visited) -> tuple[Any, Any]:
+def _scales(met: Rollout) -> tuple[Any, Any]:
     """Return middle and spread of what is seen; what is weighted keeps its zero."""
     seen = met.seen[SETTLED:].astype(np.float64)
     middle = seen.mean(axis=(0, 2))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baselines.adaptive_dual_loop import CorrectedAdaptive
 from baselines.adaptive_feedforward import PLAYS, SLOW_S, SPLINE, spline_weights
-from baselines.products import lane_products, product
+from baselines.lanes import lane_products, product
 from baselines.tuning import Settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -58,13 +58,6 @@ class Student:
     the student is a linear filter without poles, and what h makes of it is an adaptive one. Its own
     newest corrections are seen by the unit alone, or a fit could make an oscillator of them.
 
-    Parameters
-    ----------
-    arrays
-        By the names of :data:`ARRAYS`, float32.
-    weighted
-        The first of the inputs, which are weighted too.
-
     Raises
     ------
     InputError
@@ -79,7 +72,9 @@ class Student:
     """
 
     arrays: Mapping[str, Float32]
+    # By the names of :data:`ARRAYS`, float32.
     weighted: int
+    # The first of the inputs, which are weighted too.
 
     def __post_init__(self) -> None:
         found = self.arrays
@@ -105,7 +100,7 @@ class Student:
         arrays["spread"] += 1.0
         return cls(arrays, weighted)
 
-    def halved(self) -> Student:
+    def rounded_to_half(self) -> Student:
         """Return the student as it is kept: its weights rounded to half precision."""
         with np.errstate(over="ignore"):  # refused as not finite
             rounded = {
@@ -114,7 +109,7 @@ class Student:
             }
         return Student(rounded, self.weighted)
 
-    def turned_up(self, factor: float) -> Student:
+    def amplified(self, factor: float) -> Student:
         """Return the student with its answers multiplied."""
         head = {name: np.float32(factor) * self.arrays[name] for name in ("head", "head_bias")}
         return Student({**self.arrays, **head}, self.weighted)
@@ -126,7 +121,7 @@ class Student:
 
     @property
     def width(self) -> int:
-        """Of the recurrent layer."""
+        """Width of the recurrent layer."""
         return int(self.arrays["hidden"].shape[1])
 
     @property
@@ -189,38 +184,29 @@ KNOWN = WEIGHTED + len(SLOW_S)
 """First of the inputs that say what the estimate is; what it leaves and the base's own follow."""
 
 
-class Moment(NamedTuple):
-    """One decision of a student, and what the estimate beside it was.
-
-    Parameters
-    ----------
-    seen
-        ``(inputs, B)``.
-    error_um, correction_um
-        Measured error, and what the student answered (µm), ``(B,)``.
-    wanted_um
-        w, all that the belief's inverse is given (µm), ``(B,)``.
-    theta, answered
-        The estimate, and the φ of the reference that it multiplies, ``(F, B)``.
-    phi, left_um
-        φ of what was measured, which it learned from last, ``(F, B)``, and z - θ·φ (µm), ``(B,)``.
-    """
+class DecisionSample(NamedTuple):
+    """One decision of a student, and what the estimate beside it was."""
 
     seen: Array
+    # ``(inputs, B)``.
     error_um: Array
     correction_um: Array
+    # Measured error, and what the student answered (µm), ``(B,)``.
     wanted_um: Array
+    # w, all that the belief's inverse is given (µm), ``(B,)``.
     theta: Array
     answered: Array
+    # The estimate, and the φ of the reference that it multiplies, ``(F, B)``.
     phi: Array
     left_um: Array
+    # φ of what was measured, which it learned from last, ``(F, B)``, and z - θ·φ (µm), ``(B,)``.
 
 
-Witness = Callable[[Moment], None]
-"""Told of every decision."""
+OnDecision = Callable[[DecisionSample], None]
+"""Called with every decision."""
 
 
-class TaughtAdaptive(CorrectedAdaptive):
+class StudentFeedforward(CorrectedAdaptive):
     """The adaptive feedforward with a student beside it, whose correction the estimate knows of.
 
     A student sees, in this order: value and derivatives of the reference over the preview; how far
@@ -234,8 +220,8 @@ class TaughtAdaptive(CorrectedAdaptive):
         As :class:`baselines.tuning.Tunable`.
     student
         What is added.
-    witness
-        Told of every sample, by a training.
+    on_decision
+        Called with every sample, by a training.
     """
 
     def __init__(
@@ -244,10 +230,10 @@ class TaughtAdaptive(CorrectedAdaptive):
         layout: ObservationLayout,
         settings: Settings,
         student: Student,
-        witness: Witness | None = None,
+        on_decision: OnDecision | None = None,
     ) -> None:
         super().__init__(belief, layout, settings)
-        self.student, self._witness = student, witness
+        self.student, self._on_decision = student, on_decision
         self._inside = self.rows.total
         since = np.array(SINCE_S)[:, None]
         self.fades = np.exp(-layout.ts_s / since)
@@ -273,11 +259,11 @@ class TaughtAdaptive(CorrectedAdaptive):
         seen, error = self._seen(ahead, smooth, own, left, inside), ahead[:, 0] - measured
         added = self.student.answer_um(seen, error, state[self._inside :])
         wanted = own + correction_um + added
-        if self._witness is not None:
+        if self._on_decision is not None:
             static = self.rows.of(inside, "seen").reshape(*self._rings, -1)[-1]
             answered = np.vstack([*derivatives, static])
             told = seen, error, added, wanted, theta.copy(), answered, phi, left
-            self._witness(Moment(*told))
+            self._on_decision(DecisionSample(*told))
         return self.driven(observation, wanted, inside)
 
     def _seen(
@@ -294,6 +280,6 @@ class TaughtAdaptive(CorrectedAdaptive):
         return np.vstack([course, plays, slow, known, left_um / UNIT_UM, own, since])
 
 
-def seen_by(base: CorrectedAdaptive) -> int:
+def input_count(base: CorrectedAdaptive) -> int:
     """Return how many numbers a student sees beside errors and its own corrections."""
     return WEIGHTED + len(SLOW_S) + base.fit.size + 2 + len(SINCE_S)

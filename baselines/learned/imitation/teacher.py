@@ -9,11 +9,11 @@ import numpy as np
 
 from baselines.adaptive_dual_loop import AdaptiveDualLoop
 from baselines.adaptive_feedforward import HALF, AdaptiveFeedforward
-from baselines.classical_inverse_kernels import pack_inverse
+from baselines.classical import pack_inverse
 from baselines.feedforward import Feedforward
-from baselines.learned.envelope import Witnessed
+from baselines.learned.envelope import EnvelopeRecorder
 from baselines.learned.imitation.policy import StudentController, StudentPolicy
-from baselines.learned.imitation.student import UNIT_UM, Float32, Moment
+from baselines.learned.imitation.student import UNIT_UM, DecisionSample, Float32
 from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
 from baselines.loops.path import linear_part
 from baselines.loops.systems import LinearSystem
@@ -31,11 +31,6 @@ RENEWED = 25
 class Systems:
     """Linear systems side by side, one a lane: x(k+1) = A x(k) + b u(k), y(k) = c x(k) + d u(k).
 
-    Parameters
-    ----------
-    a, b, c, d
-        ``(B, n, n)``, ``(B, n)``, ``(B, n)``, ``(B,)``.
-
     Examples
     --------
     >>> late = Systems.of([LinearSystem(np.zeros((1, 1)), np.ones(1), np.ones(1), 0.0)])
@@ -47,6 +42,7 @@ class Systems:
     b: Float32
     c: Float32
     d: Float32
+    # ``(B, n, n)``, ``(B, n)``, ``(B, n)``, ``(B,)``.
 
     @classmethod
     def of(cls, systems: Sequence[LinearSystem]) -> Systems:
@@ -61,23 +57,16 @@ class Systems:
 
 @dataclass(frozen=True)
 class Inverse:
-    """The classical inverse of the belief, at the rate of what it is given.
-
-    Parameters
-    ----------
-    gain, weights, thresholds_um
-        1/a_0, b_i and s_i at rest.
-    per_um
-        Growth of every s_i with the change of w in a sample (µm/µm).
-    plays_um
-        η_i at rest, ``(n,)``.
-    """
+    """The classical inverse of the belief, at the rate of what it is given."""
 
     gain: float
     weights: Float32
     thresholds_um: Float32
+    # 1/a_0, b_i and s_i at rest.
     per_um: float
+    # Growth of every s_i with the change of w in a sample (µm/µm).
     plays_um: Float32
+    # η_i at rest, ``(n,)``.
 
     @classmethod
     def of(cls, inverse: Feedforward) -> Inverse:
@@ -96,28 +85,20 @@ class Inverse:
 
 @dataclass(frozen=True)
 class Plays:
-    """The true hysteresis of every lane, Eq. 3 to 5, at its own low-passed rate.
-
-    Parameters
-    ----------
-    gain, weights
-        a_0 ``(B,)`` and a_i ``(B, n)`` (µm/V).
-    thresholds_V, delta2_s
-        At rest ``(B, n)``, and δ2 ``(B,)``.
-    pole, per_V
-        Of the rate's low-pass, and what a change of the command of 1 V in a sample adds to it
-        (V/s), ``(B,)``.
-    memory_V
-        ξ_i at rest, ``(B, n)``.
-    """
+    """The true hysteresis of every lane, Eq. 3 to 5, at its own low-passed rate."""
 
     gain: Float32
     weights: Float32
+    # a_0 ``(B,)`` and a_i ``(B, n)`` (µm/V).
     thresholds_V: Float32
     delta2_s: Float32
+    # At rest ``(B, n)``, and δ2 ``(B,)``.
     pole: Float32
     per_V: Float32
+    # Of the rate's low-pass, and what a change of the command of 1 V in a sample adds to it
+    # (V/s), ``(B,)``.
     memory_V: Float32
+    # ξ_i at rest, ``(B, n)``.
 
     @classmethod
     def of(cls, cores: Sequence[RDPI], ts_s: float, memory_V: Array) -> Plays:
@@ -142,38 +123,28 @@ class Estimate:
     With ε = z - θ·φ of what it learned from, small changes of φ and z change it by P(k) g(k),
     g(k) = λ g(k-1) + ε δφ + φ (δz - θ·δφ), P the inverse of its normal equations: as if θ had been
     then what it is now.
-
-    Parameters
-    ----------
-    theta, answered, phi
-        As :class:`~baselines.learned.imitation.student.Moment`, ``(K, B, F)``.
-    left_um
-        ε, ``(K, B)``.
-    covariance
-        P at every :data:`RENEWED` samples, ``(K / RENEWED, B, F, F)``.
-    spread
-        Expected deviations, ``(F,)``.
-    scale_um
-        Scale of what the base answers, as a student sees it.
-    kept
-        λ.
-    begins, late
-        First decision that learns, and samples by which w was entered before it is compared.
     """
 
     theta: Float32
     answered: Float32
     phi: Float32
+    # As :class:`~baselines.learned.imitation.student.DecisionSample`, ``(K, B, F)``.
     left_um: Float32
+    # ε, ``(K, B)``.
     covariance: Float32
+    # P at every :data:`RENEWED` samples, ``(K / RENEWED, B, F, F)``.
     spread: Float32
+    # Expected deviations, ``(F,)``.
     scale_um: float
+    # Scale of what the base answers, as a student sees it.
     kept: float
+    # λ.
     begins: int
     late: int
+    # First decision that learns, and samples by which w was entered before it is compared.
 
     @classmethod
-    def of(cls, adaptive: AdaptiveFeedforward, moments: Sequence[Moment]) -> Estimate:
+    def of(cls, adaptive: AdaptiveFeedforward, moments: Sequence[DecisionSample]) -> Estimate:
         """Take over what was visited."""
         fit, begins = adaptive.fit, adaptive.lead + 2 * HALF + 2
         phi = np.stack([each.phi.T for each in moments])
@@ -198,7 +169,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class LoopModel:
     """All that another correction would have met on the way to the error that it is to lessen.
 
     The correction is added to w; the belief's inverse makes a command of it, at the rate of w; the
@@ -206,38 +177,29 @@ class Surroundings:
     answers the displacement, and the estimate what it learns from it. What is left out: creep and
     whatever else is neither linear nor the hysteresis, the ends of the command's range, and that
     what rings is withdrawn. Where the hysteresis is of another kind, the belief's stands for it.
-
-    Parameters
-    ----------
-    wanted_um
-        w, ``(K, B)``.
-    start_um
-        The w of before, ``(B,)``.
-    given_um
-        What the plays gave, ``(K, B)``.
-    rest_V
-        Command before the first.
-    inverse, plays, estimate
-        See there.
-    before, behind, feedback
-        Linear parts: of the command, of what the plays give, and of the error.
     """
 
     wanted_um: Float32
+    # w, ``(K, B)``.
     start_um: Float32
+    # The w of before, ``(B,)``.
     given_um: Float32
+    # What the plays gave, ``(K, B)``.
     rest_V: float
+    # Command before the first.
     inverse: Inverse
     plays: Plays
     estimate: Estimate
+    # See there.
     before: Systems
     behind: Systems
     feedback: Systems
+    # Linear parts: of the command, of what the plays give, and of the error.
 
 
-def surroundings(
-    lanes: Lanes, base: AdaptiveDualLoop, moments: Sequence[Moment], commands_V: Array
-) -> Surroundings:
+def loop_model(
+    lanes: Lanes, base: AdaptiveDualLoop, moments: Sequence[DecisionSample], commands_V: Array
+) -> LoopModel:
     """Return what surrounded a student that drove lanes."""
     believed, ts_s, adaptive = base.belief.hysteresis, lanes.task.ts_s, base.feedforward
     truths = {
@@ -251,7 +213,7 @@ def surroundings(
     plant = _plays_alone(each, ts_s, base.limits.rest_V)
     memory = plant.memory.copy()
     before, behind = zip(*(_parts(truth, ts_s) for truth in each), strict=True)
-    return Surroundings(
+    return LoopModel(
         single(np.stack([moment.wanted_um for moment in moments]) - offset),
         single(lanes.references_um[0] - offset),
         single(plant.simulate(commands_V)),
@@ -304,55 +266,37 @@ def _covariances(phi: Array, fit: ForgettingLeastSquares) -> Array:
 
 
 @dataclass(frozen=True)
-class Visited:
-    """What a student met on lanes, decision by decision; displacements in :data:`UNIT_UM`.
-
-    Parameters
-    ----------
-    seen
-        ``float32[K, inputs, B]``.
-    error, correction
-        Measured error that was seen, and the correction that was answered, ``float32[K, B]``.
-    left
-        True tracking error one sample later, ``float32[K, B]``.
-    surroundings
-        What another correction would have met.
-    first
-        Decision from which on errors are scored.
-    score
-        Of the run.
-    largest
-        How far its loops went, see :mod:`baselines.learned.envelope`.
-    """
+class Rollout:
+    """Rollout of a student on lanes, decision by decision; displacements in :data:`UNIT_UM`."""
 
     seen: Float32
+    # ``float32[K, inputs, B]``.
     error: Float32
     correction: Float32
+    # Measured error that was seen, and the correction that was answered, ``float32[K, B]``.
     left: Float32
-    surroundings: Surroundings
+    # True tracking error one sample later, ``float32[K, B]``.
+    loop_model: LoopModel
+    # What another correction would have met.
     first: int
+    # Decision from which on errors are scored.
     score: Score
+    # Of the run.
     largest: Mapping[str, float]
+    # How far its loops went, see :mod:`baselines.learned.envelope`.
 
 
 @dataclass(frozen=True)
 class Score:
-    """How well lanes were tracked.
-
-    Parameters
-    ----------
-    rmse_um, peak_um
-        Of each lane: RMS error, and peak to peak of the reference (µm), ``(B,)``.
-    absolute_um
-        Mean size of the error (µm), ``(B,)``.
-    command_variation_V_s
-        Of each lane, ``(B,)``.
-    """
+    """Tracking scores of lanes."""
 
     rmse_um: Array
     peak_um: Array
+    # Of each lane: RMS error, and peak to peak of the reference (µm), ``(B,)``.
     absolute_um: Array
+    # Mean size of the error (µm), ``(B,)``.
     command_variation_V_s: Array
+    # Of each lane, ``(B,)``.
 
     @property
     def percent(self) -> Array:
@@ -360,9 +304,9 @@ class Score:
         return 100.0 * self.rmse_um / self.peak_um
 
 
-def visit(lanes: Lanes, policy: StudentPolicy) -> Visited:
+def roll_out(lanes: Lanes, policy: StudentPolicy) -> Rollout:
     """Run a student on lanes of a task, and say what it met."""
-    moments: list[Moment] = []
+    moments: list[DecisionSample] = []
     layout = lanes.layout()
     controller = StudentController(policy, lanes.belief, layout, moments.append)
     track, reference = lanes.track(layout), lanes.references_um
@@ -370,7 +314,7 @@ def visit(lanes: Lanes, policy: StudentPolicy) -> Visited:
     samples, count = reference.shape
     error, command = np.empty((samples, count)), np.empty((samples, count))
     error[0], command[0] = track.error_um, track.command_V
-    state, met = None, Witnessed(layout)
+    state, met = None, EnvelopeRecorder(layout)
     for k in range(1, samples):
         met.take(observation)
         action, state = controller.predict(observation, state)
@@ -384,19 +328,19 @@ def visit(lanes: Lanes, policy: StudentPolicy) -> Visited:
         np.mean(np.abs(scored), axis=0),
         np.mean(np.abs(np.diff(command[first - 1 :], axis=0)), axis=0) / lanes.task.ts_s,
     )
-    return Visited(
+    return Rollout(
         single(np.stack([moment.seen for moment in moments])),
         single(np.stack([moment.error_um for moment in moments]) / UNIT_UM),
         single(np.stack([moment.correction_um for moment in moments]) / UNIT_UM),
         single(error[1:] / UNIT_UM),
-        surroundings(lanes, controller, moments, command[1:]),
+        loop_model(lanes, controller, moments, command[1:]),
         first - 1,
         score,
         met.largest,
     )
 
 
-def taught_lanes(task: StageTask, split: Split, numbers: Sequence[int], seed: int | None) -> Lanes:
+def student_lanes(task: StageTask, split: Split, numbers: Sequence[int], seed: int | None) -> Lanes:
     """Draw lanes of a task that a student can be taught on."""
     if len(task.nominals) > 1 or task.schedule is not None:
         raise InputError(

@@ -72,7 +72,7 @@ class Lanes:
 
     @property
     def layout(self) -> ObservationLayout:
-        """What the environment shows."""
+        """Observation layout of the environment."""
         return self._env.layout
 
     def begin(self, seed: int, rows: Floats32) -> None:
@@ -120,7 +120,15 @@ class Part:
             (task, slice(int(end - width), int(end)))
             for task, width, end in zip(tasks, widths, ends, strict=True)
         ]
-        layout = scaling.history.layout
+        layout, row = scaling.history.layout, 0
+        self._reference = layout.columns["reference"].start
+        # Scaling, first column of its row, and columns in an observation, of each field.
+        self._fields: list[tuple[str, int, slice]] = []
+        for field in layout.shown:
+            columns = layout.columns[field.name]
+            self._fields.append((field.scaling, row, columns))
+            row += columns.stop - columns.start + scaling.history.steps
+        self._past = layout.columns[layout.fields[0]].stop
         self._observed: Floats32 = np.empty((self.end - self.first, layout.size), np.float32)
         # An increment of one in a sample, and an error of one, in units of the layout's amplitude.
         self._moved = np.float32(2.0 * np.pi * scaling.frequency_hz * layout.ts_s)
@@ -151,20 +159,26 @@ class Part:
                 after[inside] = _first_rows(self._scaling, observation)
 
     def _write(self, before: Floats32, after: Floats32) -> None:
-        """Write what :class:`Scaling` makes of the new observations: of the past all is there."""
-        observed, preview = self._observed, self._scaling.history.layout.preview
-        steps = self._scaling.history.steps
-        error, command = preview + steps + 1, preview + 2 * steps + 2
+        """Write the rows that :class:`Scaling` makes: the past is that of the rows before, one on."""
+        observed, steps = self._observed, self._scaling.history.steps
         if steps:
-            after[:, preview + 1 :] = before[:, preview:-1]
-            after[:, preview + 1] = before[:, 1]
-            change = observed[:, preview + 2] - before[:, command]
-            np.divide(change, self._moved, out=after[:, command + 1])
-        after[:, 0] = observed[:, 0]
-        ahead = observed[:, 1 : preview + 1] - observed[:, :preview]
-        np.divide(ahead, self._moved, out=after[:, 1 : preview + 1])
-        np.divide(observed[:, 0] - observed[:, preview + 1], self._error, out=after[:, error])
-        after[:, command] = observed[:, preview + 2]
+            after[:, self._past :] = before[:, self._past - 1 : -1]
+        for scaling, row, columns in self._fields:
+            now, end = observed[:, columns.start], row + columns.stop - columns.start
+            if scaling == "error":
+                np.divide(observed[:, self._reference] - now, self._error, out=after[:, row])
+                continue
+            after[:, row] = now
+            if scaling == "value":
+                continue
+            if end - row > 1:  # what was ahead by one is now the newest increment of the past
+                ahead = observed[:, columns.start + 1 : columns.stop]
+                ahead = ahead - observed[:, columns.start : columns.stop - 1]
+                np.divide(ahead, self._moved, out=after[:, row + 1 : end])
+                if steps:
+                    after[:, end] = before[:, row + 1]
+            elif steps:
+                np.divide(now - before[:, row], self._moved, out=after[:, end])
 
 
 def phases_of(episode: int) -> int:

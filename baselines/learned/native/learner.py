@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from baselines.learned.checkpoint import Between, Kept
+from baselines.learned.checkpoint import CheckpointContent, TrainingHooks
 from baselines.learned.folder import Run
 from baselines.learned.native.lanes import Lanes
 from baselines.learned.native.networks import ACTOR, CRITIC, ActorCritic, Workspace
@@ -156,7 +156,7 @@ class NativeLearner:
         """Return the deterministic actor."""
         return self.both.actor()
 
-    def learn(self, timesteps: int, between: Between) -> None:
+    def learn(self, timesteps: int, between: TrainingHooks) -> None:
         """Take so many steps more, whole rollouts."""
         end = self.timesteps + timesteps
         while self.timesteps < end:
@@ -193,7 +193,7 @@ class NativeLearner:
         """Return nothing: there is no replay buffer."""
         return {}
 
-    def restore(self, kept: Kept) -> None:
+    def restore(self, kept: CheckpointContent) -> None:
         """Go on from what a checkpoint holds."""
         self.both.parameters.copy_(kept.tensors["parameters"])
         self._updater.restore(kept.tensors["optimiser"])

@@ -107,40 +107,31 @@ def at(value: float | Callable[[float], float], left: float) -> float:
 
 
 _ROWS = 1024
-"""Of a pass: enough that what Python adds is small, few enough for the caches."""
+"""Rows of a pass: enough to hide the overhead of Python, few enough for the caches."""
 LOG_SQRT_2_PI = 0.5 * math.log(2.0 * math.pi)
 
 
 @dataclass(frozen=True)
 class Law:
-    """Numbers of PPO's loss and of its steps; names as Stable-Baselines3 has them.
-
-    Parameters
-    ----------
-    batch_size, n_epochs
-        Rows of a gradient step; times that each rollout is gone through.
-    clip_range
-        How far the ratio of probabilities may leave 1.
-    target_kl
-        An update ends where the approximate divergence from the policy that acted is 1.5 times this;
-        None: it never does.
-    ent_coef, vf_coef
-        Weights of the entropy and of the critic's squared error in the loss.
-    max_grad_norm
-        Norm that gradients are clipped to.
-    """
+    """Numbers of PPO's loss and of its steps; names as Stable-Baselines3 has them."""
 
     batch_size: int
     n_epochs: int
+    # Rows of a gradient step; times that each rollout is gone through.
     clip_range: float = 0.2
+    # How far the ratio of probabilities may leave 1.
     target_kl: float | None = None
+    # An update ends where the approximate divergence from the policy that acted is 1.5 times this;
+    # None: it never does.
     ent_coef: float = 0.0
     vf_coef: float = 0.5
+    # Weights of the entropy and of the critic's squared error in the loss.
     max_grad_norm: float = 0.5
+    # Norm that gradients are clipped to.
 
 
 class Batch(NamedTuple):
-    """What a rollout leaves for an update, N rows."""
+    """Data of a rollout for an update, N rows."""
 
     rows: Tensor  # float32[N, D]: scaled observations
     actions: Tensor  # float32[N]
@@ -150,7 +141,7 @@ class Batch(NamedTuple):
 
 
 class Losses(NamedTuple):
-    """Of an update: means over its minibatches, but for the divergence, which is the last one's."""
+    """Losses of an update: means over its minibatches; the divergence is the last one's."""
 
     policy: float
     value: float
@@ -160,7 +151,7 @@ class Losses(NamedTuple):
 
 
 class _Part:
-    """What one thread adds up: gradient, losses."""
+    """Sums of one thread: gradient, losses."""
 
     def __init__(self, both: ActorCritic) -> None:
         self.gradient = torch.zeros_like(both.parameters)

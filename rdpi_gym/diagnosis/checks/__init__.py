@@ -1,4 +1,4 @@
-"""Tests of a data set that no fit can fool, each in one of three zones and a sentence."""
+"""Tests of a data set without a model, each in one of three zones."""
 
 from __future__ import annotations
 

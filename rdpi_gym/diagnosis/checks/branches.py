@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rdpi_gym.diagnosis.checks.check import Check, cannot_tell, zone_of
-from rdpi_gym.diagnosis.features.cycles import HalfCycles
+from rdpi_gym.diagnosis.features.cycles import HalfCycles, crossing
 from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.measurement import Record
@@ -57,7 +57,7 @@ def _slopes(
     noise = rough_part(record.y_um)
     by_way: dict[bool, list[tuple[Array, Array]]] = {True: [], False: []}
     rate = 0.0
-    span = np.abs(np.diff(record.u_V[np.maximum(cycles.edges - 1, 0)]))
+    span = cycles.spans(record.u_V)
     for h in np.flatnonzero(cycles.whole & (span >= width_V)):
         part = slice(int(cycles.edges[h]), int(cycles.edges[h + 1]))
         u, y = record.u_V[part], record.y_um[part]
@@ -173,22 +173,13 @@ def _in_loop(
     threshold: float,
 ) -> tuple[float, float, float] | None:
     u, y, start = record.u_V, record.y_um, float(record.u_V[0])
-    a, b = _crossing(u[first], y[first], start), _crossing(u[second], y[second], start)
-    if a is None or b is None:
+    one, other = (crossing(u[part], y[part], start) for part in (first, second))
+    if one is None or other is None:
         return None
+    a, b = one[0], other[0]
     falling, rising = (b, a) if first_rises else (a, b)
     half, noise = 0.5 * (falling - rising), rough_part(y)
     if abs(half) <= max(5.0 * noise, _CLOSED * float(np.ptp(y))):
         return None
     value = 100.0 * (float(y[0]) - 0.5 * (a + b)) / half - expected
     return value, _NOISE * noise / abs(half), threshold
-
-
-def _crossing(u: Array, y: Array, level: float) -> float | None:
-    """Displacement where a stroke passes a command (µm)."""
-    rising = u[-1] > u[0]
-    at = int(np.argmax(u >= level)) if rising else int(np.argmax(u <= level))
-    if at == 0 or u[at] == u[at - 1]:
-        return None
-    share = (level - u[at - 1]) / (u[at] - u[at - 1])
-    return float(y[at - 1] + share * (y[at] - y[at - 1]))

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, cast, get_args
 
 from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Quantities
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.fields import Fields
+from rdpi_gym.support.words import joined, quoted
 
 Zone = Literal["yes", "no", "cannot tell"]
 
@@ -78,6 +81,29 @@ class Check:
             "next_step": self.next_step or None,
             "suggests": list(self.suggests),
         }
+
+    @classmethod
+    def from_fields(cls, fields: Fields) -> Check:
+        """Build from the object of the files; its sentences stay as they are.
+
+        Raises
+        ------
+        InputError
+            A zone that is none.
+        """
+        zone, step = fields.text("zone"), fields.optional_text("next_step")
+        if zone not in get_args(Zone):
+            raise InputError(f"{fields.source}: {quoted(zone)} is none of {joined(get_args(Zone))}")
+        return cls(
+            name=fields.text("name"),
+            value=fields.optional_number("value"),
+            threshold=fields.optional_number("threshold"),
+            base_unit=fields.text("unit"),
+            zone=cast("Zone", zone),
+            found=statement("as written", text=fields.text("sentence")),
+            advice=statement("as written", text=step) if step else None,
+            suggests=fields.texts("suggests"),
+        )
 
 
 def cannot_tell(name: str, code: str, advice: str, **values: object) -> Check:

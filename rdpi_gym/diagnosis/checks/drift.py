@@ -26,31 +26,17 @@ _NEAR_ZERO = 0.02  # of a record's swing
 
 @dataclass(frozen=True)
 class RestFit:
-    """How displacement goes on while commands rest; each with its standard error.
+    """Course of the displacement at constant command; each number with its standard error."""
 
-    Parameters
-    ----------
-    creep_per_decade
-        Share of each step of the displacement that a decade of time adds (1).
-    drift_um_s
-        What is added whatever the command did (µm/s).
-    gain_drift_per_s
-        What is added in proportion to the displacement (1/s).
-    rests, decades
-        How many rests, and how many decades of time the longest covers.
-    level_um
-        How far from zero they stand (µm, rms).
-    longest_s
-        How long the longest lasts (s).
-    """
-
+    # Share of each step of the displacement that a decade of time adds (1)
     creep_per_decade: tuple[float, float]
-    drift_um_s: tuple[float, float]
-    gain_drift_per_s: tuple[float, float]
+    drift_um_s: tuple[float, float]  # what is added whatever the command did (µm/s)
+    gain_drift_per_s: tuple[float, float]  # what is added in proportion to the displacement (1/s)
+    # How many rests, and how many decades of time the longest covers
     rests: int
     decades: float
-    level_um: float
-    longest_s: float
+    level_um: float  # how far from zero they stand (µm, rms)
+    longest_s: float  # how long the longest lasts (s)
 
 
 def fit_rests(rests: Sequence[Rest]) -> RestFit | None:
@@ -297,27 +283,13 @@ _FEWEST_PERIODS = 6
 
 @dataclass(frozen=True)
 class Repeat:
-    """What a second run of a command shows that the first did not; with standard errors.
+    """Changes from one run of a command to the next, with standard errors."""
 
-    Parameters
-    ----------
-    pair
-        What was compared.
-    apart_s
-        Time between the two (s).
-    gain
-        Relative change of the gain (1).
-    offset_um
-        Shift at zero displacement (µm).
-    span_um
-        Peak to peak of the displacement (µm).
-    """
-
-    pair: Statement
-    apart_s: float
-    gain: tuple[float, float]
-    offset_um: tuple[float, float]
-    span_um: float
+    pair: Statement  # what was compared
+    apart_s: float  # time between the two (s)
+    gain: tuple[float, float]  # relative change of the gain (1)
+    offset_um: tuple[float, float]  # shift at zero displacement (µm)
+    span_um: float  # peak to peak of the displacement (µm)
 
 
 def repeats(records: Sequence[Record], stretches: Sequence[Periods]) -> tuple[Check, Check]:

@@ -1,4 +1,4 @@
-"""What the commands of a data set cover: amplitudes, frequencies, holds, reversals, repetitions."""
+"""Coverage of the commands: amplitudes, frequencies, holds, reversals, repetitions."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rdpi_gym.diagnosis.checks.check import Check, Zone, cannot_tell, zone_of
-from rdpi_gym.diagnosis.features.cycles import HalfCycles
+from rdpi_gym.diagnosis.features.cycles import HalfCycles, crossing
 from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.measurement import Record
@@ -273,27 +273,15 @@ def _openings(record: Record, cycles: HalfCycles, width_V: float) -> list[Openin
     edges, u, y = cycles.edges, record.u_V, record.y_um
     noise = rough_part(y)
     found = []
-    span = np.abs(np.diff(u[np.maximum(edges - 1, 0)]))
+    span = cycles.spans(u)
     wide = cycles.whole & (span >= width_V)
     for h in np.flatnonzero(wide[:-1] & wide[1:]):
         turns = u[edges[h : h + 3] - 1]
         middle = 0.25 * turns[0] + 0.5 * turns[1] + 0.25 * turns[2]
-        one = _through(record, int(edges[h]) - 1, int(edges[h + 1]), middle)
-        other = _through(record, int(edges[h + 1]) - 1, int(edges[h + 2]), middle)
+        parts = (slice(int(edges[i]) - 1, int(edges[i + 1])) for i in (h, h + 1))
+        one, other = (crossing(u[part], y[part], middle) for part in parts)
         if one is not None and other is not None:
-            half, rate = 0.5 * abs(one[0] - other[0]), 0.5 * (one[1] + other[1])
+            half = 0.5 * abs(one[0] - other[0])
+            rate = 0.5 * (one[1] / record.ts_s + other[1] / record.ts_s)
             found.append(Opening(rate, half, 0.71 * noise, record.name))
     return found
-
-
-def _through(record: Record, first: int, last: int, level: float) -> tuple[float, float] | None:
-    """Displacement (µm) and rate (V/s) where a stroke passes a command."""
-    u = record.u_V[first:last]
-    past = (u >= level) if u[-1] > u[0] else (u <= level)
-    at = int(np.argmax(past))
-    if at == 0 or u[at] == u[at - 1]:
-        return None
-    share = (level - u[at - 1]) / (u[at] - u[at - 1])
-    y = record.y_um[first + at - 1 : first + at + 1]
-    rate = abs(u[at] - u[at - 1]) / record.ts_s
-    return float(y[0] + share * (y[1] - y[0])), float(rate)

@@ -66,7 +66,7 @@ GAIN_PERCENT = 3.0
 DISTORTION_PERCENT = 4.0
 """Displacement that is not what a linear path makes of the command (% of the rest, rms)."""
 SMALL = 0.1
-"""Of the widest swing of the data: records that may lie below the first threshold."""
+"""Share of the widest swing of the data up to which a record may lie below the first threshold."""
 _EXCITED = 0.02  # of the strongest line
 _CLEAR = 8.0  # standard errors that a line stands above its noise
 _FAR = 1.2  # of ln G: the band in which the series is used
@@ -78,31 +78,16 @@ _NAMES = ("lag at small signals", "resonance at small signals", "motion at small
 
 @dataclass(frozen=True)
 class SmallSignal:
-    """Response to a small command; each number with its standard error.
+    """Response to a small command; each number with its standard error."""
 
-    Parameters
-    ----------
-    lag_s
-        τ = -g1 (s).
-    kappa_s2
-        κ (s²).
-    distortion
-        Displacement at frequencies that are not in the command, or off the series of 1 / G at those
-        that are, over the rest (1).
-    highest_hz
-        Highest frequency used (Hz).
-    ts_s
-        Sampling time (s).
-    record
-        Name of the record.
-    """
-
-    lag_s: tuple[float, float]
-    kappa_s2: tuple[float, float]
+    lag_s: tuple[float, float]  # τ = -g1 (s)
+    kappa_s2: tuple[float, float]  # κ (s²)
+    # Displacement at frequencies that are not in the command, or off the series of 1 / G at those
+    # that are, over the rest (1)
     distortion: tuple[float, float]
-    highest_hz: float
-    ts_s: float
-    record: str
+    highest_hz: float  # highest frequency used (Hz)
+    ts_s: float  # sampling time (s)
+    record: str  # name of the record
 
 
 def small_signal(

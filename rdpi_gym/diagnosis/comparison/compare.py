@@ -278,7 +278,7 @@ def _left_out(dataset: Dataset, samples: pd.DataFrame, plane: Plane) -> list[Sta
         for remark in r.remarks
     ]
     found += [statement("left out/quiet", record=r.name) for r in dataset.quiet]
-    found += [statement("remark", text=say(remark)) for remark in dataset.remarks]
+    found += [statement("as written", text=say(remark)) for remark in dataset.remarks]
     without = int(samples["frequency_hz"].isna().sum())
     if without:
         found.append(statement("left out/reversals", count=without, whole=len(samples)))
@@ -342,17 +342,17 @@ class ModelComparison:
 
     @property
     def title(self) -> str:
-        """Of the data set."""
+        """Title of the data set."""
         return self.comparisons[0].title
 
     @property
     def noise_floor_um(self) -> float:
-        """What no model can explain (µm, rms): the least of what each comparison found."""
+        """Noise that no model can explain (µm, rms): the least of all comparisons."""
         return min(each.noise_floor_um for each in self.comparisons)
 
     @property
     def noise_origin(self) -> str:
-        """Where :attr:`noise_floor_um` comes from."""
+        """Origin of :attr:`noise_floor_um`."""
         return min(self.comparisons, key=lambda each: each.noise_floor_um).noise_origin
 
     @property

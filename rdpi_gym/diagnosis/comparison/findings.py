@@ -1,4 +1,4 @@
-"""What a comparison's numbers suggest, in sentences that say no more than the numbers do."""
+"""Findings of a comparison: no more than its numbers show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is left of a record, averaged by what the command was doing: the numbers of figures."""
+"""Residual of a record averaged over command, rate and time at rest: the numbers of figures."""
 
 from __future__ import annotations
 
@@ -25,44 +25,25 @@ _SHORTEST_SEGMENT, _LONGEST_SEGMENT = 256, 2048
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Mean residual along one quantity.
+    """Mean residual along one quantity."""
 
-    Parameters
-    ----------
-    x
-        The quantity, ``(K,)``: V, V/s or s.
-    mean_um
-        Mean of measured minus model (µm), ``(K,)``.
-    samples
-        ``intp[K]``.
-    """
-
-    x: Array
-    mean_um: Array
-    samples: NDArray[np.intp]
+    x: Array  # the quantity, ``(K,)``: V, V/s or s
+    mean_um: Array  # mean of measured minus model (µm), ``(K,)``
+    samples: NDArray[np.intp]  # ``intp[K]``
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualProfiles:
-    """What one model leaves of one record.
+    """Residual profiles of one model on one record."""
 
-    Parameters
-    ----------
-    rising, falling
-        Along the command (V).
-    rate
-        Along its rate (V/s).
-    hold
-        Along the time since the command came to rest (s), counted positive in the direction of the
-        move before, each rest from the value it begins with; None where the command hardly rests.
-    frequency_hz, density_um
-        Frequency (Hz) and amplitude density (µm/√Hz) of the residual, ``(F,)``.
-    """
-
+    # Along the command (V)
     rising: Profile
     falling: Profile
-    rate: Profile
+    rate: Profile  # along its rate (V/s)
+    # Along the time since the command came to rest (s), counted positive in the direction of the
+    # move before, each rest from the value it begins with; None where the command hardly rests
     hold: Profile | None
+    # Frequency (Hz) and amplitude density (µm/√Hz) of the residual, ``(F,)``
     frequency_hz: Array
     density_um: Array
 

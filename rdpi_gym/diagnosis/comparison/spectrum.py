@@ -17,6 +17,7 @@ from rdpi_gym.diagnosis.features.cycles import (
     harmonics,
     steady_periods,
 )
+from rdpi_gym.diagnosis.features.samples import longest_run
 from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
@@ -92,7 +93,7 @@ class _Part:
 
 
 def _part(each: Trace, noise_um: float) -> _Part | None:
-    run = _longest_run(each)
+    run = slice(*longest_run(each.counted))
     length = 2 ** int(np.log2(max((run.stop - run.start) / (0.5 * (_SEGMENTS + 1)), 1.0)))
     if length < _SHORTEST:
         return None
@@ -108,12 +109,6 @@ def _part(each: Trace, noise_um: float) -> _Part | None:
     frequency = np.arange(1, power.size) / (length * each.ts_s)
     noise = np.full(frequency.size, noise_um**2 / frequency.size)
     return _Part(frequency, power[lines], noise, (share * power)[lines], run.stop - run.start)
-
-
-def _longest_run(each: Trace) -> slice:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], each.counted, [False]])))
-    longest = int(np.argmax(edges[1::2] - edges[::2]))
-    return slice(int(edges[2 * longest]), int(edges[2 * longest + 1]))
 
 
 def _spectra(x: Array, length: int) -> Complexes:

@@ -1,1 +1,1 @@
-"""What a command was doing: periods, rests, half cycles; the noise floor; what memory sees."""
+"""Features of records: periods, rests, half-cycles, recurrence, noise floor."""

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from rdpi_gym.diagnosis.features.samples import longest_run
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
 
@@ -51,6 +52,10 @@ class HalfCycles:
     def whole(self) -> NDArray[np.bool_]:
         """``bool[H]``: moving from reversal to reversal, so that it has a frequency."""
         return np.isfinite(self.frequency_hz)
+
+    def spans(self, x: Array) -> Array:
+        """Return by how much a trace, ``(N,)``, changes over each stretch, ``(H,)``."""
+        return np.abs(np.diff(x[np.maximum(self.edges - 1, 0)]))
 
     def by_sample(self, values: NDArray[Values]) -> NDArray[Values]:
         """Repeat a value of every stretch, ``(H,)``, for each of its samples, ``(N,)``."""
@@ -143,12 +148,21 @@ def _resting(u: Array, edges: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 
 def _vertices(u: Array, turns: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Where the parabola through a reversal and its two neighbours turns: sample, command."""
+    """Vertex of the parabola through a reversal and its two neighbours: sample, command."""
     before, at, after = u[turns - 1], u[turns], u[turns + 1]
     slope, bend = 0.5 * (after - before), before - 2.0 * at + after
     shift = np.divide(-slope, bend, out=np.zeros_like(bend), where=bend != 0.0)
     shift = np.clip(shift, -0.5, 0.5)
     return turns.astype(np.float64) + shift, at + slope * shift + 0.5 * bend * shift * shift
+
+
+def crossing(u: Array, y: Array, level: float) -> tuple[float, float] | None:
+    """Return the displacement where a stroke passes a command, and the command's step there."""
+    at = int(np.argmax(u >= level)) if u[-1] > u[0] else int(np.argmax(u <= level))
+    if at == 0 or u[at] == u[at - 1]:
+        return None
+    share = (level - u[at - 1]) / (u[at] - u[at - 1])
+    return float(y[at - 1] + share * (y[at] - y[at - 1])), float(abs(u[at] - u[at - 1]))
 
 
 def vary(values: Array) -> bool:
@@ -169,24 +183,12 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class Periods:
-    """A stretch of steady periods: K of them, of P samples each.
+    """A stretch of steady periods: K of them, of P samples each."""
 
-    Parameters
-    ----------
-    record
-        Where they stand.
-    first
-        Sample at which the first of them begins.
-    length
-        P; not always whole.
-    count
-        K, three or more.
-    """
-
-    record: Record
-    first: int
-    length: float
-    count: int
+    record: Record  # where they stand
+    first: int  # sample at which the first of them begins
+    length: float  # p; not always whole
+    count: int  # k, three or more
 
     @property
     def frequency_hz(self) -> float:
@@ -228,14 +230,9 @@ def counted_periods(periods: Periods, counted: NDArray[np.bool_]) -> Periods | N
     shares = np.add.reduceat(counted.astype(np.float64), edges[:-1]) / np.diff(edges)
     if edges[-1] < counted.size:  # the last piece ran on to the end of the record
         shares[-1] = float(counted[edges[-2] : edges[-1]].mean())
-    changes = np.flatnonzero(np.diff(np.concatenate([[False], shares > _COUNT, [False]])))
-    if not changes.size:
-        return None
-    starts, ends = changes[::2], changes[1::2]
-    longest = int(np.argmax(ends - starts))
-    count = int(ends[longest] - starts[longest])
-    first = int(edges[starts[longest]])
-    return replace(periods, first=first, count=count) if count >= 3 else None
+    first, last = longest_run(shares > _COUNT)
+    count = last - first
+    return replace(periods, first=int(edges[first]), count=count) if count >= 3 else None
 
 
 def _period(u: Array) -> float | None:
@@ -279,18 +276,16 @@ def _period(u: Array) -> float | None:
 def _equal_loops(record: Record, cycles: HalfCycles) -> Periods | None:
     """Longest run of loops between the same two commands, in the same time."""
     edges, u = cycles.edges, record.u_V
-    span = np.abs(np.diff(u[np.maximum(edges - 1, 0)]))
+    span = cycles.spans(u)
     steps = np.diff(edges).astype(np.float64)
     # strokes that are as wide as the one before and take as long as the one before that
     h = np.arange(3, max(span.size - 1, 3))
     alike = (np.abs(span[h] - span[h - 1]) < _CYCLES_ALIKE * span[h]) & cycles.whole[h]
     alike &= np.abs(steps[h] - steps[h - 2]) <= np.maximum(1.5, _CYCLES_ALIKE * steps[h])
-    changes = np.flatnonzero(np.diff(np.concatenate([[False], alike, [False]])))
-    if not changes.size:
+    start, stop = longest_run(alike)
+    if start == stop:
         return None
-    longest = int(np.argmax(changes[1::2] - changes[::2]))
-    first = int(h[changes[2 * longest]]) - 2
-    last = int(h[changes[2 * longest + 1] - 1]) + 1
+    first, last = int(h[start]) - 2, int(h[stop - 1]) + 1
     count = (last - first) // 2
     if count < 3:
         return None
@@ -303,18 +298,11 @@ def _equal_loops(record: Record, cycles: HalfCycles) -> Periods | None:
 
 @dataclass(frozen=True, eq=False)
 class Harmonics:
-    """Fourier coefficients of a periodic trace, h = 0 ... H - 1 times the basic frequency.
+    """Fourier coefficients of a periodic trace, h = 0 ... H - 1 times the basic frequency."""
 
-    Parameters
-    ----------
-    mean
-        Mean over the periods, ``(H,)``; the amplitude of a harmonic is twice its modulus.
-    noise
-        Power of the mean's noise, ``(H,)``, from how the periods differ.
-    """
-
+    # Mean over the periods, ``(H,)``; the amplitude of a harmonic is twice its modulus
     mean: Complexes
-    noise: Array
+    noise: Array  # power of the mean's noise, ``(H,)``, from how the periods differ
 
     def rms(self, orders: NDArray[np.intp]) -> tuple[float, float]:
         """Root mean square of some harmonics, noise taken off, and its standard error at zero."""

@@ -70,7 +70,7 @@ def repeat_noise(record: Record) -> float | None:
 
 
 def _spread(record: Record) -> Array | None:
-    """What repetitions differ by, ``(K, M)``; None where their commands differ as much."""
+    """Differences of repetitions from their mean, ``(K, M)``; None where their commands differ as much."""
     found = _repetitions(record)
     if found is None:
         return None
@@ -93,7 +93,7 @@ def _spread(record: Record) -> Array | None:
 
 
 def _apart(rows: Array, usual: Array) -> Array:
-    """What repetitions differ by from the usual one, offset and slope taken out."""
+    """Differences of repetitions from the usual one, offset and slope removed."""
     x = np.linspace(-1.0, 1.0, rows.shape[1])
     differ = rows - usual
     differ = differ - differ.mean(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""What of a residual comes back where the input's history does: the test that needs no learner."""
+"""Recurrence of a residual where the input's history recurs: a test without a learner."""
 
 from __future__ import annotations
 
@@ -31,41 +31,23 @@ _SAME = 5e-3  # of the swing (rms): two records have one command
 
 @dataclass(frozen=True)
 class Trace:
-    """A record and what a model leaves of it.
-
-    Parameters
-    ----------
-    record
-        The record.
-    residual_um : float64[N]
-        Measured minus simulated displacement (µm).
-    asked : bool[N]
-        Samples of which an answer is wanted; the others are compared with.
-    """
+    """A record and what a model leaves of it."""
 
     record: Record
-    residual_um: Array
+    residual_um: Array  # float64[N]: measured minus simulated displacement (µm)
+    # bool[N]: samples of which an answer is wanted; the others are compared with
     asked: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Recurrence:
-    """The residual where the input's history recurs, in blocks of neighbouring samples.
+    """The residual where the input's history recurs, in blocks of neighbouring samples."""
 
-    Parameters
-    ----------
-    share
-        Of the samples that are asked for, those whose history recurs.
-    counts : float64[B]
-        Samples of each block that were looked at.
-    squares, repeated : float64[B]
-        Sums (µm²) of the squared residual, and of its products with the residual that other times
-        of the same history have. Offset and slope of each repetition are taken off. The noise and
-        what does not follow from the input are in the squares and not in the products.
-    """
-
-    share: float
-    counts: Array
+    share: float  # of the samples that are asked for, those whose history recurs
+    counts: Array  # float64[B]: samples of each block that were looked at
+    # float64[B]: sums (µm²) of the squared residual, and of its products with the residual that
+    # other times of the same history have. Offset and slope of each repetition are taken off. The
+    # noise and what does not follow from the input are in the squares and not in the products
     squares: Array
     repeated: Array
 

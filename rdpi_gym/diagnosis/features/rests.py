@@ -1,4 +1,4 @@
-"""Where a command rests."""
+"""Rests of a command."""
 
 from __future__ import annotations
 
@@ -21,26 +21,18 @@ _STOPS, _FEWEST_BEFORE = 4, 5  # of the rest's length; samples: within this it c
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """A stretch of constant command.
+    """A stretch of constant command."""
 
-    Parameters
-    ----------
-    record
-        Where it stands.
-    first, last
-        Its samples are ``first`` to ``last - 1``.
-    move_V
-        Net change of the command in the move that ended in it; 0 at a record's beginning.
-    """
-
-    record: Record
+    record: Record  # where it stands
+    # Its samples are ``first`` to ``last - 1``
     first: int
     last: int
+    # Net change of the command in the move that ended in it; 0 at a record's beginning
     move_V: float
 
     @property
     def duration_s(self) -> float:
-        """From its first to its last sample (s)."""
+        """Duration from the first to the last sample (s)."""
         return (self.last - 1 - self.first) * self.record.ts_s
 
 

@@ -16,6 +16,11 @@ def runs(at: BoolArray) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
+def longest_run(at: BoolArray) -> tuple[int, int]:
+    """Return the longest of them, the first of several; an empty one where there is none."""
+    return max(runs(at), key=lambda run: run[1] - run[0], default=(0, 0))
+
+
 def widened(at: BoolArray, margin: int) -> BoolArray:
     """Widen a mask by some samples to either side."""
     wide = at.copy()

@@ -105,27 +105,13 @@ _CORES = RDPI((1.0, 0.5), (0.2,), 1e-4), RDPI((0.7, 0.5), (0.2,), 1e-4)
 
 @dataclass(frozen=True)
 class Character:
-    """What a portrait and an effect can be compared in.
+    """Properties in which a portrait and an effect are compared."""
 
-    Parameters
-    ----------
-    place
-        ``before``, ``in`` or ``behind`` the hysteresis.
-    memory
-        Whether it goes on while the command rests.
-    parity
-        ``even`` or ``odd``; ``both`` where it is as much of either.
-    rated
-        Without a memory: whether it is another at another rate.
-    clocked
-        Whether it goes by the clock.
-    """
-
-    place: str | None
-    memory: bool | None
-    parity: str | None
-    rated: bool | None = None
-    clocked: bool = False
+    place: str | None  # ``before``, ``in`` or ``behind`` the hysteresis
+    memory: bool | None  # whether it goes on while the command rests
+    parity: str | None  # ``even`` or ``odd``; ``both`` where it is as much of either
+    rated: bool | None = None  # without a memory: whether it is another at another rate
+    clocked: bool = False  # whether it goes by the clock
 
     def differs(self, other: Character) -> str:
         """Say in what another one differs."""
@@ -271,7 +257,7 @@ def _like(tried: Sequence[Tried], best: Tried) -> list[Tried]:
 def _time_constants(
     setting: Setting, hysteresis: Core, present: Sequence[Effect], best: Tried
 ) -> tuple[Value, ...]:
-    """Of the best block, with the records held out as a second opinion."""
+    """Time constants of the best block, with those of the held-out records for their errors."""
     taus = best.time_constants_s
     if not taus:
         return ()
@@ -350,7 +336,7 @@ def _terms(best: Tried) -> list[_Term]:
 
 
 def _drift(setting: Setting, best: Tried) -> Value | None:
-    """How much stronger the block is at the end of the experiment than at its beginning (%)."""
+    """Relative change of the block's size from the beginning to the end of the experiment (%)."""
     fit = best.outcome.fit
     assert fit is not None
     others = tuple(e for e in fit.variant.effects if e.name != Unknown.name)

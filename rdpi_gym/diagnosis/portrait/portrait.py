@@ -1,4 +1,4 @@
-"""What is known of an effect that the catalogue does not have, as it stands in files and sentences."""
+"""Portrait of an effect that the catalogue does not have: its numbers, its file and its sentences."""
 
 from __future__ import annotations
 

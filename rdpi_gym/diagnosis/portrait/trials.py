@@ -109,28 +109,17 @@ _NEAR = 0.7
 
 @dataclass(frozen=True)
 class Tried:
-    """One block that was refitted.
+    """One block that was refitted."""
 
-    Parameters
-    ----------
-    place, nature
-        Where it stands, and what it has.
-    drive
-        Which terms it was allowed: of s even, odd, or both.
-    outcome
-        The refit.
-    pieces : tuple of float64[R, P]
-        Mean squares (µm²) of pieces of the records to fit and of those held out.
-    held
-        Parameters that stayed at zero, as ``unknown.parameter``.
-    """
-
+    # Where it stands, and what it has
     place: Place
     nature: Nature
-    drive: Parity
-    outcome: Outcome
+    drive: Parity  # which terms it was allowed: of s even, odd, or both
+    outcome: Outcome  # the refit
+    # tuple of float64[R, P]: mean squares (µm²) of pieces of the records to fit and of those held
+    # out
     pieces: tuple[Array, Array]
-    held: frozenset[str] = frozenset()
+    held: frozenset[str] = frozenset()  # parameters that stayed at zero, as ``unknown.parameter``
 
     @property
     def block(self) -> Effect:
@@ -139,14 +128,14 @@ class Tried:
 
     @property
     def parity(self) -> Parity:
-        """What it does where the command is mirrored: in the weights of plays, which are odd, the other."""
+        """Parity under a mirrored command; in the weights of plays, which are odd, the opposite of the drive's."""
         if self.place != "in" or self.drive == "both":
             return self.drive
         return "odd" if self.drive == "even" else "even"
 
     @property
     def time_constants_s(self) -> tuple[float, ...]:
-        """Of its memories (s), that with the largest weights first."""
+        """Time constants of its memories (s), that with the largest weights first."""
         values = self.block.values
         found = []
         for name, tau in values.items():

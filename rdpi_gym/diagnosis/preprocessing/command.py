@@ -36,30 +36,14 @@ _BENT, _LENGTHS = 0.25, tuple(0.05 * 1.8**k for k in range(8))
 
 @dataclass(frozen=True)
 class Lag:
-    """By how much a record's displacement lags behind its command.
+    """Lag of a record's displacement behind its command."""
 
-    Parameters
-    ----------
-    record
-        Name of the record.
-    samples
-        The lag (samples); negative where the displacement leads.
-    ts_s
-        Sampling time (s).
-    gain
-        Mean square without it over mean square with it.
-    left
-        Share of the displacement (rms) that is left with it.
-    inside
-        Whether it lies within the reach of the search.
-    """
-
-    record: str
-    samples: float
-    ts_s: float
-    gain: float
-    left: float
-    inside: bool
+    record: str  # name of the record
+    samples: float  # the lag (samples); negative where the displacement leads
+    ts_s: float  # sampling time (s)
+    gain: float  # mean square without it over mean square with it
+    left: float  # share of the displacement (rms) that is left with it
+    inside: bool  # whether it lies within the reach of the search
 
     @property
     def certain(self) -> bool:
@@ -99,7 +83,7 @@ def leads_by(lags: Sequence[Lag]) -> Mapping[str, float]:
 
 
 def _deny(leads: Lag, lags: Sequence[Lag]) -> int:
-    """How many that are sampled as slowly as a leading record lag for sure."""
+    """Count records of at least this sampling time that lag significantly."""
     slow = (each for each in lags if each.ts_s * _UNLIKE >= leads.ts_s)
     return sum(each.certain and each.samples >= _LEAST_LAG for each in slow)
 
@@ -107,7 +91,7 @@ def _deny(leads: Lag, lags: Sequence[Lag]) -> int:
 def _agreed(
     values: Sequence[float], weights: Sequence[float], units: Sequence[float]
 ) -> float | None:
-    """What most of the evidence says, or None: its median, and all that lies about it."""
+    """Mean of the values about the median, where most of the evidence lies there; else None."""
     order = np.argsort(values)
     x, w, unit = (np.asarray(entry)[order] for entry in (values, weights, units))
     middle = float(x[int(np.searchsorted(np.cumsum(w), 0.5 * float(w.sum())))])

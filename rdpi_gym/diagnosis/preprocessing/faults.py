@@ -89,7 +89,7 @@ def _alone(y: Array, found: BoolArray) -> BoolArray:
 
 
 def _outstanding(y: Array, width: int) -> Array:
-    """How far the group of samples that begins at each one stands out; 0 where it does not."""
+    """Distance by which the group of samples that begins at each one stands out; 0 where it does not."""
     size = y.size - width - 5
     before = [y[2 - j : 2 - j + size] for j in range(3)]  # nearest first
     after = [y[3 + width + j : 3 + width + j + size] for j in range(3)]
@@ -113,7 +113,7 @@ def _outstanding(y: Array, width: int) -> Array:
 
 
 def _at_end(x: Array, k: int) -> float:
-    """How far a sample at an end, k from it, stands out from the level and slope of those inside."""
+    """Distance of a sample at an end, k from it, from the level and slope of those inside."""
     inside = x[k + 1 : k + 4]
     level = float(np.median(inside))
     line = float(inside.mean()) + (inside[0] - inside[2])
@@ -135,7 +135,7 @@ def _local_noise(y: Array) -> Array:
 
 
 def _excited(u: Array, gain_um_V: float) -> Array:
-    """What a corner or a jump of the command may make of the response (µm)."""
+    """Response that a corner or a jump of the command may excite (µm)."""
     bends = np.abs(np.diff(u, 2, prepend=u[:1], append=u[-1:]))
     usual = 6.0 * float(np.median(bends))
     bends = np.maximum(bends - usual, 0.0)
@@ -257,7 +257,7 @@ def _is_rail(record: Record, lost: BoolArray, extreme: float, upper: bool) -> bo
 
 
 def at_rail(record: Record, rails: Rails) -> BoolArray:
-    """Where the displacement stands at a rail of its converter, and between two such samples."""
+    """Mask of samples at a rail of the converter, and between two such samples."""
     y = record.y_um
     near = _SAME * max(float(np.ptp(y)), 1e-300)
     at = np.zeros(y.size, dtype=np.bool_)

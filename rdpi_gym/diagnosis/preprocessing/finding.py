@@ -14,7 +14,7 @@ from rdpi_gym.support.fields import Fields
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found in one record.
+    """A fault found in one record.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """What was found and what was done about it, in words."""
+        """The fault and what was done about it, in words."""
         return self.text if isinstance(self.text, str) else text_of(self.text, self.quantities)
 
     @property

@@ -32,24 +32,16 @@ _MOST = 0.9  # of the samples that count: a record that loses more is left as it
 
 @dataclass(frozen=True, eq=False)
 class Inspected:
-    """A data set that was looked through.
+    """A data set that was looked through."""
 
-    Parameters
-    ----------
-    dataset
-        The same records. Where a sample is no measurement `error_mask` is False, and spikes,
-        dropouts and frozen stretches are bridged in straight lines, so that what looks at a whole
-        record is not misled by them. A command that was clipped is rebuilt from the displacement,
-        for the memory that it leaves.
-    findings
-        What was found, record by record.
-    openings
-        By record, the samples (``bool[N]``) at its beginning whose history nobody recorded. They
-        still count: whether they are worse than the rest, a fit has to say.
-    """
-
+    # The same records. Where a sample is no measurement `error_mask` is False, and spikes, dropouts
+    # and frozen stretches are bridged in straight lines, so that what looks at a whole record is
+    # not misled by them. A command that was clipped is rebuilt from the displacement, for the
+    # memory that it leaves
     dataset: Dataset
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what was found, record by record
+    # By record, the samples (``bool[N]``) at its beginning whose history nobody recorded. They
+    # still count: whether they are worse than the rest, a fit has to say
     openings: Mapping[str, BoolArray] = field(default_factory=dict)
 
 
@@ -199,7 +191,7 @@ _DEGREE = 5
 
 
 def opening(record: Record) -> BoolArray | None:
-    """Samples before the command has passed its extremes on both sides, where memory is unknown.
+    """Samples before the command has passed both of its extremes, where memory is unknown.
 
     Only plays that are wider than the swing go on from before, and they do not move. Where the
     extremes are passed late, most of the swing has to do: at most half of the record, and where even

@@ -1,1 +1,1 @@
-"""Which effect is missing: candidates refitted, ranked, added, and what is left."""
+"""Search for missing effects: candidates refitted, ranked and added, and the residual judged."""

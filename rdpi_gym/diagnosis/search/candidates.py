@@ -23,7 +23,7 @@ from rdpi_gym.identification.joint import (
     fit_joint,
     kept_samples,
 )
-from rdpi_gym.identification.residuals import PIECES, left_by, pieces_of
+from rdpi_gym.identification.residuals import PIECES, centred_residual, pieces_of
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE
@@ -53,49 +53,26 @@ _CUSP_SHOWS = 0.998
 
 @dataclass(frozen=True)
 class Trial:
-    """One refit of a round.
+    """One refit of a round."""
 
-    Parameters
-    ----------
-    kind
-        The candidate: an effect in one of its forms.
-    present
-        Effects that are fitted with it.
-    starts
-        Where its fit begins; None: from the starts of its own.
-    """
-
-    kind: type[Effect]
-    present: tuple[Effect, ...]
+    kind: type[Effect]  # the candidate: an effect in one of its forms
+    present: tuple[Effect, ...]  # effects that are fitted with it
+    # Where its fit begins; None: from the starts of its own
     starts: tuple[Effect, ...] | None = None
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A refit and its squared errors.
+    """A refit and its squared errors."""
 
-    Parameters
-    ----------
-    effect
-        Name of the candidate; empty for a refit without one.
-    fit
-        The refit; None where none converged.
-    errors
-        Of the refit.
-    pieces : float64[R, PIECES]
-        Mean squared error (µm²) of the pieces of each validation record, offset free.
-    remark
-        Why there is no refit.
-    form
-        Of the candidate; empty for its simplest.
-    """
-
-    effect: str
-    fit: JointFit | None
-    errors: Errors
+    effect: str  # name of the candidate; empty for a refit without one
+    fit: JointFit | None  # the refit; None where none converged
+    errors: Errors  # of the refit
+    # float64[R, PIECES]: mean squared error (µm²) of the pieces of each validation record, offset
+    # free
     pieces: Array
-    remark: str = ""
-    form: str = ""
+    remark: str = ""  # why there is no refit
+    form: str = ""  # of the candidate; empty for its simplest
 
     @property
     def mean_square(self) -> float:
@@ -111,21 +88,13 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Setting:
-    """What every refit of one data set shares.
+    """Data and settings that all refits of one data set share."""
 
-    Parameters
-    ----------
-    train, validation
-        Records to fit and to judge by.
-    scale
-        Size of the data.
-    smoothness
-        Price of uneven weights, as :func:`~rdpi_gym.identification.joint.fit_joint` has it.
-    """
-
+    # Records to fit and to judge by
     train: tuple[Record, ...]
     validation: tuple[Record, ...]
-    scale: DataScale
+    scale: DataScale  # size of the data
+    # Price of uneven weights, as ``fit_joint`` has it
     smoothness: float = 0.0
 
     def exchanged(self) -> Setting:
@@ -341,7 +310,7 @@ def _along_cusp(setting: Setting, fit: JointFit, effect: str, parameter: str) ->
 def _squares(
     variant: Variant[Core], records: Sequence[Record], by_record: dict[str, float]
 ) -> tuple[float, Array]:
-    lefts = [left_by(variant, record) for record in records]
+    lefts = [centred_residual(variant, record) for record in records]
     for record, left in zip(records, lefts, strict=True):
         label = record.name
         while label in by_record:  # the held-out part of a record that is also fitted

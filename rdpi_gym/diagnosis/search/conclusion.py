@@ -1,4 +1,4 @@
-"""What a search ends with: the verdict on its last model, what is left, what to measure next."""
+"""Conclusion of a search: verdict on the last model, residual, next experiment."""
 
 from __future__ import annotations
 
@@ -43,36 +43,18 @@ _NEAREST = 3
 
 @dataclass(frozen=True)
 class History:
-    """How a search went.
+    """History of a search."""
 
-    Parameters
-    ----------
-    began
-        Reading of the clock at its start (s).
-    kind
-        What was asked.
-    given
-        The model that it started from.
-    base, end
-        The base model refitted, and the model that is saved.
-    added
-        What was added, in order.
-    rounds
-        The candidates of each round.
-    last
-        Of these, what the next experiment has to settle.
-    removed, notes
-        As in the result.
-    """
-
-    began: float
-    kind: Kind
-    given: PlantModel[Any] | None
+    began: float  # reading of the clock at its start (s)
+    kind: Kind  # what was asked
+    given: PlantModel[Any] | None  # the model that it started from
+    # The base model refitted, and the model that is saved
     base: State
     end: State
-    added: Sequence[Candidate] = ()
-    rounds: Sequence[Sequence[Ranked]] = ()
-    last: Sequence[Ranked] = ()
+    added: Sequence[Candidate] = ()  # what was added, in order
+    rounds: Sequence[Sequence[Ranked]] = ()  # the candidates of each round
+    last: Sequence[Ranked] = ()  # of these, what the next experiment has to settle
+    # As in the result
     removed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 

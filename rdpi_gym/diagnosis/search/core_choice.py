@@ -1,4 +1,4 @@
-"""Which hysteresis core, before effects are named: a few kinds refitted and judged on held-out records."""
+"""Choice of the hysteresis core: a few kinds refitted and compared on held-out records."""
 
 from __future__ import annotations
 
@@ -32,18 +32,10 @@ _INSTEAD, _SURE = 0.5, 0.99
 
 @dataclass(frozen=True)
 class Fitted:
-    """A kind of hysteresis refitted to the records.
+    """A kind of hysteresis refitted to the records."""
 
-    Parameters
-    ----------
-    kind
-        The core.
-    outcome
-        Its refit, with effects beside it.
-    """
-
-    kind: type[Core]
-    outcome: Outcome
+    kind: type[Core]  # the core
+    outcome: Outcome  # its refit, with effects beside it
 
     @property
     def numbers(self) -> int:

@@ -1,4 +1,4 @@
-"""The loop: fit, find the missing effect, add it, look again; one round of it; one effect added."""
+"""Discovery, diagnosis, addition and removal of effects."""
 
 from __future__ import annotations
 
@@ -178,31 +178,17 @@ def _starting_with(
 
 @dataclass(frozen=True)
 class SearchState:
-    """How far a discovery has come.
+    """State of a discovery."""
 
-    Parameters
-    ----------
-    base, state
-        The base model, and the model with all that was added.
-    added
-        What was added, in order.
-    rounds
-        The candidates of each round.
-    rivals
-        By effect that was added, what came close to it.
-    last
-        Of the candidates, those of the last new effect.
-    removed
-        What was taken out again.
-    """
-
+    # The base model, and the model with all that was added
     base: State
     state: State
-    added: tuple[Candidate, ...] = ()
-    rounds: tuple[list[Ranked], ...] = ()
+    added: tuple[Candidate, ...] = ()  # what was added, in order
+    rounds: tuple[list[Ranked], ...] = ()  # the candidates of each round
+    # By effect that was added, what came close to it
     rivals: Mapping[str, tuple[Effect, ...]] = field(default_factory=dict)
-    last: Sequence[Ranked] = ()
-    removed: tuple[str, ...] = ()
+    last: Sequence[Ranked] = ()  # of the candidates, those of the last new effect
+    removed: tuple[str, ...] = ()  # what was taken out again
 
 
 def _forward_selection(search: ModelSearch, stage: SearchState) -> SearchState:

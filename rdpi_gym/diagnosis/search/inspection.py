@@ -26,7 +26,7 @@ from rdpi_gym.support.errors import InputError
 
 @dataclass(frozen=True)
 class Response:
-    """What a model makes of the records, one offset free in each.
+    """Response of a model to the records, one offset free in each.
 
     Parameters
     ----------

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from rdpi_gym.diagnosis.features.samples import runs
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.play import play_columns
 from rdpi_gym.plant.effects.base import DataScale
@@ -156,7 +157,7 @@ def _rate(u: Array, ts_s: float, scale: DataScale) -> Array:
 def _low_passes(
     x: Array, ts_s: float, scale: DataScale, rows: NDArray[np.intp], count: int
 ) -> list[Array]:
-    """What low-passes take away: it is of the size of a lag, not of the stroke."""
+    """Differences between a trace and its low-passes: of the size of a lag, not of the stroke."""
     longest_s = 0.5 * scale.longest_s
     shortest_s = max(2.0 * scale.shortest_s, longest_s * 10.0**-_DECADES)
     constants = np.geomspace(shortest_s, longest_s, count)
@@ -204,20 +205,12 @@ _RARE = 1e-3  # share of residuals that are larger than a learner may predict
 
 @dataclass(frozen=True)
 class Part:
-    """One record, some of its samples.
+    """One record, some of its samples."""
 
-    Parameters
-    ----------
-    features : float64[N, K] by group
-        Of the input's past, what follows the clock taken off.
-    residual_um : float64[N]
-        What is to be predicted, likewise.
-    asked : bool[N]
-        Samples on which a learner is tried; all are learned from where they are not held out.
-    """
-
+    # float64[N, K] by group: of the input's past, what follows the clock taken off
     features: Mapping[str, Array]
-    residual_um: Array
+    residual_um: Array  # float64[N]: what is to be predicted, likewise
+    # bool[N]: samples on which a learner is tried; all are learned from where they are not held out
     asked: NDArray[np.bool_]
 
     @cached_property
@@ -228,19 +221,12 @@ class Part:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Squared residuals of blocks of samples that were held out, B of them.
+    """Squared residuals of blocks of samples that were held out, B of them."""
 
-    Parameters
-    ----------
-    before, after : float64[B]
-        Sums of squares (µm²), without and with what the learner predicts.
-    blocks
-        Where each stands: the part, and its samples there.
-    """
-
+    # float64[B]: sums of squares (µm²), without and with what the learner predicts
     before: Array
     after: Array
-    blocks: tuple[tuple[int, slice], ...]
+    blocks: tuple[tuple[int, slice], ...]  # where each stands: the part, and its samples there
 
 
 def learn_across(parts: Sequence[Part]) -> HeldOut:
@@ -295,16 +281,15 @@ def learn_across(parts: Sequence[Part]) -> HeldOut:
 
 
 def _folds(parts: Sequence[Part]) -> list[list[tuple[int, slice]]]:
-    """What is held out together: records, or pieces of them, those that are asked for spread out."""
+    """Folds of records, or of pieces of them, those that are asked for spread out."""
     pieces: list[tuple[int, slice]] = []
     for asked in (True, False):
-        runs = []
+        found: list[tuple[int, slice]] = []
         for k, part in enumerate(parts):
             own = part.asked if asked else ~part.asked
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], own, [False]])))
-            runs += [(k, slice(a, b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-        number = dict(enumerate(_PIECES, start=1)).get(len(runs), 1)
-        pieces += [(k, x) for k, run in runs for x in _cut(run, (run.stop - run.start) / number)]
+            found += [(k, slice(a, b)) for a, b in runs(own)]
+        number = dict(enumerate(_PIECES, start=1)).get(len(found), 1)
+        pieces += [(k, x) for k, run in found for x in _cut(run, (run.stop - run.start) / number)]
     return [pieces[fold::_FOLDS] for fold in range(min(_FOLDS, len(pieces)))]
 
 

@@ -1,4 +1,4 @@
-"""The whole of a search: data, beginning, rounds, pruning, and how sure and how probable its end is."""
+"""A search on one data set: rounds, pruning, confidence and probability of its result."""
 
 from __future__ import annotations
 

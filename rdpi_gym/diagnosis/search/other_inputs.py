@@ -33,28 +33,18 @@ EXPLAINS = 0.05
 
 @dataclass(frozen=True)
 class OtherInput:
-    """What an input that the model does not have explains of what the model leaves.
+    """Share of the residual that an input explains which the model does not have."""
 
-    Parameters
-    ----------
-    names
-        The input, or several together; ``temperature`` for that channel.
-    share, low, high
-        Share of the mean square of the excess over the noise that it explains on held-out records
-        beyond what a linear filter of the model's own input does, with the 95 % interval (0 to 1).
-    before_um, after_um
-        What the model leaves, and what would be left (µm rms).
-    sentence
-        In words.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # the input, or several together; ``temperature`` for that channel
+    # Share of the mean square of the excess over the noise that it explains on held-out records
+    # beyond what a linear filter of the model's own input does, with the 95 % interval (0 to 1)
     share: float
     low: float
     high: float
+    # What the model leaves, and what would be left (µm rms)
     before_um: float
     after_um: float
-    sentence: str
+    sentence: str  # in words
 
     @property
     def explains(self) -> bool:

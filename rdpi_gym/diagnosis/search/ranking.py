@@ -41,33 +41,17 @@ _AT_BOUND = 0.5
 
 @dataclass(frozen=True)
 class Ranked:
-    """A candidate and what its refit decides.
+    """A candidate and what its refit decides."""
 
-    Parameters
-    ----------
-    outcome
-        The refit.
-    candidate
-        What is reported.
-    earned
-        Whether it may be added.
-    worth
-        Share of the excess that it takes away from training and from validation records: the
-        smaller of the two.
-    train_share
-        Share of the excess that it takes away from the records to fit alone.
-    worse
-        Whether a held-out record becomes clearly worse.
-    most_train_share
-        The largest `train_share` of all the forms that were tried, where a round knows them.
-    """
-
-    outcome: Outcome
-    candidate: Candidate
-    earned: bool
+    outcome: Outcome  # the refit
+    candidate: Candidate  # what is reported
+    earned: bool  # whether it may be added
+    # Share of the excess that it takes away from training and from validation records: the smaller
+    # of the two
     worth: float = 0.0
-    train_share: float = 0.0
-    worse: bool = False
+    train_share: float = 0.0  # share of the excess that it takes away from the records to fit alone
+    worse: bool = False  # whether a held-out record becomes clearly worse
+    # The largest `train_share` of all the forms that were tried, where a round knows them
     most_train_share: float = 0.0
 
 
@@ -227,33 +211,19 @@ LEAST_STABLE = 0.5
 
 @dataclass(frozen=True)
 class Standing:
-    """How an effect stands in a model.
+    """Confidence in an effect of a model."""
 
-    Parameters
-    ----------
-    confidence
-        How sure it is: the mean over the splits of how often it wins there, 0 to 1.
-    without_um
-        Validation error (µm rms) of all the others without it, as the records are given.
-    """
-
-    confidence: float
+    confidence: float  # how sure it is: the mean over the splits of how often it wins there, 0 to 1
+    # Validation error (µm rms) of all the others without it, as the records are given
     without_um: float
 
 
 @dataclass(frozen=True)
 class Split:
-    """One way to fit and to judge.
+    """One way to fit and to judge."""
 
-    Parameters
-    ----------
-    name
-        In words.
-    train, validation
-        Records with the samples that count.
-    """
-
-    name: str
+    name: str  # in words
+    # Records with the samples that count
     train: tuple[Record, ...]
     validation: tuple[Record, ...]
 

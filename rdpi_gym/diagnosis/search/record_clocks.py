@@ -1,4 +1,4 @@
-"""Each record asked for a delay and a time step of its own: where one deviates, it is said."""
+"""Delay and time step of each record by a model: records that deviate from the others."""
 
 from __future__ import annotations
 
@@ -46,20 +46,13 @@ Kind = Literal["delay", "scale"]
 
 @dataclass(frozen=True)
 class Wish:
-    """What a record would like.
+    """Clock error that fits a record best."""
 
-    Parameters
-    ----------
-    value, error
-        Delay of the displacement (s), or logarithm of the factor to its time step (1), with its
-        standard error.
-    mean_square
-        What is left with it (µm²).
-    """
-
+    # Delay of the displacement (s), or logarithm of the factor to its time step (1), with its
+    # standard error
     value: float
     error: float
-    mean_square: float
+    mean_square: float  # what is left with it (µm²)
 
 
 def record_clocks(
@@ -116,7 +109,7 @@ def record_clocks(
 
 
 def _gain(clocked: _Clocked, floor_um: float) -> float:
-    """What a clock of its own takes of a record's squares (µm²), or 0 where that is little."""
+    """Squares (µm²) that a clock of its own takes of a record, or 0 where they are few."""
     now = clocked.left(clocked.still)
     if now <= (_VISIBLE * floor_um) ** 2:
         return 0.0
@@ -151,7 +144,7 @@ class _Clocked:
         return np.asarray(self.record.t_s[0] + ts_s * np.arange(self.record.t_s.size))
 
     def pulled(self, y_um: Array, along: Array) -> tuple[float, float]:
-        """How far what is left pulls along a derivative, with the standard error."""
+        """Projection of the residual on a derivative, with its standard error."""
         mask = self.record.error_mask
         left, rows = (self.record.y_um - y_um)[mask], along[mask]
         left, rows = left - left.mean(), rows - rows.mean()

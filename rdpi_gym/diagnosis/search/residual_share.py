@@ -1,4 +1,4 @@
-"""What is left: how much of it follows from the input, and how surely."""
+"""Share of the residual that follows from the input, with its interval."""
 
 from __future__ import annotations
 
@@ -46,19 +46,14 @@ _MAINS_CYCLES, _MAINS_SHARE = 20.0, 1e-3
 
 @dataclass(frozen=True)
 class Remainder(Left):
-    """What is left of the displacement, and how much of it follows from the input, in words too.
+    """Share of the residual that follows from the input, in words too.
 
     Its `low` is what a learner or the recurrence of the input's history proves on data that were held
     out. Its `high` is 1 unless something proves that there is a disturbance: a learner that fails
     proves nothing.
-
-    Parameters
-    ----------
-    sentence
-        In words.
     """
 
-    sentence: str
+    sentence: str  # in words
 
 
 def remainder(
@@ -174,7 +169,7 @@ def _mains(record: Record, left_um: Array) -> Array:
 def _parts(
     traces: Sequence[Trace], outputs_um: Sequence[Array], scale: DataScale
 ) -> tuple[list[Part], list[Array]]:
-    """What learners see of each record; and the residual with nothing but its mean taken off (µm)."""
+    """Features and residual of each record for learners, and the residual less its mean (µm)."""
     samples = sum(int(np.count_nonzero(t.record.error_mask)) for t in traces)
     step = max(1, -(-samples // _MOST_ROWS))
     parts, whole = [], []
@@ -200,7 +195,7 @@ def _parts(
 
 
 def _draws(blocks: int) -> Array:
-    """How often each block is drawn in each sample of the bootstrap, ``(DRAWS, B)``."""
+    """Bootstrap counts of each block, ``(DRAWS, B)``."""
     rng = np.random.default_rng(0)
     return rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=_DRAWS).astype(np.float64)
 
@@ -208,7 +203,7 @@ def _draws(blocks: int) -> Array:
 def _learned(
     held_out: HeldOut, draws: Array, counts: Array, excesses: Array, excess: float, lost_um2: float
 ) -> tuple[float, float]:
-    """What learners predict as a share of all that is left, and its lower end."""
+    """Share of the residual that learners predict, and its lower end."""
     gains = held_out.before - held_out.after
     gained = (draws @ gains) / (draws @ counts) - lost_um2
     shares = gained / np.maximum(excesses, 0.1 * excess)
@@ -229,7 +224,7 @@ def _wider(value: float, end: float, blocks: int) -> float:
 def _found_again(
     found: Recurrence, excess: float, most: float, lost_um2: float
 ) -> tuple[float, float]:
-    """What recurs as a share of all that is left, and its lower end."""
+    """Share of the residual that recurs, and its lower end."""
     repeated = float(found.repeated.sum() / found.counts.sum())
     draws = _draws(len(found.counts))
     low = float(np.quantile(draws @ found.repeated / (draws @ found.counts), _SURE))

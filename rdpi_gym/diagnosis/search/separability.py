@@ -27,21 +27,11 @@ _NO_ADVICE = ("quiet", "triangle-slow-again")
 
 @dataclass(frozen=True)
 class Separability:
-    """Directions of effects after the gains and offsets have taken what they can.
+    """Directions of effects after the gains and offsets have taken what they can."""
 
-    Parameters
-    ----------
-    names
-        Effects, and the rate-dependent threshold where the core has any.
-    cosines : float64[E, E]
-        Between the directions; 1 is the same.
-    visible_um : float64[E]
-        Size (µm rms) of what is left of each.
-    """
-
-    names: tuple[str, ...]
-    cosines: Array
-    visible_um: Array
+    names: tuple[str, ...]  # effects, and the rate-dependent threshold where the core has any
+    cosines: Array  # float64[E, E]: between the directions; 1 is the same
+    visible_um: Array  # float64[E]: size (µm rms) of what is left of each
 
     def alike(self, name: str, limit: float = ALIKE) -> tuple[str, ...]:
         """Return what cannot be told from an effect at a cosine, itself left out."""
@@ -159,7 +149,7 @@ _LIFTS: Mapping[Code, Code] = {
     Code.NO_REPETITION: Code.TWICE,
     Code.ONE_RECORD: Code.OTHER_MOTION,
 }
-"""What lifts a limit of the records, in the order of worth."""
+"""Experiments that lift a limit of the records, in the order of worth."""
 
 
 def what_to_measure(

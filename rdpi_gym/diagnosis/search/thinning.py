@@ -44,21 +44,13 @@ _BINS, _RICHER, _HISTORY = 16, 1.2, 0.95
 
 @dataclass(frozen=True, eq=False)
 class Thinned:
-    """What a search reads of a data set.
+    """Part of a data set that a search reads."""
 
-    Parameters
-    ----------
-    dataset
-        The same records with fewer samples; quiet records and those for tests as they are.
-    openings
-        The samples at the beginning of records (``bool[N]``) that were given, of those that are read.
-    sentence
-        What is read, and what is of all samples.
-    """
-
+    # The same records with fewer samples; quiet records and those for tests as they are
     dataset: Dataset
+    # The samples at the beginning of records (``bool[N]``) that were given, of those that are read
     openings: Mapping[str, BoolArray]
-    sentence: str
+    sentence: str  # what is read, and what is of all samples
 
 
 def thinned(dataset: Dataset, openings: Mapping[str, BoolArray]) -> Thinned | None:
@@ -150,7 +142,7 @@ def _noise_and_fastest(record: Record) -> tuple[float, float]:
 
 
 def _keeps(record: Record, step: int, noise_um: float, model: Variant[Core]) -> bool:
-    """Whether the command lies on the lines between the samples that are kept, and plays do not mind.
+    """True if interpolating the kept samples changes the model output by less than the tolerance.
 
     The rate that widens thresholds is that over a sampling time: a longer one is another rate.
     """

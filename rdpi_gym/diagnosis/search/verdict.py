@@ -37,43 +37,30 @@ _JUMPS = 0.4
 
 @dataclass(frozen=True)
 class NumericalFloor:
-    """What the simulation of records leaves open.
+    """Numerical floor: what the simulation of records leaves open."""
 
-    Parameters
-    ----------
-    step_um
-        What half the step changes, carried on to a step of zero (µm rms).
-    held_um
-        What a command held about each sample, in place of one linear between them, changes (µm
-        rms). One that is held from a sample to the next is the same with half a sampling time of
-        delay, which a delay and the lags take up.
-    fastest_hz
-        Sampling rate (Hz) of the record in which that is largest.
-    turned_um
-        What a command that turns between two samples, where the straight lines before and after
-        them meet, changes (µm rms): memory and gaps keep an extremum that no sample shows.
-    jittered_um
-        What samples taken at other times than those of an even clock change (µm rms), where the
-        stamps of a file are off one: what hangs on rates and times is then wrong, what only
-        follows the command is not.
-    off_s
-        By how much the stamps are off, in the record in which that is largest (s rms).
-    shown_um
-        Of step, held and turned together, what the error of the records bears out, and all of it in
-        records whose command jumps (µm rms).
-    """
-
-    step_um: float
+    step_um: float  # what half the step changes, carried on to a step of zero (µm rms)
+    # What a command held about each sample, in place of one linear between them, changes (µm rms).
+    # One that is held from a sample to the next is the same with half a sampling time of delay,
+    # which a delay and the lags take up
     held_um: float
-    fastest_hz: float
+    fastest_hz: float  # sampling rate (Hz) of the record in which that is largest
+    # What a command that turns between two samples, where the straight lines before and after them
+    # meet, changes (µm rms): memory and gaps keep an extremum that no sample shows
     turned_um: float = 0.0
+    # What samples taken at other times than those of an even clock change (µm rms), where the
+    # stamps of a file are off one: what hangs on rates and times is then wrong, what only follows
+    # the command is not
     jittered_um: float = 0.0
+    # By how much the stamps are off, in the record in which that is largest (s rms)
     off_s: float = 0.0
+    # Of step, held and turned together, what the error of the records bears out, and all of it in
+    # records whose command jumps (µm rms)
     shown_um: float = 0.0
 
     @property
     def borne_um(self) -> float:
-        """What the error and the command bear out, and what the sampling times change (µm rms)."""
+        """Part that the error and the command bear out, with that of the sampling times (µm rms)."""
         return math.hypot(self.shown_um, self.jittered_um)
 
     @property
@@ -128,14 +115,14 @@ def _jumps(u_V: Array) -> bool:
 
 
 def _borne_out(pulls_um2: Array, squares_um2: Array) -> Array:
-    """Of the squares of changes (µm²), those that errors bear out, which pull along them so much."""
+    """Squares of changes (µm²) that the errors bear out."""
     shares = np.maximum(pulls_um2, 0.0) / np.maximum(squares_um2, 1e-300)
     shares = np.where(shares < _BORNE_OUT, shares, 1.0)
     return np.asarray(shares**2 * squares_um2)
 
 
 def _jitter(variant: Variant[Core], records: Sequence[Record]) -> tuple[float, float]:
-    """What uneven sampling times change (µm rms over all records), and the largest of them (s)."""
+    """Change by uneven sampling times (µm rms over all records), and the largest of them (s)."""
     squares = [
         float(np.var(_shaken(variant, r)[r.error_mask])) if r.jitter_s > 0.0 else 0.0
         for r in records
@@ -145,7 +132,7 @@ def _jitter(variant: Variant[Core], records: Sequence[Record]) -> tuple[float, f
 
 
 def _shaken(variant: Variant[Core], record: Record) -> Array:
-    """What the same samples, taken at times that are off by those of the stamps, change (µm).
+    """Change of the simulation (µm) if the samples are taken at times that are off by those of the stamps.
 
     Command and displacement are taken at one time: each sample is moved to and fro by one of a few
     steps with the command linear between, and what that changes is carried on in proportion.
@@ -168,7 +155,7 @@ def _shaken(variant: Variant[Core], record: Record) -> Array:
 def _changed(
     variant: Variant[Core], record: Record, *between: Callable[[Array, int], Array]
 ) -> list[Array]:
-    """What other commands between the samples change at the samples (µm)."""
+    """Change at the samples (µm) by other commands between them."""
     effects = tuple(effect.sampled_at(record.ts_s) for effect in variant.effects)
     # jumps have no rate: only what does not hang on it is asked for
     slow = Variant(variant.hysteresis.static(), effects)
@@ -226,7 +213,7 @@ _CORRECTIONS, _LEAST_SHARE = 3, 0.1
 _HIGHEST_SHARE, _FEWEST_SAMPLES = 0.1, 2.0
 
 Rest = Literal["noise", "between", "uneven", "numerical"]
-"""What is left of the error, by its code in the texts."""
+"""Kind of the residual, by its code in the texts."""
 
 _FASTER = Notice(Code.FASTER)
 _BETWEEN: Rest = "between"
@@ -234,25 +221,14 @@ _BETWEEN: Rest = "between"
 
 @dataclass(frozen=True)
 class Judgement:
-    """A verdict with the reservation that it stands under.
+    """A verdict with the reservation that it stands under."""
 
-    Parameters
-    ----------
-    verdict
-        As in the files.
-    sampling
-        A reservation where records are sampled too slowly for the model, with the rate that would
-        do, or at times that are too uncertain.
-    rest
-        What is then left.
-    again
-        What is then to be measured.
-    """
-
-    verdict: Verdict
+    verdict: Verdict  # as in the files
+    # A reservation where records are sampled too slowly for the model, with the rate that would do,
+    # or at times that are too uncertain
     sampling: Notice | None = None
-    rest: Rest = "noise"
-    again: Notice = _FASTER
+    rest: Rest = "noise"  # what is then left
+    again: Notice = _FASTER  # what is then to be measured
 
 
 def judge(

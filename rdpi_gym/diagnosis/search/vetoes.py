@@ -1,4 +1,4 @@
-"""Tests without a model against what a fit says: one that denies vetoes, one that is blind caps."""
+"""Tests without a model against a fit: one that denies an effect vetoes it, a blind one caps its confidence."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from rdpi_gym.envs.tasks.task import PUBLIC_SEED, Draw, Lanes, Split, StageTask
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.members import modules_of
+from rdpi_gym.support.plugins import modules_of
 from rdpi_gym.support.words import guess, quoted
 
 __all__ = [

@@ -13,7 +13,6 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
@@ -89,11 +88,6 @@ class Library(NamedTuple):
 class Tables:
     """Constant arrays of the generated code, each once.
 
-    Parameters
-    ----------
-    names
-        Arrays that have a name, with it.
-
     Examples
     --------
     >>> tables = Tables([("_rest_V", np.array([1.0, 2.0]))])
@@ -139,17 +133,7 @@ def _identifier(name: str) -> str:
 
 
 class Recording:
-    """The tape and the tables of one run of a trace, and reasons for which it is not exact.
-
-    Parameters
-    ----------
-    tape
-        Where statements go.
-    tables
-        Constant arrays.
-    library
-        NumPy's functions.
-    """
+    """The tape and the tables of one run of a trace, and reasons for which it is not exact."""
 
     def __init__(self, tape: Tape, tables: Tables, library: Library) -> None:
         self.tape, self.tables, self.library = tape, tables, library
@@ -195,13 +179,7 @@ class Recording:
 
 
 class Store:
-    """Numbers in C that arrays are views of: a local variable, or else a field of the memory.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The local variable, if it is one.
-    """
+    """Numbers in C that arrays are views of: a local variable, or else a field of the memory."""
 
     writable: ClassVar[bool] = True
 
@@ -227,6 +205,20 @@ class Store:
         """Return the text of a pointer to an element."""
         element = self.element(place)
         return self.text if not place and element != self.text else f"&{element}"
+
+
+class Constant(Store):
+    """One number that is known, for every element."""
+
+    writable = False
+
+    def element(self, place: int) -> str:
+        """See :meth:`Store.element`."""
+        return self.text
+
+    def indexed(self, first: int, last: int, index: Callable[[int], str]) -> str | None:
+        """See :meth:`Store.indexed`."""
+        return self.text
 
 
 class Inputs(Store):
@@ -261,13 +253,6 @@ class Inputs(Store):
 class Traced(np.lib.mixins.NDArrayOperatorsMixin):
     r"""An array whose numbers are known only as the code runs; a view of a :class:`Store`.
 
-    Parameters
-    ----------
-    store
-        Where its elements lie.
-    places
-        Which of them, in the array's shape.
-
     Examples
     --------
     >>> from rdpi_gym.firmware.tracing.statements import lines
@@ -290,12 +275,12 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
 
     @property
     def recording(self) -> Recording:
-        """Where it writes."""
+        """Its recording."""
         return self.store.recording
 
     @property
     def kind(self) -> Kind:
-        """Of its elements."""
+        """Kind of its elements."""
         return self.store.kind
 
     @property
@@ -415,7 +400,7 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
 
     @property
     def is_dense(self) -> bool:
-        """Whether its elements lie one behind the other in their order, in what can be pointed at."""
+        """Whether its elements are contiguous in their order, in a store that can be pointed at."""
         dense = _counted((self.size,)) + self._first
         return self.store.writable and np.array_equal(self.places.ravel(), dense)
 
@@ -463,7 +448,7 @@ def compute(
     shape = np.broadcast_shapes(*(shape_of(each) for each in operands))
     if out is None:
         if int(np.prod(shape, dtype=int)) == 1:
-            texts = [_one(each, recording, cast) for each in operands]
+            texts = [_element(_read(each, recording, cast), 0, cast) for each in operands]
             return recording.scalar(kind, expression(*texts), shape)
         out = recording.array(shape, kind)
     elif out.kind != kind and not (out.kind == "real" and cast):
@@ -521,20 +506,17 @@ def constant(value: Any) -> str:
     return literal(float(number))
 
 
-def _one(operand: Operand, recording: Recording, cast: bool) -> str:
+def _read(operand: Operand, recording: Recording, cast: bool) -> Traced:
+    """Return an operand as an array; flags and counts become numbers where they are cast."""
     if isinstance(operand, Traced):
-        return _cast(operand.store.element(int(operand.places.flat[0])), operand.kind, cast)
-    number = np.asarray(operand).ravel()[0].item()
-    return constant(float(number) if cast else number)
-
-
-@dataclass(frozen=True)
-class _Read:
-    """An operand as a loop reads it: places along the loop's axes."""
-
-    text: Callable[[Places], str]
-    indexed: Callable[[int, int, Callable[[int], str]], str | None]
-    places: Places
+        return operand
+    array = np.asarray(operand)
+    if array.size == 1 or (array == array.flat[0]).all():
+        number = array.ravel()[0].item()
+        text = constant(float(number) if cast else number)
+        return Traced(Constant(recording, text, 1), np.zeros(array.shape, dtype=np.int64))
+    store = Store(recording, f"p->{recording.tables.named(array)}", array.size, local=False)
+    return Traced(store, _counted(array.shape))
 
 
 def _loop(
@@ -543,21 +525,24 @@ def _loop(
     if out.size == 0:
         return
     if not out.store.writable:
-        raise InputError(f"{here()} writes into what it is shown")
+        raise InputError(f"{here()} writes into its inputs")
     recording, tape = out.recording, out.recording.tape
     writes, keeps = out.store.names, not out.store.names
-    reads = [_read(each, out.shape, recording, cast) for each in operands]
-    target = _Read(lambda at: out.store.element(int(at)), out.store.indexed, out.places)
-    written = _written_loop(target, reads, expression) if out.size > 1 else None
+    reads = [_read(each, recording, cast) for each in operands]
+    reads = [each.view(np.broadcast_to(each.places, out.shape)) for each in reads]
+    written = _written_loop(out, reads, expression, cast) if out.size > 1 else None
     if written is None and out.size > _MOST_SINGLE:
         raise InputError(f"{here()} picks {out.size} elements in an order that no loop of C has")
     if written is not None:
         tape.write(written, writes=writes, keeps=keeps)
         return
     for one in range(out.size):
-        texts = [read.text(read.places.ravel()[one]) for read in reads]
-        text = f"{target.text(out.places.ravel()[one])} = {expression(*texts)};"
-        tape.write(text, writes=writes, keeps=keeps)
+        texts = [_element(each, one, cast) for each in reads]
+        tape.write(f"{_element(out, one, False)} = {expression(*texts)};", "", writes, keeps)
+
+
+def _element(array: Traced, one: int, cast: bool) -> str:
+    return _cast(array.store.element(int(array.places.flat[one])), array.kind, cast)
 
 
 def read_by_loops(
@@ -568,69 +553,41 @@ def read_by_loops(
     """Return the text of an element of each operand by the indices i, j, k of loops over three axes."""
     texts = []
     for operand, shape in operands:
-        read = _read(operand, shape_of(operand), recording, cast)
-        read = replace(read, places=read.places.reshape(shape))
+        read = _read(operand, recording, cast).reshape(shape)
         steps = _steps(read.places, range(3))
-        text = None if steps is None else _stepped(read, steps)
+        text = None if steps is None else _stepped(read, steps, cast)
         if text is None:
             return None
         texts.append(text)
     return texts
 
 
-def _stepped(read: _Read, steps: Sequence[int]) -> str | None:
+def _stepped(read: Traced, steps: Sequence[int], cast: bool) -> str | None:
+    """Return the text of an element by the indices of loops over axes."""
     places = read.places
     if not any(steps):
-        return read.text(places.ravel()[0])
+        return _element(read, 0, cast)
     index = _index_writer(int(places.flat[0]), tuple(steps))
-    return read.indexed(int(places.min()), int(places.max()), index)
-
-
-def _read(operand: Operand, shape: Sequence[int], recording: Recording, cast: bool) -> _Read:
-    if isinstance(operand, Traced):
-        store, kind = operand.store, operand.kind
-
-        def indexed(first: int, last: int, index: Callable[[int], str]) -> str | None:
-            text = store.indexed(first, last, index)
-            return None if text is None else _cast(text, kind, cast)
-
-        return _Read(
-            lambda at: _cast(store.element(int(at)), kind, cast),
-            indexed,
-            np.broadcast_to(operand.places, shape),
-        )
-    array = np.asarray(operand)
-    if array.size == 1 or (array == array.flat[0]).all():
-        number = array.ravel()[0].item()
-        text = constant(float(number) if cast else number)
-        return _Read(lambda at: text, lambda *_: text, np.zeros(shape, dtype=np.int64))
-    name = recording.tables.named(array)
-    places = np.broadcast_to(_counted(array.shape), shape)
-    return _Read(
-        lambda at: f"p->{name}[{int(at)}]", lambda a, b, index: f"p->{name}[{index(0)}]", places
-    )
+    text = read.store.indexed(int(places.min()), int(places.max()), index)
+    return None if text is None else _cast(text, read.kind, cast)
 
 
 def _written_loop(
-    target: _Read, reads: Sequence[_Read], expression: Callable[..., str]
+    out: Traced, reads: Sequence[Traced], expression: Callable[..., str], cast: bool
 ) -> str | None:
     """Return the loops over all axes; None where an operand's places are no steps along them."""
-    everything = (target, *reads)
-    if (split := _split(everything)) is not None:
-        everything = split
-        target, reads = split[0], split[1:]
-    axes = [axis for axis, n in enumerate(target.places.shape) if n > 1]
+    everything = _split((out, *reads))
+    shape = everything[0].shape
+    axes = [axis for axis, n in enumerate(shape) if n > 1]
     steps = [_steps(each.places, axes) for each in everything]
     if any(step is None for step in steps):
         return None
-    counts, strides = _collapsed(
-        [target.places.shape[axis] for axis in axes], [step or () for step in steps]
-    )
+    counts, strides = _collapsed([shape[axis] for axis in axes], [step or () for step in steps])
     if len(counts) > len(_INDICES):
         return None
     texts = []
-    for each, stride in zip(everything, strides, strict=True):
-        text = _stepped(each, stride)
+    for k, (each, stride) in enumerate(zip(everything, strides, strict=True)):
+        text = _stepped(each, stride, cast and k > 0)
         if text is None:
             return None
         texts.append(text)
@@ -641,18 +598,18 @@ def _written_loop(
     return "\n".join(lines)
 
 
-def _split(everything: Sequence[_Read]) -> tuple[_Read, ...] | None:
+def _split(everything: tuple[Traced, ...]) -> tuple[Traced, ...]:
     """Return operands along one axis along two, where that makes even steps of an uneven one."""
-    count = max(each.places.size for each in everything)
-    flat = [replace(each, places=each.places.ravel()) for each in everything]
+    count = everything[0].size
+    flat = [each.ravel() for each in everything]
     if all(_steps(each.places, [0]) is not None for each in flat):
-        return None
+        return everything
     for inner in range(count // 2, 1, -1):
         if count % inner == 0:
-            two = tuple(replace(x, places=x.places.reshape(-1, inner)) for x in flat)
+            two = tuple(each.reshape(-1, inner) for each in flat)
             if all(_steps(each.places, [0, 1]) is not None for each in two):
                 return two
-    return None
+    return everything
 
 
 def _index_writer(first: int, stride: tuple[int, ...]) -> Callable[[int], str]:

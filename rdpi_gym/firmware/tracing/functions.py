@@ -425,13 +425,7 @@ NUMPY = Library(FUNCTIONS, METHODS, apply_ufunc)
 
 
 class TracedTensor:
-    """A tensor whose numbers are known only as the code runs; PyTorch's modules run on it.
-
-    Parameters
-    ----------
-    array
-        Its numbers, ``(B, size)``.
-    """
+    """A tensor whose numbers are known only as the code runs; PyTorch's modules run on it."""
 
     def __init__(self, array: Traced) -> None:
         self.array = array

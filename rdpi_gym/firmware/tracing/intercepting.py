@@ -39,17 +39,7 @@ _LOCK = threading.RLock()
 
 
 class Interception:
-    """What stands in for kernels and NumPy during a trace.
-
-    Parameters
-    ----------
-    root
-        The controller.
-    functions
-        Where kernels are translated.
-    recording
-        Where calls are written; may be replaced between runs.
-    """
+    """Replacements of kernels and NumPy during a trace."""
 
     def __init__(self, root: object, functions: Functions, recording: Recording) -> None:
         self.functions, self.recording = functions, recording

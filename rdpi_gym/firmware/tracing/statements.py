@@ -20,19 +20,7 @@ _FEWEST, _LONGEST = 4, 80
 
 @dataclass(frozen=True)
 class Statement:
-    """Lines of C.
-
-    Parameters
-    ----------
-    text
-        The lines.
-    declares
-        The local variable that they declare; empty: none.
-    writes
-        Local variables that they may write.
-    keeps
-        Whether they have an effect beside those: memory is written, or the function returns.
-    """
+    """Lines of C."""
 
     text: str
     declares: str = ""

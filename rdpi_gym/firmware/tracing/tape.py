@@ -30,20 +30,7 @@ class _Decision:
 
 
 class Tape:
-    """One run of the traced code, with the answers to its first decisions given.
-
-    Parameters
-    ----------
-    answers
-        To the first decisions; every further one is answered by true.
-
-    Examples
-    --------
-    >>> tape = Tape()
-    >>> tape.write("m->state[0] = RDPI_C(0.0);", keeps=True)
-    >>> tape.decide("t1")
-    True
-    """
+    """One run of the traced code, with the answers to its first decisions given."""
 
     def __init__(self, answers: Sequence[bool] = ()) -> None:
         self._answers = iter(answers)

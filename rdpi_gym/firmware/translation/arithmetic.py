@@ -52,13 +52,7 @@ MATHEMATICS: Mapping[str, Callable[[float], float]] = {
 
 @dataclass(frozen=True)
 class Entry(Number):
-    """A number that stands in a table: read there, and known as the code is written.
-
-    Parameters
-    ----------
-    value
-        It.
-    """
+    """A number that stands in a table: read there, and known as the code is written."""
 
     value: float = 0.0
 
@@ -116,13 +110,7 @@ def joined(*kinds: Kind) -> Kind:
 
 
 class Arithmetic:
-    """Writes expressions; remembers which functions of the mathematics they call.
-
-    Attributes
-    ----------
-    mathematics : set of str
-        By the names of their macros.
-    """
+    """Writes expressions; remembers which functions of the mathematics they call."""
 
     def __init__(self) -> None:
         self.mathematics: set[str] = set()

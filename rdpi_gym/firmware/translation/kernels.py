@@ -39,17 +39,7 @@ _TRIES = 20
 
 @dataclass(frozen=True)
 class Called:
-    """A call of a translated kernel.
-
-    Parameters
-    ----------
-    statement
-        To be written now, with its semicolon; None where the value is the call itself.
-    value
-        What it returns: the call as an expression, or the array that it has filled; None: nothing.
-    writes
-        Which of the arguments it changes.
-    """
+    """A call of a translated kernel."""
 
     statement: str | None
     value: Value | None
@@ -71,15 +61,6 @@ class Functions:
     arrays of known shapes. Loops over the one sample and the one lane of a step fall away, numbers
     that are known are folded, arrays with known numbers are tables. What the kernel computes, and in
     which order, stays, so that C without contraction gives the same bits.
-
-    Attributes
-    ----------
-    arithmetic : Arithmetic
-        With the functions of the mathematics that are called.
-    inexact : set of str
-        Why C is not equal bit by bit, where it is not.
-    by_lanes : set of str
-        Why it is so with Python's single lanes alone, where Python itself differs in many.
 
     Examples
     --------
@@ -204,13 +185,7 @@ def _passed(value: Value) -> str:
 
 
 class Body(Expressions):
-    """One translation of a kernel, for arguments of which shapes and some numbers are known.
-
-    Parameters
-    ----------
-    functions, source, arguments, kinds
-        As :class:`rdpi_gym.firmware.translation.scope.Scope`.
-    """
+    """One translation of a kernel, for arguments of which shapes and some numbers are known."""
 
     def translate(self) -> None:
         """Write the lines."""
@@ -288,7 +263,7 @@ class Body(Expressions):
             self._store(target, value)
 
     def _goal(self, target: ast.expr) -> str:
-        """What is written where a target is assigned, as C text to look for."""
+        """Return the C text that is written where a target is assigned."""
         if isinstance(target, ast.Name):
             return self._c_name(target.id)
         if isinstance(target, ast.Subscript):
@@ -478,7 +453,7 @@ class Body(Expressions):
         self._env[target.id] = self._read(item)
 
     def _turns(self, node: ast.expr) -> list[Item] | tuple[str, str, int, View | None]:
-        """What a loop runs over: known items, or first, last and step as C has them."""
+        """Return the range of a loop: known items, or first, last and step in C."""
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             if node.func.id == "range":
                 return self._range([self._scalar(each) for each in node.args])

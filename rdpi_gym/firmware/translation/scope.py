@@ -30,21 +30,7 @@ from rdpi_gym.support.errors import InputError
 
 @dataclass(frozen=True)
 class Source:
-    """A kernel's syntax tree, and where it stands.
-
-    Parameters
-    ----------
-    name, place
-        Of the function; with its file.
-    parameters
-        Their names.
-    tree
-        The function.
-    names
-        Its globals.
-    first_line
-        Of the function in its file.
-    """
+    """A kernel's syntax tree, and where it stands."""
 
     name: str
     place: str
@@ -139,23 +125,7 @@ def writes_arrays(source: Source) -> bool:
 
 @dataclass(frozen=True)
 class View:
-    """Part of an array that stands at a name of C.
-
-    Parameters
-    ----------
-    root
-        The name.
-    shape, strides
-        Of the part, in elements; known as the code is written.
-    kind
-        Of an element.
-    first
-        Elements before its first one, as far as they are known.
-    moves
-        What is added to them as the code runs: an expression, or empty.
-    known
-        The part's numbers where nothing writes it and it does not move; else None.
-    """
+    """Part of an array that stands at a name of C."""
 
     root: str
     shape: tuple[int, ...]
@@ -180,7 +150,7 @@ class View:
 
     @property
     def is_contiguous(self) -> bool:
-        """Whether its elements stand one behind the other in their order."""
+        """Whether its elements are contiguous in their order."""
         apart = 1
         for length, stride in zip(reversed(self.shape), reversed(self.strides), strict=True):
             if length != 1 and stride != apart:
@@ -293,10 +263,10 @@ RESERVED = C_KEYWORDS | frozenset(
         "yn",
     ]
 )
-"""What no variable of the text is called."""
+"""Names that no variable of the text has."""
 
 Item: TypeAlias = "Value | View | tuple[Item, ...]"
-"""What a name or an expression of a kernel stands for."""
+"""Value of a name or of an expression of a kernel."""
 
 
 class Retyped(Exception):
@@ -308,7 +278,7 @@ class Retyped(Exception):
 
 
 class Calls(Protocol):
-    """What a body needs of the functions around it: :class:`rdpi_gym.firmware.translation.kernels.Functions`."""
+    """Interface of the functions around a body: :class:`rdpi_gym.firmware.translation.kernels.Functions`."""
 
     arithmetic: Arithmetic
     inexact: set[str]
@@ -319,26 +289,7 @@ class Calls(Protocol):
 
 
 class Scope:
-    """The names of one translation, the variables that stand for them, and the text.
-
-    Parameters
-    ----------
-    functions
-        That it calls others of.
-    source
-        The kernel.
-    arguments
-        One for each parameter.
-    kinds
-        Types of variables that an earlier try has found too narrow.
-
-    Attributes
-    ----------
-    lines : list of str
-        The C text between the braces.
-    returns : Kind, Block or None
-        What it returns; a block is filled through one parameter more.
-    """
+    """The names of one translation, the variables that stand for them, and the text."""
 
     def __init__(
         self,

@@ -53,25 +53,7 @@ _LONGEST_DESCRIPTION = 1000
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable of an FMU.
-
-    Parameters
-    ----------
-    name
-        Identifier.
-    reference
-        Its value reference.
-    description
-        One line.
-    causality
-        What it is to the importer.
-    unit
-        ``s``, ``V``, ``um``; empty for a flag.
-    start
-        Value at the beginning; None where the FMU computes it.
-    range
-        Lowest and highest value; None where there is none.
-    """
+    """One variable of an FMU."""
 
     name: str
     reference: int
@@ -426,8 +408,8 @@ def _compiled(texts: Mapping[str, str], units: Sequence[str], suffix: str) -> by
         )
         if done.returncode:
             lines = [x for x in done.stderr.splitlines() if "error" in x or "undefined" in x]
-            said = lines[0].strip() if lines else f"exit status {done.returncode}"
-            raise InputError(f"{words[0]} refuses the code of the FMU: {said}")
+            reason = lines[0].strip() if lines else f"exit status {done.returncode}"
+            raise InputError(f"{words[0]} refuses the code of the FMU: {reason}")
         return (folder / library).read_bytes()
 
 

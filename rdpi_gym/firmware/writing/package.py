@@ -13,8 +13,7 @@ from rdpi_gym.firmware.writing.source import Source, header_text, safe, source_t
 from rdpi_gym.firmware.writing.templating import filled, template
 from rdpi_gym.firmware.writing.vectors import SAMPLES, Roundings, vectors, vectors_text
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import read_json, write_atomic, write_json
-from rdpi_gym.support.folders import replaced_folder
+from rdpi_gym.support.files import read_json, replaced_folder, write_atomic, write_json
 from rdpi_gym.support.words import some
 
 
@@ -34,19 +33,7 @@ BUILD, EXAMPLES = "build", "examples"
 
 @dataclass(frozen=True)
 class Package:
-    """All that a folder is written from.
-
-    Parameters
-    ----------
-    source
-        The program, with what it reaches and its form on whole numbers.
-    recipe
-        What ``program.json`` says: enough to make the program again.
-    warnings
-        What to beware of, a sentence each.
-    notes
-        What is good to know, for the page.
-    """
+    """All that a folder is written from."""
 
     source: Source
     recipe: Mapping[str, Any] = field(default_factory=dict)

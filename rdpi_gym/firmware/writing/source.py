@@ -30,18 +30,7 @@ MATHEMATICS = ("EXP", "LOG", "SIN", "COS", "TANH", "POW", "SQRT", "EXPM1", "LOG1
 
 @dataclass(frozen=True)
 class Source:
-    """What header and source are written from.
-
-    Parameters
-    ----------
-    program
-        The thing itself.
-    reach_um
-        Lowest and highest displacement (µm) that the command range of a controller reaches slowly;
-        None: not known.
-    fixed
-        The same on integers; None: it has no such form.
-    """
+    """The content of header and source."""
 
     program: Program
     reach_um: tuple[float, float] | None = None
@@ -264,7 +253,7 @@ def _function(head: str, name: str, inputs: Sequence[str], body: str) -> list[st
 
 
 def _takes_reference(source: Source) -> bool:
-    """Whether what is remembered at rest hangs on the first reference, in some precision."""
+    """Whether the memory at rest depends on the first reference, in some precision."""
     fixed = () if source.fixed is None else source.fixed.memory
     begins = bool(source.program.begin) or any(part.from_reference for part in fixed)
     return begins or any(bool(np.any(part.by_reference)) for part in source.program.memory)

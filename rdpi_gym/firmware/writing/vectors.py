@@ -176,14 +176,14 @@ def _measured(rng: np.random.Generator, reference_um: Array, scale: float) -> Ar
 ALLOWED: Mapping[int, float] = {64: 1e-13, 32: 1e-5, 31: 1e-6}
 """Largest difference from Python, in strokes or ranges of the command, by precision."""
 ROUGH = 100.0
-"""From which growth on it is said."""
+"""Growth from which on a warning is given."""
 _EPSILON = {64: 2.0**-53, 32: 2.0**-24, 31: 2.0**-32}
 _MOST = 100.0
 
 
 @dataclass(frozen=True)
 class Roundings:
-    """How much larger differences of answers are than those of the inputs' last bits.
+    """Growth of differences of the inputs' last bits to those of the answers.
 
     A loop outside its stability limit, and what estimates online, make much of every rounding; no two
     ways of computing agree there, and none is nearer to the truth.
@@ -226,7 +226,7 @@ class Roundings:
 
     @property
     def usual(self) -> dict[int, float]:
-        """What is allowed where roundings do not grow, by precision."""
+        """Largest difference where roundings do not grow, by precision."""
         return {**ALLOWED, 64: ALLOWED[32]} if self.single else dict(ALLOWED)
 
     @property
@@ -253,7 +253,7 @@ class Roundings:
 
 
 def _margin(growth: float) -> float:
-    """What one try of roundings says of others: the more they grow, the less."""
+    """Bound on other roundings from one trial: the more they grow, the wider."""
     return growth * min(growth, _MOST)
 
 

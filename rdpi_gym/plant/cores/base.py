@@ -15,7 +15,7 @@ from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.members import Members
+from rdpi_gym.support.plugins import Members
 
 CoreBlock: TypeAlias = Callable[[Array, Array, Array, Array, Array], None]
 """Kernel ``block(u, v, p, state, y)`` over ``float64[T, B]``: command (V), its rate (V/s), packed

@@ -25,6 +25,12 @@ def numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
         raise InputError(f"{name} is {shown(values)}; give a list of numbers") from None
 
 
+def set_numbers(core: Core, *names: str) -> None:
+    """Replace lists in fields of a frozen core by tuples of floats."""
+    for name in names:
+        object.__setattr__(core, name, numbers(name, getattr(core, name)))
+
+
 def check_weights(weights: Sequence[float], first: int = 0) -> None:
     """Refuse weights (µm/V) that are not finite or negative; `first` is the index of the first one."""
     for i, a in enumerate(weights, start=first):
@@ -151,7 +157,7 @@ class ThresholdCore(Core):
         )
         return changed  # type: ignore[no-any-return]
 
-    def _kept(self, places: Sequence[int]) -> Self:
+    def _select(self, places: Sequence[int]) -> Self:
         before, own = self._apart
         weights = (*before, *(own[i] for i in places))
         return self._with(weights, [self.thresholds_V[i] for i in places])
@@ -162,7 +168,7 @@ class ThresholdCore(Core):
         near = active.copy()
         near[1:] |= active[:-1]
         near[:-1] |= active[1:]
-        return self._kept(np.flatnonzero(near).tolist() if near.any() else [0])
+        return self._select(np.flatnonzero(near).tolist() if near.any() else [0])
 
     def on(self, whole: Self) -> Self:
         """Return the core on the thresholds of another one: each weight at the nearest of them.
@@ -180,7 +186,7 @@ class ThresholdCore(Core):
         rest = np.array(self.thresholds_V)
         if np.allclose(rest, rest[0] * np.arange(1, len(rest) + 1)):
             return self
-        return self._kept([i for i, a in enumerate(self._apart[1]) if a > 0] or [0])
+        return self._select([i for i, a in enumerate(self._apart[1]) if a > 0] or [0])
 
 
 # Length constants of a fit's starts, of half of the command's widest swing.

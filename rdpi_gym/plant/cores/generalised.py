@@ -13,16 +13,16 @@ from numba import njit
 from rdpi_gym.plant.cores.families import (
     ThresholdCore,
     check_rate_bandwidth,
+    check_shape,
     check_thresholds,
     check_weights,
-    numbers,
+    set_numbers,
     spread_thresholds,
 )
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.cores.rdpi import comb_roughness
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
 
 # Plays of a fit's comb, and of the whole gain what a_0 is at least there.
@@ -215,24 +215,16 @@ class GeneralisedPI(ThresholdCore):
     loose = True
 
     def __post_init__(self) -> None:
-        weights = numbers("weights", self.weights)
-        thresholds = numbers("thresholds_V", self.thresholds_V)
-        object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "thresholds_V", thresholds)
+        set_numbers(self, "weights", "thresholds_V")
+        weights = self.weights
         if not weights or not (math.isfinite(weights[0]) and weights[0] > 0):
             found = weights[0] if weights else "missing"
             raise InputError(
                 f"a_0 is {found}; the model needs a finite a_0 above 0 µm/V, what moves it right after a turn"
             )
         check_weights(weights)
-        check_thresholds(thresholds, self.n, "play")
-        for p in self.shape:
-            value = getattr(self, p.name)
-            if not (is_finite(value) and p.low <= value <= p.high):
-                unit = "" if p.unit == "1" else f" {p.unit}"
-                raise InputError(
-                    f"{p.name} is {shown(value)}; give a number from {p.low:g} to {p.high:g}{unit}"
-                )
+        check_thresholds(self.thresholds_V, self.n, "play")
+        check_shape(self)
         check_rate_bandwidth(self.rate_bandwidth_hz)
 
     @property

@@ -12,8 +12,9 @@ from numba import njit
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.families import (
     check_rate_bandwidth,
+    check_shape,
     check_weights,
-    numbers,
+    set_numbers,
     settled_memory,
 )
 from rdpi_gym.plant.cores.play import play, play_columns
@@ -105,16 +106,11 @@ class PinchedStop(Core):
     clockwise = True
 
     def __post_init__(self) -> None:
-        weights = numbers("weights", self.weights)
-        object.__setattr__(self, "weights", weights)
-        if not weights:
+        set_numbers(self, "weights")
+        if not self.weights:
             raise InputError("weights is empty; give one weight (µm/V) for each section")
-        check_weights(weights, first=1)
-        p = self.shape[0]
-        if not (is_finite(self.threshold_V) and p.low <= self.threshold_V <= p.high):
-            raise InputError(
-                f"threshold_V is {shown(self.threshold_V)}; give a number from {p.low:g} to {p.high:g} V"
-            )
+        check_weights(self.weights, first=1)
+        check_shape(self)
         if not is_finite(self.slope):
             raise InputError(f"slope is {shown(self.slope)}; c is a finite gain (µm/V)")
         if not self.a0 > 0:

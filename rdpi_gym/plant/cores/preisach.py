@@ -24,7 +24,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.families import check_rate_bandwidth, numbers, settled_memory
+from rdpi_gym.plant.cores.families import check_rate_bandwidth, set_numbers, settled_memory
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
@@ -136,44 +136,7 @@ def _relay_rows(u: Array, lowest: float, apart: float, ramp: float, xi: Array, r
             rest = min(max(-steep * middle, -1.0), 1.0)
             row = rows[(j + d) * (j + d + 1) // 2 + j]
             for t in range(u.shape[0]):
-                x = steep * (trace[t] - middle)
-                x = x if x < 1.0 else 1.0
-                x = x if x > -1.0 else -1.0
-                row[t] = x - rest
-
-
-@njit(cache=True)
-def _mark_gains(u: Array, lowest: float, apart: float, ramp: float, xi: Array, met: Array) -> None:
-    """Mark in ``met[2, N, N]`` each (way, switching value, diagonals on its ramps) of a record."""
-    levels = xi.shape[0] + 1
-    shortest = 1e-9 * apart
-    for d in range(1, levels):
-        xi[d - 1] = play(xi[d - 1], u[0] - 0.5 * d * apart, u[0] + 0.5 * d * apart)
-    for t in range(1, u.shape[0]):
-        x = u[t - 1]
-        way = 1.0 if u[t] > x else -1.0
-        while x != u[t]:
-            # the gain is constant as far as the next end of a ramp or the next play that slides
-            goal = u[t]
-            for side in (-0.5, 0.5):
-                end = (x + way * shortest - lowest - side * ramp) / apart
-                end = lowest + side * ramp + apart * way * math.ceil(way * end)
-                goal = way * min(way * goal, way * end)
-            for d in range(1, levels):
-                slides = xi[d - 1] + way * 0.5 * d * apart
-                if way * slides > way * x + shortest:
-                    goal = way * min(way * goal, way * slides)
-            middle = 0.5 * (x + goal)
-            i = int(min(max((middle - lowest) / apart + 0.5, 0.0), levels - 0.5))
-            most = 0
-            for d in range(1, levels):
-                if way * (middle - xi[d - 1]) > 0.5 * d * apart:
-                    most = d
-            if 2.0 * abs(middle - lowest - i * apart) < ramp:
-                met[0 if way > 0 else 1, i, min(most, i if way > 0 else levels - 1 - i)] = True
-            x = goal
-            for d in range(1, levels):
-                xi[d - 1] = play(xi[d - 1], x - 0.5 * d * apart, x + 0.5 * d * apart)
+                row[t] = play(steep * (trace[t] - middle), -1.0, 1.0) - rest
 
 
 @dataclass(frozen=True)
@@ -257,10 +220,8 @@ class Preisach(Core):
     loose = True
 
     def __post_init__(self) -> None:
-        levels = numbers("levels_V", self.levels_V)
-        weights = numbers("weights_um", self.weights_um)
-        object.__setattr__(self, "levels_V", levels)
-        object.__setattr__(self, "weights_um", weights)
+        set_numbers(self, "levels_V", "weights_um")
+        levels, weights = self.levels_V, self.weights_um
         if not (is_finite(self.reversible_um_V) and self.reversible_um_V >= 0):
             raise InputError(
                 f"reversible_um_V is {shown(self.reversible_um_V)}; c is finite and not negative (µm/V)"
@@ -433,38 +394,6 @@ class Preisach(Core):
         memory = np.zeros((self.n, plays.shape[1]))
         memory[2 : len(self.levels_V) + 1] = plays
         return memory
-
-
-def check_grid(core: Preisach, commands_V: Sequence[Array]) -> None:
-    """Refuse a grid with more relays than records can tell apart.
-
-    A plant moves between two samples by one of the model's gains, which is c and the weights of
-    the relays on their ramps: one switching value, α while the command rises and β while it
-    falls, and as many diagonals as slide there. Each of these that the records meet is one equation
-    for the weights, so there have to be as many as relays. It is needed and not enough: the
-    relays that no command reaches stay unknown.
-    """
-    levels, share = len(core.levels_V), core.ramp_V / core.apart_V
-    range_V = core.levels_V[-1] - core.levels_V[0] + core.apart_V
-    bottom = core.levels_V[0] - 0.5 * core.apart_V
-
-    def gains_met(count: int) -> int:
-        apart = range_V / count
-        lowest, met = bottom + 0.5 * apart, np.zeros((2, count, count), dtype=np.bool_)
-        for u in commands_V:
-            given: Array = np.ascontiguousarray(u, dtype=np.float64)
-            _mark_gains(given, lowest, apart, share * apart, np.zeros(count - 1), met)
-        # a relay of α = β that moves alone is the same one either way
-        return int(met.sum() - (met[0, :, 0] & met[1, :, 0]).sum())
-
-    found, relays = gains_met(levels), levels * (levels + 1) // 2
-    if found >= relays:
-        return
-    fewer = next((n for n in range(levels - 1, 1, -1) if gains_met(n) >= n * (n + 1) // 2), 0)
-    instead = f"give {fewer} levels, or records" if fewer else "give records"
-    raise InputError(
-        f"a grid of {levels} levels has {relays} relays, and the records tell {found} of its gains apart; {instead} that turn at more commands"
-    )
 
 
 def triangle_roughness(levels: int) -> Array:

@@ -15,6 +15,7 @@ from rdpi_gym.plant.cores.families import (
     check_thresholds,
     check_weights,
     numbers,
+    set_numbers,
     spread_thresholds,
 )
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
@@ -91,17 +92,15 @@ class RDPI(ThresholdCore):
     drawn_as_packed = True
 
     def __post_init__(self) -> None:
-        weights = numbers("weights", self.weights)
-        thresholds = numbers("thresholds_V", self.thresholds_V)
-        object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "thresholds_V", thresholds)
+        set_numbers(self, "weights", "thresholds_V")
+        weights = self.weights
         if not weights or not (math.isfinite(weights[0]) and weights[0] > 0):
             found = weights[0] if weights else "missing"
             raise InputError(
                 f"a_0 is {found}; the model needs a finite a_0 above 0 µm/V (Eq. 6 divides by it)"
             )
         check_weights(weights)
-        check_thresholds(thresholds, self.n, "play")
+        check_thresholds(self.thresholds_V, self.n, "play")
         if not (is_finite(self.delta2_s) and self.delta2_s >= 0):
             raise InputError(
                 f"delta2_s is {shown(self.delta2_s)}; δ2 is finite and not negative (s)"

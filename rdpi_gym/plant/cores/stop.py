@@ -13,7 +13,7 @@ from rdpi_gym.plant.cores.families import (
     check_rate_bandwidth,
     check_thresholds,
     check_weights,
-    numbers,
+    set_numbers,
     spread_thresholds,
 )
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
@@ -92,14 +92,11 @@ class Stop(ThresholdCore):
     spaced = True
 
     def __post_init__(self) -> None:
-        weights = numbers("weights", self.weights)
-        thresholds = numbers("thresholds_V", self.thresholds_V)
-        object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "thresholds_V", thresholds)
-        if not weights:
+        set_numbers(self, "weights", "thresholds_V")
+        if not self.weights:
             raise InputError("weights is empty; give one weight (µm/V) for each stop operator")
-        check_weights(weights, first=1)
-        check_thresholds(thresholds, self.n, "stop")
+        check_weights(self.weights, first=1)
+        check_thresholds(self.thresholds_V, self.n, "stop")
         if not is_finite(self.slope):
             raise InputError(f"slope is {shown(self.slope)}; c is a finite gain (µm/V)")
         if not self.a0 > 0:

@@ -13,8 +13,7 @@ from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import SLOTS, Effect, form_named
 from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.members import Members
-from rdpi_gym.support.plugins import load_attribute
+from rdpi_gym.support.plugins import Members, load_attribute
 
 ENTRY_POINTS = "rdpi_gym.effects"
 """Group in which another project's package names its effects."""

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.members import modules_of
+from rdpi_gym.support.plugins import modules_of
 
 Mechanism = Callable[[Array], Array]
 """Takes the samples of one stretch of the fine grid after the other, and remembers the last one."""

@@ -29,6 +29,7 @@ from rdpi_gym.firmware.writing.fmu import (
 )
 from rdpi_gym.support.errors import InputError
 from tests.firmware.programs import COMPILERS, STRICT, c_of
+from tests.looping import over
 
 fmpy = pytest.importorskip("fmpy")
 
@@ -42,8 +43,8 @@ IMPORTER = Path(__file__).with_name("fmu_importer.c")
 TS, N = 1e-4, 300
 VERSIONS = ("2.0", "3.0")
 KINDS = ("plant", "controller")
-both_versions = pytest.mark.parametrize("fmi", VERSIONS)
-both_kinds = pytest.mark.parametrize("kind", KINDS)
+both_versions = over("fmi", VERSIONS)
+both_kinds = over("kind", KINDS)
 pytestmark = pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is not installed")
 
 

@@ -15,6 +15,7 @@ from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
 from tests.firmware.programs import COMPILERS, CONTROLLER, PLANT, compiles, needs_gcc
+from tests.looping import over
 
 NAMES = ["pi-classical-reference-rate", None]
 # What cppcheck is told to leave: it wants `const` for the struct of memory where a body happens not to
@@ -40,7 +41,7 @@ def test_every_file_compiles_strictly_in_every_precision(exported):
                 path.with_suffix(".o").unlink()
 
 
-@pytest.mark.parametrize("compiler", COMPILERS)
+@over("compiler", COMPILERS)
 def test_its_own_check_passes_with_sanitizers(exported, compiler):
     if not shutil.which("make"):
         pytest.skip("no make here")

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import nnls
 
 from rdpi_gym.plant import RDPI, Plant, PlantModel
-from rdpi_gym.plant.cores.preisach import Preisach, check_grid, triangle_roughness
+from rdpi_gym.plant.cores.preisach import Preisach, triangle_roughness
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
 from tests.looping import over
 from tests.plant.cores.integration import path, run
 
@@ -224,43 +222,6 @@ def test_c_stays_above_zero_in_a_fit():
 
 def test_evenly_spaced_levels_may_be_rounded():
     Preisach(0.1, (0.0, 3.3333333, 6.6666667, 10.0), 3.3333333, (1.0,) * 10)
-
-
-def test_a_grid_too_fine_for_the_records_is_refused_with_the_one_that_suits():
-    sine = 12.0 * np.sin(np.linspace(0.0, 20.0 * np.pi, 4001))
-    with pytest.raises(InputError, match="a grid of 20 levels has 210 relays, and the") as error:
-        check_grid(grid(20), [sine])
-    suits = int(re.search(r"give (\d+) levels", str(error.value))[1])  # type: ignore[index]
-    assert 2 <= suits <= 6
-    check_grid(grid(suits), [sine])
-    for count in (2, 15, 20, 40):
-        check_grid(grid(count), [reversal_curves(grid(count))])
-    with pytest.raises(InputError, match="tell 0 of its gains apart; give records that turn"):
-        check_grid(grid(20), [np.zeros(10)])
-
-
-def test_records_add_up_for_a_grid():
-    whole = reversal_curves(grid(8))
-    half = len(whole) // 2
-    records = [whole[:half], whole[half:]]
-    with pytest.raises(InputError, match="a grid of 8 levels"):
-        check_grid(grid(8), records[:1])
-    check_grid(grid(8), records)
-
-
-@settings(max_examples=40)
-@given(arrays(np.float64, 7, elements=st.floats(-11.0, 11.0, width=16)))
-def test_a_grid_is_not_refused_where_the_records_tell_every_weight(corners):
-    core = grid(5)
-    u = path(corners, 2000)
-    rows = np.diff(core.responses(u, u, core.settled(()))[:, 1:], axis=0)
-    known = int(np.linalg.matrix_rank(rows, tol=1e-7))
-    try:
-        check_grid(core, [corners])
-    except InputError as error:
-        told = int(re.search(r"tell (\d+) of", str(error))[1])  # type: ignore[index]
-        assert told >= known
-        assert known < 15
 
 
 def test_roughness_is_that_of_the_density_on_any_grid():

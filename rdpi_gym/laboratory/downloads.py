@@ -14,7 +14,7 @@ from typing import Any
 
 from rdpi_gym import face
 from rdpi_gym.diagnosis.notices import Notice
-from rdpi_gym.laboratory.bringing import SETTINGS, data_files
+from rdpi_gym.laboratory.data_import import SETTINGS, data_files
 from rdpi_gym.laboratory.session import Session, Step
 from rdpi_gym.report.thin import thin_index
 from rdpi_gym.support.errors import InputError

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rdpi_gym.laboratory import bringing, views
-from rdpi_gym.laboratory.desk import Job
+from rdpi_gym.laboratory import data_import, views
 from rdpi_gym.laboratory.session import Session, Step
+from rdpi_gym.laboratory.session_jobs import Job
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import CORES
 
@@ -43,8 +43,8 @@ def _records(session: Session) -> list[dict[str, Any]]:
     data, folder = session.data, session.data_folder
     if data is None:
         return []
-    said = bringing.settings_of(folder).get("records", {})
-    files = {file.stem: file.name for file in bringing.data_files(folder)}
+    said = data_import.settings_of(folder).get("records", {})
+    files = {file.stem: file.name for file in data_import.data_files(folder)}
     only = next(iter(files.values()), "")
     return [
         views.record_row(r, files.get(r.name, only), said.get(r.name, {})) for r in data.records
@@ -52,7 +52,7 @@ def _records(session: Session) -> list[dict[str, Any]]:
 
 
 def _settings(session: Session) -> dict[str, Any]:
-    document = bringing.settings_of(session.data_folder)
+    document = data_import.settings_of(session.data_folder)
     return {
         "title": document.get("title"),
         "skip_s": document.get("skip_s"),

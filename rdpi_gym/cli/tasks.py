@@ -1,4 +1,4 @@
-"""What `rdpi bench --task`, `rdpi submit` and `rdpi score` share: options, and how scores are printed."""
+"""`rdpi submit`, `rdpi score`, and what `rdpi bench --task` shares with them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
+import rdpi_gym as rg
+from rdpi_gym.cli.options import OutOption, words
 from rdpi_gym.cli.tables import print_table
 from rdpi_gym.support.command_line import check_jobs
+from rdpi_gym.support.progress import progress_bar
 
 if TYPE_CHECKING:
     import rdpi_gym as rg
@@ -68,3 +71,49 @@ def refuse_failures(scores: rg.TaskScores, own: Sequence[str]) -> None:
         said = [str(row["failure"]) for row in scores.rows if row["controller"] == name]
         if said and all(reason.startswith(("error", "too slow")) for reason in said):
             raise InputError(f"{name} has no score on any plant; the first row says {said[0]!r}")
+
+
+def score(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER", help="As rdpi submit leaves it; its code is run.", show_default=False
+        ),
+    ],
+    out: OutOption = Path("results/score"),
+    seed_file: SeedFileOption = None,
+    jobs: JobsOption = -1,
+) -> None:
+    """Score a submission; with --seed-file on plants that nobody has seen."""
+    with progress_bar() as show:
+        scores = rg.score_submission(folder, seed_file=seed_file, out=out, jobs=jobs, progress=show)
+    print_scores(scores, [], out)
+
+
+def submit(
+    controller: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME|MODULE:ATTRIBUTE|learned:FOLDER",
+            help="A controller: one that ships, one of your own in a single file, or a trained policy.",
+            show_default=False,
+        ),
+    ],
+    out: OutOption = Path("results/submission"),
+    task: TasksOption = "Stage",
+    draws: DrawsOption = None,
+    jobs: JobsOption = -1,
+) -> None:
+    """Score a controller on public plants, and put what a leaderboard needs into a folder."""
+    with progress_bar() as show:
+        scores = rg.submit(
+            controller,
+            out,
+            words(task) or (),
+            **({} if draws is None else {"plants": draws}),
+            jobs=jobs,
+            progress=show,
+        )
+    print_scores(scores, [controller], out)
+    print(f"submission: {out / 'submission.json'}")
+    refuse_failures(scores, [controller])

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 import rdpi_gym as rg
-from rdpi_gym.laboratory.buying import KINDS, course, payoff
+from rdpi_gym.laboratory.compensator_comparison import KINDS, course, payoff
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 P5 = rg.plants["P5"]
 CREEPING = replace(P5, effects=(rg.effects["creep"](gain_per_decade=0.1),))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@over("kind", KINDS)
 def test_a_reference_goes_from_rest_without_a_jump(kind):
     asked = {"kind": kind, "frequency_hz": 2.0, "points": [[0, 3.0], [1.0, -2.0], [1.5, 4.0]]}
     found = course(asked, P5, 1e-3)
@@ -23,8 +24,8 @@ def test_a_reference_goes_from_rest_without_a_jump(kind):
     assert np.ptp(found.reference_um[found.first :]) > 5.0
 
 
-@pytest.mark.parametrize(
-    ("reference", "said"),
+@over(
+    "reference, said",
     [
         ({"kind": "square"}, "give sine, triangle, stairs, drawn"),
         ({"kind": "sine", "frequency_hz": 900.0}, "give 50 Hz at most"),

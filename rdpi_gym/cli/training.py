@@ -1,4 +1,4 @@
-"""`rdpi train`: trains an agent with Stable-Baselines3, with the PPO of this package, or on true plants."""
+"""`rdpi train`, `rdpi tune`, `rdpi collect`: policies, settings of controllers, data for learning."""
 
 from __future__ import annotations
 
@@ -156,3 +156,69 @@ def _frequencies(text: str) -> tuple[float, float]:
             f"--frequency {text!r} is not two numbers; give the lowest and the highest (Hz), for example 20,100"
         ) from None
     return low, high
+
+
+def tune(
+    controller: Annotated[str, typer.Argument(metavar="CONTROLLER", show_default=False)],
+    task: Annotated[
+        str, typer.Option("--task", metavar="NAME,...", help="Tasks, one after the other.")
+    ] = "Stage",
+    out: OutOption = Path("results/tune"),
+    trials: Annotated[int, typer.Option("--trials", help="Settings that are tried.")] = 40,
+    plants: Annotated[
+        int, typer.Option("--plants", help="Training plants, each with every reference.")
+    ] = 16,
+    seed: SeedOption = 0,
+) -> None:
+    """Find the settings of a controller on training draws of a task, and score them on others.
+
+    What its loop is certain of is printed first. The same command continues an interrupted search.
+    """
+    asked = words(task) or [task]
+    for each in asked:
+        print(rg.certificate(controller, each), flush=True)
+    for each in asked:
+        with progress_bar() as show:
+            found = rg.tune(
+                controller, each, out, trials=trials, seed=seed, plants=plants, progress=show
+            )
+        print(found, flush=True)
+
+
+class Action(StrEnum):
+    """How the environment reads actions."""
+
+    command = "command"
+    increment = "increment"
+
+
+def collect(
+    task: Annotated[
+        str, typer.Option("--task", metavar="NAME", help="Short name or id of a task.")
+    ] = "Stage",
+    controllers: Annotated[
+        str,
+        typer.Option(
+            "--controllers", metavar="NAME,...", help="Each drives an equal share of the episodes."
+        ),
+    ] = "true-plant-horizon,pi-preview,adaptive-feedforward,random",
+    episodes: Annotated[int, typer.Option("--episodes", help="How many in all.")] = 40,
+    out: OutOption = Path("results/dataset"),
+    steps: Annotated[
+        int | None, typer.Option("--steps", help="Of an episode; else the task's, 2500.")
+    ] = None,
+    seed: SeedOption = 0,
+    action: Annotated[
+        Action, typer.Option("--action", metavar="command|increment", help="What an action is.")
+    ] = Action.command,
+) -> None:
+    """Write episodes of a task's training draws, driven by controllers, for offline learning.
+
+    Minari loads them; true-plant-horizon knows the true plant, random knows nothing.
+    """
+    with progress_bar() as show:
+        collection = rg.collect(
+            task, words(controllers) or [], episodes, out,
+            steps=steps, seed=seed, action=action.value, progress=show,
+        )  # fmt: skip
+    print(collection)

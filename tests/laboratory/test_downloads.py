@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 import rdpi_gym as rg
+from rdpi_gym.laboratory.downloads import FILES, take
 from rdpi_gym.laboratory.session import Session, Step
-from rdpi_gym.laboratory.taking import FILES, take
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
 

@@ -1,0 +1,213 @@
+"""`rdpi fit`, `rdpi compare`, `rdpi simulate`, `rdpi effects`: models, measurements, the catalogue."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import rdpi_gym as rg
+from rdpi_gym.cli.options import DataArgument, OutOption, SeedOption, as_typed, words
+from rdpi_gym.cli.tables import print_table
+from rdpi_gym.face.options import DataOptions
+from rdpi_gym.support.command_line import check_folder
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_json
+from rdpi_gym.support.progress import progress_bar
+
+_PLAYS = 10
+
+
+def fit(
+    data: DataArgument,
+    reading: DataOptions,
+    out: OutOption = Path("results/fit"),
+    plays: Annotated[
+        int, typer.Option("--plays", "-n", min=1, help="Number of play operators.")
+    ] = _PLAYS,
+    free_memory: Annotated[
+        bool,
+        typer.Option("--free-memory", help="Also find the extremum that each record came from."),
+    ] = False,
+    rate_bandwidth: Annotated[
+        float | None,
+        typer.Option(
+            "--rate-bandwidth",
+            metavar="HZ",
+            help="Cut-off of the low-pass on the model's rate; by default the literal rate.",
+        ),
+    ] = None,
+    core: Annotated[
+        str,
+        typer.Option(
+            "--core",
+            help="Kind of hysteresis: rdpi, stop, preisach, ...; auto fits them all and chooses.",
+        ),
+    ] = "rdpi",
+    seed: SeedOption = 0,  # accepted by every command; nothing is drawn at random here
+) -> None:
+    """Identify the RDPI model from a measurement, by Equations 9 and 10, or another kind of hysteresis.
+
+    Writes model.json: the plant, its standard errors, and what the data do not determine.
+    """
+    if core != "rdpi":
+        _fit_core(data, reading, core, out, plays != _PLAYS or free_memory or rate_bandwidth)
+        return
+    with progress_bar() as show:
+        show("reading", 0, 0)
+        records = rg.load(data, **vars(reading))
+        model = rg.fit(
+            records,
+            plays,
+            rate_bandwidth_hz=rate_bandwidth,
+            free_memory=free_memory,
+            progress=show,
+        )
+        path = model.plant.save(out / "model.json")
+    print(model, records.describe(), sep="\n\n")
+    print_table(model.overview())
+    print(path)
+
+
+def _fit_core(
+    data: Path, reading: DataOptions, core: str, out: Path, of_the_rdpi_model: object
+) -> None:
+    if of_the_rdpi_model:
+        raise rg.InputError(
+            f"--plays, --free-memory and --rate-bandwidth belong to the core rdpi; leave them out with --core {core}"
+        )
+    with progress_bar() as show:
+        show("reading", 0, 0)
+        records = rg.load(data, **vars(reading))
+        model = (
+            rg.choose_kind(records, progress=show)
+            if core == "auto"
+            else rg.fit_core(records, core, progress=show)
+        )
+        path = model.plant.save(out / "model.json")
+    print(model, records.describe(), sep="\n\n")
+    print_table(model.overview())
+    print(path)
+
+
+def compare(
+    data: DataArgument,
+    reading: DataOptions,
+    model: Annotated[
+        list[str],
+        typer.Option(
+            "--model",
+            metavar="M",
+            help="A plant file, as `rdpi fit` writes it, or a plant's name; given again, models are "
+            "shown beside each other.",
+            show_default=False,
+        ),
+    ],
+    out: OutOption = Path("results/compare"),
+) -> None:
+    """Compare models with a measurement: the error by record, frequency, amplitude, direction, time.
+
+    Tests of the data that need no model stand beside it. Several models: which is nearest where,
+    with all traces in one figure. Writes compare.json and report.html.
+    """
+    with progress_bar() as show:
+        show("reading", 0, 3)
+        records = rg.load(data, **vars(reading))
+        show("comparing", 1, 3)
+        result = rg.compare(records, *model)
+        numbers = write_json(out / "compare.json", result.to_dict())
+        show("drawing", 2, 3)
+        page = result.page(out / "report.html")
+    for finding in result.findings.values():
+        print(f"- {finding}")
+    print_table(result.overview())
+    one = result.comparisons[0] if isinstance(result, rg.ModelComparison) else result
+    noticed = [check for check in one.checks if check.zone == "yes"]
+    unclear = sum(check.zone == "cannot tell" for check in one.checks)
+    print(
+        f"Without a model: {len(noticed)} of {len(one.checks)} tests found something, "
+        f"{unclear} cannot tell."
+    )
+    for check in noticed:
+        print(f"- {check.sentence}")
+    print("", records.describe(), "", numbers, page, sep="\n")
+
+
+def simulate(
+    model: Annotated[
+        str, typer.Option("--model", metavar="M", help="A plant file, or a plant's name.")
+    ] = "P10",
+    out: OutOption = Path("results/simulate"),
+    hide: Annotated[
+        str | None,
+        typer.Option(
+            "--hide",
+            metavar="EFFECT,...|random",
+            help="Effects to hide, sized at random so that they show; nothing by default.",
+        ),
+    ] = None,
+    seed: SeedOption = 0,
+    noise_um: Annotated[
+        float, typer.Option("--noise-um", help="White noise of the sensor (µm rms).")
+    ] = 0.012,
+    ts_factor: Annotated[
+        float, typer.Option("--ts-factor", help="Factor on the protocol's sampling times.")
+    ] = 1.0,
+) -> None:
+    """Simulate the standard protocol of experiments on a plant, as if it had been measured.
+
+    Writes one CSV file for each record into DIR/data, and what is hidden into DIR/truth.json.
+    """
+    names = words(hide)
+    if names == []:  # as a variable of the shell is that was never set
+        raise InputError("--hide names no effect; give one, as in creep, or leave it out")
+    typed = {"hide": "--hide", "noise_um": "--noise-um", "ts_factor": "--ts-factor"}
+    with as_typed(typed), progress_bar() as show:
+        data = rg.simulate(
+            model,
+            "random" if hide == "random" else names,
+            seed=seed,
+            noise_um=noise_um,
+            ts_factor=ts_factor,
+            progress=show,
+        )
+        show("writing", 0, 0)
+        folder = data.write(out / "data")
+        answer = data.truth.save(out / "truth.json")
+    print(data.summary)
+    print(f"data: {folder}")
+    print(f"{'hidden effects' if hide else 'nothing is hidden'}: {answer}")
+
+
+def effects(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[NAME]",
+            help="One effect in full; module:Class is one of your own.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for effects.json and effects.md; nothing is written without it.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """List the physical effects that a plant can have: equations, parameters, signatures."""
+    if out is not None:
+        check_folder(out)
+    if name is None:
+        print_table(rg.effects.table(), lines=True, width=80)
+    else:
+        first, *rest = rg.effects.describe(name)
+        print(first, end="\n\n")
+        print_table(rg.effects.parameters(name), lines=True, width=110)
+        print(*rest, sep="\n")
+    if out is not None:
+        print(*rg.effects.write(out, *([] if name is None else [name])), sep="\n")

@@ -1,0 +1,113 @@
+"""`rdpi diagnose`, `rdpi add` and `rdpi discover`: searches for missing effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import rdpi_gym as rg
+from rdpi_gym.cli.options import DataArgument, OutOption
+from rdpi_gym.cli.tables import print_table
+from rdpi_gym.face.options import CandidateOptions, DataOptions, SearchOptions
+from rdpi_gym.support.progress import progress_bar
+
+FINISHED = "candidates.jsonl"
+"""File in the folder of results that keeps finished candidates: an interrupted run goes on."""
+
+
+def carry_out(
+    search: Callable[..., rg.SearchResult],
+    data: Path,
+    reading: DataOptions,
+    options: SearchOptions,
+    out: Path,
+    file_name: str,
+) -> None:
+    """Read the data, search, write what is found, print it with the paths written.
+
+    Parameters
+    ----------
+    search
+        Called with the data set and the options as keywords.
+    data, reading
+        The measurement, and how it is read.
+    options
+        Of the search.
+    out
+        Folder of the results.
+    file_name
+        Of the JSON file; a model that was found is saved as ``model.json`` beside it.
+
+    Raises
+    ------
+    InputError
+        Data or model cannot be read, or the search refuses them.
+    """
+    written: list[Path] = []
+    with progress_bar() as show:
+        show("reading", 0, 0)
+        records = rg.load(data, **vars(reading))
+        asked = replace(options, resume=out / FINISHED, progress=show)
+        found = search(records, **vars(asked))
+        if found.kind != "diagnosis":
+            written.append(found.plant.save(out / "model.json"))
+        written.append(found.to_json(out / file_name))
+        show("drawing", 0, 0)
+        written.append(found.page(out / "report.html"))
+    print(found)
+    print_table(found.overview(), found.overview_title)
+    print(records.describe())
+    print("", *written, sep="\n")
+
+
+def diagnose(
+    data: DataArgument,
+    search: CandidateOptions,
+    reading: DataOptions,
+    out: OutOption = Path("results/diagnose"),
+) -> None:
+    """Rank the effects that a model may miss, each refitted with it, by the error on validation records.
+
+    Writes diagnosis.json and the page report.html; an interrupted run continues.
+    """
+    carry_out(rg.diagnose, data, reading, search, out, "diagnosis.json")
+
+
+def add(
+    effect: Annotated[
+        str,
+        typer.Argument(
+            metavar="EFFECT",
+            help="Name of an effect, see `rdpi effects`; unknown is a free block that the records "
+            "teach, and module:Class an effect of your own.",
+            show_default=False,
+        ),
+    ],
+    data: DataArgument,
+    search: SearchOptions,
+    reading: DataOptions,
+    out: OutOption = Path("results/add"),
+) -> None:
+    """Add an effect to a model, refit everything, and show the error before and after.
+
+    Writes model.json, add.json and the page report.html.
+    """
+    carry_out(partial(rg.add, effect), data, reading, search, out, "add.json")
+
+
+def discover(
+    data: DataArgument,
+    search: CandidateOptions,
+    reading: DataOptions,
+    out: OutOption = Path("results/discover"),
+) -> None:
+    """Fit, then find and add missing effects until nothing more improves the held-out error.
+
+    Writes model.json, discovery.json and the page report.html; an interrupted run continues.
+    """
+    carry_out(rg.discover, data, reading, search, out, "discovery.json")
