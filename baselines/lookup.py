@@ -121,8 +121,8 @@ def _learned(name: str, belief: PlantModel, layout: ObservationLayout) -> Contro
         from baselines.learned.controller import (  # torch, only where needed
             controller_of,
             find_learned,
+            guarded,
         )
-        from baselines.learned.guard import guarded
     except ImportError as error:
         raise InputError(
             f"a learned controller needs torch ({error}); install rdpi-gym[rl]"

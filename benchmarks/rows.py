@@ -1,13 +1,18 @@
-"""Rows of the benchmarks: their names, the fields that they hold, and their stores."""
+"""Rows of benchmarks and studies: formats of stores, and runs of missing units that an interrupted run continues."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+import sys
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, Generic, TypeAlias, TypeVar
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
-from rdpi_gym.support.store import RowStore, check_row
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.progress import Progress
+from rdpi_gym.support.store import Row, RowStore, check_row, named_rows
 
 K = TypeVar("K", bound=Hashable)
 
@@ -82,3 +87,112 @@ TASKS = RowFormat(
     ("warning", "certificate", "sees"),
 )  # fmt: skip
 """One controller on one drawn plant of a task."""
+
+
+ROWS_FILE = "rows.jsonl"
+U = TypeVar("U")
+
+
+def complete(
+    store: RowStore[K],
+    units: Sequence[U],
+    run: Callable[[U], list[Row]],
+    keys: Callable[[U], Sequence[K]],
+    is_stale: Callable[[Row], bool],
+    *,
+    name: Callable[[Row], K],
+    note: Callable[[str], None],
+    stale: str,
+    stage: str = "scoring",
+    is_finished: Callable[[Row], bool] = lambda row: True,
+    jobs: int = 1,
+    progress: Progress | None = None,
+    ray_address: str | None = None,
+) -> int:
+    """Run the units whose rows a store does not have, and return the number of rows computed.
+
+    Parameters
+    ----------
+    store
+        Rows that are there are not computed again, but stale ones are set aside.
+    units, run, keys
+        What one worker does at a time, its rows, and their names.
+    is_stale, stale
+        Whether a stored row no longer holds, and the note on those set aside, with ``{}`` for the file.
+    name
+        Name of a row.
+    note
+        Called with what a reader should know, one sentence each.
+    is_finished
+        Whether a stored row need not be computed again.
+    stage, progress
+        What is said of the units that are done, of all.
+    """
+    remark = store.remark()
+    if remark is not None:
+        note(remark)
+    aside = store.set_aside(is_stale)
+    if aside is not None:
+        note(stale.format(aside))
+    finished = {k for k, row in store.rows.items() if is_finished(row)}
+    missing = [unit for unit in units if not finished.issuperset(keys(unit))]
+    done, computed = len(units) - len(missing), 0
+    if progress is not None:
+        progress(stage, done, len(units))
+    for rows in run_cases(run, missing, jobs, ray_address):
+        fresh = [row for row in rows if name(row) not in finished]
+        store.append(fresh)
+        done, computed = done + 1, computed + len(fresh)
+        if progress is not None:
+            progress(stage, done, len(units))
+    return computed
+
+
+class Keyed(Protocol):
+    """A case of a study."""
+
+    @property
+    def key(self) -> str:
+        """Name of the case in a store."""
+
+
+C = TypeVar("C", bound=Keyed)
+
+
+def print_note(sentence: str) -> None:
+    """Print a note on stored rows beside the output."""
+    print(sentence, file=sys.stderr)
+
+
+def run_rows(
+    cases: Sequence[C],
+    out: Path,
+    run: Callable[[C], Row],
+    code: str,
+    jobs: int = 1,
+    progress: Progress | None = None,
+    note: Callable[[str], None] = print_note,
+    ray_address: str | None = None,
+) -> list[Row]:
+    """Compute the rows of cases that a folder does not have, and return the rows of all cases."""
+    store = named_rows(out / ROWS_FILE)
+    complete(
+        store, cases, partial(_one_row, run=run), lambda case: [case.key],
+        lambda row: row.get("code") != code, name=lambda row: row["key"], note=note,
+        stale="rows of code that has changed since were set aside in {}", stage="diagnosing",
+        jobs=jobs, progress=progress, ray_address=ray_address,
+    )  # fmt: skip
+    return [store.rows[case.key] for case in cases]
+
+
+def _one_row(case: C, run: Callable[[C], Row]) -> list[Row]:
+    return [run(case)]
+
+
+def stored_rows(cases: Sequence[Keyed], out: Path) -> list[Row]:
+    """Return the stored rows of cases, whatever code computed them."""
+    stored = named_rows(out / ROWS_FILE).rows
+    rows = [stored[case.key] for case in cases if case.key in stored]
+    if not rows:
+        raise InputError(f"{out / ROWS_FILE} has no row of these cases; run them without --tables")
+    return rows

@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.effect_discovery.foreign import FOREIGN
 from benchmarks.effect_discovery.independent import INDEPENDENT
-from benchmarks.sweep import ROWS_FILE
+from benchmarks.rows import ROWS_FILE
 from rdpi_gym.diagnosis import probability
 from rdpi_gym.diagnosis.probability import (
     COVERED,

@@ -15,9 +15,8 @@ from pathlib import Path
 import pandas as pd
 
 from baselines import HORIZON_BOUND
-from benchmarks.stages.draws import TestSeed
 from benchmarks.stages.ranking import agreement, rank_correlation, ranking, rivals_of
-from benchmarks.stages.run import field, run_tasks
+from benchmarks.stages.run import TestSeed, field, run_tasks
 from benchmarks.tracking.controllers import shipped_policies
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.command_line import Options

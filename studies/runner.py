@@ -11,7 +11,7 @@ from typing import Protocol, TypeVar
 
 import pandas as pd
 
-from benchmarks.sweep import Keyed, run_rows
+from benchmarks.rows import Keyed, run_rows
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files

@@ -23,12 +23,17 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from benchmarks.effect_discovery.cases import Source
+from benchmarks.effect_discovery.cases import (
+    Engine,
+    Source,
+    discover_engine,
+    run_case,
+    study_fingerprint,
+)
 from benchmarks.effect_discovery.foreign import FOREIGN
 from benchmarks.effect_discovery.independent import INDEPENDENT
-from benchmarks.effect_discovery.row import Engine, discover_engine, run_case, study_fingerprint
 from benchmarks.effect_discovery.summary import REPORTS
-from benchmarks.sweep import run_rows, stored_rows
+from benchmarks.rows import run_rows, stored_rows
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError

@@ -13,15 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.effect_discovery.bench import Bench, close_loop
-from benchmarks.effect_discovery.cases import Case, Prepared, Source
-from benchmarks.effect_discovery.degradations import (
-    CLOCKS,
-    EXCUSED,
-    KINDS,
-    Sampled,
-    degrade,
-    through_files,
-)
+from benchmarks.effect_discovery.cases import Case, Prepared, Sampled, Source
 from benchmarks.effect_discovery.forms import (
     EFFECTS,
     Form,
@@ -36,7 +28,14 @@ from benchmarks.effect_discovery.outsiders import BoucWen
 from benchmarks.effect_discovery.physics import duhem, stuck_and_slipped
 from benchmarks.effect_discovery.plants import draw_plant, noise_of
 from benchmarks.effect_discovery.protocols import PROTOCOLS, draw_experiment
-from benchmarks.effect_discovery.true_residual import true_residual
+from benchmarks.effect_discovery.sampled import (
+    CLOCKS,
+    EXCUSED,
+    KINDS,
+    degrade,
+    through_files,
+    true_residual,
+)
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects
 from rdpi_gym.identification.scale import data_scale

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmarks.effect_discovery.row import study_fingerprint
+from benchmarks.effect_discovery.cases import study_fingerprint
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.identification import fit
 from rdpi_gym.measurement import Dataset

@@ -14,7 +14,7 @@ import pandas as pd
 
 from baselines import make_controller
 from benchmarks.payoff.beliefs import BELIEFS, HiddenPlant
-from benchmarks.sweep import complete, print_note
+from benchmarks.rows import complete, print_note
 from benchmarks.tracking.case import Case
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.fingerprint import code_fingerprint

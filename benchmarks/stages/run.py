@@ -1,7 +1,8 @@
-"""The run: units that are not finished, on all cores, row by row into a store."""
+"""Runs of controllers on tasks: test seeds, and units that are not finished, row by row into a store."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -9,25 +10,68 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from baselines import (
-    CONTROLLERS,
-    HORIZON_BOUND,
-    ControllerFactory,
-    find_factory,
-    inverts_any_core,
-)
+from baselines import CONTROLLERS, HORIZON_BOUND, ControllerFactory, find_factory, inverts_any_core
 from baselines.preview import PreviewInversion
-from benchmarks.rows import TASKS
-from benchmarks.stages.draws import TestSeed
+from benchmarks.rows import TASKS, complete
 from benchmarks.stages.unit import SUITE_VERSION, make_units, run_unit
-from benchmarks.sweep import complete
 from benchmarks.tracking.controllers import is_learned, read_policy
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from rdpi_gym.envs.tasks import named_task
+from rdpi_gym.envs.tasks import PUBLIC_SEED, named_task
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import read_utf8
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, used_files
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
+
+_LARGEST = 2**10  # bytes of a seed file
+FEWEST_DIGITS, MOST_DIGITS = 20, 40
+"""Digits of a private seed: a shorter one could be guessed from the hash that tables show."""
+
+
+@dataclass(frozen=True)
+class TestSeed:
+    """The seed of test draws, and what tables say of it.
+
+    Parameters
+    ----------
+    seed
+        A whole number of 0 or above.
+    is_public
+        Whether it is the one that is committed; another is named by a hash alone.
+
+    Examples
+    --------
+    >>> TestSeed().label
+    'public seed 2026'
+    >>> TestSeed(12345678901234567890, is_public=False).label
+    'private seed 6ed645ef'
+    """
+
+    __test__ = False  # to pytest it looks like a class of tests
+
+    seed: int = PUBLIC_SEED
+    is_public: bool = True
+
+    @property
+    def label(self) -> str:
+        """Name in rows and tables."""
+        if self.is_public:
+            return f"public seed {self.seed}"
+        return f"private seed {hashlib.sha256(str(self.seed).encode()).hexdigest()[:8]}"
+
+
+def read_seed(path: Path | None) -> TestSeed:
+    """Read the seed of test draws from a file that holds one whole number; None: the public one."""
+    if path is None:
+        return TestSeed()
+    text = read_utf8(path, _LARGEST).strip()
+    if not (text.isascii() and text.isdigit() and FEWEST_DIGITS <= len(text) <= MOST_DIGITS):
+        raise InputError(
+            f"the seed file {path} does not hold one whole number of {FEWEST_DIGITS} to {MOST_DIGITS} digits; "
+            "write a random one, as tables show a hash that a short one could be guessed from"
+        )
+    return TestSeed(int(text), is_public=False)
+
 
 _OWN = ("benchmarks.stages.unit",)
 

@@ -16,8 +16,7 @@ import numpy as np
 
 from baselines import policy_of
 from benchmarks.rows import TASKS, TaskKey
-from benchmarks.stages.draws import TestSeed
-from benchmarks.stages.run import run_tasks
+from benchmarks.stages.run import TestSeed, run_tasks
 from benchmarks.stages.tables import TaskScores
 from benchmarks.stages.unit import SUITE_VERSION
 from benchmarks.tracking.controllers import is_learned

@@ -19,8 +19,7 @@ from baselines import (
     FullPreviewInversion,
     make_controller,
 )
-from benchmarks.rows import TRACKING, TrackingKey
-from benchmarks.sweep import complete
+from benchmarks.rows import TRACKING, TrackingKey, complete
 from benchmarks.tracking.case import Case
 from benchmarks.tracking.controllers import Made
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record

@@ -10,8 +10,7 @@ from typing import Any
 
 from baselines import Controller
 from benchmarks.stages import submission
-from benchmarks.stages.draws import read_seed
-from benchmarks.stages.run import field, run_tasks
+from benchmarks.stages.run import field, read_seed, run_tasks
 from benchmarks.stages.tables import TaskScores
 from benchmarks.tracking.controllers import Made, named, shipped_policies
 from rdpi_gym.envs.tasks import TASKS

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from rdpi_gym.diagnosis import FEW_HALF_CYCLES, Comparison, ModelComparison, Plane, Trace
-from rdpi_gym.diagnosis.comparison.spectrum import PARTS
+from rdpi_gym.diagnosis.comparison.error_views import PARTS
 from rdpi_gym.report.chart import (
     Axis,
     Bars,

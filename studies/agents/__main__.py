@@ -14,7 +14,13 @@ from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json
 from rdpi_gym.support.progress import progress_bar
-from studies.agents.curves import PICTURE, curves_text, learning_bands, learning_curves
+from studies.agents.curves import (
+    PICTURE,
+    curves_text,
+    learning_bands,
+    learning_curves,
+    learning_picture,
+)
 from studies.agents.facts import FILE
 from studies.agents.page import page_texts, take_walk, walk_template
 from studies.agents.scores import GAP, GROUPS, Run, World, contestants, score_all, with_literal
@@ -77,8 +83,6 @@ def _gap(study: Study, options: Namespace) -> None:
 
 
 def _curves(study: Study, options: Namespace) -> None:
-    from studies.agents.learning_picture import learning_picture  # matplotlib, only where needed
-
     curves = learning_curves(_finished(study, options.runs))
     level = float(curves["compensator_rmse_um"].median())
     picture = learning_picture(learning_bands(curves), BASELINE, level)

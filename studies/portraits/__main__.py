@@ -32,8 +32,7 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
-from studies.portraits.plants import PROTOCOLS, Measured, measured
-from studies.portraits.sorts import SORTS, Sort
+from studies.portraits.plants import PROTOCOLS, SORTS, Measured, Sort, measured
 from studies.runner import Files, Study, study_rows
 
 RESULTS = Path(__file__).parents[1] / "results" / "portraits"

@@ -9,9 +9,8 @@ pytest.importorskip("torch")
 
 from baselines import make_controller
 from baselines.base import Baseline
-from baselines.learned.controller import find_learned
+from baselines.learned.controller import FALLBACK, Guarded, find_learned
 from baselines.learned.envelope import QUANTITIES
-from baselines.learned.guard import FALLBACK, Guarded
 from baselines.registry import known_controller
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout, TrackingTask

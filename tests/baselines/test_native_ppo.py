@@ -10,8 +10,7 @@ pytest.importorskip("torch")
 import torch
 
 from baselines.learned.folder import Run
-from baselines.learned.native.lanes import Lanes
-from baselines.learned.native.learner import NativeLearner
+from baselines.learned.native.learner import Lanes, NativeLearner
 from baselines.learned.native.networks import ActorCritic, Workspace
 from baselines.learned.native.update import Batch, Law, NativePPO, Updater, estimate_advantages
 from baselines.learned.options import PLANTS, TrainingOptions

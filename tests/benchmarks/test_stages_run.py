@@ -7,13 +7,12 @@ import pytest
 
 from baselines import make_controller
 from baselines.horizon import TrueHorizon
-from benchmarks.stages.draws import TestSeed, read_seed
 from benchmarks.stages.ranking import (
     interquartile_mean,
     rank_correlation,
     ranking,
 )
-from benchmarks.stages.run import field, run_tasks
+from benchmarks.stages.run import TestSeed, field, read_seed, run_tasks
 from benchmarks.stages.unit import WORST_PERCENT
 from benchmarks.tracking.episode import play
 from rdpi_gym.envs.tasks import TASKS

@@ -11,9 +11,9 @@ pytest.importorskip("optuna")
 from baselines.learned import environments
 from baselines.learned.native.update import NativePPO
 from baselines.learned.options import DivergedError
-from baselines.learned.search_space import SPACES, read_space
 from baselines.learned.settings import SHIPPED, read_settings, read_values
 from baselines.learned.stable_baselines import ALGORITHMS, StableBaselinesLearner
+from baselines.learned.sweep import SPACES, read_space
 from baselines.learned.training import Course
 from rdpi_gym.cli import main
 from tests.looping import over

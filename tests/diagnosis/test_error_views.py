@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from rdpi_gym.diagnosis import compare
-from rdpi_gym.diagnosis.comparison.spectrum import PARTS
+from rdpi_gym.diagnosis.comparison.error_views import PARTS
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, Plant
 from rdpi_gym.plant.effects import CATALOGUE

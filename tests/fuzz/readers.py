@@ -588,7 +588,7 @@ def tracking_rows(stack: ExitStack) -> Reader:
         document = rows_document("rows.jsonl", TRACKING.open(Path(name)))
 
     def read(folder: Path) -> Any:
-        with patch("benchmarks.sweep.run_cases", lambda *_: [done]):
+        with patch("benchmarks.rows.run_cases", lambda *_: [done]):
             return evaluate(chosen, benchmark(chosen, folder, jobs=1)).order
 
     return Reader([document], read)
@@ -606,7 +606,7 @@ def task_rows(stack: ExitStack) -> Reader:
         document = rows_document("task-rows.jsonl", TASKS.open(Path(name)))
 
     def read(folder: Path) -> Any:
-        with patch("benchmarks.sweep.run_cases", lambda *_: [done]):
+        with patch("benchmarks.rows.run_cases", lambda *_: [done]):
             found = run_tasks(["none"], ["Bare"], 1, folder, jobs=1)
         return repr(TaskScores(tuple(found.rows), "public seed 2026", found.computed, found.notes))
 

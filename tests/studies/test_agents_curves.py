@@ -17,7 +17,7 @@ from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
 from studies.agents import curves, shipping
 from studies.agents.__main__ import OUT, POLICIES, main
-from studies.agents.learning_picture import learning_picture
+from studies.agents.curves import learning_picture
 from studies.agents.training import QUICK, Agent, Training, all_trainings
 
 STEPS = (0, 100, 200)

@@ -4,8 +4,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.portrait.portrait import Portrait, Value
 from studies.portraits.__main__ import answers, cases, main, report
-from studies.portraits.plants import PROTOCOLS, measured
-from studies.portraits.sorts import SORTS
+from studies.portraits.plants import PROTOCOLS, SORTS, measured
 from tests.looping import over
 
 DRAWN = Portrait(

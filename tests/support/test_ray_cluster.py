@@ -8,11 +8,9 @@ from functools import partial
 
 import pytest
 
-from benchmarks.effect_discovery.cases import Case
+from benchmarks.effect_discovery.cases import Case, run_case, study_fingerprint
 from benchmarks.effect_discovery.independent import INDEPENDENT
-from benchmarks.effect_discovery.row import run_case, study_fingerprint
-from benchmarks.rows import TASKS, TRACKING
-from benchmarks.sweep import ROWS_FILE, run_rows
+from benchmarks.rows import ROWS_FILE, TASKS, TRACKING, run_rows
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases

@@ -9,9 +9,15 @@ import numpy as np
 from rdpi_gym.diagnosis.checks.branches import initial_memory, saturation
 from rdpi_gym.diagnosis.checks.check import Check, Zone
 from rdpi_gym.diagnosis.checks.drift import holds, repeats
-from rdpi_gym.diagnosis.checks.excitation import excitation
 from rdpi_gym.diagnosis.checks.loops import closed_loops, congruency, gain_over_amplitude, rate_law
-from rdpi_gym.diagnosis.checks.recording import clipping, clocks, feedback, mains_hum, resolution
+from rdpi_gym.diagnosis.checks.recording import (
+    clipping,
+    clocks,
+    excitation,
+    feedback,
+    mains_hum,
+    resolution,
+)
 from rdpi_gym.diagnosis.checks.steady_periods import half_wave, small_signal
 from rdpi_gym.diagnosis.features.cycles import half_cycles, steady_periods
 from rdpi_gym.diagnosis.features.noise import rough_part

@@ -14,19 +14,17 @@ import pandas as pd
 from rdpi_gym.diagnosis.checks import Check, run_checks
 from rdpi_gym.diagnosis.comparison import breakdown, findings
 from rdpi_gym.diagnosis.comparison.breakdown import Plane
-from rdpi_gym.diagnosis.comparison.findings import FEW_HALF_CYCLES
-from rdpi_gym.diagnosis.comparison.over_time import (
+from rdpi_gym.diagnosis.comparison.error_views import (
     clock_finding,
     clock_table,
-    since_rest_finding,
-    since_rest_table,
-)
-from rdpi_gym.diagnosis.comparison.spectrum import (
     distortion_finding,
     distortion_table,
+    since_rest_finding,
+    since_rest_table,
     spectrum_finding,
     spectrum_table,
 )
+from rdpi_gym.diagnosis.comparison.findings import FEW_HALF_CYCLES
 from rdpi_gym.diagnosis.comparison.traces import Trace, fitted_extremum_V, trace
 from rdpi_gym.diagnosis.features.noise import noise_floor
 from rdpi_gym.diagnosis.notices import Statement, statement
@@ -57,8 +55,8 @@ class Comparison:
         Mean residual over command and rate.
     spectrum, distortion, since_rest, clock
         Tables of the error by its own frequency, by harmonics, by time since the command came to
-        rest or last rested, and by the experiment's clock; see the modules of these names and
-        :mod:`rdpi_gym.diagnosis.comparison.over_time`.
+        rest or last rested, and by the experiment's clock; see
+        :mod:`rdpi_gym.diagnosis.comparison.error_views`.
     noise_floor_um, noise_origin
         What no model can explain (µm, rms), and where the figure comes from.
     checks
