@@ -15,16 +15,20 @@ from typing import Any
 import numpy as np
 
 from rdpi_gym import face
-from rdpi_gym.measurement.binary import reading
-from rdpi_gym.measurement.encoding import read_head, read_lines
-from rdpi_gym.measurement.layout import SEPARATORS, is_number, split_cells
+from rdpi_gym.measurement.binary import reading, stacked_tags
 from rdpi_gym.measurement.loading import TEXTS
 from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.measurement.options import UNITS
 from rdpi_gym.measurement.settings import LARGEST, parse_settings
-from rdpi_gym.measurement.stacked import stacked_tags
 from rdpi_gym.measurement.table import REQUIRED, header_unit
-from rdpi_gym.measurement.text import find_rows
+from rdpi_gym.measurement.text import (
+    SEPARATORS,
+    find_rows,
+    is_number,
+    read_head,
+    read_lines,
+    split_cells,
+)
 from rdpi_gym.measurement.units import plain_unit, split_name
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import exists, open_regular, write_atomic
