@@ -214,6 +214,8 @@ def test_codes_and_back():
     body = fixed_point_body(controller_of("P10", "none", 5e-5))
     centre, amplitude = named_plant("P10").reference_um
     assert body.displacement_codes([centre, centre + amplitude]).tolist() == [0, body.reach]
+    near = centre + np.array([-2.6, -0.4, 0.4, 2.6]) * body.displacement_scale_um / 2**31
+    assert body.displacement_codes(near).tolist() == [-3, 0, 0, 3]
     assert body.displacement_codes([np.inf, -np.inf]).tolist() == [2**31 - 1, -(2**31)]
 
 
