@@ -16,6 +16,7 @@ from baselines.ringing import BAND_HZ, RingingMonitor
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.cores.play import play
 from rdpi_gym.support.arrays import Array
 
 
@@ -289,7 +290,7 @@ def _features(
         found[0, lane], found[1, lane] = r, 1.0
         row = 2
         for i, threshold in enumerate(thresholds_um):
-            plays[i, lane] = min(max(plays[i, lane], r - threshold), r + threshold)
+            plays[i, lane] = play(plays[i, lane], r - threshold, r + threshold)
             found[row + i, lane] = plays[i, lane]
         row += len(plays)
         for i, which in enumerate(PRODUCTS):

@@ -2,34 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 
 import typer
 
-from rdpi_gym.cli import bench, export, lab, models, search, tasks, training
 from rdpi_gym.cli.options import expanded
 from rdpi_gym.support.command import run_command
 
-COMMANDS: dict[str, Callable[..., None]] = {
-    "bench": bench.bench,
-    "submit": tasks.submit,
-    "score": tasks.score,
-    "reproduce": bench.reproduce,
-    "fit": models.fit,
-    "compare": models.compare,
-    "diagnose": search.diagnose,
-    "add": search.add,
-    "discover": search.discover,
-    "lab": lab.lab,
-    "simulate": models.simulate,
-    "effects": models.effects,
-    "collect": training.collect,
-    "train": training.train,
-    "tune": training.tune,
-    "verify": export.verify,
+COMMANDS = {
+    "bench": "bench",
+    "submit": "tasks",
+    "score": "tasks",
+    "reproduce": "bench",
+    "fit": "models",
+    "compare": "models",
+    "diagnose": "search",
+    "add": "search",
+    "discover": "search",
+    "lab": "lab",
+    "simulate": "models",
+    "effects": "models",
+    "collect": "training",
+    "train": "training",
+    "tune": "training",
+    "verify": "export",
+    "export": "export",
 }
-"""In the order of the help."""
+"""Commands in the order of the help, each with the module of this package that has it."""
 
 app = typer.Typer(
     name="rdpi",
@@ -46,9 +46,12 @@ def rdpi() -> None:
     """Piezo positioning under hysteresis: plants, compensators, identification, benchmark."""
 
 
-for _name, _command in COMMANDS.items():
-    app.command(name=_name)(expanded(_command))
-app.add_typer(export.export, name="export")
+for _name, _module in COMMANDS.items():
+    _command = getattr(import_module(f"rdpi_gym.cli.{_module}"), _name)
+    if isinstance(_command, typer.Typer):
+        app.add_typer(_command, name=_name)
+    else:
+        app.command(name=_name)(expanded(_command))
 
 
 def main(arguments: list[str] | None = None) -> int:

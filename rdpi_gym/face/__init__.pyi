@@ -1,7 +1,9 @@
 from rdpi_gym.face import environments as environments
 from rdpi_gym.face.benchmarking import Evaluation as Evaluation
+from rdpi_gym.face.benchmarking import Tracking as Tracking
 from rdpi_gym.face.benchmarking import benchmark as benchmark
 from rdpi_gym.face.benchmarking import make_controller as make_controller
+from rdpi_gym.face.benchmarking import track as track
 from rdpi_gym.face.catalogues import controllers as controllers
 from rdpi_gym.face.catalogues import effects as effects
 from rdpi_gym.face.catalogues import plants as plants
@@ -42,8 +44,6 @@ from rdpi_gym.face.tasks import TaskScores as TaskScores
 from rdpi_gym.face.tasks import score_submission as score_submission
 from rdpi_gym.face.tasks import score_tasks as score_tasks
 from rdpi_gym.face.tasks import submit as submit
-from rdpi_gym.face.tracking import Tracking as Tracking
-from rdpi_gym.face.tracking import track as track
 from rdpi_gym.face.training import Training as Training
 from rdpi_gym.face.training import certificate as certificate
 from rdpi_gym.face.training import collect as collect

@@ -40,15 +40,18 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, silent
 
-# Of the best held-out error, what another kind may have more and be no worse; the share of draws of
-# held-out pieces from which on one is better; and times what the best one leaves beyond the noise,
-# what another may leave: where something else is missing too, no kind shows by a little less.
-_ALIKE, _BETTER, _BEYOND = 1.05, 0.95, 3.0
-# Power of the ratio of their numbers by which the freer kind has to leave less (mean square).
-_PRICE = 0.1
-# What moving numbers may change of the displacement, and how many standard errors they may move,
-# where a model is one with that of other numbers.
-_SAME, _ERRORS = 1e-3, 2.0
+# Ratio of held-out rms errors up to which two kinds are equally good.
+_EQUAL_RATIO = 1.05
+# Share of bootstrap draws from which on the better of two kinds is significantly better.
+_SIGNIFICANT = 0.95
+# Ratio of mean squares beyond the noise up to which a worse kind is not excluded: where an effect is
+# missing as well, small differences do not separate kinds.
+_INCONCLUSIVE_RATIO = 3.0
+# Exponent of the ratio of free numbers in the price of the freer kind (mean square).
+_PRICE_EXPONENT = 0.1
+# Relative change of the displacement, and standard errors of the numbers, within which two models
+# are the same.
+_SAME_DISPLACEMENT, _SAME_ERRORS = 1e-3, 2.0
 
 
 @dataclass(frozen=True)
@@ -129,12 +132,12 @@ def compare_kinds(
     rng, near = np.random.default_rng(seed), list[KindFit]()
     alike, apart = list[str](), list[float]()
     for k, rival in enumerate(rivals):
-        priced = max(rivals[best].freedom / max(rival.freedom, 1), 1.0) ** _PRICE
-        if left[k] <= _ALIKE**2 * priced * left[best]:
+        priced = max(rivals[best].freedom / max(rival.freedom, 1), 1.0) ** _PRICE_EXPONENT
+        if left[k] <= _EQUAL_RATIO**2 * priced * left[best]:
             near.append(rival)
             continue
         sure = beats(pieces[k], pieces[best], rng)
-        if sure < _BETTER or left[k] - noise < _BEYOND * beyond:
+        if sure < _SIGNIFICANT or left[k] - noise < _INCONCLUSIVE_RATIO * beyond:
             alike.append(rival.core.name)
         else:
             apart.append(sure)
@@ -168,7 +171,7 @@ def _holds_at(
     changed = {}
     for name, value in numbers.items():
         error = errors.get(name, 0.0)
-        if error is None or abs(getattr(core, name) - value) > _ERRORS * error:
+        if error is None or abs(getattr(core, name) - value) > _SAME_ERRORS * error:
             changed[name] = value
     try:
         there = replace(core, **changed)  # type: ignore[type-var]
@@ -180,23 +183,23 @@ def _holds_at(
         change = responses_to(there, record) @ np.array(there.gains) - here
         moves += len(here) * float(np.var(here))
         changes += len(here) * float(np.var(change))
-    return changes <= _SAME**2 * moves
+    return changes <= _SAME_DISPLACEMENT**2 * moves
 
 
-# Effects that every kind is fitted beside; passes and samples of full refits, and times the best
-# held-out error, up to which a kind gets one.
-_BESIDE, _PASSES, _SAMPLES, _NEAR = ("creep", "sensor_lag"), 15, 20_000, 3.0
-# Effects that take a kind's place in part, tried beside each where much is left: times what changes
-# from sample to sample (mean square), and the share that one has to take.
-_BESIDES, _MUCH, _TAKES = ("backlash", "resonance"), 1.1, 0.1
-# Of the largest span of a command, how far from 0 V a record that begins at rest may begin.
+# Effects that are fitted together with every kind.
+_COMMON_EFFECTS = ("creep", "sensor_lag")
+# Passes and samples of a full refit, and the ratio of held-out rms errors up to which a kind gets one.
+_PASSES, _SAMPLES, _REFIT_RATIO = 15, 20_000, 3.0
+# Effects that imitate a kind, tried with each where the mean square exceeds so many times that of
+# the sample-to-sample differences, and the share of the mean square that one has to remove.
+_IMITATING_EFFECTS, _UNEXPLAINED_RATIO, _LEAST_GAIN = ("backlash", "resonance"), 1.1, 0.1
+# Share of the largest command span within which a record begins at rest.
 _AT_REST = 0.02
-# Times what is usual of a record's error, from which on no kind explains it; times the best error, up
-# to which a kind is refitted without such records; and the fewest records of which any can be left out.
-_UNTOLD, _HOPEFUL, _FEWEST = 3.0, 6.0, 3
-# Cycles, area over the product of the standard deviations, and its standard errors, from which on
-# loops are said to turn one way.
-_CYCLES, _AREA, _SURE = 2, 0.02, 4.0
+# Ratio to the median error from which on a record is unexplained by all kinds; ratio of rms errors up
+# to which a kind is refitted without such records; fewest records of which one can be left out.
+_UNEXPLAINED_RECORD, _HOPEFUL_RATIO, _FEWEST_RECORDS = 3.0, 6.0, 3
+# Least cycles, least relative loop area and its least number of standard errors for a sense of rotation.
+_CYCLES, _LEAST_AREA, _AREA_ERRORS = 2, 0.02, 4.0
 
 
 @dataclass(frozen=True)
@@ -273,23 +276,23 @@ def choose_kind(
     if not rivals:
         raise InputError(next(iter(refused.values())))
     best = min(rivals, key=_mean_square)
-    if _mean_square(best) > _MUCH * float(best.white_um2.mean()):
-        wider = _near(rivals, _HOPEFUL)
+    if _mean_square(best) > _UNEXPLAINED_RATIO * float(best.white_um2.mean()):
+        wider = _near(rivals, _HOPEFUL_RATIO)
         for done, rival in enumerate(wider):
             report("kinds with an effect more", done, len(wider))
             tried = (
                 fit_or_none(partial(with_one_more, train, rival.fit, CATALOGUE[name], scale))
-                for name in _BESIDES
+                for name in _IMITATING_EFFECTS
             )
             fits = [held_out_fit(fit, validation) for fit in tried if fit is not None]
             more = min(fits, key=_mean_square, default=rival)
-            if _mean_square(more) < (1.0 - _TAKES) * _mean_square(rival):
+            if _mean_square(more) < (1.0 - _LEAST_GAIN) * _mean_square(rival):
                 rivals[rivals.index(rival)] = more
     explainable = explained(train, [rival.fit for rival in rivals])
     if len(explainable) < len(train):
-        hopeful = {w.core.name: w.fit.variant.effects for w in _near(rivals, _HOPEFUL)}
+        hopeful = {w.core.name: w.fit.variant.effects for w in _near(rivals, _HOPEFUL_RATIO)}
         rivals = first_fits(hopeful, explainable)
-    near = _near(rivals, _NEAR)
+    near = _near(rivals, _REFIT_RATIO)
     for done, rival in enumerate(near):
         report("kinds that come near", done, len(near))
         variant = rival.fit.variant
@@ -325,14 +328,16 @@ def from_rest(records: Sequence[Record]) -> list[Record]:
 def explained(records: Sequence[Record], fits: Sequence[JointFit]) -> list[Record]:
     """Return the records without those that no fit explains as it does the others.
 
-    What is left of those is thrice what is usual, in µm and over their motion.
+    Their error is three times the median, in µm and relative to their motion.
     """
-    if len(records) < _FEWEST:
+    if len(records) < _FEWEST_RECORDS:
         return list(records)
     least = np.array([min(_rms(centred_residual(f.variant, r)) for f in fits) for r in records])
     share = least / np.array([max(float(np.std(r.y_um[r.error_mask])), 1e-300) for r in records])
-    untold = (least > _UNTOLD * np.median(least)) & (share > _UNTOLD * np.median(share))
-    return [record for record, out in zip(records, untold, strict=True) if not out]
+    unexplained = (least > _UNEXPLAINED_RECORD * np.median(least)) & (
+        share > _UNEXPLAINED_RECORD * np.median(share)
+    )
+    return [record for record, out in zip(records, unexplained, strict=True) if not out]
 
 
 def _rms(left: Array) -> float:
@@ -340,7 +345,7 @@ def _rms(left: Array) -> float:
 
 
 def _near(rivals: Sequence[KindFit], times: float) -> list[KindFit]:
-    """Return the kinds that leave at most so many times what the best one leaves held out (rms)."""
+    """Return the kinds whose held-out rms error is at most so many times the least."""
     least = min(map(_mean_square, rivals))
     return [rival for rival in rivals if _mean_square(rival) <= times**2 * least]
 
@@ -354,7 +359,7 @@ def beside(scale: DataScale) -> tuple[Effect, ...]:
 
     Without them the rate-dependent kinds take a lag for hysteresis.
     """
-    return in_chain_order(CATALOGUE[name].starts(scale)[0] for name in _BESIDE)
+    return in_chain_order(CATALOGUE[name].starts(scale)[0] for name in _COMMON_EFFECTS)
 
 
 def _as_core_fit(fit: JointFit, train: Sequence[Record], name: str) -> CoreFit:
@@ -398,7 +403,7 @@ def orientation(records: Sequence[Record]) -> bool | None:
         return None
     middle = float(np.median(areas))
     spread = float(np.median(np.abs(np.array(areas) - middle)))
-    if abs(middle) < max(_AREA, _SURE * 1.4826 * spread / math.sqrt(len(areas))):
+    if abs(middle) < max(_LEAST_AREA, _AREA_ERRORS * 1.4826 * spread / math.sqrt(len(areas))):
         return None
     return middle > 0.0
 

@@ -14,9 +14,8 @@ from rdpi_gym import face
 from rdpi_gym.laboratory import data_import, jobs, views
 from rdpi_gym.laboratory.compensator_comparison import course
 from rdpi_gym.laboratory.examples import examples, folder_of
-from rdpi_gym.laboratory.models import Models, Pending
 from rdpi_gym.laboratory.session import Step, check_folder
-from rdpi_gym.laboratory.session_jobs import Events
+from rdpi_gym.laboratory.session_jobs import Events, Models, Pending
 from rdpi_gym.laboratory.session_json import noise_um, state_of
 from rdpi_gym.measurement.settings import LARGEST
 from rdpi_gym.plant import CORES, PlantModel
@@ -38,7 +37,8 @@ class Lab(Models):
 
     def state(self) -> dict[str, Any]:
         """Return everything that the page shows but traces; `told` counts the states in their order."""
-        state = state_of(self.session, self.job, self.problem, self.pictures)
+        job = None if self.job is None else self.job.to_dict()
+        state = state_of(self.session, job, self.problem, self.pictures)
         return state | {"told": next(self._told)}
 
     def noise_um(self) -> float | None:
@@ -353,7 +353,7 @@ class Lab(Models):
         return self.state()
 
     async def hold(self, effect: str, parameter: str, held: bool) -> dict[str, Any]:
-        """Let refits leave a parameter alone, or not any more."""
+        """Hold a parameter in refits, or release it."""
         step = self._current()
         name = self._parameter(step.plant, effect, parameter)
         others = tuple(each for each in step.held if each != name)

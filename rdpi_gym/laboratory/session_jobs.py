@@ -1,4 +1,4 @@
-"""What a server works with: its session, the job that runs, and what goes on behind."""
+"""A session with its running job, its models and its listeners."""
 
 from __future__ import annotations
 
@@ -6,15 +6,22 @@ import asyncio
 import itertools
 import json
 import sys
+import threading
 import time
-from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Callable, Mapping
+from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from rdpi_gym import face
-from rdpi_gym.laboratory.session import Session, Step
+from rdpi_gym.laboratory import jobs, views
+from rdpi_gym.laboratory.session import Session, Step, error_um
+from rdpi_gym.laboratory.session_json import cards_of
 from rdpi_gym.laboratory.work import Message, Task, Workers
+from rdpi_gym.measurement.quantities import in_output
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
 _OFTEN_S, _PING_S = 0.1, 15.0
@@ -49,7 +56,7 @@ class Events:
             asyncio.get_running_loop().call_later(_OFTEN_S, self._tell)
 
     def close(self) -> None:
-        """Let all listeners go."""
+        """Disconnect all listeners."""
         for queue in self._listeners:
             queue.put_nowait(None)
 
@@ -80,7 +87,7 @@ class Events:
 
 @dataclass
 class Job:
-    """What a worker does just now."""
+    """The task that a worker runs."""
 
     id: str
     what: str
@@ -239,3 +246,202 @@ class SessionJobs:
         if current is None:
             raise InputError("there is no model yet; drop a file or take an exercise")
         return self.session.step(current)
+
+
+_TIMES_FLOOR = 1.15  # of the noise: up to here nothing is left that matters
+_KEPT = 6  # responses
+_LATER_S = 2.0
+
+
+@dataclass(frozen=True)
+class Pending:
+    """A step that is made as soon as its model is there."""
+
+    label: str
+    made: Mapping[str, Any]
+    parent: str | None
+    held: tuple[str, ...] = ()
+
+
+class Models(SessionJobs):
+    """A session whose models are tried, ranked on and made steps of.
+
+    Parameters are those of :class:`SessionJobs`.
+    """
+
+    def __init__(self, folder: Path, events: Events, processes: int) -> None:
+        super().__init__(folder, events, processes)
+        self.pictures: Mapping[str, Any] = {}
+        self._looking = threading.Lock()
+        self._looked: tuple[face.Dataset, face.Inspection] | None = None
+        self._responses: dict[int, tuple[PlantModel, face.Response]] = {}
+
+    def start(self) -> None:
+        """Begin to listen to workers, and draw what cards show."""
+        super().start()
+        self._in_background(self._draw())
+
+    # models on records: called in threads
+
+    def respond(self, plant: PlantModel, keep: bool = True) -> face.Response:
+        """Return what a model makes of all records; the last few are kept."""
+        found = self._responses.get(id(plant))
+        if found is not None and found[0] is plant:
+            return found[1]
+        response = self._look().respond(plant)
+        if keep:
+            if len(self._responses) >= _KEPT:
+                self._responses.clear()
+            self._responses[id(plant)] = (plant, response)
+        return response
+
+    def displacement(self, plant: PlantModel, record: str) -> Array:
+        """Return the displacement of a model (µm) on a record, its offset free."""
+        return self.respond(plant).model_um[record]
+
+    def plant_shown(self, step: str | None) -> PlantModel | None:
+        """Return the model of a step, by default the present one; None where there is none."""
+        name = step or self.session.current
+        return None if name is None else self.session.plant_of(name)
+
+    def plant_with(self, effect: str, step: str | None) -> PlantModel | None:
+        """Return the model of a step with a candidate; None where it was not tried."""
+        name = step or self.session.current
+        ranking = None if name is None else self.session.ranking_of(name)
+        return None if ranking is None else ranking.plant_with(effect)
+
+    def _look(self) -> face.Inspection:
+        data = self.need_data()
+        with self._looking:
+            if self._looked is None or self._looked[0] is not data:
+                self._responses.clear()
+                self._looked = (data, face.inspect(data))
+            return self._looked[1]
+
+    def _look_ahead(self) -> None:
+        async def looked() -> None:
+            await asyncio.to_thread(self._look)
+
+        self._in_background(looked())
+
+    # rankings and steps
+
+    def _rank_from(
+        self,
+        step: Step | None,
+        model: PlantModel | None,
+        pending: Pending | None,
+        core: str | None,
+    ) -> None:
+        """Rank on a step, or on one that is made when its base model is there."""
+        here = step
+        if here is not None:
+            self.session.write({"do": "ranking", "step": here.id, "status": "running"})
+
+        def heard(what: str, refit: Mapping[str, Any]) -> None:
+            nonlocal here
+            if here is None:
+                assert pending is not None
+                here = self._make_step(pending, refit)
+                self.session.write({"do": "ranking", "step": here.id, "status": "running"})
+            elif not refit["effect"]:
+                here = self._bettered(here, refit)
+            self.session.write({"do": "refit", "step": here.id, "refit": refit})
+            if not refit["effect"]:
+                self.events.changed()
+            # a better form of what is there has no card
+            for card in cards_of(self.session, here.id, self.pictures):
+                if card["effect"] == refit["effect"]:
+                    self.events.push("card", {"step": here.id, **card})
+
+        def ended(status: str, result: Any = None, line: str | None = None) -> None:
+            if here is None:
+                self.problem = line
+                return
+            event = {"do": "ranking", "step": here.id, "status": status}
+            self.session.write({**event, "result": result, "problem": line})
+
+        label = "Ranking candidates" if pending is None else pending.label
+        arguments = {"model": model, "core": core, "jobs": self._processes}
+        self._begin(
+            "rank" if model is not None else "fit",
+            label,
+            jobs.rank,
+            self._with_data(arguments),
+            lambda result: ended("done", result),
+            lambda status, line: ended(status, None, line if status == "failed" else None),
+            heard,
+        )
+
+    def _bettered(self, step: Step, refit: Mapping[str, Any]) -> Step:
+        """Take the search's own refit of a step's model where it leaves less, or is the first.
+
+        All candidates stand on the search's base model, so the staircase does too.
+        """
+        plant, kind = refit["plant"], step.made["kind"]
+        if step.held or kind in ("set", "settled") or plant is None:
+            return step
+        if kind != "fit" and error_um(refit) >= step.validation_um:
+            return step
+        better = replace(
+            step,
+            plant=PlantModel.from_dict(plant, "the base model"),
+            train_um=refit["train_um"],
+            validation_um=refit["validation_um"],
+            by_record_um=refit["by_record_um"],
+        )
+        self.session.write({"do": "update", "step": better.to_dict()})
+        self._say(better.id)
+        return better
+
+    def _make_step(self, pending: Pending, found: Mapping[str, Any]) -> Step:
+        step = Step(
+            self.session.next_id(),
+            pending.parent,
+            pending.label,
+            pending.made,
+            PlantModel.from_dict(found["plant"], pending.label),
+            found["train_um"],
+            found["validation_um"],
+            found["by_record_um"],
+            pending.held,
+        )
+        self.session.write({"do": "step", "step": step.to_dict()})
+        self._say(step.id)
+        self.events.changed()
+        return step
+
+    def _say(self, step: str) -> None:
+        """Find the sentence on where a step fails most, in the background."""
+        self._in_background(self._compare(self.session.step(step)))
+
+    async def _compare(self, step: Step) -> None:
+        found = await asyncio.to_thread(face.compare, self.need_data(), step.plant)
+        if self.session.steps.get(step.id) is not step:
+            return  # it has moved on meanwhile
+        sentence = _sentence(step.validation_um, found)
+        noise_um = found.noise_floor_um
+        self.session.write(
+            {"do": "said", "step": step.id, "sentence": sentence, "noise_um": noise_um}
+        )
+        self.events.changed()
+
+    async def _draw(self) -> None:
+        await asyncio.sleep(_LATER_S)  # there is more urgent work when the page is opened
+        self.pictures = await asyncio.to_thread(views.pictures)
+        await asyncio.to_thread(import_module, "scipy.signal")  # for the first view
+        self.events.changed()
+
+
+def _sentence(validation_um: float, found: face.Comparison | face.ModelComparison) -> str:
+    """State the residual error, and the records with most of it."""
+    assert isinstance(found, face.Comparison)
+    floor = found.noise_floor_um
+    error = in_output(validation_um)
+    if floor > 0 and validation_um <= _TIMES_FLOOR * floor:
+        said = f"{error} is left on validation records: the noise, {in_output(floor)}."
+    else:
+        times = f", {validation_um / floor:.1f} times the noise" if floor > 0 else ""
+        where = found.findings.get("records", found.findings.get("largest", ""))
+        said = f"{error} is left on validation records{times}. {where}".strip()
+    return found.quantities.fill(said)

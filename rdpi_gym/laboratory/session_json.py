@@ -1,4 +1,4 @@
-"""The whole state of a session, as the page is told of it."""
+"""State of a session as JSON for the page."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from typing import Any
 
 from rdpi_gym.laboratory import data_import, views
 from rdpi_gym.laboratory.session import Session, Step
-from rdpi_gym.laboratory.session_jobs import Job
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import CORES
 
 
 def state_of(
-    session: Session, job: Job | None, problem: str | None, pictures: Mapping[str, Any]
+    session: Session,
+    job: Mapping[str, Any] | None,
+    problem: str | None,
+    pictures: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Return everything that the page shows but traces."""
     data, current = session.data, session.current
@@ -34,7 +36,7 @@ def state_of(
         "current": current,
         "sentence": said.get("sentence"),
         "ranking": _ranking(session, pictures),
-        "job": None if job is None else job.to_dict(),
+        "job": job,
         "payoff": None if current is None else session.payoffs.get(current),
     }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -51,11 +51,6 @@ def plotly_figure(chart: Chart) -> Any:
         under = {"y": -70.0 / (chart.height_px - 130.0), "yanchor": "top", "entrywidth": 250}
         figure.update_layout(legend=under, margin_t=64 if any(titles) else 20)
     return figure
-
-
-def plotly_figures(charts: Mapping[str, Chart]) -> dict[str, Any]:
-    """Draw charts by name."""
-    return {name: plotly_figure(chart) for name, chart in charts.items()}
 
 
 def _text(text: str) -> str:

@@ -20,12 +20,12 @@ def bend_block(x, u, p, state, ts, y):
 class Bend(Effect):
     """Cubic distortion of the displacement."""
 
-    share: float = 0.02
+    share: float = 0.01
 
     name = "bend"
     slot = "output"
     order = 5
-    parameters = (Parameter("share", "1", 0.0, 0.5, (0.01, 0.05), "share at 10 µm", 0.0),)
+    parameters = (Parameter("share", "1", 0.0, 0.5, (0.005, 0.02), "share at 10 µm", 0.0),)
     equation = "y = y_m (1 + s (y_m / 10 µm)²)"
     source = "A lever that turns by an angle."
     signature = "Third harmonics that grow with the stroke."

@@ -17,8 +17,8 @@ from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import P5
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
-from rdpi_gym.report import discovery_candidates as candidates
 from rdpi_gym.report import discovery_charts as charts
+from rdpi_gym.report import discovery_page as candidates
 from rdpi_gym.report.chart import Bands, Bars, Chart, Level, Series
 from rdpi_gym.report.chart_plotly import plotly_figure
 from rdpi_gym.report.discovery_page import MOST_VIEWS, view_sections, write_discovery_page
